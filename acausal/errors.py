@@ -1,0 +1,145 @@
+"""Every error a user can meet, as one tree.
+
+    AcausalError
+    |-- UsageError            AC0xx  unknown model, unknown parameter, bad option, unwritable file
+    |-- DeclarationError      AC1xx  a class or an instance is declared wrongly
+    |   `-- UnitError         AC15x  dimensions do not agree
+    |-- StructureError        AC2xx  balance and structure of the equations
+    |-- InitializationError   AC3xx  no consistent start
+    |-- IntegrationError      AC4xx  the run stopped early; `result` holds what was computed
+    |-- EventError            AC5xx
+    |-- ExportError           AC6xx
+    `-- InternalError         AC9xx  a defect of acausal itself
+
+A message says: what (one sentence), where (the user's source), evidence (the minimal subset), the
+probable cause, and what to do.
+"""
+
+from __future__ import annotations
+
+import linecache
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Span:
+    """A place in a source file: the line and, where known, the columns (0-based, end exclusive)."""
+
+    file: str
+    line: int
+    column: int | None = None
+    end_column: int | None = None
+
+    @property
+    def text(self) -> str:
+        """The source line, stripped; empty when the file is not readable."""
+        return linecache.getline(self.file, self.line).strip()
+
+    def __str__(self) -> str:
+        return f"{self.file}:{self.line}"
+
+
+class AcausalError(Exception):
+    """Base of all errors; `code`, `fact`, `where`, `evidence`, `cause`, `help` are what `str()` prints.
+
+    Parameters
+    ----------
+    code
+        `AC` and three digits.
+    fact
+        One sentence: what is wrong, with the path of the thing.
+    where
+        Places in the user's source, the most telling one first.
+    evidence
+        Lines that prove the fact: the smallest subset of equations, values, names.
+    cause, help
+        The probable cause, and what to do about it.
+    """
+
+    def __init__(
+        self,
+        code: str,
+        fact: str,
+        *,
+        where: Sequence[Span] = (),
+        evidence: Sequence[str] = (),
+        cause: str | None = None,
+        help: str | None = None,
+    ) -> None:
+        super().__init__(fact)
+        self.code = code
+        self.fact = fact
+        self.where = tuple(where)
+        self.evidence = tuple(evidence)
+        self.cause = cause
+        self.help = help
+
+    def __str__(self) -> str:
+        lines = [f"error[{self.code}]: {self.fact}"]
+        for span in self.where:
+            lines.append(f"  at      {span}")
+            if span.text:
+                lines.append(f"              {span.text}")
+        lines.extend(f"          {line}" for line in self.evidence)
+        if self.cause:
+            lines.append(f"  cause   {self.cause}")
+        if self.help:
+            lines.append(f"  help    {self.help}")
+        return "\n".join(lines)
+
+
+class UsageError(AcausalError):
+    """The request cannot be understood: unknown model, parameter, option, or an unwritable file."""
+
+
+class DeclarationError(AcausalError):
+    """A class body, an instance or an equation is written wrongly."""
+
+
+class UnitError(DeclarationError):
+    """A unit cannot be read, or the dimensions of two things that must agree differ."""
+
+
+class StructureError(AcausalError):
+    """The equations do not determine the unknowns."""
+
+
+class InitializationError(AcausalError):
+    """No start values satisfy the equations."""
+
+
+class IntegrationError(AcausalError):
+    """The run stopped before its end.
+
+    `result` is the part that was computed, or None when nothing was.
+    """
+
+    def __init__(self, code: str, fact: str, *, result: Any = None, **details: Any) -> None:
+        super().__init__(code, fact, **details)
+        self.result = result
+
+
+class EventError(AcausalError):
+    """Events do not settle."""
+
+
+class ExportError(AcausalError):
+    """The model cannot be exported in the wanted form."""
+
+
+class InternalError(AcausalError):
+    """A defect of acausal itself."""
+
+
+def nearest(name: str, names: Sequence[str], count: int = 3) -> list[str]:
+    """The `count` names closest to `name`, best first; matches of the last path part come first."""
+    import difflib
+
+    tail = name.rsplit(".", 1)[-1]
+    same_tail = [n for n in names if n.rsplit(".", 1)[-1] == tail]
+    close = difflib.get_close_matches(name, names, n=count, cutoff=0.6)
+    by_tail = {n.rsplit(".", 1)[-1]: n for n in reversed(names)}
+    close += [by_tail[t] for t in difflib.get_close_matches(tail, list(by_tail), n=count, cutoff=0.6)]
+    return list(dict.fromkeys(same_tail[:count] + close))[:count]
