@@ -177,7 +177,8 @@ class Result:
         # Nothing is computed for the sake of a constant.
         if moving:
             places, columns, signs = (list(x) for x in zip(*moving, strict=True))
-            values[:, places] = read(columns) * np.array(signs, dtype=float)
+            # Adding zero turns the -0.0 of a negated alias into 0.0.
+            values[:, places] = read(columns) * np.array(signs, dtype=float) + 0.0
         return values.reshape((n, *shape))
 
     def _rows(self, times: Array, columns: list[int], slack: float) -> Array:

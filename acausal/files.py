@@ -1,0 +1,195 @@
+"""Result files: `.mat` (Dymola, OpenModelica), `.csv`, `.npz`, chosen by suffix.
+
+| file | names | values | units, docs | events | stats |
+|---|---|---|---|---|---|
+| .mat | yes | exact, aliases share columns | yes | times only | no |
+| .csv | yes | exact, every signal a column | no | times only | no |
+| .npz | yes | exact | yes | yes | yes |
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from acausal.errors import Span, UsageError
+from acausal.matfile import doubled, read_mat, write_mat
+from acausal.signals import Event, Signal, Table
+
+
+def write(table: Table, path: Path) -> None:
+    """Write a table in the format of the suffix, completely or not at all.
+
+    Raises
+    ------
+    UsageError
+        AC012 when the file cannot be written, AC013 for an unknown suffix.
+    """
+    writer = WRITERS[_suffix(path)]
+    with atomic(path) as file:
+        writer(table, file)
+
+
+def read(path: Path) -> Table:
+    """Read a table in the format of the suffix.
+
+    Raises
+    ------
+    UsageError
+        AC013 for an unknown suffix, AC014 when the file is missing or is not a result.
+    """
+    reader = READERS[_suffix(path)]
+    try:
+        return reader(path)
+    except OSError as error:
+        raise UsageError("AC014", f"cannot read {path}: {error.strerror or error}") from error
+    except (ValueError, KeyError, IndexError, TypeError, StopIteration) as error:
+        raise UsageError("AC014", f"cannot read {path} as a result", evidence=[str(error) or "empty file"]) from error
+
+
+def _suffix(path: Path) -> str:
+    suffix = path.suffix.lower()
+    if suffix not in WRITERS:
+        raise UsageError(
+            "AC013",
+            f"the suffix '{path.suffix}' of {path.name or path} names no result format",
+            help=f"accepted are {', '.join(WRITERS)}",
+        )
+    return suffix
+
+
+class atomic:
+    """A binary file that appears under its name when the `with` block ends well, and not at all otherwise.
+
+    Raises
+    ------
+    UsageError
+        AC012, with the path and the system's reason, also for an error of the system inside the block.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        # A link stays a link: what it points to is replaced.
+        self._target = Path(os.path.realpath(path))
+        self._part = self._target.with_name(f".{self._target.name}.{os.getpid()}.part")
+
+    def __enter__(self) -> BinaryIO:
+        try:
+            if self._target.is_dir():
+                raise IsADirectoryError(0, "it is a directory")
+            # Replacing needs a writable folder only; a file its owner protected is left alone all the same.
+            if self._target.exists() and not os.access(self._target, os.W_OK):
+                raise PermissionError(0, "the file is write-protected")
+            self._file = self._part.open("xb")
+        except OSError as error:
+            raise self._unwritable(error) from error
+        return self._file
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> None:
+        try:
+            self._file.close()
+            if kind is None:
+                os.replace(self._part, self._target)
+        except OSError as late:
+            kind, error = OSError, late
+        if kind is not None:
+            self._part.unlink(missing_ok=True)
+            if isinstance(error, OSError):
+                raise self._unwritable(error) from error
+
+    def _unwritable(self, error: OSError) -> UsageError:
+        return UsageError("AC012", f"cannot write {self.path}: {error.strerror or error}")
+
+
+def write_csv(table: Table, file: BinaryIO) -> None:
+    """One row of names, then one row per time; numbers in the shortest form that reads back the same."""
+    header = io.StringIO()
+    csv.writer(header, lineterminator="\n").writerow(["time", *table.signals])
+    file.write(header.getvalue().encode())
+    n = len(table.time)
+    # Formatting is the cost, so a column is formatted once for all its aliases.
+    formatted: dict[tuple[int, int], list[str]] = {}
+    columns = [[repr(t) for t in table.time.tolist()]]
+    for signal in table.signals.values():
+        if signal.column is None:
+            columns.append([repr(float(signal.value))] * n)
+            continue
+        key = signal.column, signal.sign
+        if key not in formatted:
+            values = table.trajectories[:, signal.column] * signal.sign + 0.0
+            formatted[key] = list(map(repr, values.tolist()))
+        columns.append(formatted[key])
+    file.writelines((",".join(row) + "\n").encode() for row in zip(*columns, strict=True))
+
+
+def read_csv(path: Path) -> Table:
+    """Read a table of numbers whose first column is `time` (or `Time`); units are not known."""
+    with path.open(newline="", encoding="utf-8-sig") as file:
+        names = [name.strip() for name in next(csv.reader(file))]
+        if names[0].lower() != "time":
+            raise ValueError(f"the first column is '{names[0]}', not time")
+        data = np.loadtxt(file, delimiter=",", ndmin=2)
+    if data.shape[1] != len(names):
+        raise ValueError(f"{len(names)} names and {data.shape[1]} columns")
+    signals = {name: Signal(name, column=i) for i, name in enumerate(names[1:])}
+    return Table(path.stem, data[:, 0], data[:, 1:], signals, doubled(data[:, 0]))
+
+
+def write_npz(table: Table, file: BinaryIO) -> None:
+    """numpy arrays `time`, `trajectories`, `names`, `units`, `docs` and a JSON text `rest`."""
+    signals = list(table.signals.values())
+    rest = {
+        "model": table.model,
+        "signals": [[s.column, s.sign, s.value, s.parameter] for s in signals],
+        "events": [asdict(event) for event in table.events],
+        "stats": dict(table.stats),
+    }
+    np.savez(
+        file,
+        time=table.time,
+        trajectories=table.trajectories,
+        names=np.array([s.name for s in signals], dtype=str),
+        units=np.array([s.unit for s in signals], dtype=str),
+        docs=np.array([s.doc for s in signals], dtype=str),
+        rest=np.array(json.dumps(rest, default=_plain)),
+    )
+
+
+def read_npz(path: Path) -> Table:
+    """Read what `write_npz` wrote."""
+    with np.load(path, allow_pickle=False) as content:
+        rest = json.loads(str(content["rest"]))
+        texts = zip(content["names"].tolist(), content["units"].tolist(), content["docs"].tolist(), strict=True)
+        signals = {text[0]: Signal(*text, *data) for text, data in zip(texts, rest["signals"], strict=True)}
+        return Table(
+            rest["model"],
+            content["time"],
+            content["trajectories"],
+            signals,
+            tuple(_event(event) for event in rest["events"]),
+            rest["stats"],
+        )
+
+
+def _event(record: Mapping[str, Any]) -> Event:
+    where = Span(**record["where"]) if record["where"] else None
+    return Event(record["time"], record["condition"], where, record["component"], tuple(record["changed"]))
+
+
+def _plain(value: object) -> object:
+    """Values of stats that JSON does not know: numpy's as lists and numbers, mappings, anything else as text."""
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    return dict(value) if isinstance(value, Mapping) else str(value)
+
+
+WRITERS: dict[str, Callable[[Table, BinaryIO], None]] = {".mat": write_mat, ".csv": write_csv, ".npz": write_npz}
+READERS: dict[str, Callable[[Path], Table]] = {".mat": read_mat, ".csv": read_csv, ".npz": read_npz}

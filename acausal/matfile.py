@@ -1,0 +1,114 @@
+"""Result files of Dymola and OpenModelica: MATLAB level 4, `Atrajectory` version 1.1.
+
+Six matrices in this order: `Aclass`, `name`, `description`, `dataInfo`, `data_1` (constants, at the first and the
+last time), `data_2` (trajectories). In the layout `binTrans`, written here, they are transposed, so that `data_2`
+grows by one record per time. Column i of `dataInfo` belongs to name i:
+
+1. the block, 1 or 2; 0 for time, which is the first row of every block;
+2. the row in the block from 1, negative for a negated alias;
+3. 0: linear interpolation;
+4. -1: not defined outside the run.
+
+Sources: Dymola User Manual 2, section "Data in trajectory files"; `simulation_result_mat.cpp` of OpenModelica.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.signals import Array, Event, Signal, Table
+
+_UNIT = re.compile(r"(?P<doc>.*?) ?\[(?P<unit>[^][|]*)(?:\|[^][]*)?\]", re.DOTALL)
+
+# Type codes of level 4, little-endian: 1000 * order + 10 * precision + kind (0 numbers, 1 text).
+_DOUBLE, _INT32, _TEXT = 0, 20, 51
+
+
+def write_mat(table: Table, file: BinaryIO) -> None:
+    """Write a table in the layout `binTrans`, numbers in double precision."""
+    # scipy.io.savemat(format="4") encodes text as ASCII and would refuse a degree sign in a description.
+    names, descriptions = ["time"], ["Time [s]"]
+    info, constants = [(0, 1, 0, -1)], [table.time[[0, -1]]]
+    for name, signal in table.signals.items():
+        names.append(name)
+        descriptions.append(f"{signal.doc} [{signal.unit}]".lstrip() if signal.unit else signal.doc)
+        if signal.column is None:
+            constants.append(np.full(2, signal.value))
+            info.append((1, len(constants), 0, -1))
+        else:
+            # Row 1 is time.
+            info.append((2, signal.sign * (signal.column + 2), 0, -1))
+    _matrix(file, "Aclass", _TEXT, _characters(["Atrajectory", "1.1", table.model, "binTrans"]).T)
+    _matrix(file, "name", _TEXT, _characters(names))
+    _matrix(file, "description", _TEXT, _characters(descriptions))
+    _matrix(file, "dataInfo", _INT32, np.array(info, dtype="<i4"))
+    _matrix(file, "data_1", _DOUBLE, np.array(constants, dtype="<f8").T)
+    _matrix(file, "data_2", _DOUBLE, np.column_stack([table.time, table.trajectories]).astype("<f8"))
+
+
+def _matrix(file: BinaryIO, name: str, code: int, transposed: NDArray[Any]) -> None:
+    """Append one matrix, given transposed: the format stores columns, numpy rows."""
+    columns, rows = transposed.shape
+    label = name.encode("ascii") + b"\0"
+    file.write(np.array([code, rows, columns, 0, len(label)], dtype="<i4").tobytes() + label)
+    file.write(np.ascontiguousarray(transposed).tobytes())
+
+
+def _characters(texts: Sequence[str]) -> NDArray[np.uint8]:
+    """UTF-8 bytes, one text per row, padded with zeros."""
+    encoded = [text.encode() for text in texts]
+    width = max(1, *map(len, encoded))
+    return np.frombuffer(b"".join(text.ljust(width, b"\0") for text in encoded), dtype=np.uint8).reshape(-1, width)
+
+
+def read_mat(path: Path) -> Table:
+    """Read a result of acausal, Dymola or OpenModelica, in either layout of version 1.1.
+
+    Raises
+    ------
+    ValueError
+        When the file is no such result.
+    """
+    from scipy.io import loadmat
+
+    content = loadmat(str(path), chars_as_strings=False)
+    if "Aclass" not in content:
+        raise ValueError("no matrix Aclass: this is not a result of Dymola, OpenModelica or acausal")
+    head = _texts(content["Aclass"])
+    if len(head) < 4 or head[1] != "1.1" or head[3] not in ("binTrans", "binNormal"):
+        raise ValueError(f"trajectory format {' '.join(head[1:])}; version 1.1 binTrans or binNormal is read")
+    if head[3] == "binTrans":
+        content = {k: v.T for k, v in content.items() if isinstance(v, np.ndarray)} | {"Aclass": content["Aclass"]}
+    names, descriptions = _texts(content["name"]), _texts(content["description"])
+    data = np.asarray(content["data_2"], dtype=float)
+    constants = np.asarray(content["data_1"], dtype=float)[0]
+    signals: dict[str, Signal] = {}
+    for name, description, (block, place) in zip(names, descriptions, content["dataInfo"][:, :2].tolist(), strict=True):
+        row, sign = abs(place) - 1, 1 if place > 0 else -1
+        # Row 0 of any block is the abscissa, called time or Time.
+        if row == 0:
+            continue
+        match = _UNIT.fullmatch(description)
+        doc, unit = (match["doc"], match["unit"]) if match else (description, "")
+        if block == 1:
+            signals[name] = Signal(name, unit, doc, None, 1, sign * float(constants[row]), parameter=True)
+        else:
+            signals[name] = Signal(name, unit, doc, row - 1, sign)
+    return Table(head[2] or path.stem, data[:, 0], data[:, 1:], signals, doubled(data[:, 0]))
+
+
+def _texts(characters: NDArray[np.str_]) -> list[str]:
+    """Rows of characters as texts; scipy hands over each byte as one Latin-1 character."""
+    rows = ("".join(row) for row in characters.tolist())
+    return [row.encode("latin-1", "replace").decode("utf-8", "replace").rstrip("\0 ") for row in rows]
+
+
+def doubled(time: Array) -> tuple[Event, ...]:
+    """Events of a file that does not record them: the times stored twice."""
+    return tuple(Event(float(t), "") for t in np.unique(time[1:][np.diff(time) == 0]))
