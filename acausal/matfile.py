@@ -44,7 +44,8 @@ def write_mat(table: Table, file: BinaryIO) -> None:
         else:
             # Row 1 is time.
             info.append((2, signal.sign * (signal.column + 2), 0, -1))
-    _matrix(file, "Aclass", _TEXT, _characters(["Atrajectory", "1.1", table.model, "binTrans"]).T)
+    # OpenModelica's reader insists on 4 x 11 characters, so the model's name has no place here.
+    _matrix(file, "Aclass", _TEXT, _characters(["Atrajectory", "1.1", "", "binTrans"]).T)
     _matrix(file, "name", _TEXT, _characters(names))
     _matrix(file, "description", _TEXT, _characters(descriptions))
     _matrix(file, "dataInfo", _INT32, np.array(info, dtype="<i4"))
@@ -100,7 +101,7 @@ def read_mat(path: Path) -> Table:
             signals[name] = Signal(name, unit, doc, None, 1, sign * float(constants[row]), parameter=True)
         else:
             signals[name] = Signal(name, unit, doc, row - 1, sign)
-    return Table(head[2] or path.stem, data[:, 0], data[:, 1:], signals, doubled(data[:, 0]))
+    return Table(path.stem, data[:, 0], data[:, 1:], signals, doubled(data[:, 0]))
 
 
 def _texts(characters: NDArray[np.str_]) -> list[str]:

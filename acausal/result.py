@@ -188,7 +188,7 @@ class Result:
         # units of rounding: 0.3 asks for the point that 3 * 0.1 stored.
         index = np.searchsorted(self.time, times + slack, side="right") - 1
         stored = np.abs(self.time[index] - times) <= slack
-        rows[stored] = self.matrix[np.ix_(index[stored], columns)]
+        rows[stored] = self.matrix[index[stored]][:, columns]
         between = np.flatnonzero(~stored)
         if self.dense is not None:
             for i in between:
