@@ -1,0 +1,462 @@
+"""Unit strings: read, compare, convert, print.
+
+`parse` reads Modelica's spelling (`N.m/rad`, `kg/(m.s2)`, `s-1`) and the usual Python one (`N*m`, `m^2`, `m**2`).
+SI units with their prefixes and the common units of engineering are defined here, so that a model needs no unit
+package; any other name is looked up in pint, which is loaded at that moment only.
+
+A dimension is a tuple of the seven exponents of (m, kg, s, A, K, mol, cd). Angles, turns and ratios are dimensionless,
+as in the SI brochure (9th edition, table 4): N.m and N.m/rad, or 1/s and rad/s, agree.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cache, lru_cache
+from typing import TypeAlias
+
+from acausal.errors import UnitError, nearest
+
+Dimension: TypeAlias = tuple[Fraction | int, ...]
+Scale: TypeAlias = Fraction | float
+"""Rational as long as possible: 9 mm is 0.009, not 0.009000000000000001."""
+
+BASE = ("m", "kg", "s", "A", "K", "mol", "cd")
+DIMENSIONLESS: Dimension = (0, 0, 0, 0, 0, 0, 0)
+LENGTH: Dimension = (1, 0, 0, 0, 0, 0, 0)
+MASS: Dimension = (0, 1, 0, 0, 0, 0, 0)
+TIME: Dimension = (0, 0, 1, 0, 0, 0, 0)
+CURRENT: Dimension = (0, 0, 0, 1, 0, 0, 0)
+TEMPERATURE: Dimension = (0, 0, 0, 0, 1, 0, 0)
+AMOUNT: Dimension = (0, 0, 0, 0, 0, 1, 0)
+LUMINOUS_INTENSITY: Dimension = (0, 0, 0, 0, 0, 0, 1)
+
+_PREFIXES = {
+    **{"Q": 30, "R": 27, "Y": 24, "Z": 21, "E": 18, "P": 15, "T": 12, "G": 9, "M": 6, "k": 3, "h": 2, "da": 1},
+    **{"d": -1, "c": -2, "m": -3, "u": -6, "\u00b5": -6, "\u03bc": -6, "n": -9, "p": -12, "f": -15, "a": -18},
+    **{"z": -21, "y": -24, "r": -27, "q": -30},
+}
+
+# g, not kg, carries the prefixes; kg is k + g.
+_SI: dict[str, tuple[Dimension, Fraction]] = {
+    "m": (LENGTH, Fraction(1)),
+    "g": (MASS, Fraction(1, 1000)),
+    "s": (TIME, Fraction(1)),
+    "A": (CURRENT, Fraction(1)),
+    "K": (TEMPERATURE, Fraction(1)),
+    "mol": (AMOUNT, Fraction(1)),
+    "cd": (LUMINOUS_INTENSITY, Fraction(1)),
+    "rad": (DIMENSIONLESS, Fraction(1)),
+    "sr": (DIMENSIONLESS, Fraction(1)),
+}
+
+_WITH_PREFIX: dict[str, tuple[Scale, str]] = {
+    "Hz": (1, "1/s"),
+    "N": (1, "kg.m/s2"),
+    "Pa": (1, "N/m2"),
+    "J": (1, "N.m"),
+    "W": (1, "J/s"),
+    "C": (1, "A.s"),
+    "V": (1, "W/A"),
+    "F": (1, "C/V"),
+    "Ohm": (1, "V/A"),
+    "ohm": (1, "V/A"),
+    "\u03a9": (1, "V/A"),
+    "\u2126": (1, "V/A"),
+    "S": (1, "A/V"),
+    "Wb": (1, "V.s"),
+    "T": (1, "Wb/m2"),
+    "H": (1, "Wb/A"),
+    "lm": (1, "cd.sr"),
+    "lx": (1, "lm/m2"),
+    "Bq": (1, "1/s"),
+    "Gy": (1, "J/kg"),
+    "Sv": (1, "J/kg"),
+    "kat": (1, "mol/s"),
+    "l": (Fraction(1, 1000), "m3"),
+    "L": (Fraction(1, 1000), "m3"),
+    "t": (1000, "kg"),
+    "bar": (100000, "Pa"),
+    "eV": (Fraction("1.602176634e-19"), "J"),
+    "cal": (Fraction("4.184"), "J"),
+    "VA": (1, "W"),
+    "var": (1, "W"),
+    "Wh": (3600, "J"),
+}
+
+_WITHOUT_PREFIX: dict[str, tuple[Scale, str]] = {
+    "min": (60, "s"),
+    "h": (3600, "s"),
+    "d": (86400, "s"),
+    "deg": (math.pi / 180.0, "rad"),
+    "\u00b0": (math.pi / 180.0, "rad"),
+    "rev": (2.0 * math.pi, "rad"),
+    "cycle": (2.0 * math.pi, "rad"),
+    "rpm": (2.0 * math.pi / 60.0, "rad/s"),
+    "%": (Fraction(1, 100), "1"),
+    "ppm": (Fraction(1, 1000000), "1"),
+    "in": (Fraction("0.0254"), "m"),
+    "inch": (Fraction("0.0254"), "m"),
+    "ft": (Fraction("0.3048"), "m"),
+    "mi": (Fraction("1609.344"), "m"),
+    "lb": (Fraction("0.45359237"), "kg"),
+    "kgf": (Fraction("9.80665"), "N"),
+    "lbf": (Fraction("0.45359237") * Fraction("9.80665"), "N"),
+    "psi": (1, "lbf/in2"),
+    "atm": (101325, "Pa"),
+    "hp": (550, "lbf.ft/s"),
+    "ha": (10000, "m2"),
+}
+
+# name: (K per degree, K at zero degrees)
+_WITH_OFFSET: dict[str, tuple[Fraction, Fraction]] = {
+    "degC": (Fraction(1), Fraction("273.15")),
+    "\u00b0C": (Fraction(1), Fraction("273.15")),
+    "degF": (Fraction(5, 9), Fraction("459.67") * Fraction(5, 9)),
+    "\u00b0F": (Fraction(5, 9), Fraction("459.67") * Fraction(5, 9)),
+}
+
+# The names `format_dimension` prefers; N.m also stands for J, a torque being the commoner of the two here.
+_FRIENDLY = "N N.m W Pa Pa.s N/m C V Ohm F S Wb H T J/(kg.K) W/K W/(m.K)"
+
+# What an error message may offer, the commonest first.
+_EXAMPLES = (
+    "mm um in g t ms min h deg rev rpm Hz kN MPa bar kW N/mm N/mm2 kJ degC mm/s mm/min mm2 l mA mV kohm uF mH % g/mm3"
+)
+
+_SPELLING = "write units as in Modelica: N.m, kg/(m.s2), m/s2, 1/s, mm, kN, deg, degC"
+_SUPERSCRIPTS = str.maketrans(
+    "\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079\u207b\u00b7\u22c5\u2212", "0123456789-..-"
+)
+_NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?inf(?![a-zA-Z]))\s*(.*)", re.DOTALL)
+_MAX_LENGTH = 200
+_MAX_EXPONENT = 99
+
+
+@dataclass(frozen=True)
+class Unit:
+    """A unit as written, its dimension, and how it turns into the coherent SI unit of that dimension.
+
+    Attributes
+    ----------
+    text
+        The unit as the user wrote it.
+    dimension
+        Exponents of (m, kg, s, A, K, mol, cd).
+    factor, offset
+        value in SI = factor * value + offset; the offset is non-zero for temperature scales standing alone only.
+    exact
+        The factor as a rational, or None where it holds pi or a root.
+    """
+
+    text: str
+    dimension: Dimension
+    factor: float
+    offset: float = 0.0
+    exact: Fraction | None = None
+
+
+def multiply(a: Dimension, b: Dimension) -> Dimension:
+    """Dimension of a product."""
+    return tuple(_whole(p + q) for p, q in zip(a, b, strict=True))
+
+
+def divide(a: Dimension, b: Dimension) -> Dimension:
+    """Dimension of a quotient."""
+    return tuple(_whole(p - q) for p, q in zip(a, b, strict=True))
+
+
+def power(a: Dimension, exponent: Fraction | int) -> Dimension:
+    """Dimension of a power; roots give fractions."""
+    return tuple(_whole(p * exponent) for p in a)
+
+
+def _whole(exponent: Fraction | int) -> Fraction | int:
+    # Integers add ten times faster than fractions, and nearly every exponent is one.
+    return exponent.numerator if exponent.denominator == 1 else exponent
+
+
+@cache
+def parse(unit: str) -> Unit:
+    """Read a unit string; the empty string and "1" are dimensionless.
+
+    A product after a division (`J/kg.K`) is refused: Modelica forbids it, Python multiplies, and most people mean the
+    other thing.
+
+    Raises
+    ------
+    UnitError
+        AC150 when a name is unknown (the nearest known ones are listed) or the string cannot be read.
+    """
+    text = unit.strip().translate(_SUPERSCRIPTS)
+    if len(text) > _MAX_LENGTH:
+        raise UnitError("AC150", f"a unit of {len(text)} characters cannot be read", help=_SPELLING)
+    if text in _WITH_OFFSET:
+        degree, offset = _WITH_OFFSET[text]
+        return Unit(unit, TEMPERATURE, float(degree), float(offset), degree)
+    if not text:
+        return Unit(unit, DIMENSIONLESS, 1.0, 0.0, Fraction(1))
+    if not _is_own(text) and re.fullmatch(r"[^\W\d]+", text):
+        return _from_pint(text, unit)
+    dimension, scale = _Reader(text).read()
+    return Unit(unit, dimension, float(scale), 0.0, scale if isinstance(scale, Fraction) else None)
+
+
+def is_coherent(unit: Unit | str) -> bool:
+    """Whether the unit is the SI-coherent one of its dimension, so that values in it need no conversion."""
+    unit = parse(unit) if isinstance(unit, str) else unit
+    return unit.factor == 1.0 and unit.offset == 0.0
+
+
+def convert(text: str, unit: str) -> float:
+    """The number in `text`, expressed in `unit`: `convert("16mm", "m")` is 0.016.
+
+    A number without a unit is in `unit` already. `unit` is normally SI-coherent, as declarations are.
+
+    Raises
+    ------
+    UnitError
+        AC150 for an unknown unit, AC151 when the dimensions differ, AC152 when there is no number to read.
+    """
+    match = _NUMBER.fullmatch(text)
+    if match is None:
+        raise UnitError("AC152", f'"{text}" is not a number with an optional unit', help=_accepted(unit))
+    digits, suffix = match.group(1), match.group(2).strip()
+    value = float(digits)
+    result = value if not suffix or suffix == unit.strip() else _converted(digits, suffix, unit)
+    if math.isinf(result) and "inf" not in digits:
+        raise UnitError("AC152", f'"{text}" is beyond the range of numbers (1.8e308)', help=_accepted(unit))
+    return result
+
+
+def _converted(digits: str, suffix: str, unit: str) -> float:
+    source, target = parse(suffix), parse(unit)
+    if source.dimension != target.dimension:
+        raise UnitError(
+            "AC151",
+            f'"{digits} {suffix}" does not fit a quantity in {_quoted(unit)}',
+            evidence=[
+                f"{_quoted(suffix)} has the dimension {format_dimension(source.dimension)}",
+                f"{_quoted(unit)} has the dimension {format_dimension(target.dimension)}",
+            ],
+            help=_accepted(unit),
+        )
+    value = float(digits)
+    moderate = 1e-150 < abs(value) < 1e150 and len(digits) < 100
+    if moderate and source.exact and target.exact and not source.offset and not target.offset:
+        return float(Fraction(digits) * source.exact / target.exact)
+    return (source.factor * value + source.offset - target.offset) / target.factor
+
+
+def format_dimension(dimension: Dimension) -> str:
+    """A dimension in SI units: "N", "m/s2", "1"; base units such as "kg.m2/s" where no common name exists."""
+    name = _friendly_names().get(dimension)
+    if name is not None:
+        return name
+    above = [_factor(b, e) for b, e in zip(_PRINT_ORDER, _in_print_order(dimension), strict=True) if e > 0]
+    below = [_factor(b, -e) for b, e in zip(_PRINT_ORDER, _in_print_order(dimension), strict=True) if e < 0]
+    if not below:
+        return ".".join(above) or "1"
+    denominator = below[0] if len(below) == 1 else f"({'.'.join(below)})"
+    return f"{'.'.join(above) or '1'}/{denominator}"
+
+
+_PRINT_ORDER = ("kg", "m", "s", "A", "K", "mol", "cd")
+
+
+def _in_print_order(dimension: Dimension) -> Dimension:
+    return (dimension[1], dimension[0], *dimension[2:])
+
+
+def _factor(base: str, exponent: Fraction | int) -> str:
+    if exponent == 1:
+        return base
+    return f"{base}{exponent}" if exponent.denominator == 1 else f"{base}^({exponent})"
+
+
+@lru_cache(maxsize=1)
+def _friendly_names() -> dict[Dimension, str]:
+    return {parse(name).dimension: name for name in _FRIENDLY.split()}
+
+
+class _Reader:
+    """Recursive descent over one unit string.
+
+    expression = factor { ("." | "*" | blank | "/") factor };  factor = ("(" expression ")" | number | name) [exponent]
+    """
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+        self.rest = text
+
+    def read(self) -> tuple[Dimension, Scale]:
+        dimension, scale = self.expression()
+        if self.rest:
+            raise self.unreadable(f'"{self.rest}" is not expected here')
+        return dimension, scale
+
+    def expression(self) -> tuple[Dimension, Scale]:
+        dimension, scale = self.factor()
+        divided = False
+        while self.rest and not self.rest.startswith(")"):
+            if self.take(r"\s*/\s*"):
+                divided = True
+                other, by = self.factor()
+                dimension, scale = divide(dimension, other), self.bounded(scale / by)
+                continue
+            if not self.take(r"\s*[.*]\s*|\s+"):
+                raise self.unreadable(f'"{self.rest}" is not expected here')
+            if divided:
+                raise self.unreadable(
+                    "a product after a division is ambiguous", "put the denominator into brackets: J/(kg.K)"
+                )
+            other, by = self.factor()
+            dimension, scale = multiply(dimension, other), self.bounded(scale * by)
+        return dimension, scale
+
+    def factor(self) -> tuple[Dimension, Scale]:
+        dimension: Dimension = DIMENSIONLESS
+        scale: Scale
+        if self.take(r"\(\s*"):
+            dimension, scale = self.expression()
+            if not self.take(r"\s*\)"):
+                raise self.unreadable("a bracket is not closed")
+        elif number := self.take(r"[0-9]+(\.[0-9]+)?([eE][+-]?[0-9]+)?"):
+            self.bounded(float(number))  # before the rational: 1e999999999 would fill the memory
+            scale = Fraction(number)
+        elif name := self.take(r"\u00b0[CF]?|%|[^\W\d]+"):
+            dimension, scale = _symbol(name, self.text)
+        else:
+            raise self.unreadable("a unit name is missing")
+        exponent = self.exponent()
+        return (dimension, scale) if exponent is None else (power(dimension, exponent), self.raised(scale, exponent))
+
+    def exponent(self) -> Fraction | int | None:
+        digits = (
+            self.take(r"(\*\*|\^)\s*\(\s*[+-]?[0-9]{1,9}(\.[0-9]{1,9})?(\s*/\s*[0-9]{1,9})?\s*\)")
+            or self.take(r"(\*\*|\^)\s*[+-]?[0-9]{1,9}(\.[0-9]{1,9})?")
+            or self.take(r"[+-]?[0-9]{1,9}")
+        )
+        if digits is None:
+            return None
+        numerator, _, denominator = re.sub(r"[*^()\s]", "", digits).partition("/")
+        divisor = int(denominator or 1)
+        if divisor == 0 or abs(value := Fraction(numerator) / divisor) > _MAX_EXPONENT:
+            raise self.unreadable(f"the exponent {digits} is not usable")
+        return _whole(value)
+
+    def raised(self, scale: Scale, exponent: Fraction | int) -> Scale:
+        if abs(exponent * math.log10(scale)) > 300:
+            raise self.out_of_range()
+        if scale == 1:
+            return scale  # Fraction(1) ** Fraction(1, 2) would turn into a float
+        result = scale**exponent
+        return result if isinstance(result, (Fraction, float)) else float(result)
+
+    def bounded(self, scale: Scale) -> Scale:
+        if not 1e-300 < scale < 1e300:
+            raise self.out_of_range()
+        return scale
+
+    def out_of_range(self) -> UnitError:
+        return self.unreadable("its factor is beyond the range of numbers")
+
+    def take(self, pattern: str) -> str | None:
+        match = re.match(pattern, self.rest)
+        if match is None:
+            return None
+        self.rest = self.rest[match.end() :]
+        return match.group()
+
+    def unreadable(self, why: str, help: str = _SPELLING) -> UnitError:
+        return UnitError("AC150", f'the unit "{self.text}" cannot be read: {why}', help=help)
+
+
+def _is_own(name: str) -> bool:
+    return _lookup(name) is not None or name in _WITH_OFFSET
+
+
+def _symbol(name: str, text: str) -> tuple[Dimension, Scale]:
+    """Dimension and factor of one name inside the unit `text`; a temperature scale counts as a difference here."""
+    known = _lookup(name)
+    if known is not None:
+        return known
+    if name in _WITH_OFFSET:
+        return TEMPERATURE, _WITH_OFFSET[name][0]
+    unit = _from_pint(name, text)
+    return unit.dimension, unit.factor
+
+
+@cache
+def _lookup(name: str) -> tuple[Dimension, Scale] | None:
+    """Dimension and factor of a name of the tables above; the whole name comes before prefix + name (min, cd, Pa)."""
+    if name in _SI:
+        return _SI[name]
+    definition = _WITH_PREFIX.get(name) or _WITHOUT_PREFIX.get(name)
+    if definition is not None:
+        scale, of = definition
+        dimension, base = _Reader(of).read()
+        return dimension, scale * base
+    for prefix, exponent in _PREFIXES.items():
+        stem = name.removeprefix(prefix)
+        if stem != name and (stem in _SI or stem in _WITH_PREFIX):
+            known = _lookup(stem)
+            if known is not None:
+                return known[0], Fraction(10) ** exponent * known[1]
+    return None
+
+
+@cache
+def _from_pint(name: str, text: str) -> Unit:
+    """A name of pint's registry, loaded on the first call (about 0.3 s)."""
+    import pint
+
+    registry = pint.application_registry
+    readings = registry.parse_unit_name(name)
+    # pint takes Ns for "newtons" and Nm for the yarn count; whoever writes them means N.s and N.m.
+    plural_symbol = any(suffix and _is_own(name.removesuffix(suffix)) for _, _, suffix in readings)
+    if not readings or plural_symbol or name == "Nm":
+        raise _unknown(name, text)
+    try:
+        zero = registry.Quantity(0.0, name).to_base_units()
+        one = registry.Quantity(1.0, name).to_base_units()
+        two = registry.Quantity(2.0, name).to_base_units()
+    except (pint.PintError, ValueError, OverflowError) as reason:
+        raise _unknown(name, text) from reason
+    order = ("[length]", "[mass]", "[time]", "[current]", "[temperature]", "[substance]", "[luminosity]")
+    exponents = dict(one.dimensionality)
+    offset = float(zero.magnitude)
+    factor = float(one.magnitude) - offset
+    linear = math.isclose(float(two.magnitude) - offset, 2.0 * factor, rel_tol=1e-9)
+    if not set(exponents) <= set(order) or not (math.isfinite(factor) and factor > 0.0 and linear):
+        raise _unknown(name, text)
+    dimension = tuple(_whole(Fraction(exponents.get(d, 0)).limit_denominator(100)) for d in order)
+    return Unit(text, dimension, factor, offset)
+
+
+def _unknown(name: str, text: str) -> UnitError:
+    names = [*_SI, *_WITH_PREFIX, *_WITHOUT_PREFIX, *_WITH_OFFSET]
+    products = [f"{name[:i]}.{name[i:]}" for i in range(1, len(name)) if _is_own(name[:i]) and _is_own(name[i:])]
+    prefixed = [p + n for p in _PREFIXES for n in (*_SI, *_WITH_PREFIX)]
+    same_letters = [n for n in (*names, *prefixed) if n.lower() == name.lower()]
+    candidates = list(dict.fromkeys([*products, *same_letters, *nearest(name, names)]))[:4]
+    where = "" if name == text.strip() else f' in "{text.strip()}"'
+    did_you_mean = f"did you mean {' or '.join(candidates)}? " if candidates else ""
+    return UnitError("AC150", f'unknown unit "{name}"{where}', help=did_you_mean + _SPELLING)
+
+
+def _quoted(unit: str) -> str:
+    return f'"{unit.strip() or "1"}"'
+
+
+def _accepted(unit: str) -> str:
+    """What `convert` takes for a quantity in `unit`, with units of the same dimension as examples."""
+    dimension = parse(unit).dimension
+    fitting = [name for name in _EXAMPLES.split() if parse(name).dimension == dimension and name != unit.strip()]
+    own = unit.strip() or "1"
+    if not fitting:
+        return f"give a number in {own}, or a number with a unit of the same dimension"
+    examples = ", ".join(fitting[:5])
+    return f"give a number in {own}, or a number with one of {examples} or another unit of the same dimension"
