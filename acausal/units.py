@@ -158,16 +158,20 @@ class Unit:
     exact: Fraction | None = None
 
 
+# Cached: asked once per operation of every equation, and nearly always for the same few dimensions.
+@lru_cache(maxsize=10_000)
 def multiply(a: Dimension, b: Dimension) -> Dimension:
     """Dimension of a product."""
     return tuple(_whole(p + q) for p, q in zip(a, b, strict=True))
 
 
+@lru_cache(maxsize=10_000)
 def divide(a: Dimension, b: Dimension) -> Dimension:
     """Dimension of a quotient."""
     return tuple(_whole(p - q) for p, q in zip(a, b, strict=True))
 
 
+@lru_cache(maxsize=10_000)
 def power(a: Dimension, exponent: Fraction | int) -> Dimension:
     """Dimension of a power; roots give fractions."""
     return tuple(_whole(p * exponent) for p in a)

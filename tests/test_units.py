@@ -157,11 +157,11 @@ def test_unreadable_unit(unit: str, fact: str, hint: str) -> None:
 def test_wrong_dimension() -> None:
     with pytest.raises(UnitError) as caught:
         convert("16 kg", "m")
-    assert str(caught.value) == (
-        'error[AC151]: "16 kg" does not fit a quantity in "m"\n'
-        '          "kg" has the dimension kg\n'
-        '          "m" has the dimension m\n'
-        "  help    give a number in m, or a number with one of mm, um, in or another unit of the same dimension"
+    assert caught.value.code == "AC151"
+    assert caught.value.fact == '"16 kg" does not fit a quantity in "m"'
+    assert caught.value.evidence == ('"kg" has the dimension kg', '"m" has the dimension m')
+    assert caught.value.help == (
+        "give a number in m, or a number with one of mm, um, in or another unit of the same dimension"
     )
 
 
