@@ -1,0 +1,288 @@
+"""Pictures of results: one panel per unit, prefixes chosen to read well, events as thin vertical lines."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from textwrap import wrap
+from typing import TYPE_CHECKING, Any
+
+import matplotlib
+import numpy as np
+from cycler import cycler
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from acausal.errors import UsageError
+from acausal.files import atomic
+from acausal.panel import Panel
+from acausal.scale import Scale, readable, to_unit
+from acausal.signals import Array, Signal
+
+if TYPE_CHECKING:
+    from acausal.result import Result
+
+FORMATS = (".png", ".svg", ".pdf")
+
+# Okabe and Ito's palette, distinguishable for colour-blind readers, without its yellow.
+_COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")
+_STYLE: dict[Any, Any] = {
+    "font.size": 9.0,
+    "axes.titlesize": 9.5,
+    "axes.labelsize": 9.0,
+    "legend.fontsize": 8.0,
+    "axes.prop_cycle": cycler(color=_COLORS),
+    "axes.spines.top": False,
+    "axes.edgecolor": "0.4",
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.xmargin": 0.01,
+    "axes.formatter.limits": (-4, 5),
+    "axes.formatter.use_mathtext": True,
+    "grid.color": "0.9",
+    "grid.linewidth": 0.7,
+    "lines.linewidth": 1.5,
+    "legend.frameon": False,
+    "svg.hashsalt": "acausal",
+}
+# Signals of one unit whose magnitudes differ by more than this get panels of their own.
+_SPREAD = 1e3
+# Characters that fit along the vertical axis, and above a panel of 7.4 inches.
+_LABEL_WIDTH = 26
+_PANEL_WIDTH = 80
+# Beyond this many, lines of events hide what they should explain.
+_MOST_EVENTS = 60
+
+
+@dataclass(frozen=True)
+class _Group:
+    """Lines that share a vertical axis."""
+
+    signals: tuple[Signal, ...]
+    values: tuple[Array, ...]
+    scale: Scale
+
+    @property
+    def label(self) -> str:
+        docs = list(dict.fromkeys(s.doc.rstrip(".") for s in self.signals if s.doc))
+        lines = wrap(", ".join(docs), _LABEL_WIDTH)
+        if len(lines) > 2:
+            # Several meanings on one axis are told apart by the legend.
+            lines = [] if len(docs) > 1 else [lines[0], lines[1] + " …"]
+        if lines and len(lines[-1]) + len(self.scale.label) < _LABEL_WIDTH:
+            lines[-1] += f" {self.scale.label}"
+            return "\n".join(lines)
+        return "\n".join([*lines, self.scale.label]).strip()
+
+
+def plot(
+    result: Result,
+    *names: str,
+    together: bool = False,
+    xlabel: str | None = None,
+    file: str | Path | None = None,
+    title: str | None = None,
+    against: str | None = None,
+) -> Figure:
+    """Draw signals of a result, one panel per unit.
+
+    Parameters
+    ----------
+    names
+        Signals; an array draws one line per element.
+    together
+        One panel for all, with a second vertical axis for a second unit.
+    xlabel
+        Text below the horizontal axis instead of the chosen one.
+    file
+        `.png` (150 dpi), `.svg` or `.pdf` to write.
+    title
+        Text above the figure; the model's name by default.
+    against
+        Signal on the horizontal axis; time by default.
+
+    Raises
+    ------
+    UsageError
+        AC010 for an unknown signal, AC012 and AC013 for the file, AC016 for nothing to draw or too many units.
+    """
+    if not names:
+        raise UsageError("AC016", "no signal is named to plot", help="result.names lists all signals")
+    panels = [Panel(names)] if together else _by_unit(result, names)
+    panels = [Panel(p.signals, against=against) for p in panels]
+    return figure(result, panels, file=file, title=title, xlabel=xlabel)
+
+
+def figure(
+    result: Result,
+    panels: Sequence[Panel],
+    *,
+    file: str | Path | None = None,
+    title: str | None = None,
+    xlabel: str | None = None,
+) -> Figure:
+    """Draw the panels that a model defines, below each other; arguments and errors as for `plot`."""
+    if not panels:
+        raise UsageError("AC016", "a figure needs at least one panel")
+    _check_suffix(file)
+    content = [_groups(result, panel) for panel in panels]
+    columns = 1 if len(panels) <= 5 else 2
+    rows = -(-len(panels) // columns)
+    # Panels against the same signal scroll and zoom together and share the labels below.
+    shared = len({panel.against for panel in panels}) == 1
+    with matplotlib.rc_context(_STYLE):
+        drawing = Figure(figsize=(7.4 if columns == 1 else 12.0, 1.0 + max(2.0 * rows, 3.2)), layout="constrained")
+        FigureCanvasAgg(drawing)
+        axes = drawing.subplots(rows, columns, sharex=shared, squeeze=False).T.ravel()
+        for ax in axes[len(panels) :]:
+            ax.remove()
+        for i, (ax, panel, groups) in enumerate(zip(axes, panels, content, strict=False)):
+            label = _draw(ax, result, panel, groups)
+            if not shared or i % rows == rows - 1 or i == len(panels) - 1:
+                ax.set_xlabel(xlabel or label)
+                ax.tick_params(labelbottom=True)
+        drawing.align_ylabels()
+        heading = result.model if title is None else title
+        if heading:
+            drawing.suptitle(heading, fontsize=11, fontweight="bold")
+        if file is not None:
+            _save(drawing, Path(file))
+    return drawing
+
+
+def show(drawing: Figure) -> None:
+    """Open a window with a figure and wait until it is closed.
+
+    Raises
+    ------
+    UsageError
+        AC017 where there is no display.
+    """
+    from matplotlib import pyplot
+
+    if matplotlib.get_backend().lower() in ("agg", "cairo", "pdf", "pgf", "ps", "svg", "template"):
+        raise UsageError("AC017", "there is no display to show a figure on", help='write it: plot(..., file="x.png")')
+    # Only pyplot knows the windows of the chosen toolkit, so one of its empty figures lends its window.
+    manager = pyplot.figure(figsize=drawing.get_size_inches()).canvas.manager
+    if manager is not None:
+        manager.canvas.figure = drawing
+        drawing.set_canvas(manager.canvas)
+    pyplot.show()
+
+
+def _by_unit(result: Result, names: Sequence[str]) -> list[Panel]:
+    """One panel per unit and order of magnitude, in the order of the names."""
+    panels: list[tuple[str, float, float, list[str]]] = []
+    for name in names:
+        unit, size = result.unit(name), _magnitude(result[name])
+        for i, (known, low, high, members) in enumerate(panels):
+            # A signal that is zero throughout fits anywhere.
+            wide = size > 0.0 and high > 0.0 and max(high, size) > _SPREAD * min(low, size)
+            if known == unit and not wide:
+                sizes = [x for x in (low, high, size) if x > 0.0] or [0.0]
+                panels[i] = (unit, min(sizes), max(sizes), [*members, name])
+                break
+        else:
+            panels.append((unit, size, size, [name]))
+    return [Panel(tuple(members)) for *_, members in panels]
+
+
+def _magnitude(values: Array) -> float:
+    finite = np.abs(values[np.isfinite(values)])
+    return float(finite.max()) if finite.size else 0.0
+
+
+def _groups(result: Result, panel: Panel) -> list[_Group]:
+    """The lines of a panel by unit, scaled; the first group goes left, the second right."""
+    lines: dict[str, list[tuple[Signal, Array]]] = {}
+    for name in panel.signals:
+        _, signals = result.elements(name)
+        for signal in signals:
+            lines.setdefault(panel.unit or signal.unit, []).append((signal, result[signal.name]))
+    if not lines:
+        raise UsageError("AC016", f"the panel '{panel.title}' names no signal")
+    if len(lines) > 2:
+        raise UsageError(
+            "AC016",
+            f"one panel cannot show {len(lines)} units",
+            evidence=[f"{unit or '1'}  {', '.join(s.name for s, _ in members)}" for unit, members in lines.items()],
+            help="a panel has two vertical axes; give the other signals a panel of their own",
+        )
+    groups = []
+    for unit, members in lines.items():
+        if panel.unit is None:
+            scale = readable(unit, max(_magnitude(v) for _, v in members))
+            scaled = tuple(scale(v) for _, v in members)
+        else:
+            scale = Scale(panel.unit)
+            scaled = tuple(to_unit(s.unit, panel.unit)(v) for s, v in members)
+        groups.append(_Group(tuple(s for s, _ in members), scaled, scale))
+    return groups
+
+
+def _draw(ax: Axes, result: Result, panel: Panel, groups: Sequence[_Group]) -> str:
+    """Draw one panel; the label of its horizontal axis."""
+    shape, (horizontal, *_) = result.elements(panel.against or "time")
+    if shape:
+        raise UsageError("AC016", f"'{panel.against}' is an array, one of its elements fits on the horizontal axis")
+    x = result[horizontal.name]
+    scale = readable(horizontal.unit, _magnitude(x))
+    x = scale(x)
+    handles: list[Line2D] = []
+    for k, group in enumerate(groups):
+        side = ax if k == 0 else ax.twinx()
+        for signal, values in zip(group.signals, group.values, strict=True):
+            color = _COLORS[len(handles) % len(_COLORS)]
+            style = "-" if len(handles) < len(_COLORS) else "--"
+            handles += side.plot(x, values, style, color=color, label=signal.name)
+        side.set_ylabel(group.label)
+        _calm(side, group.values)
+        if k:
+            side.grid(False)
+            side.spines["right"].set_visible(True)
+    if horizontal.name == "time":
+        times = np.unique([scale.slope * event.time for event in result.events])
+        if len(times) <= _MOST_EVENTS:
+            ax.vlines(times, 0, 1, transform=ax.get_xaxis_transform(), color="0.55", lw=0.7, ls=(0, (4, 3)), zorder=0.9)
+    if panel.title:
+        ax.set_title(panel.title, loc="left")
+    # Outside the axes a legend covers no curve: above where it fits, else at the right.
+    if len(panel.title) + sum(len(str(h.get_label())) + 6 for h in handles) <= _PANEL_WIDTH:
+        place: dict[str, Any] = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "ncols": len(handles)}
+    else:
+        place = {"loc": "center left", "bbox_to_anchor": (1.02 if len(groups) == 1 else 1.12, 0.5)}
+    ax.legend(handles=handles, borderaxespad=0.2, columnspacing=1.4, **place)
+    text = horizontal.doc.rstrip(".") or horizontal.name
+    return f"{text} {scale.label}".strip()
+
+
+def _calm(ax: Axes, values: Sequence[Array]) -> None:
+    """Widen the axis where all values agree to rounding, which a tight axis would show as a wild curve."""
+    finite = np.concatenate([v[np.isfinite(v)] for v in values])
+    if not finite.size:
+        return
+    low, high = float(finite.min()), float(finite.max())
+    middle, size = (low + high) / 2, max(abs(low), abs(high))
+    if high - low < 1e-9 * size or size == 0.0:
+        reach = 0.1 * size or 1.0
+        ax.set_ylim(middle - reach, middle + reach)
+
+
+def _check_suffix(file: str | Path | None) -> None:
+    if file is not None and Path(file).suffix.lower() not in FORMATS:
+        raise UsageError(
+            "AC013",
+            f"the suffix '{Path(file).suffix}' of {Path(file).name} names no picture format",
+            help=f"accepted are {', '.join(FORMATS)}",
+        )
+
+
+def _save(drawing: Figure, file: Path) -> None:
+    suffix = file.suffix.lower()
+    # Without the date, the same run gives the same file.
+    metadata = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(suffix, {})
+    with atomic(file) as stream:
+        drawing.savefig(stream, format=suffix[1:], dpi=150, metadata=metadata)
