@@ -18,6 +18,8 @@ probable cause, and what to do.
 from __future__ import annotations
 
 import linecache
+import os
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -39,6 +41,21 @@ class Span:
 
     def __str__(self) -> str:
         return f"{self.file}:{self.line}"
+
+
+_PACKAGE = os.path.dirname(os.path.abspath(__file__)) + os.sep
+_MODELLERS = tuple(_PACKAGE + name + os.sep for name in ("library", "models"))
+
+
+def calling_span() -> tuple[Span, ...]:
+    """The innermost caller outside the compiler: code of a modeller, of the library or of the models."""
+    frame = sys._getframe(1)
+    while frame is not None:
+        file = frame.f_code.co_filename
+        if not file.startswith("<frozen") and (not file.startswith(_PACKAGE) or file.startswith(_MODELLERS)):
+            return (Span(file, frame.f_lineno),)
+        frame = frame.f_back  # type: ignore[assignment]
+    return ()
 
 
 class AcausalError(Exception):
@@ -95,7 +112,13 @@ class UsageError(AcausalError):
 
 
 class DeclarationError(AcausalError):
-    """A class body, an instance or an equation is written wrongly."""
+    """A class body, an instance or an equation is written wrongly.
+
+    Without `where`, the place is the innermost frame of the modeller's own code.
+    """
+
+    def __init__(self, code: str, fact: str, *, where: Sequence[Span] = (), **details: Any) -> None:
+        super().__init__(code, fact, where=where or calling_span(), **details)
 
 
 class UnitError(DeclarationError):

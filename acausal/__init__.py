@@ -1,0 +1,87 @@
+"""acausal: equation-based modelling on CasADi.
+
+    Component --flatten--> FlatSystem --analyse--> Structure --lower--> CompiledModel --simulate--> Result
+
+Components declare variables and state equations; every arrow is a function that can be called alone.
+Importing this package loads neither CasADi nor matplotlib: the functions that need them load them.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from acausal.errors import AcausalError as AcausalError
+from acausal.language.component import Component as Component
+from acausal.language.component import Connector as Connector
+from acausal.language.component import Equations as Equations
+from acausal.language.connect import connect as connect
+from acausal.language.declare import Real as Real
+from acausal.language.declare import fixed as fixed
+from acausal.language.declare import flow as flow
+from acausal.language.declare import guess as guess
+from acausal.language.declare import parameter as parameter
+from acausal.language.declare import part as part
+from acausal.language.declare import signal_input as signal_input
+from acausal.language.declare import signal_output as signal_output
+from acausal.language.declare import structural as structural
+from acausal.language.declare import variable as variable
+from acausal.language.experiment import Experiment as Experiment
+from acausal.language.expression import Expr as Expr
+from acausal.language.functions import acos as acos
+from acausal.language.functions import asin as asin
+from acausal.language.functions import atan as atan
+from acausal.language.functions import atan2 as atan2
+from acausal.language.functions import ceil as ceil
+from acausal.language.functions import clamp as clamp
+from acausal.language.functions import cos as cos
+from acausal.language.functions import cosh as cosh
+from acausal.language.functions import cross as cross
+from acausal.language.functions import der as der
+from acausal.language.functions import dot as dot
+from acausal.language.functions import exp as exp
+from acausal.language.functions import fabs as fabs
+from acausal.language.functions import floor as floor
+from acausal.language.functions import identity as identity
+from acausal.language.functions import log as log
+from acausal.language.functions import maximum as maximum
+from acausal.language.functions import minimum as minimum
+from acausal.language.functions import norm as norm
+from acausal.language.functions import sign as sign
+from acausal.language.functions import sin as sin
+from acausal.language.functions import sinh as sinh
+from acausal.language.functions import skew as skew
+from acausal.language.functions import sqrt as sqrt
+from acausal.language.functions import tan as tan
+from acausal.language.functions import tanh as tanh
+from acausal.language.functions import time as time
+from acausal.language.functions import where as where
+from acausal.language.functions import zeros as zeros
+from acausal.language.overconstrained import branch as branch
+from acausal.language.overconstrained import is_root as is_root
+from acausal.language.overconstrained import potential_root as potential_root
+from acausal.language.overconstrained import root as root
+from acausal.language.overconstrained import rooted as rooted
+from acausal.panel import Panel as Panel
+
+if TYPE_CHECKING:
+    from acausal.flatten.flatten import flatten as flatten
+    from acausal.lower.compile import compile as compile
+    from acausal.result import Result as Result
+    from acausal.result import load as load
+    from acausal.simulate.run import simulate as simulate
+
+_LAZY = {
+    "flatten": "acausal.flatten.flatten",
+    "compile": "acausal.lower.compile",
+    "simulate": "acausal.simulate.run",
+    "Result": "acausal.result",
+    "load": "acausal.result",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name in _LAZY:
+        from importlib import import_module
+
+        return getattr(import_module(_LAZY[name]), name)
+    raise AttributeError(f"module 'acausal' has no attribute {name!r}")

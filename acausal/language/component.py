@@ -1,0 +1,238 @@
+"""Components and connectors: a class body declares, a generator states, `build` makes the parts.
+
+Instances are recipes: they hold what was given to the constructor, the parts that `build` made, the place where
+they were made, and the owner they were given to (for messages). Nothing is global; the flattener gives names.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Iterator
+from typing import Any, ClassVar, Self, dataclass_transform
+
+from acausal.errors import DeclarationError, nearest
+from acausal.language.declare import Declaration, Kind, Real, checked_value, parameter, structural
+from acausal.language.expression import Expr, Symbol
+from acausal.language.origin import Origin
+
+Equations = Iterator[Any]
+"""Return type of `equations`, `initial_equations` and `ties`."""
+
+_RESERVED = {"build", "equations", "initial_equations", "ties"}
+
+
+@dataclass_transform(kw_only_default=True, field_specifiers=(parameter, structural))
+class Component:
+    """Base of everything a modeller writes.
+
+    Subclasses declare fields and may define `build(self)`, `equations(self)`, `initial_equations(self)` and
+    `ties(self)`. Equations of all classes in the MRO add up, base first, without `super()`.
+    """
+
+    _declarations: ClassVar[dict[str, Declaration]] = {}
+    _prototypes: ClassVar[dict[str, Component]] = {}
+    _parts: dict[str, Component | list[Any]]
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        declarations = dict(cls._declarations)
+        prototypes = dict(cls._prototypes)
+        annotated = cls.__dict__.get("__annotations__", {})
+        for name, annotation in annotated.items():
+            if name not in cls.__dict__ and not name.startswith("_") and "ClassVar" not in str(annotation):
+                raise DeclarationError(
+                    "AC112", f"{cls.__name__}.{name} is annotated but not declared", help=f"{name}: Real = variable(...)"
+                )
+        for name, value in list(cls.__dict__.items()):
+            if isinstance(value, Declaration | Component):
+                if name not in annotated:
+                    raise DeclarationError("AC112", f"{cls.__name__}.{name} has no annotation", help=f"{name}: Real = ...")
+                _check_name(cls, name)
+            if isinstance(value, Component):
+                prototypes[name] = value
+                declarations[name] = Declaration(Kind.PART, doc=(type(value).__doc__ or "").split("\n")[0])
+                delattr(cls, name)
+            elif isinstance(value, Declaration):
+                declarations[name] = value
+                prototypes.pop(name, None)
+                if value.kind in (Kind.STRUCTURAL, Kind.PART):
+                    delattr(cls, name)
+                else:
+                    setattr(cls, name, Real(name, value))
+        cls._declarations = declarations
+        cls._prototypes = prototypes
+
+    def __init__(self, **given: Any) -> None:
+        own = self.__dict__
+        own["_values"] = {}
+        own["_symbols"] = {}
+        own["_parts"] = {}
+        own["_owner"] = None
+        own["_given"] = dict(given)
+        caller = sys._getframe(1)
+        own["_origin"] = Origin(caller.f_code, caller.f_lasti)
+        cls = type(self)
+        for name in given:
+            if name not in self._declarations:
+                raise _unknown_field(cls, name)
+        for name, declaration in self._declarations.items():
+            if name in given:
+                self._give(name, declaration, given[name])
+            elif name in self._prototypes:
+                self._adopt(name, self._prototypes[name]._copy())
+            elif declaration.kind is Kind.STRUCTURAL:
+                if declaration.default is None:
+                    raise DeclarationError("AC113", f"{cls.__name__}: structural '{name}' needs a value")
+                own[name] = declaration.default
+            elif declaration.kind is not Kind.PART and declaration.default is not None:
+                value = declaration.default(self) if callable(declaration.default) else declaration.default
+                own["_values"][name] = checked_value(cls.__name__, name, declaration, value)
+        own["_building"] = True
+        build = getattr(self, "build", None)
+        if build is not None:
+            build()
+        own["_building"] = False
+        for name, declaration in self._declarations.items():
+            if declaration.kind is Kind.PART and name not in own["_parts"]:
+                raise DeclarationError("AC114", f"{cls.__name__}: part '{name}' was not made", help=f"set self.{name} in build")
+
+    def _give(self, name: str, declaration: Declaration, value: Any) -> None:
+        if declaration.kind is Kind.STRUCTURAL:
+            if isinstance(value, Expr):
+                raise DeclarationError(
+                    "AC115",
+                    f"{type(self).__name__}: '{name}' is structural and cannot be the symbol `{value}`",
+                    help="give a Python value, or declare the source structural too",
+                )
+            self.__dict__[name] = value
+        elif declaration.kind is Kind.PART:
+            self._adopt(name, value)
+        else:
+            self.__dict__["_values"][name] = checked_value(type(self).__name__, name, declaration, value)
+
+    def _adopt(self, name: str, value: Any) -> None:
+        members = value if isinstance(value, list | tuple) else [value]
+        for k, member in enumerate(members):
+            if not isinstance(member, Component):
+                raise DeclarationError("AC116", f"{type(self).__name__}: part '{name}' cannot be {member!r}")
+            prototype = self._prototypes.get(name)
+            if isinstance(prototype, Connector) and type(member) is not type(prototype):
+                raise DeclarationError("AC116", f"{type(self).__name__}: '{name}' must be a {type(prototype).__name__}")
+            if member.__dict__["_owner"] is not None and member.__dict__["_owner"][0] is not self:
+                raise DeclarationError(
+                    "AC117",
+                    f"{type(self).__name__}: the {type(member).__name__} given for '{name}' already belongs to "
+                    f"{type(member.__dict__['_owner'][0]).__name__}",
+                    help="make one component per place",
+                )
+            member.__dict__["_owner"] = (self, f"{name}[{k}]" if isinstance(value, list | tuple) else name)
+        self._parts[name] = list(members) if isinstance(value, list | tuple) else value
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        cls = type(self)
+        if not self.__dict__["_building"]:
+            raise DeclarationError(
+                "AC118",
+                f"{cls.__name__}.{name} cannot be set after construction",
+                help=f"give it to the constructor: {cls.__name__}({name}=...)",
+            )
+        declaration = self._declarations.get(name)
+        if declaration is not None:
+            self._give(name, declaration, value)
+        elif isinstance(value, Component) or (isinstance(value, list) and value and isinstance(value[0], Component)):
+            raise DeclarationError(
+                "AC119", f"{cls.__name__}.{name} is not declared", help=f"write `{name}: ... = part()` in the class body"
+            )
+        else:
+            self.__dict__[name] = value
+
+    def __getattr__(self, name: str) -> Any:
+        parts = self.__dict__.get("_parts")
+        if parts is not None and name in parts:
+            return parts[name]
+        if name.startswith("__") or parts is None:
+            raise AttributeError(name)
+        if name in _RESERVED:
+            raise AttributeError(name)
+        raise _unknown_field(type(self), name)
+
+    def _copy(self) -> Self:
+        """A fresh instance of the same recipe."""
+        given = {
+            k: v._copy() if isinstance(v, Component) else [m._copy() for m in v] if _is_parts(v) else v
+            for k, v in self.__dict__["_given"].items()
+        }
+        twin = type(self)(**given)
+        twin.__dict__["_origin"] = self.__dict__["_origin"]
+        return twin
+
+    def _path_to(self, name: str) -> str:
+        """Path of a field as seen from the outermost owner, for messages."""
+        names = [name]
+        here: Component = self
+        while here.__dict__["_owner"] is not None:
+            here, own_name = here.__dict__["_owner"]
+            names.append(own_name)
+        return ".".join(reversed(names))
+
+    def __repr__(self) -> str:
+        given = ", ".join(f"{k}={_shown(v)}" for k, v in self.__dict__["_given"].items())
+        return f"{type(self).__name__}({given})"
+
+
+class Connector(Component):
+    """A set of variables through which components are joined: potentials and as many flows.
+
+    An overconstrained connector (a frame with its rotation matrix) defines `rates(self)`, yielding
+    `der(x) == expression` for its overconstrained variables, and `residuals(self, other)`, yielding the minimal
+    set of equations that make two of them equal.
+    """
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        count = {Kind.VARIABLE: 0, Kind.FLOW: 0}
+        exempt = False
+        for name, declaration in cls._declarations.items():
+            if declaration.kind not in count:
+                raise DeclarationError("AC123", f"connector {cls.__name__}: '{name}' is a {declaration.kind.value}")
+            count[declaration.kind] += math.prod(declaration.shape)
+            exempt = exempt or declaration.overconstrained
+        if count[Kind.VARIABLE] != count[Kind.FLOW] and not exempt:
+            raise DeclarationError(
+                "AC124",
+                f"connector {cls.__name__} has {count[Kind.VARIABLE]} potentials and {count[Kind.FLOW]} flows",
+                help="a connector needs one flow for every potential; use signal_input and signal_output for signals",
+            )
+
+
+def _is_parts(value: Any) -> bool:
+    return isinstance(value, list) and bool(value) and isinstance(value[0], Component)
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, Symbol):
+        return str(value)
+    return repr(value)
+
+
+def _check_name(cls: type[Component], name: str) -> None:
+    if name.startswith("_") or name in _RESERVED:
+        raise DeclarationError("AC125", f"{cls.__name__}.{name}: a field cannot have this name")
+    for base in cls.__mro__[1:]:
+        if issubclass(base, Component) and name in base._declarations:
+            raise DeclarationError(
+                "AC126",
+                f"{cls.__name__}.{name} is declared again: {base.__name__} has it already",
+                help="choose another name; a new default is given by the constructor of the part that uses it",
+            )
+
+
+def _unknown_field(cls: type[Component], name: str) -> DeclarationError:
+    known = [n for n in cls._declarations]
+    close = nearest(name, known)
+    return DeclarationError(
+        "AC127",
+        f"{cls.__name__} has no field '{name}'" + (f"; did you mean '{close[0]}'?" if close else ""),
+        evidence=(f"fields: {', '.join(known)}",) if known else (),
+    )

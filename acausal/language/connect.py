@@ -1,0 +1,85 @@
+"""`connect(a, b, ...)`: potentials become equal, flows sum to zero, an output drives inputs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeVar
+
+from acausal.errors import DeclarationError, UnitError
+from acausal.language.component import Component, Connector
+from acausal.language.declare import Kind
+from acausal.language.expression import Expr, Symbol
+from acausal.units import parse
+
+Connectable = TypeVar("Connectable", bound=Connector | Expr)
+
+
+@dataclass(frozen=True)
+class Connection:
+    """What `connect` makes; yield it like an equation."""
+
+    ends: tuple[Connector, ...] | tuple[Symbol, ...]
+
+
+def connect(first: Connectable, second: Connectable, *more: Connectable) -> Connection:
+    """Join connectors of one type, or one signal output with signal inputs.
+
+    Raises
+    ------
+    DeclarationError
+        AC120 when the ends are of different types, AC121 when an end is neither connector nor signal.
+    UnitError
+        AC154 when connected signals have different dimensions.
+    """
+    ends = (first, second, *more)
+    for end in ends:
+        if not isinstance(end, Connector | Symbol):
+            shown = f"component {type(end).__name__}" if isinstance(end, Component) else f"`{end}`"
+            has = _connectors_of(end)
+            raise DeclarationError(
+                "AC121",
+                f"{shown} is neither a connector nor a signal",
+                help=f"connect one of its connectors: {has}" if has else "connect flanges, frames, pins or signals",
+            )
+    kinds = {type(end) for end in ends}
+    if len(kinds) > 1:
+        shown = " and ".join(f"{_name(e)} ({type(e).__name__})" for e in ends)
+        raise DeclarationError(
+            "AC120",
+            f"cannot connect different types: {shown}",
+            cause="a connection joins connectors of one type",
+            help="look for a component that has both connectors and put it between",
+        )
+    if isinstance(first, Symbol):
+        _check_signals(ends)
+    return Connection(ends)  # type: ignore[arg-type]
+
+
+def _check_signals(ends: tuple[Symbol, ...]) -> None:
+    first = ends[0]
+    for end in ends:
+        if end.declaration.kind not in (Kind.INPUT, Kind.OUTPUT):
+            raise DeclarationError(
+                "AC121",
+                f"`{end}` is a {end.declaration.kind.value}, not a signal",
+                help="only signal_input and signal_output are connected; write an equation for anything else",
+            )
+        if end.shape != first.shape:
+            raise DeclarationError("AC105", f"`{first}` {first.shape} and `{end}` {end.shape} differ in shape")
+        a, b = first.declaration.unit, end.declaration.unit
+        if a and b and parse(a).dimension != parse(b).dimension:
+            raise UnitError(
+                "AC154",
+                f"`{first}` [{a}] and `{end}` [{b}] cannot be connected: their dimensions differ",
+                help="put a Gain that states the conversion between them",
+            )
+
+
+def _name(end: Connector | Expr) -> str:
+    return str(end) if isinstance(end, Expr) else end._path_to("").rstrip(".")
+
+
+def _connectors_of(end: object) -> str:
+    if not isinstance(end, Component):
+        return ""
+    return ", ".join(n for n, p in end._parts.items() if isinstance(p, Connector))

@@ -1,0 +1,215 @@
+"""Declarations: what stands on the right of `name: Real = ...` in a class body."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+from typing import TYPE_CHECKING, Any, overload
+
+from acausal.errors import DeclarationError, UnitError
+from acausal.language.expression import Expr, Operand, Shape, Symbol, as_expr
+from acausal.units import parse
+
+if TYPE_CHECKING:
+    from acausal.language.component import Component
+
+
+class Kind(Enum):
+    """What a declared name is to the compiler."""
+
+    VARIABLE = "variable"
+    FLOW = "flow"
+    PARAMETER = "parameter"
+    INPUT = "input"
+    OUTPUT = "output"
+    STRUCTURAL = "structural"
+    PART = "part"
+
+
+@dataclass(frozen=True)
+class Fixed:
+    """A start value that is an equation of the initial system."""
+
+    value: Any
+
+
+@dataclass(frozen=True)
+class Guess:
+    """A start value that only starts Newton's method."""
+
+    value: Any
+
+
+Start = Fixed | Guess
+
+
+def fixed(value: Operand) -> Fixed:
+    """An initial equation: the variable has this value at the start."""
+    return Fixed(value)
+
+
+def guess(value: Operand) -> Guess:
+    """A start for the iteration that finds the initial value; never an equation."""
+    return Guess(value)
+
+
+@dataclass(frozen=True, eq=False)
+class Declaration:
+    """Everything said about one name, except its value.
+
+    `default` is a number, a nested tuple, a function of the instance (`lambda self: sin(self.sigma)`), a
+    `Fixed` or a `Guess`, or None. `prefer_state` ranks candidates for states: True before undeclared before False.
+    `hint` is printed when the compiler cannot determine the variable.
+    """
+
+    kind: Kind
+    shape: Shape = ()
+    unit: str = ""
+    doc: str = ""
+    default: Any = None
+    nominal: float = 1.0
+    min: float = -math.inf
+    max: float = math.inf
+    prefer_state: bool | None = None
+    hint: str = ""
+    overconstrained: bool = False
+
+
+def _declare(kind: Kind, *, unit: str, shape: Shape | int = (), **rest: Any) -> Any:
+    if unit:
+        parsed = parse(unit)
+        if not math.isclose(parsed.factor, 1.0, rel_tol=1e-12) or parsed.offset:
+            raise UnitError(
+                "AC153",
+                f"declared unit '{unit}' is not coherent (1 {unit} = {parsed.factor:g} SI units)",
+                help="declare in SI; values given on the command line are converted: --set length=16mm",
+            )
+    return Declaration(kind, (shape,) if isinstance(shape, int) else tuple(shape), unit, **rest)
+
+
+def variable(
+    *,
+    unit: str = "",
+    doc: str = "",
+    shape: Shape | int = (),
+    default: Any = None,
+    nominal: float = 1.0,
+    min: float = -math.inf,
+    max: float = math.inf,
+    prefer_state: bool | None = None,
+    hint: str = "",
+    overconstrained: bool = False,
+) -> Any:
+    """An unknown of the model; in a connector, a potential: equal in all connected connectors."""
+    return _declare(
+        Kind.VARIABLE,
+        unit=unit,
+        doc=doc,
+        shape=shape,
+        default=default,
+        nominal=nominal,
+        min=min,
+        max=max,
+        prefer_state=prefer_state,
+        hint=hint,
+        overconstrained=overconstrained,
+    )
+
+
+def flow(*, unit: str = "", doc: str = "", shape: Shape | int = (), nominal: float = 1.0, hint: str = "") -> Any:
+    """A connector variable that sums to zero over a connection, positive into the component."""
+    return _declare(Kind.FLOW, unit=unit, doc=doc, shape=shape, nominal=nominal, hint=hint)
+
+
+def signal_input(*, unit: str = "", doc: str = "", shape: Shape | int = (), default: Any = None, hint: str = "") -> Any:
+    """A signal the component reads; connect it to a `signal_output`, or bind it in the constructor."""
+    return _declare(Kind.INPUT, unit=unit, doc=doc, shape=shape, default=default, hint=hint)
+
+
+def signal_output(*, unit: str = "", doc: str = "", shape: Shape | int = (), nominal: float = 1.0) -> Any:
+    """A signal the component computes."""
+    return _declare(Kind.OUTPUT, unit=unit, doc=doc, shape=shape, nominal=nominal)
+
+
+def parameter(
+    *,
+    default: Any = None,
+    unit: str = "",
+    doc: str = "",
+    shape: Shape | int = (),
+    nominal: float = 1.0,
+    min: float = -math.inf,
+    max: float = math.inf,
+) -> Any:
+    """A value constant over a run; a symbol to the compiler, so that changing it never recompiles.
+
+    `default` may be a function of the instance: `parameter(default=lambda self: self.d / 2)`.
+    """
+    return _declare(
+        Kind.PARAMETER, unit=unit, doc=doc, shape=shape, default=default, nominal=nominal, min=min, max=max
+    )
+
+
+def structural(*, default: Any = None, doc: str = "") -> Any:
+    """A Python value (int, bool, str, tuple, function) that decides the equations; changing it recompiles."""
+    return Declaration(Kind.STRUCTURAL, doc=doc, default=default)
+
+
+def part(*, doc: str = "") -> Any:
+    """A component, or a list of components, that `build` creates."""
+    return Declaration(Kind.PART, doc=doc)
+
+
+class Real:
+    """The type of a declared quantity: an expression when read, a number, expression or start when given."""
+
+    def __init__(self, name: str, declaration: Declaration) -> None:
+        self.name = name
+        self.declaration = declaration
+
+    @overload
+    def __get__(self, instance: None, owner: type[Any]) -> Declaration: ...
+    @overload
+    def __get__(self, instance: Component, owner: type[Any]) -> Expr: ...
+    def __get__(self, instance: Component | None, owner: type[Any]) -> Declaration | Expr:
+        if instance is None:
+            return self.declaration
+        symbols: dict[str, Symbol] = instance.__dict__["_symbols"]
+        found = symbols.get(self.name)
+        if found is None:
+            found = symbols[self.name] = Symbol(instance, self.name, self.declaration)
+        return found
+
+    def __set__(self, instance: Component, value: float | Expr | Fixed | Guess | tuple[Any, ...] | list[Any]) -> None:
+        instance.__dict__["_values"][self.name] = checked_value(type(instance).__name__, self.name, self.declaration, value)
+
+
+def checked_value(owner: str, name: str, declaration: Declaration, value: Any) -> Any:
+    """`value` as it is stored: an Expr for parameters and bindings, Fixed or Guess of an Expr for starts."""
+    kind = declaration.kind
+    if isinstance(value, Fixed | Guess):
+        if kind in (Kind.PARAMETER, Kind.STRUCTURAL):
+            raise DeclarationError("AC110", f"{owner}: {kind.value} '{name}' takes a value, not a start")
+        return type(value)(_fitting(owner, name, declaration, value.value))
+    if isinstance(value, str) or value is None:
+        raise DeclarationError(
+            "AC111", f"{owner}: {kind.value} '{name}' cannot be {value!r}", help="give a number or an expression"
+        )
+    expr = _fitting(owner, name, declaration, value)
+    if kind in (Kind.VARIABLE, Kind.FLOW, Kind.OUTPUT) and not isinstance(value, Expr) and expr.op == "const":
+        return Fixed(expr)
+    return expr
+
+
+def _fitting(owner: str, name: str, declaration: Declaration, value: Any) -> Expr:
+    expr = as_expr(value)
+    if expr.shape != declaration.shape:
+        if expr.op == "const" and expr.shape == ():
+            size = math.prod(declaration.shape)
+            return Expr("const", (), declaration.shape, (expr.payload,) * size)
+        raise DeclarationError(
+            "AC105", f"{owner}: '{name}' has shape {declaration.shape}, the value `{expr}` has shape {expr.shape}"
+        )
+    return expr

@@ -1,0 +1,306 @@
+"""Expression tree of the language: small slotted nodes whose shape is known when they are made.
+
+The language has its own nodes because CasADi symbols return `nan` for `math.sin(x)`, multiply a matrix by
+a vector of the wrong size without a word, fold `x*1 == x` to a constant and cost a hundred times more per
+operation (measured, see docs/devdocs/language.md). CasADi enters in `acausal.lower` only.
+
+Shapes: `()` scalar, `(n,)` vector, `(m, n)` matrix. Operators are elementwise between equal shapes, a scalar
+multiplies or divides anything, `@` is the matrix product; nothing else broadcasts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, NoReturn
+
+from acausal.errors import DeclarationError
+
+if TYPE_CHECKING:
+    from acausal.language.declare import Declaration
+
+Shape = tuple[int, ...]
+
+RELATIONS = {"lt": "<", "le": "<=", "gt": ">", "ge": ">="}
+_INFIX = {"add": "+", "sub": "-", "mul": "*", "div": "/", "pow": "**", "matmul": "@", **RELATIONS, "and": "&", "or": "|"}
+
+
+def _no_truth(shown: str, kind: str, advice: str) -> DeclarationError:
+    return DeclarationError("AC101", f"`{shown}` is {kind}, not a truth value", help=advice)
+
+
+class Expr:
+    """A node: operator name, operands, shape, and a payload for constants, indices and names."""
+
+    __slots__ = ("args", "op", "payload", "shape")
+    __array_ufunc__ = None  # numpy defers to the operators below
+    __hash__ = object.__hash__
+
+    def __init__(self, op: str, args: tuple[Expr, ...], shape: Shape, payload: Any = None) -> None:
+        self.op = op
+        self.args = args
+        self.shape = shape
+        self.payload = payload
+
+    def __add__(self, other: Operand) -> Expr:
+        return _elementwise("add", self, as_expr(other))
+
+    def __radd__(self, other: Operand) -> Expr:
+        return _elementwise("add", as_expr(other), self)
+
+    def __sub__(self, other: Operand) -> Expr:
+        return _elementwise("sub", self, as_expr(other))
+
+    def __rsub__(self, other: Operand) -> Expr:
+        return _elementwise("sub", as_expr(other), self)
+
+    def __mul__(self, other: Operand) -> Expr:
+        return _product(self, as_expr(other))
+
+    def __rmul__(self, other: Operand) -> Expr:
+        return _product(as_expr(other), self)
+
+    def __truediv__(self, other: Operand) -> Expr:
+        return _quotient(self, as_expr(other))
+
+    def __rtruediv__(self, other: Operand) -> Expr:
+        return _quotient(as_expr(other), self)
+
+    def __pow__(self, other: Operand) -> Expr:
+        return _scalar_binary("pow", self, as_expr(other))
+
+    def __rpow__(self, other: Operand) -> Expr:
+        return _scalar_binary("pow", as_expr(other), self)
+
+    def __matmul__(self, other: Operand) -> Expr:
+        return _matmul(self, as_expr(other))
+
+    def __rmatmul__(self, other: Operand) -> Expr:
+        return _matmul(as_expr(other), self)
+
+    def __neg__(self) -> Expr:
+        return Expr("neg", (self,), self.shape)
+
+    def __pos__(self) -> Expr:
+        return self
+
+    def __abs__(self) -> Expr:
+        if self.shape != ():
+            raise shape_error("fabs", self)
+        return Expr("fabs", (self,), ())
+
+    def __eq__(self, other: Operand) -> Equation:  # type: ignore[override]
+        return Equation(self, as_expr(other))
+
+    def __ne__(self, other: object) -> NoReturn:
+        raise DeclarationError("AC102", f"`{self} != ...` has no meaning for equations", help="use < and >, or where(...)")
+
+    def __lt__(self, other: Operand) -> Expr:
+        return _scalar_binary("lt", self, as_expr(other))
+
+    def __le__(self, other: Operand) -> Expr:
+        return _scalar_binary("le", self, as_expr(other))
+
+    def __gt__(self, other: Operand) -> Expr:
+        return _scalar_binary("gt", self, as_expr(other))
+
+    def __ge__(self, other: Operand) -> Expr:
+        return _scalar_binary("ge", self, as_expr(other))
+
+    def __and__(self, other: Operand) -> Expr:
+        return _scalar_binary("and", self, as_expr(other))
+
+    def __or__(self, other: Operand) -> Expr:
+        return _scalar_binary("or", self, as_expr(other))
+
+    def __invert__(self) -> Expr:
+        return Expr("not", (self,), ())
+
+    def __getitem__(self, index: int | tuple[int, int]) -> Expr:
+        key = index if isinstance(index, tuple) else (index,)
+        if len(key) != len(self.shape) or not all(-n <= i < n for i, n in zip(key, self.shape, strict=True)):
+            raise DeclarationError("AC103", f"`{self}` has shape {self.shape}; it has no element {list(key)}")
+        return Expr("index", (self,), (), tuple(i % n for i, n in zip(key, self.shape, strict=True)))
+
+    def __iter__(self) -> Iterator[Expr]:
+        if len(self.shape) != 1:
+            raise DeclarationError("AC103", f"`{self}` has shape {self.shape}; only vectors can be iterated")
+        return (self[i] for i in range(self.shape[0]))
+
+    def __len__(self) -> int:
+        if len(self.shape) != 1:
+            raise TypeError(f"`{self}` has shape {self.shape}; only vectors have a length")
+        return self.shape[0]
+
+    @property
+    def T(self) -> Expr:
+        """The transpose of a matrix."""
+        if len(self.shape) != 2:
+            raise shape_error("transpose", self)
+        return Expr("transpose", (self,), (self.shape[1], self.shape[0]))
+
+    def __bool__(self) -> NoReturn:
+        raise _no_truth(
+            str(self),
+            "symbolic",
+            "write where(condition, a, b) for a value; declare what decides the structure with structural(...)",
+        )
+
+    def _no_number(self, what: str) -> NoReturn:
+        raise DeclarationError(
+            "AC104",
+            f"`{self}` is symbolic and has no {what}",
+            help="use acausal.sin, acausal.sqrt, acausal.fabs ... instead of the math and numpy functions",
+        )
+
+    def __float__(self) -> float:
+        self._no_number("float value")
+
+    def __int__(self) -> int:
+        self._no_number("int value")
+
+    def __index__(self) -> int:
+        self._no_number("int value")
+
+    def __str__(self) -> str:
+        return to_text(self)
+
+    def __repr__(self) -> str:
+        return to_text(self)
+
+
+class Symbol(Expr):
+    """A declared quantity of one component instance: `self.s` inside it, `mass.s` outside."""
+
+    __slots__ = ("declaration", "name", "owner")
+
+    def __init__(self, owner: Any, name: str, declaration: Declaration) -> None:
+        super().__init__("symbol", (), declaration.shape)
+        self.owner = owner
+        self.name = name
+        self.declaration = declaration
+
+
+class Equation:
+    """`left == right`, elementwise. It has no truth value."""
+
+    __slots__ = ("left", "right")
+    __hash__ = object.__hash__
+
+    def __init__(self, left: Expr, right: Expr) -> None:
+        if left.shape != right.shape and not (is_literal(right) or is_literal(left)):
+            raise DeclarationError(
+                "AC105", f"the sides of `{left} == {right}` have shapes {left.shape} and {right.shape}"
+            )
+        self.left = left
+        self.right = right
+
+    def __bool__(self) -> NoReturn:
+        raise _no_truth(str(self), "an equation", "yield it; compare numbers with < and >")
+
+    def __str__(self) -> str:
+        return f"{self.left} == {self.right}"
+
+    __repr__ = __str__
+
+
+Operand = Expr | float | int | bool | tuple[Any, ...] | list[Any]
+
+
+def constant(value: Any, shape: Shape = ()) -> Expr:
+    """A literal; `value` is a float, or a row-major tuple of floats for a vector or matrix."""
+    return Expr("const", (), shape, value)
+
+
+def is_literal(e: Expr) -> bool:
+    """True for a scalar literal number, which adapts to any shape in a sum or an equation."""
+    return e.op == "const" and e.shape == ()
+
+
+def as_expr(value: Any) -> Expr:
+    """The expression of a number, of a (nested) sequence of expressions or numbers, or of an array."""
+    if isinstance(value, Expr):
+        return value
+    if isinstance(value, bool | int | float):
+        return Expr("const", (), (), float(value))
+    if hasattr(value, "tolist"):  # numpy scalars and arrays, without importing numpy
+        return as_expr(value.tolist())
+    if isinstance(value, tuple | list) and value:
+        return stack([as_expr(v) for v in value])
+    raise DeclarationError(
+        "AC106",
+        f"{value!r} ({type(value).__name__}) cannot take part in an equation",
+        help="use numbers, declared variables, tuples of them, or the functions of acausal",
+    )
+
+
+def stack(parts: list[Expr]) -> Expr:
+    """A vector of scalars, or a matrix of row vectors."""
+    inner = parts[0].shape
+    if any(p.shape != inner for p in parts) or len(inner) > 1:
+        raise DeclarationError("AC105", f"cannot stack shapes {[p.shape for p in parts]}")
+    shape = (len(parts), *inner)
+    if all(p.op == "const" for p in parts):
+        flat = [p.payload for p in parts] if not inner else [v for p in parts for v in p.payload]
+        return constant(tuple(flat), shape)
+    return Expr("stack", tuple(parts), shape)
+
+
+def shape_error(what: str, *args: Expr) -> DeclarationError:
+    """The error for operands whose shapes do not fit `what`."""
+    shown = ", ".join(f"`{a}` {a.shape}" for a in args)
+    return DeclarationError("AC105", f"{what} does not take {shown}", help="shapes: () scalar, (n,) vector, (m, n) matrix")
+
+
+def _elementwise(op: str, a: Expr, b: Expr) -> Expr:
+    if a.shape == b.shape:
+        return Expr(op, (a, b), a.shape)
+    if is_literal(a) or is_literal(b):
+        return Expr(op, (a, b), a.shape or b.shape)
+    raise shape_error(_INFIX[op], a, b)
+
+
+def _scalar_binary(op: str, a: Expr, b: Expr) -> Expr:
+    if a.shape or b.shape:
+        raise shape_error(_INFIX[op], a, b)
+    return Expr(op, (a, b), ())
+
+
+def _product(a: Expr, b: Expr) -> Expr:
+    if a.shape and b.shape:
+        error = shape_error("*", a, b)
+        error.help = "use dot(a, b), cross(a, b) or a @ b"
+        raise error
+    return Expr("mul", (a, b), a.shape or b.shape)
+
+
+def _quotient(a: Expr, b: Expr) -> Expr:
+    if b.shape:
+        raise shape_error("/", a, b)
+    return Expr("div", (a, b), a.shape)
+
+
+def _matmul(a: Expr, b: Expr) -> Expr:
+    if not a.shape or not b.shape or a.shape[-1] != b.shape[0]:
+        raise shape_error("@", a, b)
+    return Expr("matmul", (a, b), (*a.shape[:-1], *b.shape[1:]))
+
+
+def to_text(e: Expr, depth: int = 0) -> str:
+    """Python-like text of an expression, names as `owner.name` where the owner is not `self`."""
+    if e.op == "const":
+        return f"{e.payload:g}" if isinstance(e.payload, float) else str(e.payload)
+    if isinstance(e, Symbol):
+        return e.owner._path_to(e.name) if e.owner is not None else e.name
+    if e.op == "time":
+        return "time"
+    if depth > 12:
+        return "..."
+    parts = [to_text(a, depth + 1) for a in e.args]
+    if e.op in _INFIX:
+        text = f"{parts[0]} {_INFIX[e.op]} {parts[1]}"
+        return f"({text})" if depth else text
+    if e.op == "neg":
+        return f"-{parts[0]}"
+    if e.op == "index":
+        return f"{parts[0]}[{', '.join(map(str, e.payload))}]"
+    return f"{e.op}({', '.join(parts)})"

@@ -1,0 +1,196 @@
+"""Functions of the language. They take expressions and numbers; `math` and `numpy` functions do not."""
+
+from __future__ import annotations
+
+import math
+
+from acausal.errors import DeclarationError
+from acausal.language.expression import RELATIONS, Expr, Operand, as_expr, is_literal, shape_error
+
+time = Expr("time", (), ())
+"""The independent variable [s]."""
+
+UNARY = (
+    "sin cos tan asin acos atan sinh cosh tanh exp log sqrt fabs sign floor ceil".split()
+)  # names as in CasADi, so that lowering is a table of the same names
+_CONSTANT_FOLDING = {name: getattr(math, name) for name in UNARY if hasattr(math, name)}
+
+
+def _unary(op: str, x: Operand) -> Expr:
+    e = as_expr(x)
+    if e.shape:
+        raise shape_error(op, e)
+    if is_literal(e) and op in _CONSTANT_FOLDING:
+        try:
+            return as_expr(float(_CONSTANT_FOLDING[op](e.payload)))
+        except ValueError as error:
+            raise DeclarationError("AC107", f"{op}({e.payload:g}) has no value") from error
+    return Expr(op, (e,), ())
+
+
+def sin(x: Operand) -> Expr:
+    """Sine; `x` in rad."""
+    return _unary("sin", x)
+
+
+def cos(x: Operand) -> Expr:
+    """Cosine; `x` in rad."""
+    return _unary("cos", x)
+
+
+def tan(x: Operand) -> Expr:
+    """Tangent; `x` in rad."""
+    return _unary("tan", x)
+
+
+def asin(x: Operand) -> Expr:
+    """Inverse sine [rad]."""
+    return _unary("asin", x)
+
+
+def acos(x: Operand) -> Expr:
+    """Inverse cosine [rad]."""
+    return _unary("acos", x)
+
+
+def atan(x: Operand) -> Expr:
+    """Inverse tangent [rad]."""
+    return _unary("atan", x)
+
+
+def sinh(x: Operand) -> Expr:
+    """Hyperbolic sine."""
+    return _unary("sinh", x)
+
+
+def cosh(x: Operand) -> Expr:
+    """Hyperbolic cosine."""
+    return _unary("cosh", x)
+
+
+def tanh(x: Operand) -> Expr:
+    """Hyperbolic tangent."""
+    return _unary("tanh", x)
+
+
+def exp(x: Operand) -> Expr:
+    """Exponential."""
+    return _unary("exp", x)
+
+
+def log(x: Operand) -> Expr:
+    """Natural logarithm."""
+    return _unary("log", x)
+
+
+def sqrt(x: Operand) -> Expr:
+    """Square root."""
+    return _unary("sqrt", x)
+
+
+def fabs(x: Operand) -> Expr:
+    """Absolute value; `abs(x)` is the same."""
+    return _unary("fabs", x)
+
+
+def sign(x: Operand) -> Expr:
+    """-1, 0 or 1."""
+    return _unary("sign", x)
+
+
+def floor(x: Operand) -> Expr:
+    """Largest integer not above `x`."""
+    return _unary("floor", x)
+
+
+def ceil(x: Operand) -> Expr:
+    """Smallest integer not below `x`."""
+    return _unary("ceil", x)
+
+
+def _binary(op: str, x: Operand, y: Operand) -> Expr:
+    a, b = as_expr(x), as_expr(y)
+    if a.shape or b.shape:
+        raise shape_error(op, a, b)
+    return Expr(op, (a, b), ())
+
+
+def atan2(y: Operand, x: Operand) -> Expr:
+    """Angle of the point (x, y) [rad]."""
+    return _binary("atan2", y, x)
+
+
+def minimum(x: Operand, y: Operand) -> Expr:
+    """The smaller of two scalars."""
+    return _binary("min", x, y)
+
+
+def maximum(x: Operand, y: Operand) -> Expr:
+    """The larger of two scalars."""
+    return _binary("max", x, y)
+
+
+def clamp(x: Operand, low: Operand, high: Operand) -> Expr:
+    """`x` limited to the interval from `low` to `high`."""
+    return minimum(maximum(x, low), high)
+
+
+def where(condition: Expr, a: Operand, b: Operand, *, smooth: bool = False) -> Expr:
+    """`a` where `condition` holds, else `b`; all shapes of `a` and `b` must agree.
+
+    `smooth=True` promises that the value and its derivative are continuous across the switch, so that no
+    crossing has to be located.
+    """
+    x, y = as_expr(a), as_expr(b)
+    if not isinstance(condition, Expr) or condition.op not in (*RELATIONS, "and", "or", "not", "symbol"):
+        raise DeclarationError("AC108", f"`{condition}` is not a condition", help="write a relation such as x > 0")
+    if x.shape != y.shape and not (is_literal(x) or is_literal(y)):
+        raise shape_error("where", x, y)
+    return Expr("where", (condition, x, y), x.shape or y.shape, smooth)
+
+
+def der(x: Operand) -> Expr:
+    """Time derivative of an expression of any shape; `der(der(x))` for the second."""
+    e = as_expr(x)
+    return Expr("der", (e,), e.shape)
+
+
+def dot(x: Operand, y: Operand) -> Expr:
+    """Scalar product of two vectors of equal length."""
+    a, b = as_expr(x), as_expr(y)
+    if len(a.shape) != 1 or a.shape != b.shape:
+        raise shape_error("dot", a, b)
+    return Expr("matmul", (a, b), ())
+
+
+def cross(x: Operand, y: Operand) -> Expr:
+    """Vector product of two 3-vectors."""
+    a, b = as_expr(x), as_expr(y)
+    if a.shape != (3,) or b.shape != (3,):
+        raise shape_error("cross", a, b)
+    return Expr("cross", (a, b), (3,))
+
+
+def norm(x: Operand) -> Expr:
+    """Euclidean length of a vector."""
+    e = as_expr(x)
+    return sqrt(dot(e, e))
+
+
+def skew(x: Operand) -> Expr:
+    """The 3x3 matrix S with S @ v == cross(x, v)."""
+    e = as_expr(x)
+    if e.shape != (3,):
+        raise shape_error("skew", e)
+    return as_expr(((0.0, -e[2], e[1]), (e[2], 0.0, -e[0]), (-e[1], e[0], 0.0)))
+
+
+def identity(n: int = 3) -> Expr:
+    """The n x n unit matrix."""
+    return as_expr([[1.0 if i == j else 0.0 for j in range(n)] for i in range(n)])
+
+
+def zeros(*shape: int) -> Expr:
+    """A vector or matrix of zeros."""
+    size = math.prod(shape)
+    return Expr("const", (), tuple(shape), (0.0,) * size)

@@ -1,0 +1,75 @@
+"""Overconstrained connectors: what the spanning tree over frames is built from.
+
+A rotation matrix has nine entries and three degrees of freedom, so a closed loop of frames would state six
+equations too many. As the Modelica language does (3.6, section 9.4), components declare how their frames hang
+together; the flattener cuts each loop at a connection and puts three equations there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from acausal.errors import DeclarationError
+from acausal.language.component import Connector
+
+
+@dataclass(frozen=True)
+class Branch:
+    """Between these two connectors of one component a unique relation holds; never cut."""
+
+    a: Connector
+    b: Connector
+
+
+@dataclass(frozen=True)
+class Root:
+    """The connector's orientation is known absolutely."""
+
+    a: Connector
+
+
+@dataclass(frozen=True)
+class PotentialRoot:
+    """The connector becomes a root when its island has none; the smallest priority number first."""
+
+    a: Connector
+    priority: int = 0
+
+
+Tie = Branch | Root | PotentialRoot
+
+
+def branch(a: Connector, b: Connector) -> Branch:
+    """Declare, in `ties`, that the component relates the orientations of `a` and `b`."""
+    return Branch(a, b)
+
+
+def root(a: Connector) -> Root:
+    """Declare, in `ties`, that the component fixes the orientation of `a`."""
+    return Root(a)
+
+
+def potential_root(a: Connector, priority: int = 0) -> PotentialRoot:
+    """Declare, in `ties`, that the component can define the orientation of `a` when nobody else does."""
+    return PotentialRoot(a, priority)
+
+
+def _role(connector: Connector, key: str) -> bool:
+    roles: dict[str, bool] | None = connector.__dict__.get("_roles")
+    if roles is None:
+        raise DeclarationError(
+            "AC122",
+            f"the place of {connector._path_to('').rstrip('.')} in the tree of frames is not known yet",
+            help="ask rooted() and is_root() inside equations(), and declare branch(), root() in ties()",
+        )
+    return roles[key]
+
+
+def is_root(connector: Connector) -> bool:
+    """True when the flattener made this connector the root of its island; ask inside `equations`."""
+    return _role(connector, "is_root")
+
+
+def rooted(connector: Connector) -> bool:
+    """True when `connector` is nearer to the root than its partner in the branch; ask inside `equations`."""
+    return _role(connector, "rooted")
