@@ -1,0 +1,27 @@
+"""What all tests share: the reference data, a windowless plotting backend, and property tests without a stop watch."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+from hypothesis import settings
+
+# Set here, before any test can import matplotlib.
+os.environ["MPLBACKEND"] = "Agg"
+
+# Runs share the processor with others: a deadline per example would measure them, not the code.
+settings.register_profile("acausal", deadline=None, derandomize="CI" in os.environ)
+settings.load_profile("acausal")
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+@pytest.fixture(scope="session")
+def reference() -> Path:
+    """Folder of published problems and oracle numbers; the environment variable ACAUSAL_REFERENCE overrides it."""
+    folder = Path(os.environ.get("ACAUSAL_REFERENCE", ROOT.parent / "shared" / "reference"))
+    if not folder.is_dir():
+        pytest.skip(f"no reference data at {folder}; set ACAUSAL_REFERENCE to their folder")
+    return folder
