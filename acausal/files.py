@@ -51,7 +51,8 @@ def read(path: Path) -> Table:
         return reader(path)
     except OSError as error:
         raise UsageError("AC014", f"cannot read {path}: {error.strerror or error}") from error
-    except (ValueError, KeyError, IndexError, TypeError, StopIteration) as error:
+    except Exception as error:
+        # scipy, numpy and zipfile have a dozen ways, classes of their own among them, to say that bytes are no result.
         raise UsageError("AC014", f"cannot read {path} as a result", evidence=[str(error) or "empty file"]) from error
 
 
@@ -165,7 +166,8 @@ def write_npz(table: Table, file: BinaryIO) -> None:
 
 def read_npz(path: Path) -> Table:
     """Read what `write_npz` wrote."""
-    with np.load(path, allow_pickle=False) as content:
+    # numpy leaves a broken archive open when it opens it itself.
+    with path.open("rb") as file, np.load(file, allow_pickle=False) as content:
         rest = json.loads(str(content["rest"]))
         texts = zip(content["names"].tolist(), content["units"].tolist(), content["docs"].tolist(), strict=True)
         signals = {text[0]: Signal(*text, *data) for text, data in zip(texts, rest["signals"], strict=True)}

@@ -78,7 +78,8 @@ def read_mat(path: Path) -> Table:
     """
     from scipy.io import loadmat
 
-    content = loadmat(str(path), chars_as_strings=False)
+    with path.open("rb") as file:
+        content = loadmat(file, chars_as_strings=False)
     if "Aclass" not in content:
         raise ValueError("no matrix Aclass: this is not a result of Dymola, OpenModelica or acausal")
     head = _texts(content["Aclass"])

@@ -36,6 +36,7 @@ _STYLE: dict[Any, Any] = {
     "legend.fontsize": 8.0,
     "axes.prop_cycle": cycler(color=_COLORS),
     "axes.spines.top": False,
+    "axes.spines.right": False,
     "axes.edgecolor": "0.4",
     "axes.grid": True,
     "axes.axisbelow": True,
