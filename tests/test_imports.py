@@ -1,0 +1,196 @@
+"""The direction of imports: language <- flatten <- lower, and nothing sideways.
+
+Every import statement counts, also those inside functions and under TYPE_CHECKING: needing a name is a dependency at
+whatever moment it is satisfied. Only the test for cycles looks at what runs when a module is loaded.
+"""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from collections.abc import Iterator
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
+from typing import NamedTuple
+
+ROOT = Path(__file__).resolve().parents[1]
+
+# Which group may import which; everybody may import `errors` and `units`, and itself.
+ALLOWED: dict[str, set[str]] = {
+    "errors": set(),
+    "units": set(),
+    "panel": set(),
+    "language": {"panel"},
+    "flatten": {"language"},
+    "structure": set(),
+    "lower": {"language", "flatten", "structure"},
+    "result": set(),
+    "simulate": {"lower", "flatten", "structure", "result"},
+    "plot": {"simulate", "result", "lower", "panel"},
+    "export": {"simulate", "result", "lower"},
+    "cli": {"language", "flatten", "structure", "lower", "simulate", "result", "plot", "export", "panel"},
+    "library": {"public"},
+    "models": {"public", "library"},
+    # acausal/__init__.py hands out the names of every stage.
+    "public": {"language", "flatten", "lower", "simulate", "result", "plot", "export", "panel", "structure"},
+}
+EVERYBODY_MAY = {"errors", "units"}
+# Modules directly under acausal/ that are one concept in several files. `panel` is the description of a figure, which
+# a model carries, without the drawing.
+MEMBER_OF = {"result": "result", "signals": "result", "files": "result", "matfile": "result", "scale": "plot"}
+# An edge outside the table, by module, with its reason.
+EXCEPTIONS = {
+    ("acausal.result", "plot"): "Result.plot is a shorthand for acausal.plot, loaded when called",
+}
+
+HEAVY = {"casadi", "matplotlib", "scipy", "pandas", "xarray", "pint"}
+# Where CasADi has no place, not even inside a function.
+WITHOUT_CASADI = {"errors", "units", "language", "flatten", "structure", "result", "plot", "library", "models"}
+
+
+class Import(NamedTuple):
+    module: str
+    target: str
+    name: str | None
+    line: int
+    on_load: bool
+
+
+def sources() -> dict[str, Path]:
+    """All modules by dotted name; the links acausal/library and acausal/models are followed by their real folders."""
+    found: dict[str, Path] = {}
+    for folder, prefix in (("acausal", ""), ("library", "acausal."), ("models", "acausal.")):
+        for path in sorted((ROOT / folder).rglob("*.py")):
+            parts = path.relative_to(ROOT).with_suffix("").parts
+            if parts[:2] in (("acausal", "library"), ("acausal", "models")):
+                continue
+            found[prefix + ".".join(p for p in parts if p != "__init__")] = path
+    return found
+
+
+SOURCES = sources()
+
+
+def group(module: str) -> str:
+    """The row of the table a module belongs to."""
+    if module == "acausal":
+        return "public"
+    head = module.split(".")[1]
+    return MEMBER_OF.get(head, head)
+
+
+def imports(module: str) -> Iterator[Import]:
+    """Every import of an `acausal` module or of a foreign package in `module`."""
+    path = SOURCES[module]
+    package = module if path.name == "__init__.py" else module.rpartition(".")[0]
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    deferred = {
+        id(inner)
+        for outer in ast.walk(tree)
+        if isinstance(outer, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda)
+        or (isinstance(outer, ast.If) and "TYPE_CHECKING" in ast.unparse(outer.test))
+        for inner in ast.walk(outer)
+    }
+    for node in ast.walk(tree):
+        on_load = id(node) not in deferred
+        if isinstance(node, ast.Import):
+            for alias in node.names:
+                yield Import(module, alias.name, None, node.lineno, on_load)
+        elif isinstance(node, ast.ImportFrom):
+            origin = node.module or ""
+            if node.level:
+                parents = package.split(".")[: len(package.split(".")) - node.level + 1]
+                origin = ".".join([*parents, *([node.module] if node.module else [])])
+            for alias in node.names:
+                full = f"{origin}.{alias.name}"
+                submodule = full in SOURCES
+                yield Import(module, full if submodule else origin, alias.name, node.lineno, on_load)
+
+
+def own(edge: Import) -> bool:
+    return edge.target.split(".")[0] == "acausal"
+
+
+def describe(edge: Import) -> str:
+    return f"{SOURCES[edge.module].relative_to(ROOT)}:{edge.line}: {group(edge.module)} -> {edge.target}"
+
+
+def test_every_import_follows_the_table() -> None:
+    wrong = []
+    for module in SOURCES:
+        here = group(module)
+        for edge in filter(own, imports(module)):
+            there = group(edge.target)
+            allowed = {here, *EVERYBODY_MAY, *ALLOWED.get(here, set())}
+            if there not in allowed and (module, there) not in EXCEPTIONS:
+                wrong.append(f"{describe(edge)}; allowed: {', '.join(sorted(allowed))}")
+    assert not wrong, "\n" + "\n".join(wrong)
+
+
+def test_every_module_has_a_row() -> None:
+    """A new module under acausal/ is placed in the table on purpose."""
+    assert {module for module in SOURCES if group(module) not in ALLOWED} == set()
+
+
+def test_the_table_has_no_cycle() -> None:
+    list(TopologicalSorter(ALLOWED).static_order())
+
+
+def test_no_modules_load_each_other() -> None:
+    graph = {m: {e.target for e in imports(m) if e.on_load and own(e) and e.target != m} for m in SOURCES}
+    try:
+        list(TopologicalSorter(graph).static_order())
+    except CycleError as error:
+        raise AssertionError(" -> ".join(error.args[1])) from None
+
+
+def test_imported_modules_exist() -> None:
+    missing = [describe(e) for m in SOURCES for e in imports(m) if own(e) and e.target not in SOURCES]
+    assert not missing, "\n" + "\n".join(missing)
+
+
+def test_library_and_models_use_public_names_only() -> None:
+    """The library is the first honest user of the language: what it needs, every user can have."""
+    public = {e.name for e in imports("acausal") if own(e)}
+    wrong = [
+        describe(e) + f".{e.name}"
+        for m in SOURCES
+        if group(m) in ("library", "models")
+        for e in imports(m)
+        if e.target == "acausal" and e.name not in public
+    ]
+    assert not wrong, "\n" + "\n".join(wrong)
+
+
+def test_casadi_stays_behind_the_lowering() -> None:
+    """Exception: the collision kernel of library/contact calls back from CasADi."""
+    wrong = [
+        describe(e)
+        for m in SOURCES
+        if group(m) in WITHOUT_CASADI and not m.startswith("acausal.library.contact")
+        for e in imports(m)
+        if e.target.split(".")[0] == "casadi"
+    ]
+    assert not wrong, "\n" + "\n".join(wrong)
+
+
+def loaded_by(statement: str) -> set[str]:
+    """Heavy packages in memory after `statement` in a fresh interpreter."""
+    program = f"import sys\n{statement}\nprint(*[m for m in {sorted(HEAVY)!r} if m in sys.modules])"
+    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, cwd=ROOT, check=False)
+    assert run.returncode == 0, run.stderr
+    return set(run.stdout.split())
+
+
+def test_import_acausal_is_light() -> None:
+    assert loaded_by("import acausal") == set()
+
+
+def test_command_line_help_is_light() -> None:
+    assert loaded_by("import acausal.cli.main") == set()
+
+
+def test_libraries_are_light() -> None:
+    names = [m for m in SOURCES if group(m) == "library" and not m.startswith("acausal.library.contact")]
+    assert loaded_by("\n".join(f"import {name}" for name in names)) == set()
