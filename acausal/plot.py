@@ -74,7 +74,7 @@ class _Group:
             # Several meanings on one axis are told apart by the legend.
             lines = [] if len(docs) > 1 else [lines[0], lines[1] + " …"]
         if lines and len(lines[-1]) + len(self.scale.label) < _LABEL_WIDTH:
-            lines[-1] += f" {self.scale.label}"
+            lines[-1] = f"{lines[-1]} {self.scale.label}".rstrip()
             return "\n".join(lines)
         return "\n".join([*lines, self.scale.label]).strip()
 

@@ -159,7 +159,7 @@ class Result:
             )
         shape, signals = self.elements(name)
         if name == "time":
-            values = flat
+            values: Array = flat
         else:
             values = self._assemble(signals, shape, flat.size, lambda columns: self._rows(flat, columns, slack))
         values = values.reshape(times.shape + shape)

@@ -153,12 +153,16 @@ def test_a_folder_in_the_way(result: Result, tmp_path: Path) -> None:
 def test_a_write_that_fails_leaves_the_old_file(tmp_path: Path) -> None:
     path = tmp_path / "run.csv"
     path.write_text("old")
-    with pytest.raises(UsageError, match="disk full"), atomic(path) as file:
-        file.write(b"half")
-        raise OSError(28, "disk full")
-    with pytest.raises(KeyboardInterrupt), atomic(path) as file:
-        file.write(b"half")
-        raise KeyboardInterrupt
+
+    def fail(error: BaseException) -> None:
+        with atomic(path) as file:
+            file.write(b"half")
+            raise error
+
+    with pytest.raises(UsageError, match="disk full"):
+        fail(OSError(28, "disk full"))
+    with pytest.raises(KeyboardInterrupt):
+        fail(KeyboardInterrupt())
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
 

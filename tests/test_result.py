@@ -11,6 +11,7 @@ import sys
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from acausal.errors import InternalError, UsageError
 from acausal.result import Event, Result, Signal
@@ -20,7 +21,7 @@ TIME = np.array([0.0, 0.5, 1.0, 1.5, 2.0, 2.0, 3.0, 4.0])
 AFTER = np.arange(8) > 4
 
 
-def motion(t: Array, after: Array) -> Array:
+def motion(t: Array, after: NDArray[np.bool_]) -> Array:
     """Columns s and v."""
     s = np.where(after, 4.0 - 3.0 * (t - 2.0), t**2)
     return np.column_stack([s, np.where(after, -3.0, 2.0 * t)])
@@ -95,7 +96,7 @@ def test_what_is_read_is_a_copy() -> None:
 
 
 def test_unknown_name_names_the_nearest() -> None:
-    with pytest.raises(UsageError, match="Kick has no signal 'mas.s'") as caught:
+    with pytest.raises(UsageError, match=r"Kick has no signal 'mas\.s'") as caught:
         make()["mas.s"]
     assert caught.value.code == "AC010"
     assert "mass.s" in caught.value.evidence[0]
@@ -154,7 +155,7 @@ def test_dense_output_serves_times_between_points_only() -> None:
 
     def dense(t: float) -> Array:
         asked.append(t)
-        return motion(np.array([t]), np.array([t >= 2.0]))[0]
+        return motion(np.array([t]), np.array([t >= 2.0])).ravel()
 
     r = make(dense=dense)
     values = np.asarray(r.at([[0.3, 1.0], [2.0, 3.5]], "body.r_0"))

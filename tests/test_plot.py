@@ -1,0 +1,214 @@
+"""Plots: what is on which axes, in which unit; the picture files; the choice of prefixes."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+
+from acausal.errors import UnitError, UsageError
+from acausal.panel import Panel
+from acausal.plot import figure, plot, show
+from acausal.result import Event, Result, Signal
+from acausal.scale import Scale, readable, to_unit
+
+TIME = np.linspace(0.0, 4.0, 9)
+SIGNALS = (
+    Signal("drill.s", "m", "Depth", 0),
+    Signal("drill.s_tar", "m", "Drilled depth", 0, sign=-1),
+    Signal("drill.F_f", "N", "Feed force", 1),
+    Signal("eps", "m", "Roughness", 2),
+    Signal("still", "m", "", value=0.0),
+    Signal("T", "K", "Temperature", value=300.0),
+    Signal("n", "", "Count", value=3.0),
+    *(Signal(f"body.v[{i}]", "m/s", "Velocity", 1) for i in range(3)),
+)
+
+
+@pytest.fixture
+def result() -> Result:
+    trajectories = np.column_stack([4e-3 * TIME, 500.0 * TIME, 1e-8 * TIME])
+    events = (Event(1.0, "gap > 0"), Event(1.0, "same time"), Event(3.0, "through"))
+    return Result("Drill", TIME, trajectories, {s.name: s for s in SIGNALS}, events)
+
+
+def lines(ax: Axes) -> dict[str, np.ndarray]:
+    return {str(line.get_label()): np.asarray(line.get_ydata()) for line in ax.get_lines()}
+
+
+def test_one_panel_per_unit_in_readable_units(result: Result) -> None:
+    depth, force = plot(result, "drill.s", "drill.F_f", "drill.s_tar").axes
+    assert list(lines(depth)) == ["drill.s", "drill.s_tar"]
+    # 4e-3 m/s for 4 s are 16 mm; 500 N/s for 4 s are 2 kN.
+    assert lines(depth)["drill.s"][-1] == pytest.approx(16.0)
+    assert lines(depth)["drill.s_tar"][-1] == pytest.approx(-16.0)
+    assert depth.get_ylabel() == "Depth, Drilled depth [mm]"
+    assert lines(force)["drill.F_f"][-1] == pytest.approx(2.0)
+    assert force.get_ylabel() == "Feed force [kN]"
+    assert force.get_xlabel() == "Time [s]"
+
+
+def test_magnitudes_a_thousand_times_apart_are_parted(result: Result) -> None:
+    depth, tiny = plot(result, "drill.s", "eps", "still").axes
+    assert list(lines(depth)) == ["drill.s", "still"]
+    assert tiny.get_ylabel() == "Roughness [nm]"
+
+
+def test_events_are_thin_lines_drawn_once(result: Result) -> None:
+    (ax,) = plot(result, "drill.s").axes
+    (marks,) = [c for c in ax.collections if isinstance(c, LineCollection)]
+    assert [segment[0][0] for segment in marks.get_segments()] == [1.0, 3.0]
+
+
+def test_together_uses_a_second_axis(result: Result) -> None:
+    left, right = plot(result, "drill.s", "drill.F_f", together=True).axes
+    assert left.get_ylabel() == "Depth [mm]"
+    assert right.get_ylabel() == "Feed force [kN]"
+    legend = left.get_legend()
+    assert legend is not None
+    assert [text.get_text() for text in legend.get_texts()] == ["drill.s", "drill.F_f"]
+    with pytest.raises(UsageError, match="one panel cannot show 3 units") as caught:
+        plot(result, "drill.s", "drill.F_f", "T", together=True)
+    assert caught.value.code == "AC016"
+
+
+def test_against_another_signal(result: Result) -> None:
+    (ax,) = plot(result, "drill.F_f", against="drill.s").axes
+    assert ax.get_xlabel() == "Depth [mm]"
+    assert np.asarray(ax.get_lines()[0].get_xdata())[-1] == pytest.approx(16.0)
+    assert not ax.collections
+    with pytest.raises(UsageError, match="is an array"):
+        plot(result, "drill.F_f", against="body.v")
+
+
+def test_arrays_draw_one_line_per_element(result: Result) -> None:
+    (ax,) = plot(result, "body.v").axes
+    assert list(lines(ax)) == ["body.v[0]", "body.v[1]", "body.v[2]"]
+
+
+def test_figure_of_a_model(result: Result) -> None:
+    panels = [Panel(("drill.s",), "Depth", unit="cm"), Panel(("T",), unit="degC"), Panel(("n",))]
+    drawing = figure(result, panels, title="", xlabel="t")
+    depth, temperature, count = drawing.axes
+    assert depth.get_title(loc="left") == "Depth"
+    assert lines(depth)["drill.s"][-1] == pytest.approx(1.6)
+    assert depth.get_ylabel() == "Depth [cm]"
+    # 300 K - 273.15 K
+    assert lines(temperature)["T"][0] == pytest.approx(26.85)
+    assert count.get_ylabel() == "Count"
+    assert count.get_xlabel() == "t"
+    assert depth.get_xlabel() == ""
+
+
+def test_many_panels_take_two_columns(result: Result) -> None:
+    drawing = figure(result, [Panel(("drill.s",))] * 7)
+    assert len(drawing.axes) == 7
+    # The lowest panel of each column carries the label: the third row right, the fourth left.
+    assert [bool(ax.get_xlabel()) for ax in drawing.axes] == [False] * 5 + [True, True]
+
+
+def test_a_wrong_unit_is_refused(result: Result) -> None:
+    with pytest.raises(UnitError):
+        figure(result, [Panel(("drill.s",), unit="kg")])
+
+
+def test_nothing_to_draw_is_refused(result: Result) -> None:
+    with pytest.raises(UsageError, match="no signal is named"):
+        plot(result)
+    with pytest.raises(UsageError, match="at least one panel"):
+        figure(result, [])
+    with pytest.raises(UsageError, match="names no signal"):
+        figure(result, [Panel(())])
+
+
+@pytest.mark.parametrize(("suffix", "magic"), [(".png", b"\x89PNG"), (".svg", b"<?xml"), (".pdf", b"%PDF")])
+def test_pictures_are_written_and_reproducible(result: Result, tmp_path: Path, suffix: str, magic: bytes) -> None:
+    first, second = tmp_path / f"a{suffix}", tmp_path / f"b{suffix}"
+    result.plot("drill.s", file=first)
+    result.plot("drill.s", file=second)
+    assert first.read_bytes().startswith(magic)
+    assert first.read_bytes() == second.read_bytes()
+
+
+def test_png_has_150_dots_per_inch(result: Result, tmp_path: Path) -> None:
+    drawing = plot(result, "drill.s", file=tmp_path / "a.png")
+    # Bytes 16 to 24 of a PNG are its width and height (W3C PNG specification, 11.2.2).
+    size = np.frombuffer((tmp_path / "a.png").read_bytes()[16:24], ">i4")
+    assert size.tolist() == (drawing.get_size_inches() * 150).astype(int).tolist()
+
+
+def test_wrong_files_are_refused(result: Result, tmp_path: Path) -> None:
+    for name, code in (("a.xyz", "AC013"), ("nowhere/a.png", "AC012")):
+        with pytest.raises(UsageError) as caught:
+            plot(result, "drill.s", file=tmp_path / name)
+        assert caught.value.code == code
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_values_that_are_not_finite_or_equal_to_rounding(result: Result) -> None:
+    values = np.column_stack([np.full(9, np.nan), 5.0 + 1e-15 * TIME])
+    r = Result("M", TIME, values, {"bad": Signal("bad", "N", column=0), "flat": Signal("flat", "W", column=1)})
+    _, flat = plot(r, "bad", "flat").axes
+    assert flat.get_ylim() == pytest.approx((4.5, 5.5))
+
+
+def test_no_window_without_a_display(result: Result) -> None:
+    import matplotlib
+
+    with matplotlib.rc_context({"backend": "agg"}), pytest.raises(UsageError, match="no display"):
+        show(plot(result, "drill.s"))
+
+
+def test_plotting_to_a_file_does_not_load_pyplot() -> None:
+    code = "import sys, acausal.plot; print('matplotlib.pyplot' in sys.modules)"
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert out.strip() == "False"
+
+
+@pytest.mark.parametrize(
+    ("unit", "magnitude", "shown", "factor"),
+    [
+        ("m", 0.016, "mm", 1e3),
+        ("m", 0.5, "m", 1.0),
+        ("m", 5e7, "km", 1e-3),
+        ("N", 2300.0, "kN", 1e-3),
+        ("N", 1000.0, "kN", 1e-3),
+        ("N", 999.0, "N", 1.0),
+        ("Pa", 2.3e8, "MPa", 1e-6),
+        ("N/m2", 1.7e9, "N/mm2", 1e-6),
+        ("N/m", 4.2e7, "MN/m", 1e-6),
+        ("N.m", 0.02, "mN.m", 1e3),
+        ("m/s", 2e-4, "um/s", 1e6),
+        ("m2", 3e-6, "mm2", 1e6),
+        ("m3", 5e-8, "mm3", 1e9),
+        ("s", 1e5, "s", 1.0),
+        ("s", 2e-3, "ms", 1e3),
+        ("A", 1e-15, "pA", 1e12),
+        ("mm", 1e-5, "mm", 1.0),
+        ("kg", 1e-5, "kg", 1.0),
+        ("mol", 1e-5, "mol", 1.0),
+        ("rad/s", 1e5, "rad/s", 1.0),
+        ("", 1e9, "", 1.0),
+        ("N", 0.0, "N", 1.0),
+        ("N", float("inf"), "N", 1.0),
+    ],
+)
+def test_prefixes(unit: str, magnitude: float, shown: str, factor: float) -> None:
+    scale = readable(unit, magnitude)
+    assert scale.unit == shown
+    assert scale.slope == pytest.approx(factor, rel=1e-15)
+    if unit:
+        # The prefix agrees with the unit system.
+        assert to_unit(unit, shown).slope == pytest.approx(factor, rel=1e-12)
+
+
+def test_labels_are_typeset() -> None:
+    assert Scale("um/s2").label == "[\u00b5m/s$^{2}$]"
+    assert Scale("kN.m").label == "[kN\u00b7m]"
+    assert Scale("kOhm").label == "[k\u03a9]"
+    assert Scale("1").label == ""
