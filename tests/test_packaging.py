@@ -16,12 +16,18 @@ ROOT = Path(__file__).resolve().parents[1]
 
 
 @pytest.fixture(scope="module")
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> list[zipfile.ZipInfo]:
-    """Entries of a wheel built from a copy, so that no build folder is left in the repository."""
-    folder = tmp_path_factory.mktemp("packaging")
-    source = folder / "source"
+def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A copy, so that a build leaves no folder in the repository."""
+    copy = tmp_path_factory.mktemp("packaging") / "source"
     skipped = shutil.ignore_patterns(".git", ".venv", "*.egg-info", "build", "dist", "__pycache__", ".*_cache")
-    shutil.copytree(ROOT, source, symlinks=True, ignore=skipped)
+    shutil.copytree(ROOT, copy, symlinks=True, ignore=skipped)
+    return copy
+
+
+@pytest.fixture(scope="module")
+def wheel(source: Path) -> list[zipfile.ZipInfo]:
+    """Entries of the wheel."""
+    folder = source.parent
     command = [sys.executable, "-m", "pip", "wheel", "--no-deps", "--no-build-isolation", "-q", "-w"]
     command += [str(folder), str(source)]
     build = subprocess.run(command, capture_output=True, text=True, check=False, env=os.environ | {"PIP_NO_INDEX": "1"})
@@ -37,13 +43,13 @@ def test_wheel_holds_only_the_package(wheel: list[zipfile.ZipInfo]) -> None:
     assert len(tops) == 2
 
 
-def test_wheel_holds_every_module(wheel: list[zipfile.ZipInfo]) -> None:
+def test_wheel_holds_every_module(source: Path, wheel: list[zipfile.ZipInfo]) -> None:
     """Also those of library/ and models/, which reach the package through links."""
     names = {entry.filename for entry in wheel}
-    expected = {path.relative_to(ROOT).as_posix() for path in (ROOT / "acausal").rglob("*.py")}
+    expected = {path.relative_to(source).as_posix() for path in (source / "acausal").rglob("*.py")}
     for folder in ("library", "models"):
-        expected |= {f"acausal/{path.relative_to(ROOT).as_posix()}" for path in (ROOT / folder).rglob("*.py")}
-    assert expected <= names, f"not in the wheel: {sorted(expected - names)}; is an __init__.py missing?"
+        expected |= {f"acausal/{path.relative_to(source).as_posix()}" for path in (source / folder).rglob("*.py")}
+    assert expected <= names, f"not in the wheel: {sorted(expected - names)}"
     assert "acausal/py.typed" in names
 
 

@@ -64,8 +64,8 @@ NAMES = ["m", "kg", "s", "A", "K", "mol", "cd", "N", "Pa", "V", "mm", "kN", "rad
         ("1 in", "m", 0.0254),
         ("1 psi", "Pa", 6894.757293168),
         ("32 degF", "K", 273.15),
-        # Names of pint only.
-        ("1 furlong", "m", 660 * 1200 / 3937),
+        # Names of pint only: SI brochure, 8th edition, table 8.
+        ("1 knot", "m/s", 1852 / 3600),
         ("1 inches", "m", 0.0254),
         ("2 newton", "N", 2.0),
     ],
