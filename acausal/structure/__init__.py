@@ -1,0 +1,24 @@
+"""Structure of equation systems: graphs of integers in, vectors of integers out.
+
+No language and no CasADi here: what a row or a column means stays with the caller.
+"""
+
+from __future__ import annotations
+
+from acausal.structure.alias import AliasClasses as AliasClasses
+from acausal.structure.alias import classes as classes
+from acausal.structure.alias import cycle as cycle
+from acausal.structure.blt import Block as Block
+from acausal.structure.blt import blocks as blocks
+from acausal.structure.diagnose import DulmageMendelsohn as DulmageMendelsohn
+from acausal.structure.diagnose import Subset as Subset
+from acausal.structure.diagnose import dulmage_mendelsohn as dulmage_mendelsohn
+from acausal.structure.diagnose import minimal_over as minimal_over
+from acausal.structure.diagnose import minimal_under as minimal_under
+from acausal.structure.graph import BoolArray as BoolArray
+from acausal.structure.graph import Incidence as Incidence
+from acausal.structure.graph import IntArray as IntArray
+from acausal.structure.graph import inverse as inverse
+from acausal.structure.matching import match as match
+from acausal.structure.tearing import Tearing as Tearing
+from acausal.structure.tearing import tear as tear

@@ -1,0 +1,99 @@
+"""Block lower triangular form: which equations must be solved together, and in which order."""
+
+from __future__ import annotations
+
+import heapq
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.csgraph import connected_components
+
+from acausal.errors import InternalError
+from acausal.structure.graph import Incidence, IntArray, inverse
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """Equations that can only be solved together, for as many unknowns.
+
+    `rows` is ascending; `columns[k]` is the column `rows[k]` is matched to.
+    """
+
+    rows: tuple[int, ...]
+    columns: tuple[int, ...]
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+
+def blocks(incidence: Incidence, row_to_column: IntArray) -> tuple[Block, ...]:
+    """Irreducible blocks in an order in which they can be solved one after the other.
+
+    Of all such orders the one that takes, at each step, the solvable block with the smallest row: it follows the order
+    of the source as far as possible and does not change with the version of SciPy.
+
+    Parameters
+    ----------
+    incidence
+        The graph. A column no row is matched to counts as known.
+    row_to_column
+        Shape (n_rows,): a matching of every row, see `matching.match`.
+
+    Raises InternalError (AC902) when a row is unmatched: such systems go to `diagnose`, not here.
+
+    Source: Tarjan, "Depth-first search and linear graph algorithms", SIAM J. Comput. 1 (1972), for the strong
+    components (SciPy's iterative one); Kahn, "Topological sorting of large networks", CACM 5 (1962), for the order.
+    """
+    n_rows = incidence.n_rows
+    if n_rows == 0:
+        return ()
+    if np.any(row_to_column < 0):
+        unmatched = int(np.argmax(row_to_column < 0))
+        raise InternalError("AC902", f"row {unmatched} is not matched: block triangular form needs every row matched")
+    needed = inverse(row_to_column, incidence.n_columns)[incidence.indices]
+    user = incidence.row_of_entry
+    inner = (needed >= 0) & (needed != user)
+    user, needed = user[inner], needed[inner]
+
+    component = _components(user, needed, n_rows)
+    order = _topological(component[needed], component[user], int(component.max()) + 1)
+
+    # Rows grouped by component; ascending inside because the sort is stable.
+    by_component = np.argsort(component, kind="stable")
+    rows = by_component.tolist()
+    columns = row_to_column[by_component].tolist()
+    ends = np.cumsum(np.bincount(component)).tolist()
+    starts = [0, *ends[:-1]]
+    return tuple(Block(tuple(rows[starts[k] : ends[k]]), tuple(columns[starts[k] : ends[k]])) for k in order)
+
+
+def _components(user: IntArray, needed: IntArray, n_rows: int) -> IntArray:
+    """Strong component of each row, numbered by the smallest row in it."""
+    edges = sparse.csr_array((np.ones(len(user)), (user, needed)), shape=(n_rows, n_rows))
+    _, labels = connected_components(edges, directed=True, connection="strong")
+    # SciPy's labels happen to be sorted topologically, which it does not promise: only the partition is used.
+    _, first, compact = np.unique(labels, return_index=True, return_inverse=True)
+    number = np.empty(len(first), dtype=np.int64)
+    number[np.argsort(first)] = np.arange(len(first))
+    return np.asarray(number[compact], dtype=np.int64)
+
+
+def _topological(before: IntArray, after: IntArray, count: int) -> list[int]:
+    """Components so that `before[k]` precedes `after[k]`; the smallest number first where there is a choice."""
+    outer = before != after
+    keys = np.unique(before[outer] * count + after[outer])
+    source, target = keys // count, keys % count
+    waiting = np.bincount(target, minlength=count).tolist()
+    starts = np.searchsorted(source, np.arange(count + 1)).tolist()
+    targets = target.tolist()
+    ready = [k for k in range(count) if waiting[k] == 0]
+    order: list[int] = []
+    while ready:
+        k = heapq.heappop(ready)
+        order.append(k)
+        for j in targets[starts[k] : starts[k + 1]]:
+            waiting[j] -= 1
+            if waiting[j] == 0:
+                heapq.heappush(ready, j)
+    return order

@@ -1,0 +1,258 @@
+"""Tearing: a block of n equations as a short explicit sequence around a few iterated unknowns."""
+
+from __future__ import annotations
+
+import heapq
+from collections import deque
+from collections.abc import Callable, Sequence
+from collections.abc import Set as AbstractSet
+from dataclasses import dataclass
+
+from acausal.errors import InternalError
+from acausal.structure.graph import Incidence
+
+# Columns whose consequences are followed to the end before one of them is torn.
+_CANDIDATES = 32
+
+
+@dataclass(frozen=True)
+class Tearing:
+    """How to evaluate a block: guess the torn columns, run the sequence, look at the residual rows.
+
+    Parameters
+    ----------
+    torn
+        Columns iterated upon, in the order they were chosen.
+    residual
+        Rows left over for the iteration, ascending; as many as `torn`.
+    sequence
+        Pairs (row, column): solve the row for the column, one after the other. Apart from its own column a row
+        contains only torn columns and columns solved before it.
+    """
+
+    torn: tuple[int, ...]
+    residual: tuple[int, ...]
+    sequence: tuple[tuple[int, int], ...]
+
+
+def tear(
+    incidence: Incidence,
+    solvable: Callable[[int, int], bool] | AbstractSet[tuple[int, int]],
+    weight: Sequence[float] | None = None,
+) -> Tearing:
+    """Tear one square block, in its local numbering.
+
+    Finding the fewest torn columns is NP-complete; this is the greedy heuristic of Cellier. Whatever follows is settled
+    first, and costs nothing: a row with one column left is solved for it; a column that occurs in one row only is
+    solved from it at the end; a row that can be solved for nothing is a residual; a column that no row can be solved
+    for is torn. When nothing follows, one column is torn. Cellier's criteria for it are the largest row, in it the
+    column in most rows, of these the one that makes most rows causal. Here the last comes first (counted one step
+    ahead for all columns, to the end for the best `_CANDIDATES` of them), then the number of rows; the size of the row
+    is left out. On 19 circuits, linkages and random blocks this never tore more than the original order of criteria,
+    and a tenth of it (one per joint) in a linkage where not every pair is solvable. Near-linear in the entries.
+
+    The fewest torn columns are not the best conditioned choice: a long ladder torn once is solved by shooting from one
+    end. Large linear blocks belong to a sparse elimination.
+
+    Parameters
+    ----------
+    incidence
+        The block; strongly connected for a sensible result, though any square graph is torn validly.
+    solvable
+        Which (row, column) pairs may be solved explicitly, as a set or a predicate; asked once per entry.
+    weight
+        Shape (n,): preference of a column to be torn. 1 counts as much as one row made causal by tearing it, a
+        fraction only decides between equals; none given means all 0.
+
+    Raises InternalError (AC905) when the block is not square.
+
+    Source: Elmqvist and Otter, "Methods for tearing systems of equations in object-oriented modeling", ESM 1994;
+    Cellier and Kofman, "Continuous System Simulation" (2006), chapter 7; solvability as in Täuber, Ochel, Willert and
+    Bachmann, "Practical realization and adaptation of Cellier's tearing method", EOOLT 2014.
+    """
+    n = incidence.n_rows
+    if n != incidence.n_columns:
+        raise InternalError("AC905", f"a block of {n} equations in {incidence.n_columns} unknowns cannot be torn")
+    block = _Remainder(incidence, solvable, [0.0] * n if weight is None else list(weight))
+    torn: list[int] = []
+    first: list[tuple[int, int]] = []
+    last: list[tuple[int, int]] = []
+    while True:
+        if (pair := block.next_forward()) is not None:
+            first.append(pair)
+        elif (pair := block.next_backward()) is not None:
+            last.append(pair)
+        elif (column := block.next_torn()) is not None:
+            torn.append(column)
+        else:
+            break
+    sequence = (*first, *reversed(last))
+    return Tearing(tuple(torn), tuple(sorted(set(range(n)).difference(row for row, _ in sequence))), sequence)
+
+
+class _Remainder:
+    """Rows and columns not yet assigned, with the counts that say what follows causally.
+
+    Internal to `tear` and mutable, because every step changes a few counts of large lists.
+    """
+
+    def __init__(
+        self,
+        incidence: Incidence,
+        solvable: Callable[[int, int], bool] | AbstractSet[tuple[int, int]],
+        weight: Sequence[float],
+    ) -> None:
+        n = incidence.n_rows
+        self.columns_of = incidence.rows()
+        self.rows_of = incidence.transpose().rows()
+        allowed = solvable if callable(solvable) else lambda row, column: (row, column) in solvable
+        self.solvable = {(r, c) for r, columns in enumerate(self.columns_of) for c in columns if allowed(r, c)}
+        self.row_open = [True] * n
+        self.column_open = [True] * n
+        # A count of one leaves the sum as the one index that remains: no search for it.
+        self.row_count = [len(columns) for columns in self.columns_of]
+        self.row_sum = [sum(columns) for columns in self.columns_of]
+        self.column_count = [len(rows) for rows in self.rows_of]
+        self.column_sum = [sum(rows) for rows in self.rows_of]
+        self.forward = deque(r for r in range(n) if self.row_count[r] == 1)
+        self.backward = deque(c for c in range(n) if self.column_count[c] == 1)
+        # Partners left that a row can be solved for, and rows left that can be solved for a column.
+        self.row_choices = [0] * n
+        self.column_choices = [0] * n
+        for row, column in self.solvable:
+            self.row_choices[row] += 1
+            self.column_choices[column] += 1
+        self.lost = deque(c for c in range(n) if self.column_choices[c] == 0)
+        self.weight = weight
+        # gain[c]: rows that contain c and one other open column, and can be solved for that one.
+        self.gain = [0] * n
+        self.heap: list[tuple[float, int, int]] = []
+        for row in range(n):
+            if self.row_count[row] == 2:
+                self._change_gains(row, 1)
+        self.heap = [self._priority(c) for c in range(n)]
+        heapq.heapify(self.heap)
+        for row in range(n):
+            if self.row_choices[row] == 0:
+                self._close_row(row)
+
+    def next_forward(self) -> tuple[int, int] | None:
+        """Assign a row in which one column is left."""
+        while self.forward:
+            row = self.forward.popleft()
+            pair = (row, self.row_sum[row])
+            if self.row_open[row] and self.row_count[row] == 1 and pair in self.solvable:
+                self._close(*pair)
+                return pair
+        return None
+
+    def next_backward(self) -> tuple[int, int] | None:
+        """Assign a column that is left in one row only; that row can wait until all else is known."""
+        while self.backward:
+            column = self.backward.popleft()
+            pair = (self.column_sum[column], column)
+            if self.column_open[column] and self.column_count[column] == 1 and pair in self.solvable:
+                self._close(*pair)
+                return pair
+        return None
+
+    def next_torn(self) -> int | None:
+        """Declare an open column known; None when no column is left."""
+        while self.lost:
+            column = self.lost.popleft()
+            if self.column_open[column]:
+                self._close_column(column)
+                return column
+        candidates: list[tuple[float, int, int]] = []
+        while self.heap and len(candidates) < _CANDIDATES:
+            entry = heapq.heappop(self.heap)
+            column = entry[2]
+            if not self.column_open[column] or (candidates and entry == candidates[-1]):
+                continue
+            # Entries are pushed when a column gets better; one that got worse since is put back in its place.
+            if entry == (now := self._priority(column)):
+                candidates.append(entry)
+            else:
+                heapq.heappush(self.heap, now)
+        if not candidates:
+            return None
+        best = min(candidates, key=lambda entry: (-self._consequences(entry[2]) - self.weight[entry[2]], *entry))
+        for entry in candidates:
+            if entry is not best:
+                heapq.heappush(self.heap, entry)
+        self._close_column(best[2])
+        return best[2]
+
+    def _consequences(self, column: int) -> int:
+        """Number of rows that follow one after the other once the column is known; changes nothing."""
+        if self.gain[column] == 0:
+            return 0
+        count: dict[int, int] = {}
+        total: dict[int, int] = {}
+        known = {column}
+        used: set[int] = set()
+        queue = [column]
+        while queue:
+            column = queue.pop()
+            for row in self.rows_of[column]:
+                if not self.row_open[row] or row in used:
+                    continue
+                count[row] = count.get(row, self.row_count[row]) - 1
+                total[row] = total.get(row, self.row_sum[row]) - column
+                if count[row] == 1 and total[row] not in known and (row, total[row]) in self.solvable:
+                    used.add(row)
+                    known.add(total[row])
+                    queue.append(total[row])
+        return len(used)
+
+    def _priority(self, column: int) -> tuple[float, int, int]:
+        return (-self.gain[column] - self.weight[column], -self.column_count[column], column)
+
+    def _close(self, row: int, column: int) -> None:
+        self._close_row(row)
+        self._close_column(column)
+
+    def _close_row(self, row: int) -> None:
+        if self.row_count[row] == 2:
+            self._change_gains(row, -1)
+        self.row_open[row] = False
+        for column in self.columns_of[row]:
+            if self.column_open[column]:
+                self.column_count[column] -= 1
+                self.column_sum[column] -= row
+                if self.column_count[column] == 1:
+                    self.backward.append(column)
+                if (row, column) in self.solvable:
+                    self.column_choices[column] -= 1
+                    if self.column_choices[column] == 0:
+                        self.lost.append(column)
+
+    def _close_column(self, column: int) -> None:
+        for row in self.rows_of[column]:
+            if not self.row_open[row]:
+                continue
+            if self.row_count[row] == 2:
+                self._change_gains(row, -1)
+                self.forward.append(row)
+            self.row_count[row] -= 1
+            self.row_sum[row] -= column
+        self.column_open[column] = False
+        for row in self.rows_of[column]:
+            if not self.row_open[row]:
+                continue
+            if self.row_count[row] == 2:
+                self._change_gains(row, 1)
+            if (row, column) in self.solvable:
+                self.row_choices[row] -= 1
+                if self.row_choices[row] == 0:
+                    # Nothing left it could be solved for: a residual, whatever else is decided.
+                    self._close_row(row)
+
+    def _change_gains(self, row: int, step: int) -> None:
+        """Count (+1) or uncount (-1) a row with exactly two open columns."""
+        a, b = (c for c in self.columns_of[row] if self.column_open[c])
+        for column, other in ((a, b), (b, a)):
+            if (row, other) in self.solvable:
+                self.gain[column] += step
+                if step > 0 and self.heap:
+                    heapq.heappush(self.heap, self._priority(column))
