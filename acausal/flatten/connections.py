@@ -1,0 +1,155 @@
+"""Connection sets: which connectors share their potentials, and whose flows sum to zero."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from acausal.errors import DeclarationError
+from acausal.flatten.instances import Instance
+from acausal.language.component import Component, Connector
+from acausal.language.connect import Connection
+from acausal.language.declare import Kind
+from acausal.language.expression import Symbol
+from acausal.language.origin import Origin
+
+
+class UnionFind:
+    """Disjoint sets over 0 ... n-1; the smallest member represents its set."""
+
+    def __init__(self, n: int) -> None:
+        self.parent = list(range(n))
+
+    def find(self, i: int) -> int:
+        parent = self.parent
+        while parent[i] != i:
+            parent[i] = parent[parent[i]]
+            i = parent[i]
+        return i
+
+    def union(self, i: int, j: int) -> bool:
+        """Join two sets; False when they were one already."""
+        a, b = self.find(i), self.find(j)
+        if a == b:
+            return False
+        self.parent[max(a, b)] = min(a, b)
+        return True
+
+
+@dataclass(frozen=True)
+class Joint:
+    """One connection between two connector instances, made by component `by`."""
+
+    a: int
+    b: int
+    by: int
+    origin: Origin
+
+
+@dataclass(frozen=True)
+class SignalJoint:
+    """One connection between two signals `(instance, name)`."""
+
+    a: tuple[int, str]
+    b: tuple[int, str]
+    by: int
+    origin: Origin
+
+
+def joints(
+    connections: Iterable[tuple[int, Connection, Origin]], number_of: dict[int, int]
+) -> tuple[list[Joint], list[SignalJoint]]:
+    """Connections as pairs of instance numbers; `number_of` maps `id(component)` to its number."""
+    physical: list[Joint] = []
+    signals: list[SignalJoint] = []
+    for by, connection, origin in connections:
+        first = connection.ends[0]
+        for other in connection.ends[1:]:
+            if isinstance(first, Symbol) and isinstance(other, Symbol):
+                a = (_number(first.owner, number_of, origin), first.name)
+                signals.append(SignalJoint(a, (_number(other.owner, number_of, origin), other.name), by, origin))
+            elif isinstance(first, Connector) and isinstance(other, Connector):
+                a_number = _number(first, number_of, origin)
+                physical.append(Joint(a_number, _number(other, number_of, origin), by, origin))
+    return physical, signals
+
+
+def _number(component: Component, number_of: dict[int, int], origin: Origin) -> int:
+    number = number_of.get(id(component))
+    if number is None:
+        raise DeclarationError(
+            "AC131",
+            f"{component!r} is connected but is not part of the model",
+            where=(origin.span(),),
+            help="declare it with part() and set it in build",
+        )
+    return number
+
+
+@dataclass(frozen=True)
+class FlowSet:
+    """Connector faces whose flows sum to zero: `(instance, sign)`, sign -1 for a component's own outer connector."""
+
+    members: tuple[tuple[int, int], ...]
+    origin: Origin | None
+
+
+def flow_sets(all_instances: Sequence[Instance], physical: Sequence[Joint]) -> list[FlowSet]:
+    """One set per junction; a connector that nobody connects from outside is a set of its own (its flow is zero)."""
+    faces = UnionFind(2 * len(all_instances))
+    used_outside: set[int] = set()
+    origins: dict[int, Origin] = {}
+    for joint in physical:
+        ends = []
+        for number in (joint.a, joint.b):
+            owner = all_instances[number].owner
+            is_outer = owner is not None and owner.number == joint.by
+            if is_outer:
+                used_outside.add(number)
+            ends.append(2 * number + is_outer)
+        faces.union(*ends)
+        for end in ends:
+            origins.setdefault(end, joint.origin)
+    members: dict[int, list[tuple[int, int]]] = {}
+    origin: dict[int, Origin] = {}
+    for instance in all_instances:
+        if not isinstance(instance.component, Connector):
+            continue
+        i = instance.number
+        for face, sign in ((2 * i, 1), (2 * i + 1, -1)):
+            if sign == 1 or i in used_outside:
+                root = faces.find(face)
+                members.setdefault(root, []).append((i, sign))
+                if face in origins:
+                    origin.setdefault(root, origins[face])
+    return [FlowSet(tuple(m), origin.get(r)) for r, m in members.items()]
+
+
+def check_signals(all_instances: Sequence[Instance], signals: Sequence[SignalJoint]) -> None:
+    """Refuse a signal driven by two sources (AC202)."""
+    index: dict[tuple[int, str], int] = {}
+    for joint in signals:
+        for end in (joint.a, joint.b):
+            index.setdefault(end, len(index))
+    sets = UnionFind(len(index))
+    for joint in signals:
+        sets.union(index[joint.a], index[joint.b])
+    by_root: dict[int, tuple[str, Origin]] = {}
+    for joint in signals:
+        for end in (joint.a, joint.b):
+            instance = all_instances[end[0]]
+            kind = instance.component._declarations[end[1]].kind
+            own = instance.number == joint.by
+            is_source = (kind is Kind.OUTPUT and not own) or (kind is Kind.INPUT and own)
+            name = instance.prefix + end[1]
+            if not is_source:
+                continue
+            root = sets.find(index[end])
+            previous = by_root.setdefault(root, (name, joint.origin))
+            if previous[0] != name:
+                raise DeclarationError(
+                    "AC132",
+                    f"two sources drive one signal: {previous[0]} and {name}",
+                    where=(previous[1].span(), joint.origin.span()),
+                    help="connect each input to one output",
+                )

@@ -1,0 +1,144 @@
+"""The flat system: every scalar variable, parameter and equation of a model, with names and places."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+from typing import NamedTuple
+
+from acausal.errors import Span
+from acausal.flatten.pool import Pool
+from acausal.language.declare import Declaration
+from acausal.language.experiment import Experiment
+from acausal.language.expression import Equation
+from acausal.language.origin import Origin
+
+
+class FlatVariable(NamedTuple):
+    """A declared variable: its entries are the scalars `first ... first + size - 1`, row-major.
+
+    Connected potentials are one scalar with several FlatVariables: they share `first`.
+    """
+
+    path: str
+    declaration: Declaration
+    first: int
+    size: int
+
+
+class FlatParameter(NamedTuple):
+    """A declared parameter: one node per entry, a ("par", k) where it is free, an expression where it is bound."""
+
+    path: str
+    declaration: Declaration
+    nodes: tuple[int, ...]
+
+
+class FlatEquation(NamedTuple):
+    """`left == right` between scalar nodes; `source` is the language equation, or words for what connections made."""
+
+    left: int
+    right: int
+    origin: Origin | None
+    component: str
+    source: Equation | str
+
+
+class FlatStart(NamedTuple):
+    """A declared start of one scalar: an initial equation when `is_fixed`, else a guess."""
+
+    node: int
+    is_fixed: bool
+    origin: Origin | None
+    path: str
+
+
+@dataclass(frozen=True, eq=False)
+class FlatSystem:
+    """What `flatten` makes of a model.
+
+    Attributes
+    ----------
+    name
+        Class name of the model.
+    pool
+        The scalar expressions; variables 0 ... n-1 come first, derivatives behind them.
+    variables, parameters
+        In the order of declaration, depth first.
+    equations, initial_equations
+        Scalar equations with their origin.
+    inputs
+        Scalar variables of the model's own unconnected inputs.
+    parameter_values
+        Value of each free parameter scalar (nan where none was given is refused earlier).
+    starts
+        Declared start of a scalar variable.
+    notes
+        Facts the user should see, for example connections cut in closed loops.
+    """
+
+    name: str
+    pool: Pool
+    n_scalars: int
+    variables: tuple[FlatVariable, ...]
+    parameters: tuple[FlatParameter, ...]
+    equations: tuple[FlatEquation, ...]
+    initial_equations: tuple[FlatEquation, ...]
+    inputs: tuple[int, ...]
+    parameter_values: tuple[float, ...]
+    starts: Mapping[int, FlatStart]
+    experiment: Experiment
+    notes: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        return (
+            f"FlatSystem({self.name}: {len(self.equations)} equations, {self.n_scalars} variables, "
+            f"{len(self.parameter_values)} parameters)"
+        )
+
+    @cached_property
+    def owner(self) -> dict[int, FlatVariable]:
+        """The first declared variable of each scalar."""
+        found: dict[int, FlatVariable] = {}
+        for v in self.variables:
+            for k in range(v.first, v.first + v.size):
+                found.setdefault(k, v)
+        return found
+
+    def declaration(self, scalar: int) -> Declaration:
+        """Declaration of a scalar; of the integrated variable for a derivative."""
+        while scalar in self.pool.integral_of:
+            scalar = self.pool.integral_of[scalar]
+        return self.owner[scalar].declaration
+
+    def scalar_name(self, scalar: int) -> str:
+        """`path`, `path[i]`, `path[i,j]`, or `der(...)` of these."""
+        if scalar in self.pool.integral_of:
+            return f"der({self.scalar_name(self.pool.integral_of[scalar])})"
+        variable = self.owner[scalar]
+        return variable.path + suffixes(variable.declaration.shape)[scalar - variable.first]
+
+    @cached_property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of the free parameter scalars."""
+        names = [""] * len(self.parameter_values)
+        for p in self.parameters:
+            for suffix, node in zip(suffixes(p.declaration.shape), p.nodes, strict=True):
+                op, *rest = self.pool.nodes[node]
+                if op == "par" and not names[rest[0]]:
+                    names[rest[0]] = p.path + suffix
+        return tuple(names)
+
+
+def suffixes(shape: tuple[int, ...]) -> list[str]:
+    """`[""]` for a scalar, `["[0]", "[1]", ...]` for a vector, `["[0,0]", ...]` for a matrix."""
+    if not shape:
+        return [""]
+    return ["[" + ",".join(map(str, index)) + "]" for index in product(*(range(n) for n in shape))]
+
+
+def span_of(equation: FlatEquation) -> tuple[Span, ...]:
+    """Where the equation stands in the source, as a tuple for `AcausalError.where`."""
+    return () if equation.origin is None else (equation.origin.span(),)

@@ -1,0 +1,289 @@
+"""From a component to the flat system: names, connection sets, scalar equations."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from acausal.errors import DeclarationError
+from acausal.flatten.allocate import allocate
+from acausal.flatten.connections import FlowSet, Joint, check_signals, flow_sets, joints
+from acausal.flatten.flat import FlatEquation, FlatStart, FlatSystem
+from acausal.flatten.instances import Instance, instances
+from acausal.flatten.orientation import spanning_tree
+from acausal.flatten.parameters import ParameterTable, check_overrides, foreign
+from acausal.flatten.pool import Pool
+from acausal.flatten.scalarise import Scalars, scalars
+from acausal.flatten.statements import Statement, run, statements
+from acausal.flatten.templates import Template, make_template, replay, sides, template_key
+from acausal.language.component import Component
+from acausal.language.connect import Connection
+from acausal.language.declare import Fixed, Guess, Kind
+from acausal.language.experiment import Experiment
+from acausal.language.expression import Equation, Expr, Symbol
+from acausal.language.origin import Origin
+
+
+def flatten(model: Component, parameters: Mapping[str, object] | None = None) -> FlatSystem:
+    """The flat system of a model.
+
+    Parameters
+    ----------
+    model
+        The outermost component.
+    parameters
+        Values by path, in SI; they replace what the model says, also where it binds a parameter to another.
+
+    Raises
+    ------
+    DeclarationError, UnitError, UsageError, StructureError
+        With the path of the offending thing and its place in the source.
+    """
+    overrides = dict(parameters or {})
+    found = instances(model)
+    if overrides:
+        check_overrides(overrides, found)
+    number_of = {id(i.component): i.number for i in found}
+    composites = {i.number: list(statements(i.component)) for i in found if not i.is_leaf}
+    leaves = _LeafStatements(found)
+    connected = [
+        (number, item, origin)
+        for number, items in {**composites, **leaves.connecting()}.items()
+        for item, origin in items
+        if isinstance(item, Connection)
+    ]
+    physical, signals = joints(connected, number_of)
+    check_signals(found, signals)
+    tree = spanning_tree(found, physical, number_of)
+    pool = Pool()
+    variables = allocate(pool, found, physical, signals, tree.cut)
+    builder = _Builder(pool, found, number_of, ParameterTable(pool, found, number_of, overrides))
+    builder.slopes()
+    n_scalars = pool.n_variables
+    table = builder.table.table()
+    equations = builder.leaf_equations(leaves)
+    for number, items in composites.items():
+        equations += builder.direct(found[number], items)
+    equations += builder.bindings({j.b for j in signals} | {j.a for j in signals})
+    equations += builder.flow_equations(flow_sets(found, physical))
+    equations += builder.residuals([physical[k] for k in sorted(tree.cut)])
+    initial = [
+        e
+        for i in found
+        if hasattr(type(i.component), "initial_equations")
+        for e in builder.direct(i, list(statements(i.component, "initial_equations")))
+    ]
+    experiment = getattr(type(model), "experiment", None)
+    return FlatSystem(
+        name=type(model).__name__,
+        pool=pool,
+        n_scalars=n_scalars,
+        variables=tuple(variables),
+        parameters=tuple(table),
+        equations=tuple(equations),
+        initial_equations=tuple(initial),
+        inputs=builder.free_inputs(found[0]),
+        parameter_values=tuple(builder.table.values),
+        starts=builder.starts(),
+        experiment=experiment if isinstance(experiment, Experiment) else Experiment(),
+        notes=tuple(
+            f"loop of frames cut between {found[physical[k].a].path} and {found[physical[k].b].path}"
+            for k in sorted(tree.cut)
+        ),
+    )
+
+
+class _LeafStatements:
+    """Statements of leaf components: run once per template, late, because frames must know their roles first."""
+
+    def __init__(self, found: Sequence[Instance]) -> None:
+        self.leaves = [i for i in found if i.is_leaf and hasattr(type(i.component), "equations")]
+        self._early: dict[int, list[Statement]] = {}
+        self._with_connections: set[type[Component]] = set()
+
+    def connecting(self) -> dict[int, list[Statement]]:
+        """Leaf components that connect their own connectors; those with ties cannot."""
+        checked: dict[object, bool] = {}
+        for leaf in self.leaves:
+            cls = type(leaf.component)
+            if hasattr(cls, "ties") or len(leaf.parts) + len(cls._declarations) < 2:
+                continue
+            key = template_key(leaf)
+            if key is None or checked.get(key, True):
+                items = list(statements(leaf.component))
+                connects = any(isinstance(item, Connection) for item, _ in items)
+                if key is not None:
+                    checked[key] = connects
+                    if not connects:
+                        self._early[leaf.number] = items
+                if connects:
+                    self._with_connections.add(cls)
+                    self._early[leaf.number] = items
+        return {k: v for k, v in self._early.items() if any(isinstance(item, Connection) for item, _ in v)}
+
+    def of(self, leaf: Instance) -> list[Statement]:
+        """Statements of one leaf."""
+        early = self._early.get(leaf.number)
+        return early if early is not None else list(statements(leaf.component))
+
+    def is_connecting(self, leaf: Instance) -> bool:
+        """True when the leaf holds connections, and so cannot be a template."""
+        return type(leaf.component) in self._with_connections
+
+
+@dataclass
+class _Builder:
+    pool: Pool
+    found: Sequence[Instance]
+    number_of: dict[int, int]
+    table: ParameterTable
+
+    def resolve(self, symbol: Symbol) -> Scalars:
+        number = self.number_of.get(id(symbol.owner))
+        if number is None:
+            raise foreign(symbol)
+        instance = self.found[number]
+        first = instance.first.get(symbol.name)
+        if first is None:
+            return self.table.nodes(instance, symbol.name)
+        size = 1
+        for n in symbol.shape:
+            size *= n
+        return tuple(self.pool.var(first + k) for k in range(size))
+
+    def direct(self, instance: Instance, items: Sequence[Statement]) -> list[FlatEquation]:
+        """Equations without a template, resolved in the whole model."""
+        done: dict[int, Scalars] = {}
+        return [
+            FlatEquation(left, right, origin, instance.path, item)
+            for item, origin in items
+            if isinstance(item, Equation)
+            for left, right in sides(self.pool, item, self.resolve, done)
+        ]
+
+    def leaf_equations(self, leaves: _LeafStatements) -> list[FlatEquation]:
+        made: dict[object, Template] = {}
+        equations: list[FlatEquation] = []
+        for leaf in leaves.leaves:
+            key = None if leaves.is_connecting(leaf) else template_key(leaf)
+            if key is None:
+                equations += self.direct(leaf, leaves.of(leaf))
+                continue
+            template = made.get(key)
+            if template is None:
+                template = made[key] = make_template(leaf, leaves.of(leaf))
+            equations += replay(template, leaf, self.pool, self.table)
+        return equations
+
+    def slopes(self) -> None:
+        """Rules for the derivatives of overconstrained variables, once per set of connected frames."""
+        for instance in self.found:
+            rates = getattr(type(instance.component), "rates", None)
+            if rates is None:
+                continue
+            for equation, _ in run(instance.component, type(instance.component).__name__, "rates", rates):
+                variable = equation.left.args[0]
+                nodes = self.resolve(variable)
+                if self.pool.nodes[nodes[0]][1] in self.pool.slope:
+                    break
+                right = scalars(self.pool, equation.right, self.resolve, {})
+                for node, slope in zip(nodes, right, strict=True):
+                    self.pool.slope[self.pool.nodes[node][1]] = slope
+
+    def residuals(self, cut: Sequence[Joint]) -> list[FlatEquation]:
+        """Equations that close a cut loop."""
+        equations: list[FlatEquation] = []
+        for joint in cut:
+            a, b = self.found[joint.a], self.found[joint.b]
+            method = type(a.component).residuals  # type: ignore[attr-defined]
+            items = run(a.component, type(a.component).__name__, "residuals", method, b.component)
+            for item, _ in list(items):
+                for left, right in sides(self.pool, item, self.resolve, {}):
+                    equations.append(FlatEquation(left, right, joint.origin, self.found[joint.by].path, item))
+        return equations
+
+    def bindings(self, connected: set[tuple[int, str]]) -> list[FlatEquation]:
+        """Equations from expressions given to variables and inputs in constructors."""
+        equations: list[FlatEquation] = []
+        for instance in self.found:
+            for name, value in instance.component.__dict__["_values"].items():
+                declaration = instance.component._declarations[name]
+                if declaration.kind is Kind.PARAMETER or isinstance(value, Fixed | Guess):
+                    continue
+                if (instance.number, name) in connected and declaration.kind is Kind.INPUT:
+                    if name not in instance.component.__dict__["_given"]:
+                        continue  # a declared default gives way to the connection
+                    raise DeclarationError(
+                        "AC137",
+                        f"input {instance.prefix}{name} is both bound to `{value}` and connected",
+                        where=(instance.origin.span(),),
+                        help="remove one of the two",
+                    )
+                right = scalars(self.pool, value, self.resolve, {})
+                text = f"{name} == {value}"
+                for k, node in enumerate(right):
+                    left = self.pool.var(instance.first[name] + k)
+                    equations.append(FlatEquation(left, node, instance.origin, instance.path, text))
+        return equations
+
+    def flow_equations(self, sets: Sequence[FlowSet]) -> list[FlatEquation]:
+        """Flows of a junction sum to zero."""
+        pool = self.pool
+        equations: list[FlatEquation] = []
+        for flow_set in sets:
+            first = self.found[flow_set.members[0][0]]
+            names = [
+                (n, d, d.shape) for n, d in first.component._declarations.items() if d.kind is Kind.FLOW
+            ]
+            shown = [self.found[m].path for m, _ in flow_set.members[:4]]
+            more = f" and {len(flow_set.members) - 4} more" if len(flow_set.members) > 4 else ""
+            owner = first.owner
+            component = owner.path if owner else ""
+            origin: Origin | None = flow_set.origin or (owner.origin if owner else None)
+            for name, _, shape in names:
+                size = 1
+                for n in shape:
+                    size *= n
+                text = f"the {name} of {', '.join(shown)}{more} " + (
+                    "sum to zero" if len(flow_set.members) > 1 else "is zero: not connected"
+                )
+                for k in range(size):
+                    total = pool.zero
+                    for member, sign in flow_set.members:
+                        node = pool.var(self.found[member].first[name] + k)
+                        total = pool.add(total, node) if sign > 0 else pool.sub(total, node)
+                    equations.append(FlatEquation(total, pool.zero, origin, component, text))
+        return equations
+
+    def starts(self) -> dict[int, FlatStart]:
+        """Declared starts by scalar; a fixed one wins over guesses of connected potentials."""
+        starts: dict[int, FlatStart] = {}
+        for instance in self.found:
+            for name, value in instance.component.__dict__["_values"].items():
+                if not isinstance(value, Fixed | Guess):
+                    continue
+                expr: Expr = value.value
+                nodes = scalars(self.pool, expr, lambda s: self.table.symbol(s, "start"), {})
+                for k, node in enumerate(nodes):
+                    scalar = instance.first[name] + k
+                    is_fixed = isinstance(value, Fixed)
+                    if scalar not in starts or is_fixed:
+                        starts[scalar] = FlatStart(node, is_fixed, instance.origin, instance.prefix + name)
+        return starts
+
+    def free_inputs(self, model: Instance) -> tuple[int, ...]:
+        """Scalars of the model's own inputs that nothing binds."""
+        values = model.component.__dict__["_values"]
+        return tuple(
+            model.first[name] + k
+            for name, d in model.component._declarations.items()
+            if d.kind is Kind.INPUT and name not in values
+            for k in range(max(1, _count(d.shape)))
+        )
+
+
+def _count(shape: tuple[int, ...]) -> int:
+    size = 1
+    for n in shape:
+        size *= n
+    return size

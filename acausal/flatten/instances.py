@@ -1,0 +1,75 @@
+"""The instance tree as a list: one entry per component, depth first, owners before their parts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from acausal.errors import DeclarationError
+from acausal.language.component import Component, Connector
+from acausal.language.declare import Kind
+from acausal.language.origin import Origin
+
+
+@dataclass(eq=False, slots=True)
+class Instance:
+    """One component in its place. `first` maps declared names to scalar numbers once they are allocated."""
+
+    component: Component
+    path: str
+    number: int
+    owner: Instance | None
+    parts: list[Instance] = field(default_factory=list)
+    first: dict[str, int] = field(default_factory=dict)
+
+    @property
+    def prefix(self) -> str:
+        """What stands before the names of this component's fields."""
+        return self.path + "." if self.path else ""
+
+    @property
+    def is_leaf(self) -> bool:
+        """True when all parts are connectors, so that equal instances have equal equations."""
+        return all(isinstance(p.component, Connector) for p in self.parts)
+
+    @property
+    def origin(self) -> Origin:
+        """Where the component was made."""
+        origin: Origin = self.component.__dict__["_origin"]
+        return origin
+
+
+def instances(model: Component) -> list[Instance]:
+    """All instances of a model; the model itself is the first, with an empty path."""
+    found: list[Instance] = []
+    seen: dict[int, str] = {}
+    stack: list[tuple[Component, str, Instance | None]] = [(model, "", None)]
+    while stack:
+        component, path, owner = stack.pop()
+        if id(component) in seen:
+            raise DeclarationError(
+                "AC117",
+                f"the same {type(component).__name__} is both {seen[id(component)]} and {path}",
+                where=(component.__dict__["_origin"].span(),),
+                help="make one component per place",
+            )
+        seen[id(component)] = path
+        instance = Instance(component, path, len(found), owner)
+        found.append(instance)
+        if owner is not None:
+            owner.parts.append(instance)
+        stack.extend((c, p, instance) for p, c in reversed(list(_parts(component, instance.prefix))))
+    return found
+
+
+def _parts(component: Component, prefix: str) -> Iterator[tuple[str, Component]]:
+    held = component._parts
+    if not held:
+        return
+    for name, declaration in component._declarations.items():
+        if declaration.kind is Kind.PART:
+            value = held[name]
+            if isinstance(value, list):
+                yield from ((f"{prefix}{name}[{k}]", v) for k, v in enumerate(value))
+            else:
+                yield prefix + name, value

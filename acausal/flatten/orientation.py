@@ -1,0 +1,134 @@
+"""Spanning tree over overconstrained connectors (frames), as the Modelica language defines it.
+
+Nodes are connector instances. Branches inside components are never cut; connections are, where they close a loop.
+Every island gets one root: a declared one, else the best potential root (Modelica 3.6, section 9.4.1).
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from acausal.errors import StructureError
+from acausal.flatten.connections import Joint, UnionFind
+from acausal.flatten.instances import Instance
+from acausal.flatten.statements import statements
+from acausal.language.component import Connector
+from acausal.language.overconstrained import Branch, PotentialRoot, Root
+
+
+@dataclass(frozen=True)
+class SpanningTree:
+    """Joints that close a loop and so carry residuals instead of equalities, by their place in the list of joints."""
+
+    cut: frozenset[int]
+
+
+def is_overconstrained(connector: Connector) -> bool:
+    """True for a frame-like connector."""
+    return any(d.overconstrained for d in connector._declarations.values())
+
+
+def spanning_tree(
+    all_instances: Sequence[Instance], physical: Sequence[Joint], number_of: dict[int, int]
+) -> SpanningTree:
+    """Cut the loops and tell every frame its role (read by `rooted` and `is_root`)."""
+    frames = [
+        i.number
+        for i in all_instances
+        if isinstance(i.component, Connector) and is_overconstrained(i.component)
+    ]
+    if not frames:
+        return SpanningTree(frozenset())
+    branches, roots, potential = _ties(all_instances, number_of)
+    n = len(all_instances)
+    sets = UnionFind(n + 1)  # node n stands for the world: all declared roots are one
+    for number in roots:
+        sets.union(n, number)
+    neighbours: dict[int, list[int]] = {f: [] for f in frames}
+    for a, b in branches:
+        sets.union(a, b)
+        neighbours[a].append(b)
+        neighbours[b].append(a)
+    cut: set[int] = set()
+    for k, joint in enumerate(physical):
+        if joint.a in neighbours:
+            if sets.union(joint.a, joint.b):
+                neighbours[joint.a].append(joint.b)
+                neighbours[joint.b].append(joint.a)
+            else:
+                cut.add(k)
+    chosen = _choose_roots(sets, n, frames, roots, potential, all_instances)
+    _tell_roles(all_instances, frames, neighbours, chosen, branches)
+    return SpanningTree(frozenset(cut))
+
+
+def _ties(
+    all_instances: Sequence[Instance], number_of: dict[int, int]
+) -> tuple[list[tuple[int, int]], list[int], list[tuple[int, int]]]:
+    branches: list[tuple[int, int]] = []
+    roots: list[int] = []
+    potential: list[tuple[int, int]] = []
+    for instance in all_instances:
+        if not hasattr(type(instance.component), "ties"):
+            continue
+        for tie, _ in statements(instance.component, "ties"):
+            if isinstance(tie, Branch):
+                branches.append((number_of[id(tie.a)], number_of[id(tie.b)]))
+            elif isinstance(tie, Root):
+                roots.append(number_of[id(tie.a)])
+            elif isinstance(tie, PotentialRoot):
+                potential.append((tie.priority, number_of[id(tie.a)]))
+    return branches, roots, potential
+
+
+def _choose_roots(
+    sets: UnionFind,
+    world: int,
+    frames: list[int],
+    roots: list[int],
+    potential: list[tuple[int, int]],
+    all_instances: Sequence[Instance],
+) -> list[int]:
+    chosen = list(roots)
+    has_root = {sets.find(world)} if roots else set()
+    for _, number in sorted(potential):
+        island = sets.find(number)
+        if island not in has_root:
+            has_root.add(island)
+            chosen.append(number)
+    for number in frames:
+        if sets.find(number) not in has_root:
+            instance = all_instances[number]
+            raise StructureError(
+                "AC203",
+                f"the orientation of {instance.path} is not determined: no World, Fixed or Body in its island of frames",
+                where=(instance.owner.origin.span(),) if instance.owner else (),
+                help="connect one of its frames to World.frame_b, to Fixed.frame_b or to a Body",
+            )
+    return chosen
+
+
+def _tell_roles(
+    all_instances: Sequence[Instance],
+    frames: list[int],
+    neighbours: dict[int, list[int]],
+    chosen: list[int],
+    branches: list[tuple[int, int]],
+) -> None:
+    depth = dict.fromkeys(chosen, 0)
+    queue = deque(chosen)
+    while queue:
+        here = queue.popleft()
+        for other in neighbours[here]:
+            if other not in depth:
+                depth[other] = depth[here] + 1
+                queue.append(other)
+    roots = set(chosen)
+    nearer = {number: True for number in frames}
+    for a, b in branches:
+        nearer[a] = depth[a] <= depth[b]
+        nearer[b] = not nearer[a]
+    for number in frames:
+        all_instances[number].component.__dict__["_roles"] = {"is_root": number in roots, "rooted": nearer[number]}

@@ -1,0 +1,172 @@
+"""Values of parameters: free ones get a number, bound ones become expressions of those they are bound to."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from acausal.errors import DeclarationError, UsageError, nearest
+from acausal.flatten.flat import FlatParameter, suffixes
+from acausal.flatten.instances import Instance
+from acausal.flatten.pool import Pool
+from acausal.flatten.scalarise import Scalars, scalars
+from acausal.language.component import Component
+from acausal.language.declare import Declaration, Kind
+from acausal.language.expression import Expr, Symbol
+
+
+class ParameterTable:
+    """Resolves parameters at first use; a parameter may be bound to an expression of others, in any order."""
+
+    def __init__(
+        self, pool: Pool, all_instances: Sequence[Instance], number_of: dict[int, int], overrides: Mapping[str, object]
+    ) -> None:
+        self.pool = pool
+        self.instances = all_instances
+        self.number_of = number_of
+        self.overrides = dict(overrides)
+        self.values: list[float] = []
+        self._nodes: dict[tuple[int, str], Scalars] = {}
+        self._open: list[str] = []
+
+    def table(self) -> list[FlatParameter]:
+        """All parameters, in order; raises AC133 listing those without a value."""
+        missing = [
+            (instance, name, d)
+            for instance in self.instances
+            for name, d in instance.component._declarations.items()
+            if d.kind is Kind.PARAMETER
+            and name not in instance.component.__dict__["_values"]
+            and instance.prefix + name not in self.overrides
+        ]
+        if missing:
+            raise _missing(missing)
+        return [
+            FlatParameter(instance.prefix + name, d, self.nodes(instance, name))
+            for instance in self.instances
+            for name, d in instance.component._declarations.items()
+            if d.kind is Kind.PARAMETER
+        ]
+
+    def nodes(self, instance: Instance, name: str) -> Scalars:
+        """Nodes of one parameter's entries."""
+        key = (instance.number, name)
+        found = self._nodes.get(key)
+        if found is None:
+            found = self._nodes[key] = self._resolve(instance, name)
+        return found
+
+    def _resolve(self, instance: Instance, name: str) -> Scalars:
+        path = instance.prefix + name
+        declaration = instance.component._declarations[name]
+        if path in self.overrides:
+            return self._free(path, declaration, _flatten_value(self.overrides[path]))
+        value: Expr | None = instance.component.__dict__["_values"].get(name)
+        if value is None:
+            raise _missing([(instance, name, declaration)])
+        if value.op == "const":
+            payload = value.payload if isinstance(value.payload, tuple) else (value.payload,)
+            return self._free(path, declaration, payload, instance)
+        if path in self._open:
+            circle = " -> ".join([*self._open[self._open.index(path) :], path])
+            raise DeclarationError(
+                "AC134", f"parameters are bound in a circle: {circle}", where=(instance.origin.span(),)
+            )
+        self._open.append(path)
+        result = scalars(self.pool, value, lambda s: self.symbol(s, path), {})
+        self._open.pop()
+        return result
+
+    def symbol(self, symbol: Symbol, user: str) -> Scalars:
+        """Nodes of a symbol that must be a parameter."""
+        number = self.number_of.get(id(symbol.owner))
+        if number is None:
+            raise foreign(symbol)
+        if symbol.declaration.kind is not Kind.PARAMETER:
+            raise DeclarationError(
+                "AC135",
+                f"parameter {user} is bound to {self.instances[number].prefix}{symbol.name}, which varies in time",
+                where=(self.instances[number].origin.span(),),
+                help="bind parameters to parameters; give signals by connect or to a signal_input",
+            )
+        return self.nodes(self.instances[number], symbol.name)
+
+    def _free(
+        self, path: str, declaration: Declaration, values: Sequence[float], instance: Instance | None = None
+    ) -> Scalars:
+        check_limits(path, declaration, values, instance)
+        first = len(self.values)
+        self.values.extend(values)
+        return tuple(self.pool.par(first + k) for k in range(len(values)))
+
+
+def check_limits(path: str, declaration: Declaration, values: Sequence[float], instance: Instance | None = None) -> None:
+    """Refuse values outside the declared limits (AC136)."""
+    for suffix, value in zip(suffixes(declaration.shape), values, strict=True):
+        if not declaration.min <= value <= declaration.max or math.isnan(value):
+            raise DeclarationError(
+                "AC136",
+                f"{path}{suffix} = {value:g} {declaration.unit} is outside its limits "
+                f"{declaration.min:g} ... {declaration.max:g}",
+                where=(instance.origin.span(),) if instance else (),
+                cause=declaration.doc or None,
+            )
+
+
+def check_overrides(overrides: Mapping[str, object], all_instances: Sequence[Instance]) -> None:
+    """Refuse values for names that are no parameters (AC020), with the nearest names."""
+    known = {
+        instance.prefix + name: d.kind
+        for instance in all_instances
+        for name, d in instance.component._declarations.items()
+    }
+    parameters = [n for n, kind in known.items() if kind is Kind.PARAMETER]
+    for path in overrides:
+        if known.get(path) is Kind.PARAMETER:
+            continue
+        if path in known:
+            kind = known[path]
+            help_ = (
+                "a structural value decides the equations: give it where the component is made"
+                if kind is Kind.STRUCTURAL
+                else "only parameters can be set; start values are given in the model"
+            )
+            raise UsageError("AC021", f"{path} is a {kind.value}, not a parameter", help=help_)
+        close = nearest(path, parameters)
+        raise UsageError(
+            "AC020",
+            f"there is no parameter '{path}'",
+            evidence=[f"did you mean {', '.join(close)}?"] if close else [],
+            help="list them with: acausal info MODEL",
+        )
+
+
+def _missing(found: Sequence[tuple[Instance, str, Declaration]]) -> DeclarationError:
+    instance, name, d = found[0]
+    names = ", ".join(f"{i.prefix}{n} [{d.unit or '1'}]" for i, n, d in found[:5])
+    return DeclarationError(
+        "AC133",
+        f"parameter {instance.prefix}{name} has no value" if len(found) == 1 else f"parameters have no value: {names}",
+        where=(instance.origin.span(),),
+        cause=d.doc or None,
+        help=f"{type(instance.component).__name__}({name}=...)" + (f"  in {d.unit}" if d.unit else ""),
+    )
+
+
+def _flatten_value(value: object) -> tuple[float, ...]:
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    if isinstance(value, list | tuple):
+        return tuple(x for v in value for x in _flatten_value(v))
+    return (float(value),)  # type: ignore[arg-type]
+
+
+def foreign(symbol: Symbol) -> DeclarationError:
+    """The error for a symbol of a component that is not part of the model."""
+    owner: Component = symbol.owner
+    return DeclarationError(
+        "AC131",
+        f"`{symbol}` belongs to a {type(owner).__name__} that is not part of the model",
+        where=(owner.__dict__["_origin"].span(),),
+        help="declare it with part() and set it in build",
+    )

@@ -1,0 +1,270 @@
+"""Hash-consed scalar expressions, as integers.
+
+A node is a tuple `(op, operand, ...)`; its number is its place in `Pool.nodes`. Operands have smaller numbers
+than the node, so ascending order is an evaluation order and no walk needs recursion. Equal expressions are
+the same number, so shared sub-expressions are lowered once.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from typing import Any
+
+Node = tuple[Any, ...]
+
+_UNARY: dict[str, Callable[[float], float]] = {
+    "sin": math.sin,
+    "cos": math.cos,
+    "tan": math.tan,
+    "asin": math.asin,
+    "acos": math.acos,
+    "atan": math.atan,
+    "sinh": math.sinh,
+    "cosh": math.cosh,
+    "tanh": math.tanh,
+    "exp": math.exp,
+    "log": math.log,
+    "sqrt": math.sqrt,
+    "fabs": abs,
+    "sign": lambda x: float((x > 0) - (x < 0)),
+    "floor": lambda x: float(math.floor(x)),
+    "ceil": lambda x: float(math.ceil(x)),
+    "not": lambda x: float(not x),
+}
+_BINARY: dict[str, Callable[[float, float], float]] = {
+    "pow": math.pow,
+    "atan2": math.atan2,
+    "min": min,
+    "max": max,
+    "lt": lambda a, b: float(a < b),
+    "le": lambda a, b: float(a <= b),
+    "gt": lambda a, b: float(a > b),
+    "ge": lambda a, b: float(a >= b),
+    "and": lambda a, b: float(bool(a) and bool(b)),
+    "or": lambda a, b: float(bool(a) or bool(b)),
+}
+LEAVES = frozenset(("const", "var", "par", "time"))
+RELATIONS = frozenset(("lt", "le", "gt", "ge"))
+
+
+class Pool:
+    """An append-only table of scalar expressions over numbered variables, parameters and time.
+
+    Variables are numbered from 0; `derivative(i)` is the number of the time derivative of variable i, made at
+    first need. `slope` maps a variable to the node of its derivative where the modeller gave a rule for it.
+    """
+
+    def __init__(self) -> None:
+        self.nodes: list[Node] = []
+        self._number: dict[Node, int] = {}
+        self.n_variables = 0
+        self.derivative_of: dict[int, int] = {}
+        self.integral_of: dict[int, int] = {}
+        self.slope: dict[int, int] = {}
+        self._slopes: dict[int, int] = {}
+        self.zero = self.const(0.0)
+        self.one = self.const(1.0)
+        self.time = self.intern(("time",))
+
+    def __repr__(self) -> str:
+        return f"Pool({len(self.nodes)} nodes, {self.n_variables} variables)"
+
+    def intern(self, node: Node) -> int:
+        """Number of a node, without any simplification."""
+        number = self._number.get(node)
+        if number is None:
+            number = self._number[node] = len(self.nodes)
+            self.nodes.append(node)
+        return number
+
+    def const(self, value: float) -> int:
+        return self.intern(("const", value + 0.0))
+
+    def var(self, index: int) -> int:
+        return self.intern(("var", index))
+
+    def par(self, index: int) -> int:
+        return self.intern(("par", index))
+
+    def new_variables(self, count: int) -> int:
+        """Number of the first of `count` new variables."""
+        first = self.n_variables
+        self.n_variables += count
+        return first
+
+    def derivative(self, variable: int) -> int:
+        """The variable that is the time derivative of `variable`."""
+        found = self.derivative_of.get(variable)
+        if found is None:
+            found = self.derivative_of[variable] = self.new_variables(1)
+            self.integral_of[found] = variable
+        return found
+
+    def value(self, number: int) -> float | None:
+        """The value of a constant node, else None."""
+        node = self.nodes[number]
+        return node[1] if node[0] == "const" else None
+
+    def make(self, op: str, *args: int) -> int:
+        """The node `op(args)`, simplified where that is exact for every value of the operands."""
+        if op in _MAKE:
+            return _MAKE[op](self, *args)
+        values = [self.value(a) for a in args]
+        if all(v is not None for v in values):
+            try:
+                return self.const((_UNARY if len(args) == 1 else _BINARY)[op](*values))
+            except (ValueError, OverflowError, ZeroDivisionError):
+                pass  # left for the run: the message there names the equation
+        if op == "pow" and values[1] is not None and values[1] in (0.0, 1.0):
+            return self.one if values[1] == 0.0 else args[0]
+        return self.intern((op, *args))
+
+    def add(self, a: int, b: int) -> int:
+        if a == self.zero:
+            return b
+        if b == self.zero:
+            return a
+        x, y = self.nodes[a], self.nodes[b]
+        if x[0] == "const" and y[0] == "const":
+            return self.const(x[1] + y[1])
+        if y[0] == "neg":
+            return self.sub(a, y[1])
+        if x[0] == "neg":
+            return self.sub(b, x[1])
+        return self.intern(("add", a, b) if a < b else ("add", b, a))
+
+    def sub(self, a: int, b: int) -> int:
+        if b == self.zero:
+            return a
+        if a == self.zero:
+            return self.neg(b)
+        if a == b:
+            return self.zero
+        x, y = self.nodes[a], self.nodes[b]
+        if x[0] == "const" and y[0] == "const":
+            return self.const(x[1] - y[1])
+        if y[0] == "neg":
+            return self.add(a, y[1])
+        return self.intern(("sub", a, b))
+
+    def neg(self, a: int) -> int:
+        node = self.nodes[a]
+        if node[0] == "const":
+            return self.const(-node[1])
+        if node[0] == "neg":
+            return int(node[1])
+        if node[0] == "sub":
+            return self.intern(("sub", node[2], node[1]))
+        return self.intern(("neg", a))
+
+    def mul(self, a: int, b: int) -> int:
+        if a == self.zero or b == self.zero:
+            return self.zero
+        if a == self.one:
+            return b
+        if b == self.one:
+            return a
+        x, y = self.nodes[a], self.nodes[b]
+        if x[0] == "const":
+            if y[0] == "const":
+                return self.const(x[1] * y[1])
+            if x[1] == -1.0:
+                return self.neg(b)
+        elif y[0] == "const" and y[1] == -1.0:
+            return self.neg(a)
+        if x[0] == "neg":
+            return self.neg(self.mul(x[1], b))
+        if y[0] == "neg":
+            return self.neg(self.mul(a, y[1]))
+        return self.intern(("mul", a, b) if a < b else ("mul", b, a))
+
+    def div(self, a: int, b: int) -> int:
+        if b == self.one:
+            return a
+        y = self.nodes[b]
+        if y[0] == "const" and y[1] != 0.0:
+            x = self.nodes[a]
+            if x[0] == "const":
+                return self.const(x[1] / y[1])
+            if y[1] == -1.0:
+                return self.neg(a)
+        if a == self.zero and y[0] in ("par", "const") and y != ("const", 0.0):
+            return self.zero
+        return self.intern(("div", a, b))
+
+    def where(self, condition: int, a: int, b: int) -> int:
+        decided = self.value(condition)
+        if decided is not None:
+            return a if decided else b
+        return a if a == b else self.intern(("where", condition, a, b))
+
+    def sum(self, terms: Iterable[int]) -> int:
+        total = self.zero
+        for term in terms:
+            total = self.add(total, term)
+        return total
+
+    def reachable(self, roots: Iterable[int]) -> list[int]:
+        """All nodes needed to evaluate `roots`, in evaluation order."""
+        seen: set[int] = set()
+        stack = list(roots)
+        while stack:
+            number = stack.pop()
+            if number in seen:
+                continue
+            seen.add(number)
+            node = self.nodes[number]
+            if node[0] not in LEAVES:
+                stack.extend(node[1:])
+        return sorted(seen)
+
+    def variables_in(self, *roots: int) -> set[int]:
+        """Numbers of the variables that `roots` depend on."""
+        nodes = self.nodes
+        found: set[int] = set()
+        seen: set[int] = set()
+        stack = list(roots)
+        while stack:
+            number = stack.pop()
+            node = nodes[number]
+            op = node[0]
+            if op == "var":
+                found.add(node[1])
+            elif op not in LEAVES and number not in seen:
+                seen.add(number)
+                stack.extend(node[1:])
+        return found
+
+    def rewrite(self, roots: Iterable[int], leaf: Callable[[int], int], done: dict[int, int]) -> None:
+        """Fill `done` with the image of every node below `roots` when each variable i becomes node `leaf(i)`."""
+        nodes = self.nodes
+        todo = [r for r in roots if r not in done]
+        seen: set[int] = set(todo)
+        stack = todo[:]
+        while stack:
+            node = nodes[stack.pop()]
+            if node[0] not in LEAVES:
+                for child in node[1:]:
+                    if child not in seen and child not in done:
+                        seen.add(child)
+                        stack.append(child)
+        for number in sorted(seen):
+            node = nodes[number]
+            if node[0] == "var":
+                done[number] = leaf(node[1])
+            elif node[0] in LEAVES:
+                done[number] = number
+            else:
+                image = tuple(done[c] for c in node[1:])
+                done[number] = number if image == node[1:] else self.make(node[0], *image)
+
+
+_MAKE: dict[str, Callable[..., int]] = {
+    "add": Pool.add,
+    "sub": Pool.sub,
+    "neg": Pool.neg,
+    "mul": Pool.mul,
+    "div": Pool.div,
+    "where": Pool.where,
+}

@@ -1,0 +1,87 @@
+"""Language expressions, with their vectors and matrices, to scalar pool nodes in row-major order."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import product
+
+from acausal.flatten.differentiate import differentiate
+from acausal.flatten.pool import Pool
+from acausal.language.expression import Expr, Symbol
+
+Scalars = tuple[int, ...]
+Resolve = Callable[[Symbol], Scalars]
+
+
+def scalars(pool: Pool, root: Expr, resolve: Resolve, done: dict[int, Scalars]) -> Scalars:
+    """Nodes of the entries of `root`; `resolve` gives those of a symbol, `done` shares work by identity.
+
+    The caller keeps the expressions alive as long as `done` is used.
+    """
+    stack = [root]
+    while stack:
+        e = stack[-1]
+        key = id(e)
+        if key in done:
+            stack.pop()
+            continue
+        missing = [a for a in e.args if id(a) not in done]
+        if missing:
+            stack.extend(missing)
+            continue
+        done[key] = _entries(pool, e, resolve, [done[id(a)] for a in e.args])
+        stack.pop()
+    return done[id(root)]
+
+
+def _entries(pool: Pool, e: Expr, resolve: Resolve, args: list[Scalars]) -> Scalars:
+    op = e.op
+    if isinstance(e, Symbol):
+        return resolve(e)
+    if op == "const":
+        values = e.payload if isinstance(e.payload, tuple) else (e.payload,)
+        return tuple(pool.const(v) for v in values)
+    if op == "time":
+        return (pool.time,)
+    if op == "neg":
+        return tuple(pool.neg(a) for a in args[0])
+    if op == "der":
+        return tuple(differentiate(pool, a) for a in args[0])
+    if op == "stack":
+        return tuple(a for part in args for a in part)
+    if op == "index":
+        position = 0
+        for i, n in zip(e.payload, e.args[0].shape, strict=True):
+            position = position * n + i
+        return (args[0][position],)
+    if op == "transpose":
+        m, n = e.args[0].shape
+        return tuple(args[0][i * n + j] for j, i in product(range(n), range(m)))
+    if op == "matmul":
+        return _matmul(pool, e, args)
+    if op == "cross":
+        a, b = args
+        return tuple(
+            pool.sub(pool.mul(a[i], b[j]), pool.mul(a[j], b[i])) for i, j in ((1, 2), (2, 0), (0, 1))
+        )
+    if op == "where":
+        size = max(len(args[1]), len(args[2]))
+        x, y = (_wide(a, size) for a in args[1:])
+        return tuple(pool.where(args[0][0], a, b) for a, b in zip(x, y, strict=True))
+    size = max(len(a) for a in args)
+    columns = [_wide(a, size) for a in args]
+    return tuple(pool.make(op, *operands) for operands in zip(*columns, strict=True))
+
+
+def _wide(a: Scalars, size: int) -> Scalars:
+    return a if len(a) == size else a * size
+
+
+def _matmul(pool: Pool, e: Expr, args: list[Scalars]) -> Scalars:
+    a, b = args
+    inner = e.args[0].shape[-1]
+    rows, columns = len(a) // inner, len(b) // inner
+    return tuple(
+        pool.sum(pool.mul(a[i * inner + k], b[k * columns + j]) for k in range(inner))
+        for i, j in product(range(rows), range(columns))
+    )

@@ -1,0 +1,59 @@
+"""Running the generators of a component: its equations, connections and ties, each with its place in the source."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Iterator
+from typing import Any
+
+from acausal.errors import DeclarationError
+from acausal.language.component import Component
+from acausal.language.connect import Connection
+from acausal.language.dimensions import check_dimensions
+from acausal.language.expression import Equation
+from acausal.language.origin import Origin, origin_of
+
+Statement = tuple[Equation | Connection | Any, Origin]
+
+
+def statements(component: Component, method: str = "equations") -> Iterator[Statement]:
+    """What `method` of every class in the MRO yields, base first; dimensions of equations are checked."""
+    for cls in reversed(type(component).__mro__):
+        function = cls.__dict__.get(method)
+        if function is not None:
+            yield from run(component, cls.__name__, method, function)
+
+
+def run(component: Component, cls: str, method: str, function: Callable[..., Any], *args: Any) -> Iterator[Statement]:
+    """What one generator method yields; raises AC129 when it is no generator, AC130 for a wrong item."""
+    generator = function(component, *args)
+    if not isinstance(generator, Generator):
+        raise DeclarationError(
+            "AC129",
+            f"{cls}.{method} yields nothing",
+            help="every equation needs a `yield`: yield left == right",
+        )
+    for item in generator:
+        origin = origin_of(generator)
+        if isinstance(item, Equation):
+            check_dimensions(item, _Where(origin))  # type: ignore[arg-type]
+        elif method != "ties" and not isinstance(item, Connection):
+            raise DeclarationError(
+                "AC130",
+                f"{cls}.{method} yields `{item}` ({type(item).__name__})",
+                where=(origin.span(),),
+                help="yield an equation `left == right` or connect(a, b)",
+            )
+        yield item, origin
+
+
+class _Where:
+    """A one-element sequence of spans, resolved only when an error prints it."""
+
+    def __init__(self, origin: Origin) -> None:
+        self._origin = origin
+
+    def __iter__(self) -> Iterator[Any]:
+        yield self._origin.span()
+
+    def __bool__(self) -> bool:
+        return True

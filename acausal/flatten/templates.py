@@ -1,0 +1,128 @@
+"""Equations of one component class, generated once and replayed for every equal instance.
+
+Ten thousand resistors run their generator once: instances of one class with the same structural values have the
+same equations up to the numbers of their variables. This is where the cost per scalar equation is decided.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from acausal.flatten.allocate import layout
+from acausal.flatten.differentiate import differentiate
+from acausal.flatten.flat import FlatEquation
+from acausal.flatten.instances import Instance
+from acausal.flatten.parameters import ParameterTable, foreign
+from acausal.flatten.pool import Pool
+from acausal.flatten.scalarise import Scalars, scalars
+from acausal.flatten.statements import Statement
+from acausal.language.declare import Kind
+from acausal.language.expression import Equation, Symbol
+from acausal.language.origin import Origin
+
+
+@dataclass(frozen=True, eq=False)
+class Template:
+    """Equations over local numbers: variables of the component and its connectors, then its parameters."""
+
+    pool: Pool
+    n_local: int
+    parameters: tuple[str, ...]
+    equations: tuple[tuple[int, int, Origin, Equation], ...]
+
+
+def template_key(instance: Instance) -> object:
+    """Equal for instances that have the same equations; None when that cannot be told."""
+    component = instance.component
+    values = component.__dict__
+    names = [n for n, d in component._declarations.items() if d.kind is Kind.STRUCTURAL]
+    roles = tuple(tuple(p.component.__dict__["_roles"].items()) for p in instance.parts if "_roles" in p.component.__dict__)
+    key = (type(component), tuple(values[n] for n in names), roles)
+    try:
+        hash(key)
+    except TypeError:
+        return None
+    return key
+
+
+def make_template(instance: Instance, found: Sequence[Statement]) -> Template:
+    """The template of a leaf component from the statements of one instance."""
+    pool = Pool()
+    first: dict[tuple[int, str], int] = {}
+    for part in (instance, *instance.parts):
+        for name, _, size in layout(type(part.component)):
+            first[id(part.component), name] = pool.new_variables(size)
+    n_local = pool.n_variables
+    parameters: list[str] = []
+    position: dict[str, Scalars] = {}
+    count = 0
+
+    def resolve(symbol: Symbol) -> Scalars:
+        nonlocal count
+        start = first.get((id(symbol.owner), symbol.name))
+        if start is not None:
+            size = max(1, _size(symbol))
+            return tuple(pool.var(start + k) for k in range(size))
+        if symbol.owner is not instance.component:
+            raise foreign(symbol)
+        if symbol.name not in position:
+            parameters.append(symbol.name)
+            position[symbol.name] = tuple(pool.par(count + k) for k in range(_size(symbol)))
+            count += _size(symbol)
+        return position[symbol.name]
+
+    done: dict[int, Scalars] = {}
+    equations = [
+        (left, right, origin, item)
+        for item, origin in found
+        if isinstance(item, Equation)
+        for left, right in sides(pool, item, resolve, done)
+    ]
+    return Template(pool, n_local, tuple(parameters), tuple(equations))
+
+
+def _size(symbol: Symbol) -> int:
+    size = 1
+    for n in symbol.shape:
+        size *= n
+    return size
+
+
+def sides(pool: Pool, equation: Equation, resolve: object, done: dict[int, Scalars]) -> list[tuple[int, int]]:
+    """The scalar equations of a language equation as pairs of nodes."""
+    left = scalars(pool, equation.left, resolve, done)  # type: ignore[arg-type]
+    right = scalars(pool, equation.right, resolve, done)  # type: ignore[arg-type]
+    size = max(len(left), len(right))
+    if len(left) < size:
+        left = left * size
+    if len(right) < size:
+        right = right * size
+    return list(zip(left, right, strict=True))
+
+
+def replay(template: Template, instance: Instance, pool: Pool, table: ParameterTable) -> list[FlatEquation]:
+    """The equations of `instance` in the pool of the model."""
+    variables = [
+        pool.var(part.first[name] + k)
+        for part in (instance, *instance.parts)
+        for name, _, size in layout(type(part.component))
+        for k in range(size)
+    ]
+    local = template.pool
+    for number in range(template.n_local, local.n_variables):
+        variables.append(differentiate(pool, variables[local.integral_of[number]]))
+    parameters = [node for name in template.parameters for node in table.nodes(instance, name)]
+    image: list[int] = []
+    for node in local.nodes:
+        op = node[0]
+        if op == "var":
+            image.append(variables[node[1]])
+        elif op == "par":
+            image.append(parameters[node[1]])
+        elif op == "const" or op == "time":
+            image.append(pool.intern(node))
+        else:
+            image.append(pool.make(op, *[image[c] for c in node[1:]]))
+    path = instance.path
+    return [FlatEquation(image[a], image[b], origin, path, source) for a, b, origin, source in template.equations]
