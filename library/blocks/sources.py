@@ -1,0 +1,77 @@
+"""Signal sources. Parameters as in Modelica.Blocks.Sources."""
+
+from __future__ import annotations
+
+from acausal import Equations, Real, parameter, structural, time, where
+from acausal.library.blocks import waveforms
+from acausal.library.blocks.interfaces import PartialSignalSource, PartialSource
+from acausal.library.blocks.waveforms import Points
+
+
+class Constant(PartialSource):
+    """Constant signal."""
+
+    k: Real = parameter(doc="Value of the output")
+
+    def equations(self) -> Equations:
+        yield self.y == self.k
+
+
+class ContinuousClock(PartialSignalSource):
+    """Time that has passed since `start_time` [s]."""
+
+    def equations(self) -> Equations:
+        yield self.y == self.offset + where(time < self.start_time, 0.0, time - self.start_time)
+
+
+class Step(PartialSignalSource):
+    """Jump by `height` at `start_time`."""
+
+    height: Real = parameter(default=1.0, doc="Height of the jump")
+
+    def equations(self) -> Equations:
+        yield self.y == waveforms.step(self.height, self.offset, self.start_time)
+
+
+class Ramp(PartialSignalSource):
+    """Straight rise by `height` within `duration`."""
+
+    height: Real = parameter(default=1.0, doc="Height of the ramp")
+    duration: Real = parameter(unit="s", min=0.0, doc="Duration of the rise")
+
+    def equations(self) -> Equations:
+        yield self.y == waveforms.ramp(self.height, self.duration, self.offset, self.start_time)
+
+
+class Sine(PartialSignalSource):
+    """Sine wave from `start_time` on."""
+
+    amplitude: Real = parameter(default=1.0, doc="Amplitude of the wave")
+    f: Real = parameter(unit="Hz", doc="Frequency")
+    phase: Real = parameter(default=0.0, unit="rad", doc="Phase at start_time")
+
+    def equations(self) -> Equations:
+        yield self.y == waveforms.sine(self.amplitude, self.f, self.phase, self.offset, self.start_time)
+
+
+class Pulse(PartialSignalSource):
+    """Row of `nperiod` rectangles. The number is structural: every edge cuts the run exactly."""
+
+    amplitude: Real = parameter(default=1.0, doc="Height of the pulses")
+    width: Real = parameter(default=0.5, unit="1", min=0.0, max=1.0, doc="Pulse length as a fraction of the period")
+    period: Real = parameter(unit="s", min=0.0, doc="Time of one period")
+    nperiod: int = structural(default=1, doc="Number of periods")
+
+    def equations(self) -> Equations:
+        yield self.y == waveforms.pulse(
+            self.amplitude, self.width, self.period, self.nperiod, self.offset, self.start_time
+        )
+
+
+class TimeTable(PartialSignalSource):
+    """Linear interpolation in a table of (time, value) rows; equal times make a jump."""
+
+    table: Points = structural(doc="Rows (time [s], value); times ascend and count from start_time")
+
+    def equations(self) -> Equations:
+        yield self.y == waveforms.table(self.table, self.offset, self.start_time)

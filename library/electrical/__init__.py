@@ -1,0 +1,29 @@
+"""Analog circuits: linear elements, diode, sources, sensors."""
+
+from __future__ import annotations
+
+from acausal.library.electrical.components import Capacitor as Capacitor
+from acausal.library.electrical.components import Conductor as Conductor
+from acausal.library.electrical.components import Ground as Ground
+from acausal.library.electrical.components import IdealTransformer as IdealTransformer
+from acausal.library.electrical.components import Inductor as Inductor
+from acausal.library.electrical.components import Resistor as Resistor
+from acausal.library.electrical.interfaces import PartialOnePort as PartialOnePort
+from acausal.library.electrical.interfaces import PartialTwoPort as PartialTwoPort
+from acausal.library.electrical.interfaces import Pin as Pin
+from acausal.library.electrical.semiconductors import Diode as Diode
+from acausal.library.electrical.sensors import CurrentSensor as CurrentSensor
+from acausal.library.electrical.sensors import PotentialSensor as PotentialSensor
+from acausal.library.electrical.sensors import VoltageSensor as VoltageSensor
+from acausal.library.electrical.sources import ConstantCurrent as ConstantCurrent
+from acausal.library.electrical.sources import ConstantVoltage as ConstantVoltage
+from acausal.library.electrical.sources import PartialCurrentSource as PartialCurrentSource
+from acausal.library.electrical.sources import PartialVoltageSource as PartialVoltageSource
+from acausal.library.electrical.sources import RampCurrent as RampCurrent
+from acausal.library.electrical.sources import RampVoltage as RampVoltage
+from acausal.library.electrical.sources import SignalCurrent as SignalCurrent
+from acausal.library.electrical.sources import SignalVoltage as SignalVoltage
+from acausal.library.electrical.sources import SineCurrent as SineCurrent
+from acausal.library.electrical.sources import SineVoltage as SineVoltage
+from acausal.library.electrical.sources import StepCurrent as StepCurrent
+from acausal.library.electrical.sources import StepVoltage as StepVoltage

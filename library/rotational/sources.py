@@ -1,0 +1,106 @@
+"""Torques and prescribed rotations. Names and signs as in Modelica.Mechanics.Rotational.Sources.
+
+A source with one flange reacts on the ground.
+"""
+
+from __future__ import annotations
+
+from acausal import Component, Equations, Real, der, parameter, signal_input, structural, variable, where
+from acausal.library.rotational.interfaces import Flange, PartialTorque, PartialTwoFlanges
+
+
+class Torque(PartialTorque):
+    """Signal as a torque on the flange; positive accelerates towards positive `phi`."""
+
+    u: Real = signal_input(unit="N.m", doc="Driving torque")
+
+    def equations(self) -> Equations:
+        yield self.flange.tau == -self.u
+
+
+class Torque2(PartialTwoFlanges):
+    """Signal as a torque on `flange_b`, reacting on `flange_a`."""
+
+    u: Real = signal_input(unit="N.m", doc="Driving torque")
+
+    def equations(self) -> Equations:
+        yield self.flange_a.tau == self.u
+        yield self.flange_b.tau == -self.u
+
+
+class ConstantTorque(PartialTorque):
+    """Constant torque on the flange."""
+
+    tau_constant: Real = parameter(unit="N.m", doc="Torque; negative acts as a load")
+
+    def equations(self) -> Equations:
+        yield self.flange.tau == -self.tau_constant
+
+
+class PartialSpeedDependentTorque(PartialTorque):
+    """Torque that depends on the angular velocity of its flange."""
+
+    tau_nominal: Real = parameter(unit="N.m", doc="Torque at w_nominal; negative acts as a load")
+    w_nominal: Real = parameter(unit="rad/s", min=0.0, doc="Speed at which the torque is tau_nominal; greater than 0")
+    w: Real = variable(unit="rad/s", doc="Angular velocity of the flange")
+
+    def equations(self) -> Equations:
+        yield self.w == der(self.flange.phi)
+
+
+class LinearSpeedDependentTorque(PartialSpeedDependentTorque):
+    """Torque proportional to the angular velocity; it changes sign with it."""
+
+    def equations(self) -> Equations:
+        yield self.flange.tau == -self.tau_nominal * (self.w / self.w_nominal)
+
+
+class QuadraticSpeedDependentTorque(PartialSpeedDependentTorque):
+    """Torque proportional to the square of the angular velocity."""
+
+    tau_direction: bool = structural(default=True, doc="True: same direction of torque for both signs of velocity")
+
+    def equations(self) -> Equations:
+        x = self.w / self.w_nominal
+        shape = x * x if self.tau_direction else where(x < 0.0, -(x * x), x * x, smooth=True)
+        yield self.flange.tau == -self.tau_nominal * shape
+
+
+class Position(Component):
+    """Flange that follows an angle signal exactly; the signal is differentiated where inertias are attached."""
+
+    flange: Flange = Flange()
+    phi_ref: Real = signal_input(unit="rad", doc="Angle")
+
+    def equations(self) -> Equations:
+        yield self.flange.phi == self.phi_ref
+
+
+class Speed(Component):
+    """Flange that follows an angular velocity signal exactly; the start angle is that of `phi`."""
+
+    flange: Flange = Flange()
+    w_ref: Real = signal_input(unit="rad/s", doc="Angular velocity")
+    phi: Real = variable(unit="rad", prefer_state=True, doc="Angle of the flange")
+    w: Real = variable(unit="rad/s", doc="Angular velocity of the flange")
+
+    def equations(self) -> Equations:
+        yield self.phi == self.flange.phi
+        yield self.w == der(self.phi)
+        yield self.w == self.w_ref
+
+
+class Accelerate(Component):
+    """Flange that follows an angular acceleration signal exactly; the start is that of `phi` and `w`."""
+
+    flange: Flange = Flange()
+    a_ref: Real = signal_input(unit="rad/s2", doc="Angular acceleration")
+    phi: Real = variable(unit="rad", prefer_state=True, doc="Angle of the flange")
+    w: Real = variable(unit="rad/s", prefer_state=True, doc="Angular velocity of the flange")
+    a: Real = variable(unit="rad/s2", doc="Angular acceleration of the flange")
+
+    def equations(self) -> Equations:
+        yield self.phi == self.flange.phi
+        yield self.w == der(self.phi)
+        yield self.a == der(self.w)
+        yield self.a == self.a_ref

@@ -1,0 +1,79 @@
+"""Masses, rods, springs and dampers. Names and signs as in Modelica.Mechanics.Translational.Components."""
+
+from __future__ import annotations
+
+from acausal import Component, Equations, Real, der, parameter, variable
+from acausal.library.translational.interfaces import (
+    Flange,
+    PartialCompliant,
+    PartialCompliantWithRelativeStates,
+    PartialRigid,
+)
+
+
+class Fixed(Component):
+    """Flange held at the position `s0`."""
+
+    flange: Flange = Flange()
+    s0: Real = parameter(default=0.0, unit="m", doc="Position of the flange")
+
+    def equations(self) -> Equations:
+        yield self.flange.s == self.s0
+
+
+class Rod(PartialRigid):
+    """Rod without mass."""
+
+    def equations(self) -> Equations:
+        yield self.flange_a.f + self.flange_b.f == 0.0
+
+
+class Mass(PartialRigid):
+    """Sliding mass with inertia."""
+
+    m: Real = parameter(unit="kg", min=0.0, doc="Mass")
+    v: Real = variable(unit="m/s", prefer_state=True, doc="Absolute velocity")
+    a: Real = variable(unit="m/s2", doc="Absolute acceleration")
+
+    def equations(self) -> Equations:
+        yield self.v == der(self.s)
+        yield self.a == der(self.v)
+        yield self.m * self.a == self.flange_a.f + self.flange_b.f
+
+
+class Spring(PartialCompliant):
+    """Linear spring."""
+
+    c: Real = parameter(unit="N/m", min=0.0, doc="Stiffness")
+    s_rel0: Real = parameter(default=0.0, unit="m", doc="Unstretched length")
+
+    def equations(self) -> Equations:
+        yield self.f == self.c * (self.s_rel - self.s_rel0)
+
+
+class Damper(PartialCompliantWithRelativeStates):
+    """Linear damper."""
+
+    d: Real = parameter(unit="N.s/m", min=0.0, doc="Damping constant")
+    loss_power: Real = variable(unit="W", doc="Power turned into heat")
+
+    def equations(self) -> Equations:
+        yield self.f == self.d * self.v_rel
+        yield self.loss_power == self.f * self.v_rel
+
+
+class SpringDamper(PartialCompliantWithRelativeStates):
+    """Linear spring and linear damper side by side."""
+
+    c: Real = parameter(unit="N/m", min=0.0, doc="Stiffness")
+    d: Real = parameter(unit="N.s/m", min=0.0, doc="Damping constant")
+    s_rel0: Real = parameter(default=0.0, unit="m", doc="Unstretched length")
+    f_c: Real = variable(unit="N", doc="Spring force")
+    f_d: Real = variable(unit="N", doc="Damping force")
+    loss_power: Real = variable(unit="W", doc="Power turned into heat")
+
+    def equations(self) -> Equations:
+        yield self.f_c == self.c * (self.s_rel - self.s_rel0)
+        yield self.f_d == self.d * self.v_rel
+        yield self.f == self.f_c + self.f_d
+        yield self.loss_power == self.f_d * self.v_rel
