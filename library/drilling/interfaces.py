@@ -1,0 +1,93 @@
+"""What the kinematic and the dynamic drilling force have in common."""
+
+from __future__ import annotations
+
+import math
+
+from acausal import Component, Equations, Real, connect, parameter, part, signal_output, sin, structural
+from acausal.library.drilling.cutting import PartialCuttingForce
+from acausal.library.drilling.geometry import DrillGeometry
+from acausal.library.drilling.materials import STEEL_34CRMO4, Material
+from acausal.library.drilling.tool import TWIST_DRILL_16MM, Tool
+from acausal.library.multibody.frames import Frame
+from acausal.library.multibody.orientation import Vector
+
+
+class PartialDrillingForce(Component):
+    """A drill and what it does to one plate; a subclass makes the force block.
+
+    `frame_a` belongs to the body of the drill, `frame_w` to the entry face of the workpiece (`Workpiece.frame_b`).
+    The dimensions of the plate are bound to those of the workpiece. Tool and material are records that give the
+    defaults; every number can be set by itself.
+    """
+
+    frame_a: Frame = Frame()
+    frame_w: Frame = Frame()
+
+    tool: Tool = structural(default=TWIST_DRILL_16MM, doc="Record that gives d, sigma, z_E")
+    material: Material = structural(default=STEEL_34CRMO4, doc="Record that gives k_c11, z")
+    axis_a: Vector = structural(default=(0.0, 0.0, 1.0), doc="Direction from shank to tip, resolved in frame_a")
+    d: Real = parameter(default=lambda self: self.tool.d, unit="m", min=0.0, doc="Diameter of the drill")
+    sigma: Real = parameter(
+        default=lambda self: self.tool.sigma, unit="rad", min=0.0, max=math.pi, doc="Point angle of the drill"
+    )
+    z_E: Real = parameter(default=lambda self: float(self.tool.z_E), unit="1", min=1.0, doc="Number of cutting edges")
+    length: Real = parameter(default=0.0, unit="m", doc="Distance from frame_a to the tip along the axis")
+    k_c11: Real = parameter(
+        default=lambda self: self.material.k_c11, unit="Pa", min=0.0, doc="Specific cutting force at h = b = 1 mm"
+    )
+    z: Real = parameter(
+        default=lambda self: self.material.z, unit="1", min=0.0, max=1.0, doc="Exponent of the chip thickness"
+    )
+    h_min: Real = parameter(default=1e-6, unit="m", min=0.0, doc="Chip thickness below which k_c stays constant")
+    feed_force_factor: Real = parameter(
+        default=lambda self: sin(self.sigma), unit="1", min=0.0, doc="F_f / F_c; sin(sigma) as printed in the paper"
+    )
+    t: Real = parameter(unit="m", min=0.0, doc="Thickness of the plate")
+    width: Real = parameter(default=0.1, unit="m", min=0.0, doc="Extent of the plate along x of frame_w")
+    height: Real = parameter(default=0.1, unit="m", min=0.0, doc="Extent of the plate along y of frame_w")
+
+    geometry: DrillGeometry = part()
+
+    s: Real = signal_output(unit="m", nominal=1e-3, doc="Depth of the tip behind the entry face, along the drill axis")
+    d_O: Real = signal_output(unit="m", nominal=1e-3, doc="Outer diameter of the engaged part of the edges")
+    d_I: Real = signal_output(unit="m", nominal=1e-3, doc="Inner diameter of the engaged part of the edges")
+    n: Real = signal_output(unit="1/s", doc="Rotational speed of the drill against the workpiece, without sign")
+    f_z: Real = signal_output(unit="m", nominal=1e-4, doc="Feed per edge and revolution")
+    k_c: Real = signal_output(unit="Pa", nominal=1e9, doc="Specific cutting force")
+    F_c: Real = signal_output(unit="N", nominal=1e3, doc="Cutting force")
+    F_f: Real = signal_output(unit="N", nominal=1e3, doc="Feed force: on the drill along its axis, against the feed")
+    torque: Real = signal_output(unit="N.m", nominal=10.0, doc="Cutting torque, without sign")
+
+    def build(self) -> None:
+        self.geometry = DrillGeometry(
+            axis_a=self.axis_a,
+            d=self.d,
+            sigma=self.sigma,
+            length=self.length,
+            t=self.t,
+            width=self.width,
+            height=self.height,
+        )
+
+    def linked(self, force: PartialCuttingForce) -> Equations:
+        """Equations that put `force` behind the geometry and show its results."""
+        geometry = self.geometry
+        yield connect(self.frame_a, geometry.frame_a, force.frame_a)
+        yield connect(self.frame_w, geometry.frame_w, force.frame_w)
+        yield connect(geometry.tip, force.tip)
+        yield connect(geometry.axis, force.axis)
+        yield connect(geometry.d_O, force.d_O)
+        yield connect(geometry.d_I, force.d_I)
+        yield connect(geometry.omega, force.omega)
+        yield connect(geometry.n, force.n)
+
+        yield self.s == geometry.s
+        yield self.d_O == geometry.d_O
+        yield self.d_I == geometry.d_I
+        yield self.n == geometry.n
+        yield self.f_z == force.f_z
+        yield self.k_c == force.k_c
+        yield self.F_c == force.F_c
+        yield self.F_f == force.F_f
+        yield self.torque == force.torque

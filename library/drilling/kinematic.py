@@ -1,0 +1,46 @@
+"""The kinematic drilling force: feed rate and rotation are given, the forces follow."""
+
+from __future__ import annotations
+
+from acausal import Equations, Real, connect, maximum, parameter, part, signal_input
+from acausal.library.drilling.cutting import PartialCuttingForce
+from acausal.library.drilling.interfaces import PartialDrillingForce
+
+
+class KinematicCuttingForce(PartialCuttingForce):
+    """Cutting force of a drill whose feed and rotation are prescribed.
+
+    Source: founding paper, section 3.1: f_z = v / (n z_E).
+    """
+
+    n_min: Real = parameter(default=1e-3, unit="1/s", min=0.0, doc="Rotational speed below which the feed stays finite")
+    v: Real = signal_input(unit="m/s", doc="Feed rate: rate of the depth, from DrillGeometry")
+
+    def equations(self) -> Equations:
+        yield self.f_z == maximum(self.v, 0.0) / (self.z_E * maximum(self.n, self.n_min))
+
+
+class KinematicDrillingForce(PartialDrillingForce):
+    """Drilling force of a prescribed motion: DrillGeometry -> KinematicCuttingForce.
+
+    It measures feed rate and rotation at its frames, so whatever moves these prescribes them; the forces act on both
+    frames and appear as reactions in the drives.
+    """
+
+    force: KinematicCuttingForce = part()
+
+    def build(self) -> None:
+        super().build()
+        self.force = KinematicCuttingForce(
+            axis_a=self.axis_a,
+            sigma=self.sigma,
+            z_E=self.z_E,
+            k_c11=self.k_c11,
+            z=self.z,
+            h_min=self.h_min,
+            feed_force_factor=self.feed_force_factor,
+        )
+
+    def equations(self) -> Equations:
+        yield from self.linked(self.force)
+        yield connect(self.geometry.v, self.force.v)
