@@ -36,8 +36,11 @@ class Component:
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
-        declarations = dict(cls._declarations)
-        prototypes = dict(cls._prototypes)
+        declarations: dict[str, Declaration] = {}
+        prototypes: dict[str, Component] = {}
+        for base in reversed(cls.__bases__):
+            declarations |= getattr(base, "_declarations", {})
+            prototypes |= getattr(base, "_prototypes", {})
         annotated = cls.__dict__.get("__annotations__", {})
         for name, annotation in annotated.items():
             if name not in cls.__dict__ and not name.startswith("_") and "ClassVar" not in str(annotation):
