@@ -1,0 +1,151 @@
+"""Rigid bodies: mass, inertia and the equations of Newton and Euler.
+
+The equations are those of Modelica.Mechanics.MultiBody.Parts.Body, stated about the origin of frame_a and resolved in
+frame_a. A body that nobody orients (it is not behind a joint) becomes the root of its island and integrates a
+quaternion.
+"""
+
+from __future__ import annotations
+
+from acausal import (
+    Component,
+    Equations,
+    Expr,
+    Real,
+    branch,
+    cross,
+    der,
+    guess,
+    is_root,
+    parameter,
+    potential_root,
+    structural,
+    variable,
+)
+from acausal.language.expression import as_expr
+from acausal.library.multibody.frames import Frame
+from acausal.library.multibody.gravity import STANDARD_GRAVITY, Field, uniform_field
+from acausal.library.multibody.rotations import quaternion_rates, quaternion_rotation
+
+_FREE = "a body can move freely in this direction and nothing says where it starts: give it r_0, v_0, Q and w_a"
+
+
+class PartialBody(Component):
+    """Motion of a rigid body's frame_a.
+
+    A free body starts from `r_0`, `v_0`, `w_a` and the quaternion `Q` (of any length; `quaternion(R)` makes it). A
+    body behind joints starts from the coordinates of the joints.
+    """
+
+    frame_a: Frame = Frame()
+    r_0: Real = variable(unit="m", shape=3, doc="Position of frame_a, in world axes", hint=_FREE)
+    v_0: Real = variable(unit="m/s", shape=3, doc="Velocity of frame_a, in world axes", hint=_FREE)
+    a_0: Real = variable(unit="m/s2", shape=3, doc="Acceleration of frame_a, in world axes")
+    w_a: Real = variable(unit="rad/s", shape=3, doc="Angular velocity, in frame_a", hint=_FREE)
+    z_a: Real = variable(unit="rad/s2", shape=3, doc="Angular acceleration, in frame_a")
+    Q: Real = variable(
+        unit="1",
+        shape=4,
+        default=guess((0.0, 0.0, 0.0, 1.0)),
+        doc="Quaternion, vector part first; unused unless a root",
+    )
+    g_0: Real = parameter(
+        default=(0.0, -STANDARD_GRAVITY, 0.0), unit="m/s2", shape=3, doc="Vector of gravity in world axes"
+    )
+    gravity: Field = structural(default=uniform_field, doc="Field of gravity; the uniform one is g_0 everywhere")
+
+    def ties(self) -> Equations:
+        yield potential_root(self.frame_a)
+
+    def equations(self) -> Equations:
+        a = self.frame_a
+        yield self.r_0 == a.r_0
+        yield self.v_0 == der(self.r_0)
+        yield self.a_0 == der(self.v_0)
+        yield self.w_a == a.w
+        yield self.z_a == der(self.w_a)
+        if is_root(a):
+            yield a.R == quaternion_rotation(self.Q)
+            yield der(self.Q) == quaternion_rates(self.Q, self.w_a)
+        else:
+            yield self.Q == (0.0, 0.0, 0.0, 1.0)
+
+    def inertial_force(self, m: Expr, r_CM: Expr) -> Expr:
+        """Force [N] that moves the mass as it moves, less gravity, in frame_a."""
+        a = self.frame_a
+        g = self.gravity(self.g_0, self.r_0 + a.R @ r_CM)
+        w, z = self.w_a, self.z_a
+        return m * (a.R.T @ (self.a_0 - g) + cross(z, r_CM) + cross(w, cross(w, r_CM)))
+
+    def inertial_torque(self, tensor: Expr, r_CM: Expr, force: Expr) -> Expr:
+        """Torque [N.m] about the origin of frame_a that belongs to `force`, in frame_a."""
+        w = self.w_a
+        return tensor @ self.z_a + cross(w, tensor @ w) + cross(r_CM, force)
+
+
+class PartialMassiveBody(PartialBody):
+    """A body whose mass, centre and inertia are given."""
+
+    m: Real = parameter(unit="kg", min=0.0, doc="Mass")
+    r_CM: Real = parameter(default=(0.0, 0.0, 0.0), unit="m", shape=3, doc="Centre of mass, in frame_a")
+    I_11: Real = parameter(default=0.001, unit="kg.m2", min=0.0, doc="Inertia about the centre of mass, along frame_a")
+    I_22: Real = parameter(default=0.001, unit="kg.m2", min=0.0, doc="Inertia about the centre of mass, along frame_a")
+    I_33: Real = parameter(default=0.001, unit="kg.m2", min=0.0, doc="Inertia about the centre of mass, along frame_a")
+    I_21: Real = parameter(default=0.0, unit="kg.m2", doc="Element of the inertia tensor")
+    I_31: Real = parameter(default=0.0, unit="kg.m2", doc="Element of the inertia tensor")
+    I_32: Real = parameter(default=0.0, unit="kg.m2", doc="Element of the inertia tensor")
+
+    def inertia_tensor(self) -> Expr:
+        """The inertia about the centre of mass [kg.m2], 3x3, in axes parallel to frame_a."""
+        return as_expr(
+            (
+                (self.I_11, self.I_21, self.I_31),
+                (self.I_21, self.I_22, self.I_32),
+                (self.I_31, self.I_32, self.I_33),
+            )
+        )
+
+
+class Body(PartialMassiveBody):
+    """Rigid body with one frame.
+
+    The tensor elements I_ij are taken about the centre of mass, along the axes of frame_a, as in Modelica.
+    """
+
+    def equations(self) -> Equations:
+        force = self.inertial_force(self.m, self.r_CM)
+        yield self.frame_a.f == force
+        yield self.frame_a.t == self.inertial_torque(self.inertia_tensor(), self.r_CM, force)
+
+
+class PartialTwoFrameBody(PartialBody):
+    """A body with a second frame, parallel to the first.
+
+    Not a Body with a FixedTranslation behind it, as in Modelica: a chain of links needs half as many unknowns.
+    """
+
+    frame_b: Frame = Frame()
+    r: Real = parameter(unit="m", shape=3, doc="From frame_a to frame_b, in frame_a")
+
+    def ties(self) -> Equations:
+        yield branch(self.frame_a, self.frame_b)
+
+    def equations(self) -> Equations:
+        a, b = self.frame_a, self.frame_b
+        yield b.r_0 == a.r_0 + a.R @ self.r
+        yield b.R == a.R
+        yield b.w == a.w
+
+    def balance(self, m: Expr, r_CM: Expr, tensor: Expr) -> Equations:
+        """The six equations of motion with forces at both frames."""
+        a, b = self.frame_a, self.frame_b
+        force = self.inertial_force(m, r_CM)
+        yield a.f + b.f == force
+        yield a.t + b.t + cross(self.r, b.f) == self.inertial_torque(tensor, r_CM, force)
+
+
+class BodyShape(PartialTwoFrameBody, PartialMassiveBody):
+    """Rigid body with two frames; frame_b is at `r`."""
+
+    def equations(self) -> Equations:
+        yield from self.balance(self.m, self.r_CM, self.inertia_tensor())

@@ -1,0 +1,6 @@
+"""Joints as conditions: for bodies that have coordinates of their own, and for closing loops."""
+
+from __future__ import annotations
+
+from acausal.library.multibody.constraints.prismatic import PrismaticConstraint as PrismaticConstraint
+from acausal.library.multibody.constraints.revolute import RevoluteConstraint as RevoluteConstraint

@@ -1,0 +1,49 @@
+"""Partial components: what joints, force elements and sensors have in common."""
+
+from __future__ import annotations
+
+from acausal import Component, Equations, branch
+from acausal.library.multibody.frames import Frame
+
+
+class PartialTwoFrames(Component):
+    """A component with two frames."""
+
+    frame_a: Frame = Frame()
+    frame_b: Frame = Frame()
+
+
+class PartialJoint(PartialTwoFrames):
+    """A component that fixes the orientation of one frame against the other, by coordinates of its own or none."""
+
+    def ties(self) -> Equations:
+        yield branch(self.frame_a, self.frame_b)
+
+
+class PartialAligned(PartialJoint):
+    """A component whose two frames are parallel and hand the force on."""
+
+    def equations(self) -> Equations:
+        yield self.frame_b.R == self.frame_a.R
+        yield self.frame_b.w == self.frame_a.w
+        yield self.frame_a.f + self.frame_b.f == 0
+
+
+class PartialAbsoluteSensor(Component):
+    """A massless sensor at one frame: it takes neither force nor torque."""
+
+    frame_a: Frame = Frame()
+
+    def equations(self) -> Equations:
+        yield self.frame_a.f == 0
+        yield self.frame_a.t == 0
+
+
+class PartialRelativeSensor(PartialTwoFrames):
+    """A massless sensor between two frames."""
+
+    def equations(self) -> Equations:
+        yield self.frame_a.f == 0
+        yield self.frame_a.t == 0
+        yield self.frame_b.f == 0
+        yield self.frame_b.t == 0

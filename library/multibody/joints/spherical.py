@@ -1,0 +1,21 @@
+"""The ball joint."""
+
+from __future__ import annotations
+
+from acausal import Equations
+from acausal.library.multibody.interfaces import PartialTwoFrames
+
+
+class Spherical(PartialTwoFrames):
+    """The origins of both frames coincide; the rotation is free, and nothing of the joint is a state.
+
+    The two frames are not tied in orientation, so that the body behind the joint becomes a root with a quaternion,
+    and a loop closed by this joint needs no cut. (Modelica's Spherical with enforceStates=false.)
+    """
+
+    def equations(self) -> Equations:
+        a, b = self.frame_a, self.frame_b
+        yield b.r_0 == a.r_0
+        yield a.t == 0
+        yield b.t == 0
+        yield a.f + a.R.T @ (b.R @ b.f) == 0
