@@ -1,0 +1,228 @@
+"""Signal blocks against their closed forms."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import acausal
+from acausal import Component, Equations, connect, der, part
+from acausal.errors import DeclarationError
+from acausal.library.blocks import (
+    PI,
+    Add,
+    Add3,
+    Constant,
+    ContinuousClock,
+    Der,
+    Derivative,
+    Division,
+    Feedback,
+    FirstOrder,
+    Gain,
+    Integrator,
+    Limiter,
+    Product,
+    Pulse,
+    Ramp,
+    SecondOrder,
+    Sine,
+    Step,
+    TimeTable,
+)
+
+TABLE = ((0.0, 1.0), (1.0, 3.0), (1.0, 0.0), (2.0, 0.0), (4.0, -2.0))
+
+
+class Sources(Component):
+    """Every source, and the integral of those with jumps."""
+
+    clock: ContinuousClock = part()
+    step: Step = part()
+    ramp: Ramp = part()
+    sine: Sine = part()
+    pulse: Pulse = part()
+    table: TimeTable = part()
+    pulse_integral: Integrator = part()
+    table_integral: Integrator = part()
+
+    def build(self) -> None:
+        self.clock = ContinuousClock(offset=1.0, start_time=0.5)
+        self.step = Step(height=2.0, offset=-1.0, start_time=1.0)
+        self.ramp = Ramp(height=3.0, duration=2.0, offset=1.0, start_time=0.5)
+        self.sine = Sine(amplitude=2.0, f=0.25, phase=0.1, offset=0.5, start_time=1.0)
+        self.pulse = Pulse(amplitude=2.0, width=0.25, period=1.0, nperiod=3, offset=0.5, start_time=0.5)
+        self.table = TimeTable(table=TABLE, offset=10.0, start_time=0.5)
+        self.pulse_integral = Integrator(y=0.0)
+        self.table_integral = Integrator(y=0.0)
+
+    def equations(self) -> Equations:
+        yield connect(self.pulse.y, self.pulse_integral.u)
+        yield connect(self.table.y, self.table_integral.u)
+
+
+EXPECTED = {
+    "clock.y": {0.3: 1.0, 2.5: 3.0},
+    "step.y": {0.5: -1.0, 1.5: 1.0},
+    "ramp.y": {0.2: 1.0, 1.5: 2.5, 4.0: 4.0},
+    "sine.y": {0.5: 0.5, 2.0: 0.5 + 2.0 * math.sin(0.5 * math.pi + 0.1)},
+    "pulse.y": {0.2: 0.5, 0.6: 2.5, 1.0: 0.5, 2.6: 2.5, 3.2: 0.5, 3.6: 0.5},
+    # before the start, on the first line, after the jump, on the last line, beyond the end
+    "table.y": {0.2: 10.0, 1.0: 12.0, 1.7: 10.0, 3.5: 9.0, 4.9: 7.6},
+}
+
+
+@pytest.fixture(scope="module")
+def sources() -> acausal.Result:
+    return acausal.simulate(Sources(), stop_time=5.0, tolerance=1e-9, output_interval=0.1)
+
+
+@pytest.mark.parametrize("name", EXPECTED)
+def test_source_waveform(sources: acausal.Result, name: str) -> None:
+    for t, y in EXPECTED[name].items():
+        assert sources.at(t, name) == pytest.approx(y, abs=1e-9), t
+
+
+def test_no_solver_steps_over_a_jump(sources: acausal.Result) -> None:
+    """Integrals over rectangles and broken lines, as areas."""
+    assert sources.final("pulse_integral.y") == pytest.approx(0.5 * 5.0 + 3 * 2.0 * 0.25, abs=1e-8)
+    # 10*5 + trapezium (1+3)/2 + triangle: line 0 at 2 s to -2.5 at 4.5 s
+    assert sources.final("table_integral.y") == pytest.approx(50.0 + 2.0 - 2.5**2 / 2.0, abs=1e-8)
+
+
+@pytest.mark.parametrize("table", [(), ((0.0, 1.0, 2.0),), ((1.0, 0.0), (0.0, 1.0))])
+def test_a_wrong_table_is_refused(table: tuple[tuple[float, ...], ...]) -> None:
+    with pytest.raises(DeclarationError) as error:
+        list(TimeTable(table=table).equations())  # type: ignore[arg-type]
+    assert error.value.code == "AC130"
+
+
+class Arithmetic(Component):
+    """All algebraic blocks on the two numbers 3 and -2."""
+
+    a: Constant = part()
+    b: Constant = part()
+    gain: Gain = part()
+    add: Add = part()
+    add3: Add3 = part()
+    product: Product = part()
+    division: Division = part()
+    feedback: Feedback = part()
+    above: Limiter = part()
+    below: Limiter = part()
+
+    def build(self) -> None:
+        self.a = Constant(k=3.0)
+        self.b = Constant(k=-2.0)
+        self.gain = Gain(k=4.0)
+        self.add = Add(k2=10.0)
+        self.add3 = Add3(k3=100.0)
+        self.product = Product()
+        self.division = Division()
+        self.feedback = Feedback()
+        self.above = Limiter(u_max=2.5)
+        self.below = Limiter(u_max=5.0, u_min=-1.0)
+
+    def equations(self) -> Equations:
+        two = (self.add, self.product, self.division, self.feedback)
+        yield connect(self.a.y, self.gain.u, self.add3.u1, self.above.u, *(block.u1 for block in two))
+        yield connect(self.b.y, self.add3.u2, self.add3.u3, self.below.u, *(block.u2 for block in two))
+
+
+def test_algebraic_blocks() -> None:
+    r = acausal.simulate(Arithmetic(), stop_time=1.0)
+    expected = {
+        "gain": 12,
+        "add": -17,
+        "add3": -199,
+        "product": -6,
+        "division": -1.5,
+        "feedback": 5,
+        "above": 2.5,
+        "below": -1,
+    }
+    assert {name: r.final(f"{name}.y") for name in expected} == pytest.approx(expected, abs=1e-12)
+
+
+class Lags(Component):
+    """Step into lags of first and second order, ramp into derivatives."""
+
+    step: Step = part()
+    ramp: Ramp = part()
+    first: FirstOrder = part()
+    second: SecondOrder = part()
+    derivative: Derivative = part()
+    exact: Der = part()
+
+    def build(self) -> None:
+        self.step = Step(start_time=0.5)
+        self.ramp = Ramp(height=20.0, duration=10.0)
+        self.first = FirstOrder(k=2.0, T=0.3, y=0.5)
+        self.second = SecondOrder(k=3.0, w=5.0, D=0.4, y=0.0, yd=0.0)
+        self.derivative = Derivative(k=1.5, T=0.2, x=0.0)
+        self.exact = Der()
+
+    def equations(self) -> Equations:
+        yield connect(self.step.y, self.first.u, self.second.u)
+        yield connect(self.ramp.y, self.derivative.u, self.exact.u)
+
+
+def test_lags_answer_as_their_transfer_functions() -> None:
+    r = acausal.simulate(Lags(), stop_time=3.0, tolerance=1e-9, output_interval=0.05)
+    t = r.time
+    x = np.maximum(t - 0.5, 0.0)
+    first = np.where(t < 0.5, 0.5 * np.exp(-t / 0.3), 2.0 + (0.5 * np.exp(-0.5 / 0.3) - 2.0) * np.exp(-x / 0.3))
+    wd = 5.0 * math.sqrt(1.0 - 0.4**2)
+    second = 3.0 * (1.0 - np.exp(-0.4 * 5.0 * x) * (np.cos(wd * x) + 0.4 * 5.0 / wd * np.sin(wd * x)))
+    assert r["first.y"] == pytest.approx(first, abs=1e-7)
+    assert r["second.y"] == pytest.approx(second, abs=1e-7)
+    assert r["derivative.y"] == pytest.approx(1.5 * 2.0 * (1.0 - np.exp(-t / 0.2)), abs=1e-7)
+    assert r["exact.y"] == pytest.approx(2.0, abs=1e-12)
+
+
+class ClosedLoop(Component):
+    """PI controller whose zero cancels the pole of the plant: the loop is a lag of first order, T/k."""
+
+    reference: Step = part()
+    comparison: Feedback = part()
+    controller: PI = part()
+    plant: FirstOrder = part()
+
+    def build(self) -> None:
+        self.reference = Step(height=1.0)
+        self.comparison = Feedback()
+        self.controller = PI(k=4.0, T=2.0, x=0.0)
+        self.plant = FirstOrder(T=2.0, y=0.0)
+
+    def equations(self) -> Equations:
+        yield connect(self.reference.y, self.comparison.u1)
+        yield connect(self.comparison.y, self.controller.u)
+        yield connect(self.controller.y, self.plant.u)
+        yield connect(self.plant.y, self.comparison.u2)
+
+
+def test_pole_cancelling_pi_loop() -> None:
+    r = acausal.simulate(ClosedLoop(), stop_time=3.0, tolerance=1e-9)
+    assert r["plant.y"] == pytest.approx(1.0 - np.exp(-r.time * 4.0 / 2.0), abs=1e-7)
+
+
+class SteadyStart(ClosedLoop):
+    """The same loop, started in steady state on a set value of 1 instead of at 0."""
+
+    def build(self) -> None:
+        self.reference = Step(height=1.0, offset=1.0, start_time=1.0)
+        self.comparison = Feedback()
+        self.controller = PI(k=4.0, T=2.0)
+        self.plant = FirstOrder(T=2.0)
+
+    def initial_equations(self) -> Equations:
+        yield der(self.controller.x) == 0.0
+        yield der(self.plant.y) == 0.0
+
+
+def test_start_in_steady_state() -> None:
+    r = acausal.simulate(SteadyStart(), stop_time=3.0, tolerance=1e-9)
+    expected = 1.0 + np.where(r.time < 1.0, 0.0, 1.0 - np.exp(-(r.time - 1.0) * 2.0))
+    assert r["plant.y"] == pytest.approx(expected, abs=1e-7)

@@ -1,0 +1,82 @@
+"""Every component of the 1D libraries: declared with units, dimensionally right, and locally balanced."""
+
+from __future__ import annotations
+
+import inspect
+import math
+from typing import Any
+
+import pytest
+
+from acausal import Component, Connector
+from acausal.language.declare import Kind
+from acausal.language.dimensions import check_dimensions
+from acausal.library import blocks, electrical, rotational, translational
+
+TABLE = ((0.0, 0.0), (1.0, 2.0), (1.0, 3.0), (2.0, 3.0))
+
+
+def _leaves() -> list[Any]:
+    found = []
+    for library in (blocks, translational, rotational, electrical):
+        for name, cls in vars(library).items():
+            if inspect.isclass(cls) and issubclass(cls, Component) and not name.startswith("Partial"):
+                if issubclass(cls, Connector):
+                    continue
+                found.append(pytest.param(cls, id=f"{library.__name__.rsplit('.', 1)[-1]}.{name}"))
+    return found
+
+
+def _made(cls: type[Component]) -> Component:
+    """An instance with 1.0 for every parameter that needs a value."""
+    given: dict[str, Any] = {
+        name: 1.0 for name, d in cls._declarations.items() if d.kind is Kind.PARAMETER and d.default is None
+    }
+    if "table" in cls._declarations:
+        given["table"] = TABLE
+    return cls(**given)
+
+
+def _equations(component: Component) -> list[Any]:
+    return [
+        equation
+        for base in reversed(type(component).__mro__)
+        if "equations" in base.__dict__
+        for equation in base.__dict__["equations"](component)
+    ]
+
+
+@pytest.mark.parametrize("cls", _leaves())
+def test_dimensions_agree_in_every_equation(cls: type[Component]) -> None:
+    for equation in _equations(_made(cls)):
+        check_dimensions(equation, ())
+
+
+@pytest.mark.parametrize("cls", _leaves())
+def test_as_many_equations_as_own_unknowns_and_flows(cls: type[Component]) -> None:
+    """Local balance, Modelica specification 3.6 section 4.8: connections bring one equation for each potential."""
+    component = _made(cls)
+    size = {Kind.VARIABLE: 0, Kind.OUTPUT: 0, Kind.FLOW: 0}
+    for name, declaration in cls._declarations.items():
+        if declaration.kind is Kind.PART:
+            inner = getattr(component, name)._declarations.values()
+            size[Kind.FLOW] += sum(math.prod(d.shape) for d in inner if d.kind is Kind.FLOW)
+        elif declaration.kind in size:
+            size[declaration.kind] += math.prod(declaration.shape)
+    assert sum(math.prod(e.left.shape or e.right.shape) for e in _equations(component)) == sum(size.values())
+
+
+@pytest.mark.parametrize("cls", _leaves())
+def test_every_declaration_says_what_it_is(cls: type[Component]) -> None:
+    assert cls.__doc__
+    physical = cls.__module__.split(".")[2] != "blocks"
+    for name, declaration in cls._declarations.items():
+        assert declaration.doc, name
+        if physical and declaration.kind not in (Kind.STRUCTURAL, Kind.PART):
+            assert declaration.unit, name
+
+
+def test_hints_tell_what_may_be_missing() -> None:
+    for connector in (translational.Flange, rotational.Flange, electrical.Pin):
+        assert all(d.hint for d in connector._declarations.values())
+    assert "Ground" in electrical.Pin._declarations["v"].hint

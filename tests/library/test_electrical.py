@@ -1,0 +1,243 @@
+"""Analog circuits against closed forms."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+import acausal
+from acausal import Component, Equations, Real, connect, parameter, part
+from acausal.library.blocks import Constant
+from acausal.library.electrical import (
+    Capacitor,
+    Conductor,
+    ConstantCurrent,
+    ConstantVoltage,
+    CurrentSensor,
+    Diode,
+    Ground,
+    IdealTransformer,
+    Inductor,
+    PotentialSensor,
+    RampCurrent,
+    RampVoltage,
+    Resistor,
+    SignalCurrent,
+    SignalVoltage,
+    SineCurrent,
+    SineVoltage,
+    StepCurrent,
+    StepVoltage,
+    VoltageSensor,
+)
+from acausal.models.rc_circuit import RCCircuit
+from acausal.models.rc_ladder import RCLadder
+
+
+def test_charging_of_a_capacitor() -> None:
+    r = acausal.simulate(RCCircuit(R=2e3, C=1e-6, V=5.0), stop_time=10e-3, tolerance=1e-9)
+    x = np.maximum(r.time - 1e-3, 0.0)
+    assert r["capacitor.v"] == pytest.approx(5.0 * (1.0 - np.exp(-x / 2e-3)), abs=1e-7)
+
+
+class SeriesRLC(Component):
+    """Voltage step on a resistor, an inductor and a capacitor; a second step on resistor and inductor alone."""
+
+    source: StepVoltage = part()
+    resistor: Resistor = part()
+    inductor: Inductor = part()
+    capacitor: Capacitor = part()
+    resistor2: Resistor = part()
+    inductor2: Inductor = part()
+    ground: Ground = part()
+
+    def build(self) -> None:
+        self.source = StepVoltage(V=10.0, start_time=0.5)
+        self.resistor = Resistor(R=2.0)
+        self.inductor = Inductor(L=0.5, i=0.0)
+        self.capacitor = Capacitor(C=0.02, v=0.0)
+        self.resistor2 = Resistor(R=2.0)
+        self.inductor2 = Inductor(L=0.5, i=0.0)
+        self.ground = Ground()
+
+    def equations(self) -> Equations:
+        yield connect(self.source.p, self.resistor.p, self.resistor2.p)
+        yield connect(self.resistor.n, self.inductor.p)
+        yield connect(self.inductor.n, self.capacitor.p)
+        yield connect(self.resistor2.n, self.inductor2.p)
+        yield connect(self.capacitor.n, self.inductor2.n, self.source.n, self.ground.p)
+
+
+def test_rlc_and_rl_step() -> None:
+    """z = R/2L = 2 1/s, w = sqrt(1/LC - z^2); the inductor's current rises with L/R = 0.25 s."""
+    r = acausal.simulate(SeriesRLC(), stop_time=4.0, tolerance=1e-9)
+    x = np.maximum(r.time - 0.5, 0.0)
+    z, w = 2.0, math.sqrt(100.0 - 4.0)
+    assert r["capacitor.v"] == pytest.approx(
+        10.0 * (1.0 - np.exp(-z * x) * (np.cos(w * x) + z / w * np.sin(w * x))), abs=1e-6
+    )
+    assert r["inductor2.i"] == pytest.approx(5.0 * (1.0 - np.exp(-x / 0.25)), abs=1e-7)
+
+
+class Bridge(Component):
+    """Unbalanced Wheatstone bridge with a resistor in the middle, and ideal meters."""
+
+    source: ConstantVoltage = part()
+    r1: Resistor = part()
+    r2: Resistor = part()
+    r3: Resistor = part()
+    r4: Conductor = part()
+    middle: Resistor = part()
+    current: CurrentSensor = part()
+    voltage: VoltageSensor = part()
+    potential: PotentialSensor = part()
+    ground: Ground = part()
+
+    def build(self) -> None:
+        self.source = ConstantVoltage(V=12.0)
+        self.r1, self.r2, self.r3 = Resistor(R=100.0), Resistor(R=200.0), Resistor(R=300.0)
+        self.r4 = Conductor(G=1.0 / 400.0)
+        self.middle = Resistor(R=50.0)
+        self.current, self.voltage, self.potential = CurrentSensor(), VoltageSensor(), PotentialSensor()
+        self.ground = Ground()
+
+    def equations(self) -> Equations:
+        yield connect(self.source.p, self.current.p)
+        yield connect(self.current.n, self.r1.p, self.r3.p)
+        yield connect(self.r1.n, self.r2.p, self.middle.p, self.voltage.p, self.potential.p)
+        yield connect(self.r3.n, self.r4.p, self.middle.n, self.voltage.n)
+        yield connect(self.r2.n, self.r4.n, self.source.n, self.ground.p)
+
+
+def test_wheatstone_bridge() -> None:
+    """Node voltages of the bridge from its 2x2 conductance matrix."""
+    r = acausal.simulate(Bridge(), stop_time=1.0)
+    g1, g2, g3, g4, gm = 1 / 100, 1 / 200, 1 / 300, 1 / 400, 1 / 50
+    a, b = np.linalg.solve([[g1 + g2 + gm, -gm], [-gm, g3 + g4 + gm]], [12 * g1, 12 * g3])
+    assert r.final("potential.phi") == pytest.approx(a, rel=1e-12)
+    assert r.final("voltage.v") == pytest.approx(a - b, rel=1e-12)
+    assert r.final("current.i") == pytest.approx((12 - a) * g1 + (12 - b) * g3, rel=1e-12)
+    assert r.final("source.i") == pytest.approx(-r.final("current.i"), rel=1e-12)
+
+
+class Transformed(Component):
+    """Ideal transformer with a load on its secondary side; both sides are grounded."""
+
+    source: SineVoltage = part()
+    transformer: IdealTransformer = part()
+    load: Resistor = part()
+    ground: Ground = part()
+
+    def build(self) -> None:
+        self.source = SineVoltage(V=10.0, f=50.0)
+        self.transformer = IdealTransformer(n=4.0)
+        self.load = Resistor(R=5.0)
+        self.ground = Ground()
+
+    def equations(self) -> Equations:
+        yield connect(self.source.p, self.transformer.p1)
+        yield connect(self.transformer.p2, self.load.p)
+        yield connect(self.source.n, self.transformer.n1, self.transformer.n2, self.load.n, self.ground.p)
+
+
+def test_transformer_multiplies_the_load_by_the_square_of_its_ratio() -> None:
+    r = acausal.simulate(Transformed(), stop_time=0.02)
+    u = 10.0 * np.sin(2.0 * math.pi * 50.0 * r.time)
+    assert r["load.v"] == pytest.approx(u / 4.0, abs=1e-12)
+    assert r["source.i"] == pytest.approx(-u / (16.0 * 5.0), abs=1e-12)
+
+
+class Rectifier(Component):
+    """Sine through a diode and a resistor."""
+
+    V: Real = parameter(default=2.0, unit="V")
+    source: SineVoltage = part()
+    diode: Diode = part()
+    load: Resistor = part()
+    ground: Ground = part()
+
+    def build(self) -> None:
+        self.source = SineVoltage(V=self.V, f=1.0)
+        self.diode = Diode()
+        self.load = Resistor(R=100.0)
+        self.ground = Ground()
+
+    def equations(self) -> Equations:
+        yield connect(self.source.p, self.diode.p)
+        yield connect(self.diode.n, self.load.p)
+        yield connect(self.load.n, self.source.n, self.ground.p)
+
+
+@pytest.mark.parametrize("amplitude", [0.5, 2.0, 400.0])
+def test_diode_in_series_with_a_resistor(amplitude: float) -> None:
+    """Root of Ids*(exp(v/Vt) - 1) + v/R = (u - v)/100 by bracketing; 400 V reaches the tangent beyond Maxexp."""
+
+    def current(v: float) -> float:
+        x = v / 0.04
+        curve = math.exp(x) if x < 15.0 else math.exp(15.0) * (1.0 + x - 15.0)
+        return 1e-6 * (curve - 1.0) + v / 1e8
+
+    r = acausal.simulate(Rectifier(V=amplitude), stop_time=1.0, output_interval=0.05)
+    for t in (0.05, 0.25, 0.45, 0.5, 0.75, 0.95):
+        u = amplitude * math.sin(2.0 * math.pi * t)
+        v = brentq(lambda v, u=u: current(v) - (u - v) / 100.0, -amplitude - 1.0, amplitude + 1.0, xtol=1e-15)
+        assert r.at(t, "diode.v") == pytest.approx(v, abs=1e-9), t
+        assert r.at(t, "diode.i") == pytest.approx(current(v), rel=1e-6, abs=1e-12), t
+
+
+class Sources(Component):
+    """Every source on a resistor of 2 Ohm of its own."""
+
+    sources: list[Component] = part()
+    resistors: list[Resistor] = part()
+    ground: Ground = part()
+    level: Constant = part()
+
+    def build(self) -> None:
+        self.sources = [
+            ConstantVoltage(V=3.0),
+            StepVoltage(V=3.0, offset=1.0, start_time=1.0),
+            RampVoltage(V=4.0, duration=2.0, offset=1.0, start_time=1.0),
+            SineVoltage(V=3.0, f=0.25, phase=0.2, offset=1.0, start_time=1.0),
+            SignalVoltage(),
+            ConstantCurrent(I=-3.0),
+            StepCurrent(I=-3.0, offset=-1.0, start_time=1.0),
+            RampCurrent(I=-4.0, duration=2.0, offset=-1.0, start_time=1.0),
+            SineCurrent(I=-3.0, f=0.25, phase=0.2, offset=-1.0, start_time=1.0),
+            SignalCurrent(u=-5.0),
+        ]
+        self.resistors = [Resistor(R=2.0) for _ in self.sources]
+        self.ground = Ground()
+        self.level = Constant(k=5.0)
+
+    def equations(self) -> Equations:
+        for source, resistor in zip(self.sources, self.resistors, strict=True):
+            yield connect(source.p, resistor.p)
+            yield connect(source.n, resistor.n, self.ground.p)
+        yield connect(self.level.y, self.sources[4].u)
+
+
+def test_waveforms_of_voltage_and_current_sources() -> None:
+    """Voltages appear on the resistor; a current from p to n inside a source comes back through the resistor."""
+    r = acausal.simulate(Sources(), stop_time=4.0, output_interval=0.5)
+    before = [3.0, 1.0, 1.0, 1.0, 5.0]
+    after = [3.0, 4.0, 2.0, 1.0 + 3.0 * math.sin(math.pi / 4.0 + 0.2), 5.0]
+    for t, expected in ((0.5, before), (1.5, after)):
+        for k in range(5):
+            assert r.at(t, f"resistors[{k}].v") == pytest.approx(expected[k], abs=1e-12)
+            assert r.at(t, f"resistors[{k + 5}].i") == pytest.approx(expected[k], abs=1e-12)
+
+
+def test_ladder_is_diffusion() -> None:
+    """Eigenvectors of the ladder, open at its far end: v_j = V*(1 - sum of decaying sines)."""
+    n, R, C, V = 6, 2.0, 0.05, 3.0
+    r = acausal.simulate(RCLadder(n=n, R=R, C=C, V=V), stop_time=5.0, tolerance=1e-9)
+    angle = (2 * np.arange(1, n + 1) - 1) * math.pi / (2 * n + 1)
+    shapes = np.sin(np.outer(np.arange(1, n + 1), angle)) * (2.0 / math.sqrt(2 * n + 1))
+    rate = 4.0 * np.sin(angle / 2.0) ** 2 / (R * C)
+    decaying = np.exp(-np.outer(r.time, rate)) * (shapes.T @ np.full(n, V))
+    for j in range(n):
+        assert r[f"capacitors[{j}].v"] == pytest.approx(V - decaying @ shapes[j], abs=1e-7)
