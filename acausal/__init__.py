@@ -8,6 +8,8 @@ Importing this package loads neither CasADi nor matplotlib: the functions that n
 
 from __future__ import annotations
 
+import sys
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from acausal.errors import AcausalError as AcausalError
@@ -85,3 +87,18 @@ def __getattr__(name: str) -> Any:
 
         return getattr(import_module(_LAZY[name]), name)
     raise AttributeError(f"module 'acausal' has no attribute {name!r}")
+
+
+class _Package(ModuleType):
+    """`flatten` and `simulate` each name a function and the subpackage it lives in: the attribute is the function.
+
+    The import system puts a subpackage into its parent when it is first imported, whoever imports it; that would
+    replace the function.
+    """
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if not (name in _LAZY and isinstance(value, ModuleType)):
+            super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Package
