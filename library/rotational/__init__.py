@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from acausal.library.rotational.components import Damper as Damper
+from acausal.library.rotational.components import ElastoBacklash as ElastoBacklash
 from acausal.library.rotational.components import Fixed as Fixed
 from acausal.library.rotational.components import IdealGear as IdealGear
 from acausal.library.rotational.components import IdealGearR2T as IdealGearR2T

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from acausal import Component, Equations, Real, der, parameter, variable
+from acausal import Component, Equations, Real, der, maximum, minimum, parameter, variable, where
 from acausal.library.rotational.interfaces import (
     Flange,
     PartialCompliant,
@@ -74,6 +74,30 @@ class SpringDamper(PartialCompliantWithRelativeStates):
         yield self.tau_d == self.d * self.w_rel
         yield self.tau == self.tau_c + self.tau_d
         yield self.loss_power == self.tau_d * self.w_rel
+
+
+class ElastoBacklash(PartialCompliantWithRelativeStates):
+    """Spring and damper in series with a play of total width `b`; the flanks only push.
+
+    With tau_c = c*(phi_diff -/+ b/2) and tau_d = d*w_rel the torque beyond the play is tau_c + tau_d, with the size
+    of tau_d limited to that of tau_c, and 0 where it would pull.
+    """
+
+    c: Real = parameter(unit="N.m/rad", min=0.0, doc="Stiffness")
+    d: Real = parameter(unit="N.m.s/rad", min=0.0, doc="Damping constant")
+    b: Real = parameter(default=0.0, unit="rad", min=0.0, doc="Total play")
+    phi_rel0: Real = parameter(default=0.0, unit="rad", doc="Twist in the middle of the play")
+    phi_diff: Real = variable(unit="rad", doc="Twist measured from the middle of the play")
+
+    def equations(self) -> Equations:
+        yield self.phi_diff == self.phi_rel - self.phi_rel0
+        half = self.b / 2.0
+        damping = self.d * self.w_rel
+        right, left = self.c * (self.phi_diff - half), self.c * (self.phi_diff + half)
+        pushing_right = where(right + damping <= 0.0, 0.0, right + minimum(right, damping))
+        pushing_left = where(left + damping >= 0.0, 0.0, left + maximum(left, damping))
+        beyond_left = where(self.phi_diff < -half, pushing_left, 0.0)
+        yield self.tau == where(self.phi_diff > half, pushing_right, beyond_left)
 
 
 class IdealGear(PartialTwoFlanges):

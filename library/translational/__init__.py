@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from acausal.library.translational.components import Damper as Damper
+from acausal.library.translational.components import ElastoGap as ElastoGap
 from acausal.library.translational.components import Fixed as Fixed
 from acausal.library.translational.components import Mass as Mass
 from acausal.library.translational.components import Rod as Rod

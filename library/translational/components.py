@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from acausal import Component, Equations, Real, der, parameter, variable
+from acausal import Component, Equations, Real, clamp, der, parameter, variable, where
 from acausal.library.translational.interfaces import (
     Flange,
     PartialCompliant,
@@ -75,5 +75,25 @@ class SpringDamper(PartialCompliantWithRelativeStates):
     def equations(self) -> Equations:
         yield self.f_c == self.c * (self.s_rel - self.s_rel0)
         yield self.f_d == self.d * self.v_rel
+        yield self.f == self.f_c + self.f_d
+        yield self.loss_power == self.f_d * self.v_rel
+
+
+class ElastoGap(PartialCompliantWithRelativeStates):
+    """Spring and damper that act only while the flanges are nearer than `s_rel0`.
+
+    The damping force is limited to the size of the spring force, so that the contact never pulls.
+    """
+
+    c: Real = parameter(unit="N/m", min=0.0, doc="Stiffness of the contact")
+    d: Real = parameter(unit="N.s/m", min=0.0, doc="Damping constant of the contact")
+    s_rel0: Real = parameter(default=0.0, unit="m", doc="Distance at which contact begins")
+    f_c: Real = variable(unit="N", doc="Spring force, negative in contact")
+    f_d: Real = variable(unit="N", doc="Damping force")
+    loss_power: Real = variable(unit="W", doc="Power turned into heat")
+
+    def equations(self) -> Equations:
+        yield self.f_c == where(self.s_rel < self.s_rel0, self.c * (self.s_rel - self.s_rel0), 0.0)
+        yield self.f_d == where(self.s_rel < self.s_rel0, clamp(self.d * self.v_rel, self.f_c, -self.f_c), 0.0)
         yield self.f == self.f_c + self.f_d
         yield self.loss_power == self.f_d * self.v_rel
