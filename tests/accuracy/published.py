@@ -1,0 +1,50 @@
+"""Comparison of a result with one of the published examples, as their README prescribes it."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from acausal import Result
+
+_ELEMENT = re.compile(r"\[(\d+)\]")
+Array = npt.NDArray[np.float64]
+
+
+def read(example: Path, file: str = "converged.csv") -> tuple[Array, dict[str, Array]]:
+    """Times and signals of a file of an example."""
+    with (example / file).open() as lines:
+        names, *rows = csv.reader(lines)
+    table = np.array([[float(cell) for cell in row] for row in rows])
+    return table[:, 0], {name: table[:, k] for k, name in enumerate(names) if k}
+
+
+def our_name(name: str, renamed: Mapping[str, str]) -> str:
+    """A Modelica path as a path here: elements count from 0; `renamed` maps leading parts of paths."""
+    for theirs, ours in renamed.items():
+        if name == theirs or name.startswith((theirs + ".", theirs + "[")):
+            name = ours + name[len(theirs) :]
+            break
+    return _ELEMENT.sub(lambda m: f"[{int(m[1]) - 1}]", name)
+
+
+def worst_error(
+    result: Result, example: Path, renamed: Mapping[str, str] | None = None, file: str = "converged.csv"
+) -> tuple[float, str]:
+    """Largest deviation over the range of its signal, and that signal; constant signals must agree to 1e-9."""
+    times, signals = read(example, file)
+    worst, guilty = 0.0, ""
+    for name, expected in signals.items():
+        got = np.asarray(result.at(times, our_name(name, renamed or {})))
+        deviation = float(np.abs(got - expected).max())
+        extent = float(np.ptp(expected))
+        size = max(1.0, float(np.abs(expected).max()))
+        error = deviation / extent if extent > 1e-9 * size else (0.0 if deviation <= 1e-9 * size else np.inf)
+        if error > worst:
+            worst, guilty = error, name
+    return worst, guilty

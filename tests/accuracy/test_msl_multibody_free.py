@@ -1,0 +1,178 @@
+"""Examples of Modelica.Mechanics.MultiBody with free bodies, against their converged results."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import acausal
+from acausal import Component, Equations, connect, fixed, part
+from acausal.library.multibody import (
+    Body,
+    BodyShape,
+    Damper,
+    Fixed,
+    PointMass,
+    Prismatic,
+    Spring,
+    SpringWithMass,
+    World,
+    point_field,
+    quaternion,
+    rotation_sequence,
+)
+from tests.accuracy.published import worst_error
+
+REST = fixed((0.0, 0.0, 0.0))
+UPRIGHT = fixed((0.0, 0.0, 0.0, 1.0))
+
+
+class FreeBody(Component):
+    world: World = part()
+    bar2: Fixed = part()
+    spring1: Spring = part()
+    spring2: Spring = part()
+    body: BodyShape = part()
+
+    def build(self) -> None:
+        self.world = World()
+        self.bar2 = Fixed(r=(0.8, 0.0, 0.0))
+        self.spring1 = Spring(c=20.0)
+        self.spring2 = Spring(c=20.0)
+        self.body = BodyShape(
+            m=1.0,
+            r=(0.4, 0.0, 0.0),
+            r_CM=(0.2, 0.0, 0.0),
+            I_11=1.0,
+            I_22=1.0,
+            I_33=1.0,
+            r_0=fixed((0.2, -0.5, 0.1)),
+            v_0=REST,
+            w_a=REST,
+            Q=fixed(quaternion(rotation_sequence([math.radians(10.0)] * 3))),
+        )
+
+    def equations(self) -> Equations:
+        yield connect(self.world.frame_b, self.spring1.frame_a)
+        yield connect(self.spring1.frame_b, self.body.frame_a)
+        yield connect(self.bar2.frame_b, self.spring2.frame_a)
+        yield connect(self.spring2.frame_b, self.body.frame_b)
+
+
+class SpringDamperSystem(Component):
+    anchor1: Fixed = part()
+    anchor2: Fixed = part()
+    body1: Body = part()
+    spring1: Spring = part()
+    damper1: Damper = part()
+    p2: Prismatic = part()
+    spring2: Spring = part()
+    body2: Body = part()
+
+    def build(self) -> None:
+        self.anchor1 = Fixed(r=(0.3, 0.0, 0.0))
+        self.anchor2 = Fixed(r=(0.6, 0.0, 0.0))
+        self.body1 = Body(
+            m=1.0,
+            r_CM=(0.0, -0.2, 0.0),
+            I_11=0.1,
+            I_22=0.1,
+            I_33=0.1,
+            r_0=fixed((0.3, -0.2, 0.0)),
+            v_0=REST,
+            w_a=fixed((0.0, 0.0, math.radians(2.0))),
+            Q=UPRIGHT,
+        )
+        self.spring1 = Spring(c=30.0, s_unstretched=0.1)
+        self.damper1 = Damper(d=2.0)
+        self.p2 = Prismatic(n=(0.0, -1.0, 0.0), s=fixed(0.1), v=fixed(0.0))
+        self.spring2 = Spring(c=30.0, s_unstretched=0.1)
+        self.body2 = Body(m=1.0, I_11=0.1, I_22=0.1, I_33=0.1)
+
+    def equations(self) -> Equations:
+        yield connect(self.anchor1.frame_b, self.spring1.frame_a, self.damper1.frame_a)
+        yield connect(self.body1.frame_a, self.spring1.frame_b, self.damper1.frame_b)
+        yield connect(self.anchor2.frame_b, self.p2.frame_a, self.spring2.frame_a)
+        yield connect(self.p2.frame_b, self.spring2.frame_b, self.body2.frame_a)
+
+
+class HangingMass(Component):
+    world: World = part()
+    spring: SpringWithMass = part()
+    body: Body = part()
+
+    def build(self) -> None:
+        self.world = World()
+        self.spring = SpringWithMass(c=40.0, s_unstretched=0.2, m=0.5)
+        self.body = Body(m=1.0, r_0=fixed((0.0, -0.3, 0.0)), v_0=REST, w_a=REST, Q=UPRIGHT)
+
+    def equations(self) -> Equations:
+        yield connect(self.world.frame_b, self.spring.frame_a)
+        yield connect(self.spring.frame_b, self.body.frame_a)
+
+
+class PointGravity(Component):
+    body1: Body = part()
+    body2: Body = part()
+
+    def build(self) -> None:
+        common: dict[str, Any] = {"m": 1.0, "I_11": 0.1, "I_22": 0.1, "I_33": 0.1}
+        field = point_field(1.0)
+        self.body1 = Body(
+            **common, gravity=field, r_0=fixed((0.0, 0.6, 0.0)), v_0=fixed((1.0, 0.0, 0.0)), w_a=REST, Q=UPRIGHT
+        )
+        self.body2 = Body(
+            **common, gravity=field, r_0=fixed((0.6, 0.6, 0.0)), v_0=fixed((0.6, 0.0, 0.0)), w_a=REST, Q=UPRIGHT
+        )
+
+
+class PointGravityWithPointMasses(Component):
+    bodies: list[PointMass] = part()
+    spring: Spring = part()
+
+    def build(self) -> None:
+        places = ((0.0, 0.6, 0.0), (0.6, 0.6, 0.0), (0.0, 0.8, 0.0), (0.3, 0.8, 0.0))
+        speeds = (1.0, 0.6, 0.6, 0.6)
+        self.bodies = [
+            PointMass(m=1.0, gravity=point_field(1.0), r_0=fixed(r), v_0=fixed((v, 0.0, 0.0)))
+            for r, v in zip(places, speeds, strict=True)
+        ]
+        self.spring = Spring(c=10.0)
+
+    def equations(self) -> Equations:
+        yield connect(self.spring.frame_a, self.bodies[2].frame_a)
+        yield connect(self.spring.frame_b, self.bodies[3].frame_a)
+
+
+def check(model: Component, example: Path, stop_time: float, bound: float, renamed: dict[str, str]) -> None:
+    result = acausal.simulate(model, stop_time=stop_time, tolerance=1e-8, output_interval=stop_time / 250)
+    error, signal = worst_error(result, example, renamed)
+    assert error < bound, signal
+
+
+def test_free_body_between_springs(reference: Path) -> None:
+    check(FreeBody(), reference / "msl" / "MultiBody_FreeBody", 10.0, 1e-5, {"body.body": "body"})
+
+
+def test_free_and_guided_body_on_springs(reference: Path) -> None:
+    check(SpringDamperSystem(), reference / "msl" / "MultiBody_SpringDamperSystem", 10.0, 1e-5, {})
+
+
+def test_spring_that_carries_a_mass(reference: Path) -> None:
+    check(HangingMass(), reference / "msl" / "MultiBody_SpringWithMass", 5.0, 1e-5, {})
+
+
+def test_kepler_orbits_of_bodies(reference: Path) -> None:
+    check(PointGravity(), reference / "msl" / "MultiBody_PointGravity", 5.0, 1e-3, {})
+
+
+def test_kepler_orbits_of_point_masses(reference: Path) -> None:
+    renamed = {f"body{k + 1}": f"bodies[{k}]" for k in range(4)}
+    check(
+        PointGravityWithPointMasses(),
+        reference / "msl" / "MultiBody_PointGravityWithPointMasses",
+        2.0,
+        1e-3,
+        renamed,
+    )
