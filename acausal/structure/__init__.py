@@ -22,3 +22,7 @@ from acausal.structure.graph import inverse as inverse
 from acausal.structure.matching import match as match
 from acausal.structure.tearing import Tearing as Tearing
 from acausal.structure.tearing import tear as tear
+from acausal.structure.dummy import Choice as Choice
+from acausal.structure.dummy import select_dummies as select_dummies
+from acausal.structure.pantelides import Differentiable as Differentiable
+from acausal.structure.pantelides import pantelides as pantelides

@@ -1,0 +1,225 @@
+"""From the reduced system to its structure: differentiated equations, states, blocks in solving order."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.errors import StructureError
+from acausal.flatten.differentiate import differentiate
+from acausal.flatten.flat import span_of
+from acausal.lower.diagnose import balance
+from acausal.lower.evaluate import gradients
+from acausal.lower.reduce import ReducedSystem
+from acausal.lower.samples import COUNT, SamplePoints
+from acausal.structure import Block, Choice, Incidence, blocks, match, pantelides, select_dummies
+
+
+@dataclass(frozen=True, eq=False)
+class Structure:
+    """What must be solved for what, and in which order.
+
+    Attributes
+    ----------
+    residuals
+        Nodes that must be zero: those of the reduced system, then the differentiated ones.
+    integral
+        For a differentiated equation, the equation it is the derivative of.
+    states
+        Variables that are integrated; `derivative(x)` is the unknown that is their rate.
+    blocks
+        Rows are equations, columns unknowns; each block needs only states, inputs and earlier blocks.
+    choices
+        Where index reduction had to choose states, and how well conditioned that is.
+    """
+
+    reduced: ReducedSystem
+    residuals: tuple[int, ...]
+    integral: dict[int, int]
+    states: tuple[int, ...]
+    blocks: tuple[Block, ...]
+    choices: tuple[Choice, ...]
+    points: SamplePoints
+
+    def __repr__(self) -> str:
+        sizes = [len(b.rows) for b in self.blocks]
+        return (
+            f"Structure({self.reduced.flat.name}: {len(self.states)} states, {sum(sizes)} unknowns in "
+            f"{len(sizes)} blocks, largest {max(sizes, default=0)}, {len(self.integral)} differentiated equations)"
+        )
+
+    def derivative(self, state: int) -> int:
+        """The variable that is the rate of a state."""
+        return self.reduced.pool.derivative_of[state]
+
+    def flat_equation(self, equation: int) -> int:
+        """Index of the flat equation that an equation is, or was differentiated from."""
+        while equation in self.integral:
+            equation = self.integral[equation]
+        return self.reduced.equation[equation]
+
+    @cached_property
+    def index_reduced(self) -> bool:
+        """True when equations had to be differentiated."""
+        return bool(self.integral)
+
+
+def analyse(reduced: ReducedSystem) -> Structure:
+    """Structural analysis: balance, index reduction, state choice, block order.
+
+    Raises
+    ------
+    StructureError
+        AC201 too few or too many equations, AC206 dependent constraints, AC207 an input must be differentiated.
+    """
+    balance(reduced)
+    system = _System(reduced)
+    n = len(reduced.residuals)
+    assigned, derivative = pantelides(system, n)
+    _check_inputs(reduced)
+    integral = {new: old for old, new in derivative.items()}
+    points = SamplePoints(reduced)
+    choices: list[Choice] = []
+    if integral:
+        top = [e for e in range(len(system.residuals)) if e not in derivative]
+        local = {e: k for k, e in enumerate(top)}
+        columns = sorted(assigned)
+        place = {v: k for k, v in enumerate(columns)}
+        rows = [[place[v] for v in system.incidence(e) if v in place] for e in top]
+        matched = np.full(len(top), -1, dtype=np.int64)
+        for v, e in assigned.items():
+            matched[local[e]] = place[v]
+        found = [
+            Block(tuple(top[r] for r in b.rows), tuple(columns[c] for c in b.columns))
+            for b in blocks(Incidence.from_rows(rows, len(columns)), matched)
+        ]
+        choices = select_dummies(
+            found, integral, reduced.pool.integral_of, system.jacobian(points), _preference(reduced)
+        )
+        _check_choices(reduced, integral, choices)
+    dummies = {v for c in choices for v in c.dummies}
+    pool = reduced.pool
+    states = tuple(sorted(x for x, dx in pool.derivative_of.items() if dx not in dummies and x not in reduced.inputs))
+    return Structure(
+        reduced=reduced,
+        residuals=tuple(system.residuals),
+        integral=integral,
+        states=states,
+        blocks=_order(system, set(states)),
+        choices=tuple(choices),
+        points=points,
+    )
+
+
+def _order(system: _System, states: set[int]) -> tuple[Block, ...]:
+    known = states | system.inputs
+    unknowns = [v for v in range(system.n_variables()) if v not in known]
+    place = {v: k for k, v in enumerate(unknowns)}
+    rows = [[place[v] for v in system.incidence(e) if v in place] for e in range(len(system.residuals))]
+    incidence = Incidence.from_rows(rows, len(unknowns))
+    matched = match(incidence)
+    if len(rows) != len(unknowns) or (matched < 0).any():
+        raise StructureError(
+            "AC208",
+            f"{system.reduced.flat.name}: after index reduction the equations do not determine the unknowns",
+            evidence=[f"{len(rows)} equations, {len(unknowns)} unknowns, {int((matched < 0).sum())} not matched"],
+            cause="a constraint depends on others only for special values of the parameters",
+        )
+    return tuple(Block(b.rows, tuple(unknowns[c] for c in b.columns)) for b in blocks(incidence, matched))
+
+
+class _System:
+    """The reduced system as Pantelides' algorithm sees it."""
+
+    def __init__(self, reduced: ReducedSystem) -> None:
+        self.reduced = reduced
+        self.pool = reduced.pool
+        self.residuals = list(reduced.residuals)
+        self.inputs = set(reduced.inputs)
+        self._rows: dict[int, list[int]] = {}
+
+    def n_variables(self) -> int:
+        return self.pool.n_variables
+
+    def incidence(self, equation: int) -> list[int]:
+        row = self._rows.get(equation)
+        if row is None:
+            row = sorted(self.pool.variables_in(self.residuals[equation]) - self.inputs)
+            self._rows[equation] = row
+        return row
+
+    def derivative(self, variable: int) -> int | None:
+        return self.pool.derivative_of.get(variable)
+
+    def differentiate_variable(self, variable: int) -> int:
+        return self.pool.derivative(variable)
+
+    def differentiate_equation(self, equation: int) -> int:
+        self.residuals.append(differentiate(self.pool, self.residuals[equation]))
+        return len(self.residuals) - 1
+
+    def jacobian(self, points: SamplePoints):  # type: ignore[no-untyped-def]
+        """Values of d(equation)/d(variable) at the start and at a generic point."""
+
+        def jacobian(equations: Sequence[int], variables: Sequence[int]) -> NDArray[np.float64]:
+            place = {v: k for k, v in enumerate(variables)}
+            rows = gradients(self.pool, [self.residuals[e] for e in equations], variables, points.leaves)
+            found = np.zeros((2, len(equations), len(variables)))
+            for i, row in enumerate(rows):
+                for v, g in row.items():
+                    at = np.broadcast_to(np.asarray(g, dtype=float), (COUNT,))
+                    found[:, i, place[v]] = at[0], at[1]
+            return np.nan_to_num(found)
+
+        return jacobian
+
+
+def _preference(reduced: ReducedSystem):  # type: ignore[no-untyped-def]
+    """How gladly a variable is taken as state: declared preference first, then a declared fixed start."""
+
+    def preference(variable: int) -> float:
+        rank = 1.0
+        for scalar in reduced.aliases.get(variable, ()):
+            prefer = reduced.flat.declaration(scalar).prefer_state
+            if prefer is not None:
+                rank = max(rank, 2.0) if prefer else min(rank, 0.0)
+            start = reduced.flat.starts.get(scalar)
+            if start is not None and start.is_fixed and rank == 1.0:
+                rank = 1.5
+        return rank
+
+    return preference
+
+
+def _check_inputs(reduced: ReducedSystem) -> None:
+    for u in reduced.inputs:
+        if u in reduced.pool.derivative_of:
+            raise StructureError(
+                "AC207",
+                f"the time derivative of input {reduced.name(u)} is needed",
+                cause="a kinematic source prescribes a position by the input, and the model needs its speed",
+                help="filter the input, or make its derivative the input and integrate it",
+            )
+
+
+def _check_choices(reduced: ReducedSystem, integral: dict[int, int], choices: Sequence[Choice]) -> None:
+    for choice in choices:
+        if not choice.deficient:
+            continue
+        sources = []
+        for e in choice.deficient:
+            while e in integral:
+                e = integral[e]
+            sources.append(reduced.flat.equations[reduced.equation[e]])
+        raise StructureError(
+            "AC206",
+            f"{len(sources)} constraint(s) of {reduced.flat.name} follow from the others",
+            where=[s for e in sources[:2] for s in span_of(e)],
+            evidence=[f"{e.source}   ({e.component})" for e in sources[:4]],
+            cause="a closed loop is closed in more directions than it can move in (a planar loop in 3D, two parallel guides)",
+            help="replace one joint of the loop by one with more freedom, for example a planar-loop joint",
+        )

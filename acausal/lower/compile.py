@@ -1,0 +1,94 @@
+"""From a component to the compiled model: the pipeline, as an explicit list of stages."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from typing import Any
+
+import casadi as ca
+
+from acausal.flatten.flatten import flatten
+from acausal.language.component import Component
+from acausal.lower.analyse import analyse
+from acausal.lower.build import Builder
+from acausal.lower.compiled import CompiledModel, Symbols, _column
+from acausal.lower.reduce import reduce
+from acausal.lower.solve import Solution, solve
+from acausal.lower.start import start_problem
+from acausal.lower.time_events import TimeEvents, find_time_events
+
+
+def compile(
+    model: Component, *, parameters: Mapping[str, object] | None = None, formulation: str = "torn"
+) -> CompiledModel:
+    """The compiled model of a component.
+
+    Parameters
+    ----------
+    model
+        The outermost component.
+    parameters
+        Values by path in SI; here they may also replace parameters that the model binds to others.
+    formulation
+        "torn" (default) or "dae": see `acausal.lower.solve.solve`.
+
+    Raises
+    ------
+    AcausalError
+        The first thing that is wrong with the model, with its place in the source.
+    """
+    clock = _Clock()
+    flat = flatten(model, parameters)
+    clock.lap("flatten")
+    reduced = reduce(flat)
+    clock.lap("reduce")
+    structure = analyse(reduced)
+    clock.lap("analyse")
+    solution = solve(structure, formulation)
+    clock.lap("solve")
+    compiled = lower(solution)
+    clock.lap("lower")
+    compiled.timings.update(clock.laps)
+    return compiled
+
+
+def lower(solution: Solution) -> CompiledModel:
+    """The CasADi functions of a solution; observed variables are lowered when they are first asked for."""
+    reduced = solution.structure.reduced
+    roots = [n for _, n in solution.definitions] + list(solution.residuals)
+    events = find_time_events(reduced.pool, roots)
+    shell = CompiledModel(flat_name(solution), solution, start_problem(solution), events, None, None, None)
+    symbols = Symbols(shell)
+    builder = symbols.builder(shell)
+    builder.define([d for d in solution.definitions if d[0] in solution.needed], events.rewritten)
+    ode = [builder.variables[solution.structure.derivative(x)] for x in solution.structure.states]
+    alg = builder.lower([builder.replaced(r) for r in solution.residuals])
+    names = ["t", "x", "z", "u", "p", "m"]
+    rhs = ca.Function("rhs", symbols.inputs, [_column(ode), _column(alg)], names, ["ode", "alg"])
+    modes, instants = _event_functions(shell, events)
+    return CompiledModel(shell.name, solution, shell.start, events, rhs, modes, instants)
+
+
+def flat_name(solution: Solution) -> str:
+    """Name of the model."""
+    return solution.structure.reduced.flat.name
+
+
+def _event_functions(shell: CompiledModel, events: TimeEvents) -> tuple[Any, Any]:
+    t, p = ca.SX.sym("t"), ca.SX.sym("p", len(shell.parameters))
+    builder = Builder(shell.solution.structure.reduced.pool, t, p, {})
+    modes = ca.Function("modes", [t, p], [_column(builder.lower(events.relations))], ["t", "p"], ["m"])
+    instants = ca.Function("instants", [p], [_column(builder.lower(events.instants))], ["p"], ["t"])
+    return modes, instants
+
+
+class _Clock:
+    def __init__(self) -> None:
+        self.laps: dict[str, float] = {}
+        self._last = time.perf_counter()
+
+    def lap(self, name: str) -> None:
+        now = time.perf_counter()
+        self.laps[name] = now - self._last
+        self._last = now

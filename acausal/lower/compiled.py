@@ -1,0 +1,218 @@
+"""The compiled model: CasADi functions with documented signatures, and what their entries mean."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.flatten.flat import FlatSystem
+from acausal.lower.build import Builder
+from acausal.lower.solve import Solution
+from acausal.lower.start import StartProblem
+from acausal.lower.time_events import TimeEvents
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class CompiledModel:
+    """A model ready to run; made by `acausal.compile`, never changed.
+
+    Sizes: `nx` states, `nz` algebraic variables, `nu` inputs, `np` free parameters, `nm` modes of time events.
+
+    Attributes
+    ----------
+    solution
+        The symbolic stage it was lowered from; `solution.structure.reduced.flat` is the flat system.
+    rhs
+        `(t, x[nx], z[nz], u[nu], p[np], m[nm]) -> (ode[nx], alg[nz])`, SX, smooth in each mode.
+    instants
+        `(p) -> times[nm]` at which the modes change.
+    modes
+        `(t, p) -> m[nm]`, 0 or 1.
+    timings
+        Seconds per stage of the compilation.
+    """
+
+    name: str
+    solution: Solution
+    start: StartProblem
+    time_events: TimeEvents
+    rhs: Any
+    modes: Any
+    instants: Any
+    timings: dict[str, float] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        return (
+            f"CompiledModel({self.name}: {len(self.states)} states, {len(self.algebraic)} algebraic, "
+            f"{len(self.parameters)} parameters, {len(self.flat.equations)} flat equations)"
+        )
+
+    @property
+    def flat(self) -> FlatSystem:
+        """The flat system the model was compiled from."""
+        return self.solution.structure.reduced.flat
+
+    @cached_property
+    def states(self) -> tuple[str, ...]:
+        """Names of the states, in the order of x."""
+        return tuple(map(self.solution.structure.reduced.name, self.solution.structure.states))
+
+    @cached_property
+    def algebraic(self) -> tuple[str, ...]:
+        """Names of the algebraic variables, in the order of z."""
+        return tuple(map(self.solution.structure.reduced.name, self.solution.algebraic))
+
+    @cached_property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the inputs, in the order of u."""
+        return tuple(map(self.flat.scalar_name, self.flat.inputs))
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the free parameters, in the order of p."""
+        return self.flat.parameter_names
+
+    @property
+    def parameter_values(self) -> tuple[float, ...]:
+        """Values of the free parameters as declared in the model."""
+        return self.flat.parameter_values
+
+    def nominal(self, variables: Sequence[int]) -> Vector:
+        """Declared nominal magnitudes of reduced variables."""
+        reduced = self.solution.structure.reduced
+        found = np.ones(len(variables))
+        for k, v in enumerate(variables):
+            sizes = [reduced.flat.declaration(s).nominal for s in reduced.aliases.get(v, ())]
+            declared = [s for s in sizes if s != 1.0]
+            found[k] = abs(declared[0]) if declared else 1.0
+        return found
+
+    @cached_property
+    def nominal_x(self) -> Vector:
+        """Nominal magnitudes of the states, shape (nx,)."""
+        return self.nominal(self.solution.structure.states)
+
+    @cached_property
+    def nominal_z(self) -> Vector:
+        """Nominal magnitudes of the algebraic variables, shape (nz,)."""
+        return self.nominal(self.solution.algebraic)
+
+    @cached_property
+    def columns(self) -> tuple[int, ...]:
+        """Nodes whose trajectories a result holds: states, algebraic, inputs, then everything observed."""
+        reduced = self.solution.structure.reduced
+        pool = reduced.pool
+        found: dict[int, None] = {}
+        order = [*self.solution.structure.states, *self.solution.algebraic, *reduced.inputs]
+        for v in [*order, *(v for v, _ in self.solution.definitions)]:
+            found[pool.var(v)] = None
+        for node in reduced.image:
+            op, *rest = pool.nodes[node]
+            if op == "neg":
+                op = pool.nodes[rest[0]][0]
+            if op not in ("var", "const") and pool.variables_in(node):
+                found[node] = None
+        return tuple(found)
+
+    @cached_property
+    def observe(self) -> Any:
+        """`(t, x, z, u, p, m) -> y[len(columns)]`: every trajectory of the model at one instant."""
+        symbols = Symbols(self)
+        builder = symbols.builder(self)
+        builder.define(self.solution.definitions, self.time_events.rewritten)
+        y = builder.lower([builder.replaced(n) for n in self.columns])
+        return ca.Function("observe", symbols.inputs, [_column(y)], _INPUTS, ["y"])
+
+    @cached_property
+    def constants(self) -> Any:
+        """`(p) -> c`: values of all images that depend on parameters only, in the order of `constant_nodes`."""
+        p = ca.SX.sym("p", len(self.parameters))
+        builder = Builder(self.solution.structure.reduced.pool, ca.SX(0), p, {})
+        return ca.Function("constants", [p], [_column(builder.lower(self.constant_nodes))], ["p"], ["c"])
+
+    @cached_property
+    def constant_nodes(self) -> tuple[int, ...]:
+        """Distinct images that depend on parameters only."""
+        pool = self.solution.structure.reduced.pool
+        found: dict[int, None] = {}
+        for node in self.solution.structure.reduced.image:
+            op, *rest = pool.nodes[node]
+            if op == "neg":
+                op = pool.nodes[rest[0]][0]
+            if op != "var" and node not in found and not pool.variables_in(node):
+                found[node] = None
+        return tuple(found)
+
+    def casadi(self) -> Any:
+        """The model as CasADi functions for optimal control, with names, units and limits; see `acausal.export`."""
+        from acausal.lower.functions import casadi_functions
+
+        return casadi_functions(self)
+
+
+_INPUTS = ["t", "x", "z", "u", "p", "m"]
+
+
+class Symbols:
+    """One set of SX symbols for the arguments (t, x, z, u, p, m)."""
+
+    def __init__(self, compiled: CompiledModel) -> None:
+        self.t = ca.SX.sym("t")
+        self.x = ca.SX.sym("x", len(compiled.states))
+        self.z = ca.SX.sym("z", len(compiled.algebraic))
+        self.u = ca.SX.sym("u", len(compiled.inputs))
+        self.p = ca.SX.sym("p", len(compiled.parameters))
+        self.m = ca.SX.sym("m", len(compiled.time_events.relations))
+
+    @property
+    def inputs(self) -> list[Any]:
+        """In the order of every function's arguments."""
+        return [self.t, self.x, self.z, self.u, self.p, self.m]
+
+    def builder(self, compiled: CompiledModel) -> DefiningBuilder:
+        """A builder that knows states, algebraic variables, inputs and modes."""
+        solution = compiled.solution
+        modes = {n: self.m[k] for k, n in enumerate(compiled.time_events.relations)}
+        builder = DefiningBuilder(solution.structure.reduced.pool, self.t, self.p, modes)
+        for symbols, variables in (
+            (self.x, solution.structure.states),
+            (self.z, solution.algebraic),
+            (self.u, solution.structure.reduced.inputs),
+        ):
+            for k, v in enumerate(variables):
+                builder.variables[v] = symbols[k]
+        return builder
+
+
+class DefiningBuilder(Builder):
+    """A builder that also evaluates definitions."""
+
+    def define(self, definitions: Sequence[tuple[int, int]], rewritten: dict[int, int]) -> None:
+        """Lower definitions in order; relations and kinks in time are replaced by their modes."""
+        self.rewritten = rewritten
+        for variable, node in definitions:
+            self.variables[variable] = self.lower([self.replaced(node)])[0]
+
+    def replaced(self, node: int) -> int:
+        """The node with its kinks in time replaced by branches on modes."""
+        if not self.rewritten:
+            return node
+        done = self._replaced
+        self.pool.rewrite([node], self.pool.var, done)
+        return done[node]
+
+    @cached_property
+    def _replaced(self) -> dict[int, int]:
+        return dict(self.rewritten)
+
+
+def _column(entries: list[Any]) -> Any:
+    return ca.vertcat(*entries) if entries else ca.SX(0, 1)

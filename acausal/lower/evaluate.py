@@ -1,0 +1,131 @@
+"""Numbers for pool expressions: values and sparse gradients at several points at once, without CasADi.
+
+The compiler asks for them to see which pivots and which states are safe; exactness is not needed, speed of set-up is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.flatten.pool import Pool
+
+Samples = NDArray[np.float64]
+Gradient = dict[int, Any]
+
+_FUNCTIONS: dict[str, Callable[..., Any]] = {
+    "add": np.add,
+    "sub": np.subtract,
+    "mul": np.multiply,
+    "div": np.divide,
+    "neg": np.negative,
+    "pow": np.power,
+    "atan2": np.arctan2,
+    "min": np.minimum,
+    "max": np.maximum,
+    "lt": np.less,
+    "le": np.less_equal,
+    "gt": np.greater,
+    "ge": np.greater_equal,
+    "and": np.logical_and,
+    "or": np.logical_or,
+    "not": np.logical_not,
+    "where": np.where,
+    "asin": np.arcsin,
+    "acos": np.arccos,
+    "atan": np.arctan,
+    "fabs": np.abs,
+    **{n: getattr(np, n) for n in ("sin", "cos", "tan", "sinh", "cosh", "tanh", "exp", "log", "sqrt", "sign", "floor", "ceil")},
+}
+
+
+def values(
+    pool: Pool,
+    roots: Iterable[int],
+    leaves: Mapping[str, Callable[[int], Any]],
+    known: Mapping[int, Any] | None = None,
+) -> dict[int, Any]:
+    """Value of every node below `roots`; `leaves` gives "var" and "par" by number and "time"."""
+    found: dict[int, Any] = dict(known) if known and len(known) < 64 else {}
+    with np.errstate(all="ignore"):
+        for number in pool.reachable(roots):
+            if number in found:
+                continue
+            node = pool.nodes[number]
+            op = node[0]
+            if op == "const":
+                found[number] = node[1]
+            elif op in leaves:
+                found[number] = leaves[op](node[1] if len(node) > 1 else 0)
+            else:
+                found[number] = _FUNCTIONS[op](*[found[c] for c in node[1:]])
+    return found
+
+
+def gradients(
+    pool: Pool, roots: Sequence[int], variables: Iterable[int], leaves: Mapping[str, Callable[[int], Any]]
+) -> list[Gradient]:
+    """Partial derivatives of each root with respect to `variables`, as sparse rows."""
+    wanted = set(variables)
+    value = values(pool, roots, leaves)
+    slope: dict[int, Gradient] = {}
+    with np.errstate(all="ignore"):
+        for number in sorted(value):
+            node = pool.nodes[number]
+            op = node[0]
+            if op == "var":
+                slope[number] = {node[1]: 1.0} if node[1] in wanted else {}
+            elif op in ("const", "par", "time"):
+                slope[number] = {}
+            else:
+                slope[number] = _gradient(op, number, node[1:], value, slope)
+    return [slope[r] for r in roots]
+
+
+def _combine(parts: Iterable[tuple[Any, Gradient]]) -> Gradient:
+    total: Gradient = {}
+    for factor, gradient in parts:
+        for v, g in gradient.items():
+            total[v] = total[v] + factor * g if v in total else factor * g
+    return total
+
+
+def _gradient(op: str, number: int, args: tuple[int, ...], value: dict[int, Any], slope: dict[int, Gradient]) -> Gradient:
+    if not any(slope[a] for a in args):
+        return {}
+    if op == "where":
+        c = np.asarray(value[args[0]], dtype=bool)
+        return _combine(((c * 1.0, slope[args[1]]), (~c * 1.0, slope[args[2]])))
+    partial = _PARTIALS.get(op)
+    if partial is None:
+        return {}
+    return _combine(zip(partial(value[number], *[value[a] for a in args]), (slope[a] for a in args), strict=True))
+
+
+_PARTIALS: dict[str, Callable[..., tuple[Any, ...]]] = {
+    "add": lambda y, a, b: (1.0, 1.0),
+    "sub": lambda y, a, b: (1.0, -1.0),
+    "neg": lambda y, a: (-1.0,),
+    "mul": lambda y, a, b: (b, a),
+    "div": lambda y, a, b: (1.0 / np.asarray(b), -y / b),
+    "pow": lambda y, a, b: (b * np.power(a, np.asarray(b) - 1.0), y * np.log(np.abs(a) + 1e-300)),
+    "atan2": lambda y, a, b: (b / (a * a + b * b), -a / (a * a + b * b)),
+    "min": lambda y, a, b: (np.less(a, b) * 1.0, np.greater_equal(a, b) * 1.0),
+    "max": lambda y, a, b: (np.greater(a, b) * 1.0, np.less_equal(a, b) * 1.0),
+    "sin": lambda y, a: (np.cos(a),),
+    "cos": lambda y, a: (-np.sin(a),),
+    "tan": lambda y, a: (1.0 + y * y,),
+    "asin": lambda y, a: (1.0 / np.sqrt(1.0 - np.square(a)),),
+    "acos": lambda y, a: (-1.0 / np.sqrt(1.0 - np.square(a)),),
+    "atan": lambda y, a: (1.0 / (1.0 + np.square(a)),),
+    "sinh": lambda y, a: (np.cosh(a),),
+    "cosh": lambda y, a: (np.sinh(a),),
+    "tanh": lambda y, a: (1.0 - y * y,),
+    "exp": lambda y, a: (y,),
+    "log": lambda y, a: (1.0 / np.asarray(a),),
+    "sqrt": lambda y, a: (0.5 / y,),
+    "fabs": lambda y, a: (np.sign(a),),
+}

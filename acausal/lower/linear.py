@@ -1,0 +1,88 @@
+"""Linear coefficients of pool expressions, symbolically: e = rest + sum coefficient[v] * v."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+from acausal.flatten.pool import LEAVES, Pool
+
+Linear = tuple[int, dict[int, int]]
+
+
+class LinearForm:
+    """Decomposes expressions with respect to a set of variables; shared sub-expressions once."""
+
+    def __init__(self, pool: Pool, variables: Collection[int]) -> None:
+        self.pool = pool
+        self.variables = variables
+        self._done: dict[int, Linear | None] = {}
+
+    def of(self, root: int) -> Linear | None:
+        """(rest, {variable: coefficient}), or None when `root` is not linear in the variables."""
+        done = self._done
+        nodes = self.pool.nodes
+        stack = [root]
+        while stack:
+            number = stack[-1]
+            if number in done:
+                stack.pop()
+                continue
+            node = nodes[number]
+            if node[0] in LEAVES:
+                done[number] = self._leaf(number, node)
+                stack.pop()
+                continue
+            missing = [c for c in node[1:] if c not in done]
+            if missing:
+                stack.extend(missing)
+                continue
+            done[number] = self._combine(number, node[0], [done[c] for c in node[1:]])
+            stack.pop()
+        return done[root]
+
+    def _leaf(self, number: int, node: tuple[object, ...]) -> Linear:
+        if node[0] == "var" and node[1] in self.variables:
+            return self.pool.zero, {node[1]: self.pool.one}  # type: ignore[dict-item]
+        return number, {}
+
+    def _combine(self, number: int, op: str, parts: list[Linear | None]) -> Linear | None:
+        if all(p is not None and not p[1] for p in parts):
+            return number, {}
+        if op == "where":
+            return self._where(number, parts)
+        if any(p is None for p in parts):
+            return None
+        pool = self.pool
+        known = [p for p in parts if p is not None]
+        if op == "neg":
+            return pool.neg(known[0][0]), {v: pool.neg(c) for v, c in known[0][1].items()}
+        if op in ("add", "sub"):
+            return self._sum(known[0], known[1], op)
+        if op == "mul":
+            for this, other in ((known[0], known[1]), (known[1], known[0])):
+                if not other[1]:
+                    factor = other[0]
+                    return pool.mul(this[0], factor), {v: pool.mul(c, factor) for v, c in this[1].items()}
+            return None
+        if op == "div" and not known[1][1]:
+            d = known[1][0]
+            return pool.div(known[0][0], d), {v: pool.div(c, d) for v, c in known[0][1].items()}
+        return None
+
+    def _sum(self, a: Linear, b: Linear, op: str) -> Linear:
+        pool = self.pool
+        combine = pool.add if op == "add" else pool.sub
+        total = dict(a[1])
+        for v, c in b[1].items():
+            total[v] = combine(total.get(v, pool.zero), c)
+        return combine(a[0], b[0]), {v: c for v, c in total.items() if c != pool.zero}
+
+    def _where(self, number: int, parts: list[Linear | None]) -> Linear | None:
+        pool = self.pool
+        condition, a, b = parts
+        if condition is None or condition[1] or a is None or b is None:
+            return None
+        c = pool.nodes[number][1]
+        both = {*a[1], *b[1]}
+        total = {v: pool.where(c, a[1].get(v, pool.zero), b[1].get(v, pool.zero)) for v in both}
+        return pool.where(c, a[0], b[0]), total

@@ -1,0 +1,374 @@
+"""Alias elimination: from the flat system to the reduced one.
+
+Equations `v1 == +-v2`, `v == constant` and `v == der(x)` are not solved but used: one variable stands for the class,
+constants disappear, and v becomes the derivative of x by name. Definitions of rotation matrices are substituted, with
+their rates as known derivatives, so that frames cost no unknowns.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+from acausal.errors import StructureError
+from acausal.flatten.flat import FlatSystem, span_of
+from acausal.flatten.pool import Pool
+from acausal.structure import classes
+
+
+@dataclass(frozen=True, eq=False)
+class ReducedSystem:
+    """The equations that remain, over numbered variables of their own pool.
+
+    Attributes
+    ----------
+    flat
+        Where it comes from.
+    pool
+        Expressions over the remaining variables 0 ... n_variables-1; `pool.derivative_of` links x to der(x).
+    scalar
+        Flat scalar that names each remaining variable.
+    residuals
+        Nodes that must be zero.
+    equation
+        Index of the flat equation of each residual.
+    image
+        Node of every flat scalar: a variable, its negative, a constant, or a known expression.
+    inputs
+        Variables that are the model's own inputs.
+    redundant
+        Flat equations that follow from others.
+    initial
+        Nodes of the initial equations that must be zero at the start, in the order of `flat.initial_equations`.
+    """
+
+    flat: FlatSystem
+    pool: Pool
+    scalar: tuple[int, ...]
+    residuals: tuple[int, ...]
+    equation: tuple[int, ...]
+    image: tuple[int, ...]
+    inputs: tuple[int, ...]
+    redundant: tuple[int, ...]
+    initial: tuple[int, ...]
+
+    def __repr__(self) -> str:
+        return f"ReducedSystem({self.flat.name}: {len(self.residuals)} equations, {self.pool.n_variables} variables)"
+
+    def name(self, variable: int) -> str:
+        """Name of a variable as the user knows it; `der(...)` for derivatives made later."""
+        if variable < len(self.scalar):
+            return self.flat.scalar_name(self.scalar[variable])
+        return f"der({self.name(self.pool.integral_of[variable])})"
+
+    @cached_property
+    def aliases(self) -> dict[int, list[int]]:
+        """Flat scalars that each variable stands for, up to sign."""
+        found: dict[int, list[int]] = {}
+        for scalar, node in enumerate(self.image):
+            op, *rest = self.pool.nodes[node]
+            if op == "neg":
+                op, *rest = self.pool.nodes[rest[0]]
+            if op == "var":
+                found.setdefault(rest[0], []).append(scalar)
+        return found
+
+
+def reduce(flat: FlatSystem) -> ReducedSystem:
+    """Eliminate aliases and constants until none is left.
+
+    Raises
+    ------
+    StructureError
+        AC205 when equations contradict each other (a constant that is not zero must be zero).
+    """
+    work = _Aliases(flat)
+    while work.sweep():
+        pass
+    return work.finish()
+
+
+class _Aliases:
+    """The elimination while it is under way; sweeps find new aliases after each substitution."""
+
+    def __init__(self, flat: FlatSystem) -> None:
+        self.flat = flat
+        self.pool = flat.pool
+        self.remaining = [(k, self.pool.sub(e.left, e.right)) for k, e in enumerate(flat.equations)]
+        self.relations: list[tuple[int, int, int]] = []
+        self.relation_source: list[int] = []
+        self.constant: dict[int, tuple[int, int]] = {}  # representative -> (node without variables, equation)
+        self.link: dict[int, tuple[int, int]] = {}  # representative -> (variable that is its derivative, equation)
+        self.definition: dict[int, int] = {}  # overconstrained variable -> node
+        self.redundant: list[int] = []
+        self.inputs = set(flat.inputs)
+        self.priority = _priorities(flat)
+        self.done: dict[int, int] = {}
+        self._classes()
+        self._definitions()
+
+    def _classes(self) -> None:
+        """Representatives after new relations; what no longer fits its representative becomes an equation again."""
+        pool = self.pool
+        found = classes(self.flat.n_scalars, self.relations, self.priority)
+        self.representative = found.representative.tolist()
+        self.sign = found.sign.tolist()
+        self.redundant = [self.relation_source[k] for k in found.redundant]
+        constants = dict(self.constant)
+        if found.zero.any():
+            for k in found.zero.nonzero()[0].tolist():
+                constants.setdefault(self.representative[k], (pool.zero, -1))
+        self.constant = {}
+        for scalar, (node, k) in constants.items():
+            r = self.representative[scalar]
+            value = node if self.sign[scalar] > 0 else pool.neg(node)
+            if r in self.constant:
+                self.remaining.append((k, pool.sub(value, self.constant[r][0])))
+            else:
+                self.constant[r] = (value, k)
+        links = self.link
+        self.link = {}
+        for x, (v, k) in links.items():
+            rx, rv = self.representative[x], self.representative[v]
+            fits = self.sign[x] > 0 and self.sign[v] > 0 and rx not in self.link
+            if fits and rx not in self.constant and rv not in self.constant:
+                self.link[rx] = (rv, k)
+            else:
+                self.remaining.append((k, pool.sub(pool.var(v), pool.var(pool.derivative(x)))))
+        self.done = {}
+
+    def _definitions(self) -> None:
+        """Explicit equations of overconstrained variables become substitutions."""
+        kept = []
+        for k, residual in self.remaining:
+            left = self.pool.nodes[self.flat.equations[k].left]
+            if left[0] == "var" and left[1] in self.pool.slope and left[1] not in self.definition:
+                self.definition[left[1]] = self.flat.equations[k].right
+            else:
+                kept.append((k, residual))
+        self.remaining = kept
+
+    def leaf(self, variable: int) -> int:
+        """Node of a flat variable, or of a derivative, under the aliases found so far."""
+        pool = self.pool
+        base = pool.integral_of.get(variable)
+        if base is None:
+            r = self.representative[variable]
+            node = self.constant[r][0] if r in self.constant else self._defined(r)
+            return node if self.sign[variable] > 0 else pool.neg(node)
+        node = self.leaf(base)
+        op, *rest = pool.nodes[node]
+        negative = op == "neg"
+        if negative:
+            op, *rest = pool.nodes[rest[0]]
+        if op != "var":
+            return pool.zero if op in ("const", "par") or not pool.variables_in(node) else pool.var(variable)
+        x = rest[0]
+        image = self.leaf(self.link[x][0]) if x in self.link else pool.var(pool.derivative(x))
+        return pool.neg(image) if negative else image
+
+    def _defined(self, variable: int) -> int:
+        """Image of the definition of an overconstrained variable; chains of frames are walked without recursion."""
+        pool = self.pool
+        if variable not in self.definition:
+            return pool.var(variable)
+        stack = [variable]
+        while stack:
+            node = self.definition[stack[-1]]
+            if node in self.done:
+                stack.pop()
+                continue
+            waiting = [
+                r
+                for r in (self.representative[v] for v in pool.variables_in(node) if v not in pool.integral_of)
+                if r in self.definition and self.definition[r] not in self.done and r not in stack
+            ]
+            if waiting:
+                stack.extend(waiting)
+                continue
+            stack.pop()
+            pool.rewrite([node], self.leaf, self.done)
+        return self.done[self.definition[variable]]
+
+    def sweep(self) -> bool:
+        """Substitute, collect aliases and constants, or else derivative links; True when something new was found."""
+        self.pool.rewrite([r for _, r in self.remaining], self.leaf, self.done)
+        substituted = [(k, self.done[r]) for k, r in self.remaining]
+        for collect in (self._alias, self._link):
+            touched: set[int] = set()
+            kept = [(k, r) for k, r in substituted if not collect(k, self.pool.nodes[r], touched)]
+            self.remaining = kept
+            if len(kept) < len(substituted):
+                self._classes()
+                return True
+        return False
+
+    def _alias(self, k: int, node: tuple[object, ...], touched: set[int]) -> bool:
+        """Use a residual as alias or constant; False when it must stay."""
+        if node[0] == "const":
+            return self._trivial(k, node[1])  # type: ignore[arg-type]
+        first, sign, second = self._pattern(node)
+        if first is None or first in self.pool.integral_of or first == second:
+            return False
+        if second is None or isinstance(second, _Known):
+            if first in self.inputs or first in touched:
+                return False
+            touched.add(first)
+            self.constant[first] = (self.pool.zero if second is None else second.node, k)
+            return True
+        if second in self.pool.integral_of or (first in self.inputs and second in self.inputs):
+            return False
+        self.relations.append((first, second, sign))
+        self.relation_source.append(k)
+        return True
+
+    def _link(self, k: int, node: tuple[object, ...], touched: set[int]) -> bool:
+        """Use v == der(x): v is from now on the derivative of x."""
+        pool = self.pool
+        first, sign, second = self._pattern(node)
+        if first is None or not isinstance(second, int) or sign < 0:
+            return False
+        dx, v = (first, second) if first in pool.integral_of else (second, first)
+        x = pool.integral_of.get(dx)
+        if x is None or v in pool.integral_of or v in self.inputs or x in self.inputs:
+            return False
+        integral = {d: i for i, (d, _) in self.link.items()} if not touched else self._integrals
+        self._integrals = integral
+        if v in integral or x in self.link:
+            return False
+        above: int | None = x
+        while above is not None:
+            if above == v:
+                return False  # x' = y, y' = x: one of the two stays an equation
+            above = integral.get(above)
+        touched.update((x, v))
+        integral[v] = x
+        self.link[x] = (v, k)
+        return True
+
+    def _trivial(self, k: int, value: float) -> bool:
+        if abs(value) > 1e-12:
+            equation = self.flat.equations[k]
+            raise StructureError(
+                "AC205",
+                f"equations of {equation.component or self.flat.name} contradict each other: `{equation.source}`",
+                where=span_of(equation),
+                evidence=[f"after substitution it reads 0 == {-value:g}"],
+                cause="two components prescribe the same quantity with different values",
+                help="remove one of the prescriptions, or put something compliant between them",
+            )
+        self.redundant.append(k)
+        return True
+
+    def _pattern(self, node: tuple[object, ...]) -> tuple[int | None, int, int | _Known | None]:
+        """(variable, sign, other) for v = sign*other, v = known or v = 0 (other None); (None, ...) for no pattern."""
+        pool = self.pool
+        op = node[0]
+        if op == "var":
+            return node[1], 1, None  # type: ignore[return-value]
+        if op == "neg" and pool.nodes[node[1]][0] == "var":  # type: ignore[index]
+            return pool.nodes[node[1]][1], 1, None  # type: ignore[index]
+        if op not in ("add", "sub"):
+            return None, 1, None
+        a, b = pool.nodes[node[1]], pool.nodes[node[2]]  # type: ignore[index]
+        if a[0] == "neg" and pool.nodes[a[1]][0] == "var" and b[0] == "var":
+            return pool.nodes[a[1]][1], 1 if op == "add" else -1, b[1]
+        if a[0] == "var" and b[0] == "var":
+            return a[1], 1 if op == "sub" else -1, b[1]
+        for this, other, other_node in ((a, b, node[2]), (b, a, node[1])):
+            if this[0] == "var" and self._is_known(other, other_node):  # type: ignore[arg-type]
+                known: int = other_node  # type: ignore[assignment]
+                return this[1], 1, _Known(known if op == "sub" else pool.neg(known))
+        return None, 1, None
+
+    def _is_known(self, node: tuple[object, ...], number: int) -> bool:
+        if node[0] in ("const", "par"):
+            return True
+        if node[0] in ("var", "time"):
+            return False
+        return all(self.pool.nodes[n][0] not in ("var", "time") for n in self.pool.reachable([number]))
+
+    def finish(self) -> ReducedSystem:
+        """Translate what is left into a pool with numbers of its own."""
+        pool = Pool()
+        number: dict[int, int] = {}
+        old = self.pool
+
+        def fresh(variable: int) -> None:
+            if variable not in number:
+                base = old.integral_of.get(variable)
+                if base is not None:
+                    fresh(base)
+                number[variable] = pool.new_variables(1) if base is None else pool.derivative(number[base])
+
+        image_old = [self.leaf(k) for k in range(self.flat.n_scalars)]
+        slopes_old = self._slopes()
+        initial_old = [old.sub(e.left, e.right) for e in self.flat.initial_equations]
+        old.rewrite(initial_old, self.leaf, self.done)
+        initial_old = [self.done[n] for n in initial_old]
+        roots = [r for _, r in self.remaining] + image_old + [n for pair in slopes_old for n in pair] + initial_old
+        for variable in sorted(old.variables_in(*roots)):
+            fresh(variable)
+        for x, (v, _) in self.link.items():
+            fresh(x)
+            fresh(v)
+            pool.derivative_of[number[x]] = number[v]
+            pool.integral_of[number[v]] = number[x]
+        done = _translate(old, pool, roots, {v: pool.var(n) for v, n in number.items()})
+        for node, slope in slopes_old:
+            if pool.nodes[done[node]][0] not in ("var", "const", "neg"):
+                pool._slopes[done[node]] = done[slope]
+        return ReducedSystem(
+            flat=self.flat,
+            pool=pool,
+            scalar=tuple(sorted(number, key=number.__getitem__)),
+            residuals=tuple(done[r] for _, r in self.remaining),
+            equation=tuple(k for k, _ in self.remaining),
+            image=tuple(done[n] for n in image_old),
+            inputs=tuple(number[s] for s in self.flat.inputs if s in number),
+            redundant=tuple(self.redundant),
+            initial=tuple(done[n] for n in initial_old),
+        )
+
+    def _slopes(self) -> list[tuple[int, int]]:
+        """Known derivatives of substituted definitions: (node, node of its derivative)."""
+        pairs = []
+        for variable in self.definition:
+            if self.representative[variable] == variable and variable not in self.constant:
+                slope = self.pool.slope[variable]
+                self.pool.rewrite([slope], self.leaf, self.done)
+                pairs.append((self._defined(variable), self.done[slope]))
+        return pairs
+
+
+@dataclass(frozen=True)
+class _Known:
+    node: int
+
+
+def _priorities(flat: FlatSystem) -> list[int]:
+    priority = [0] * flat.n_scalars
+    for v in flat.variables:
+        d = v.declaration
+        rank = 8 * (d.prefer_state is True) - 8 * (d.prefer_state is False) - 2 * (d.kind.value == "flow")
+        rank -= min(v.path.count("."), 1)
+        for k in range(v.first, v.first + v.size):
+            own = rank + 4 * (k in flat.starts)
+            priority[k] = max(priority[k], own) if priority[k] else own
+    for k in flat.inputs:
+        priority[k] = 100
+    return priority
+
+
+def _translate(old: Pool, new: Pool, roots: list[int], leaf: dict[int, int]) -> dict[int, int]:
+    done: dict[int, int] = {}
+    for number in old.reachable(roots):
+        node = old.nodes[number]
+        op = node[0]
+        if op == "var":
+            done[number] = leaf[node[1]]
+        elif op in ("const", "par", "time"):
+            done[number] = new.intern(node)
+        else:
+            done[number] = new.make(op, *[done[c] for c in node[1:]])
+    return done

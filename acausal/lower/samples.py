@@ -1,0 +1,99 @@
+"""Points at which the compiler looks at numbers: the declared start, and generic points around it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from acausal.flatten.pool import Pool
+from acausal.lower.evaluate import Samples, values
+from acausal.lower.reduce import ReducedSystem
+
+COUNT = 12
+"""Number of points; the first is the declared start."""
+
+
+class SamplePoints:
+    """Values of variables at the sample points, shape (COUNT,) each, the same in every run."""
+
+    def __init__(self, reduced: ReducedSystem) -> None:
+        self.reduced = reduced
+        self._random = np.random.default_rng(20090507)
+        self._directions = self._random.standard_normal((997, COUNT))
+        self._directions *= np.array([0.0, 0.7, 0.02, 0.1, 0.3, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0])
+        self._known: dict[int, Samples] = {}
+        self._definition: dict[int, int] = {}
+        self._values: dict[int, Any] = {}
+
+    def define(self, variable: int, node: int) -> None:
+        """From now on the variable has the value of `node` at every point."""
+        self._definition[variable] = node
+        self._known.pop(variable, None)
+
+    def of(self, node: int) -> Samples:
+        """Values of a node, shape (COUNT,)."""
+        pool = self.reduced.pool
+        for variable in pool.variables_in(node):
+            self.variable(variable)
+        if node not in self._values:
+            self._values.update(values(pool, [node], self.leaves, self._values))
+        return np.broadcast_to(np.asarray(self._values[node], dtype=float), (COUNT,))
+
+    def _evaluate(self, variable: int) -> None:
+        """Fill in a defined variable, its definitions first; chains are walked without recursion."""
+        pool = self.reduced.pool
+        stack = [variable]
+        while stack:
+            here = stack[-1]
+            node = self._definition[here]
+            waiting = [
+                v for v in pool.variables_in(node) if v in self._definition and v not in self._known and v not in stack
+            ]
+            if waiting:
+                stack.extend(waiting)
+                continue
+            stack.pop()
+            self._known[here] = self.of(node)
+
+    @cached_property
+    def parameters(self) -> tuple[float, ...]:
+        """Values of the free parameters."""
+        return self.reduced.flat.parameter_values
+
+    def variable(self, variable: int) -> Samples:
+        """Values of a variable: its start, then scattered by its nominal size."""
+        if variable not in self._known and variable in self._definition:
+            self._evaluate(variable)
+        if variable not in self._known:
+            reduced = self.reduced
+            start, nominal = 0.0, 1.0
+            if variable < len(reduced.scalar):
+                nominal = reduced.flat.declaration(reduced.scalar[variable]).nominal
+                start = self.start(variable)
+            offset = 1.0 if variable >= 997 else 0.9
+            self._known[variable] = start + offset * nominal * self._directions[(variable * 7919) % 997]
+        return self._known[variable]
+
+    def start(self, variable: int) -> float:
+        """Declared start of a variable or of one of its aliases, else 0."""
+        reduced = self.reduced
+        for scalar in reduced.aliases.get(variable, ()):
+            declared = reduced.flat.starts.get(scalar)
+            if declared is not None:
+                value = self.constant(reduced.flat.pool, declared.node)
+                negative = reduced.pool.nodes[reduced.image[scalar]][0] == "neg"
+                return -value if negative else value
+        return 0.0
+
+    def constant(self, pool: Pool, node: int) -> float:
+        """Value of an expression of parameters."""
+        return float(values(pool, [node], {"par": self.parameters.__getitem__, "time": lambda _: 0.0})[node])
+
+    @cached_property
+    def leaves(self) -> Mapping[str, Callable[[int], Any]]:
+        """What `values` and `gradients` need."""
+        times = np.linspace(0.0, 1.0, COUNT) * 0.37
+        return {"var": self.variable, "par": self.parameters.__getitem__, "time": lambda _: times}

@@ -1,0 +1,214 @@
+"""Blocks solved as far as symbols go: every unknown becomes an expression, or is iterated upon.
+
+Definitions are pool nodes in evaluation order; what remains are the algebraic variables `z` of a semi-explicit DAE
+with as many residuals.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from acausal.errors import StructureError
+from acausal.flatten.flat import span_of
+from acausal.lower.analyse import Structure
+from acausal.lower.elimination import Eliminated, eliminate, safety
+from acausal.lower.linear import LinearForm
+from acausal.structure import Block, Incidence, tear
+
+
+@dataclass(frozen=True)
+class BlockReport:
+    """How one block was solved: number of unknowns, of iterated ones, and "explicit", "linear" or "torn"."""
+
+    unknowns: tuple[int, ...]
+    iterated: tuple[int, ...]
+    kind: str
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Expressions for all unknowns.
+
+    Attributes
+    ----------
+    definitions
+        (variable, node) in evaluation order; nodes may refer to states, inputs, `algebraic` and earlier definitions.
+    algebraic, residuals
+        The unknowns left to the DAE solver, and as many nodes that must be zero.
+    needed
+        Variables on which the rates of the states or the residuals depend; all others are observed.
+    """
+
+    structure: Structure
+    definitions: tuple[tuple[int, int], ...]
+    algebraic: tuple[int, ...]
+    residuals: tuple[int, ...]
+    needed: frozenset[int]
+    blocks: tuple[BlockReport, ...]
+
+    def __repr__(self) -> str:
+        observed = len(self.definitions) + len(self.algebraic) - len(self.needed)
+        return (
+            f"Solution({self.structure.reduced.flat.name}: {len(self.structure.states)} states, "
+            f"{len(self.algebraic)} iterated, {len(self.definitions)} explicit, {max(observed, 0)} observed)"
+        )
+
+
+def solve(structure: Structure, formulation: str = "torn") -> Solution:
+    """Solve the blocks.
+
+    Parameters
+    ----------
+    formulation
+        "torn" solves symbolically what can be; "dae" leaves every unknown of every block with more than one
+        unknown to the DAE solver, with its original equations.
+
+    Raises
+    ------
+    StructureError
+        AC204 when the equations of a linear block depend on each other.
+    """
+    work = _Work(structure, formulation == "dae")
+    for block in structure.blocks:
+        work.block(block)
+    return Solution(
+        structure=structure,
+        definitions=tuple(work.definitions),
+        algebraic=tuple(work.algebraic),
+        residuals=tuple(work.residuals),
+        needed=_needed(structure, work),
+        blocks=tuple(work.reports),
+    )
+
+
+class _Work:
+    def __init__(self, structure: Structure, whole: bool) -> None:
+        self.structure = structure
+        self.pool = structure.reduced.pool
+        self.points = structure.points
+        self.whole = whole
+        self.definitions: list[tuple[int, int]] = []
+        self.algebraic: list[int] = []
+        self.residuals: list[int] = []
+        self.reports: list[BlockReport] = []
+
+    def define(self, variable: int, node: int) -> None:
+        self.definitions.append((variable, node))
+        self.points.define(variable, node)
+
+    def block(self, block: Block) -> None:
+        if len(block.columns) == 1:
+            self._single(block.rows[0], block.columns[0])
+        elif self.whole:
+            self._iterate(block)
+        else:
+            self._several(block)
+
+    def _single(self, row: int, variable: int) -> None:
+        pool = self.pool
+        residual = self.structure.residuals[row]
+        linear = LinearForm(pool, (variable,)).of(residual)
+        if linear is not None:
+            coefficient = linear[1].get(variable, pool.zero)
+            if coefficient == pool.zero:
+                raise self._dependent([row], linear[0])
+            if safety(self.points, coefficient) is not None:
+                self.define(variable, pool.div(pool.neg(linear[0]), coefficient))
+                self.reports.append(BlockReport((variable,), (), "explicit"))
+                return
+        self.algebraic.append(variable)
+        self.residuals.append(residual)
+        self.reports.append(BlockReport((variable,), (variable,), "torn"))
+
+    def _iterate(self, block: Block) -> None:
+        self.algebraic += block.columns
+        self.residuals += [self.structure.residuals[r] for r in block.rows]
+        self.reports.append(BlockReport(block.columns, block.columns, "dae"))
+
+    def _several(self, block: Block) -> None:
+        form = LinearForm(self.pool, set(block.columns))
+        linear = [form.of(self.structure.residuals[r]) for r in block.rows]
+        if all(x is not None for x in linear):
+            found = [x for x in linear if x is not None]
+            done = eliminate(self.points, [x[1] for x in found], [x[0] for x in found])
+            self._linear(block, done)
+        else:
+            self._torn(block)
+
+    def _linear(self, block: Block, done: Eliminated) -> None:
+        if done.empty:
+            rows = [block.rows[i] for i, _ in done.empty]
+            raise self._dependent(rows, done.empty[0][1])
+        self.algebraic += done.left_variables
+        self.residuals += done.left_residuals
+        for variable, node in done.solved:
+            self.define(variable, node)
+        self.reports.append(BlockReport(block.columns, done.left_variables, "linear"))
+
+    def _torn(self, block: Block) -> None:
+        """Tear a nonlinear block; rows are solved for a column when they are linear in it with a safe factor."""
+        place = {v: k for k, v in enumerate(block.columns)}
+        residuals = [self.structure.residuals[r] for r in block.rows]
+        rows = [sorted(place[v] for v in self.pool.variables_in(r) if v in place) for r in residuals]
+        incidence = Incidence.from_rows(rows, len(place))
+        cache: dict[tuple[int, int], bool] = {}
+
+        def solvable(i: int, k: int) -> bool:
+            if (i, k) not in cache:
+                cache[i, k] = self._coefficient(residuals[i], block.columns[k]) is not None
+            return cache[i, k]
+
+        torn = tear(incidence, solvable)
+        iterated = [block.columns[k] for k in torn.torn]
+        self.algebraic += iterated
+        for i, k in torn.sequence:
+            variable = block.columns[k]
+            form = LinearForm(self.pool, (variable,)).of(residuals[i])
+            assert form is not None, "tearing solves only what is linear"
+            self.define(variable, self.pool.div(self.pool.neg(form[0]), form[1][variable]))
+        self.residuals += [residuals[i] for i in torn.residual]
+        self.reports.append(BlockReport(block.columns, tuple(iterated), "torn"))
+
+    def _coefficient(self, residual: int, variable: int) -> int | None:
+        form = LinearForm(self.pool, (variable,)).of(residual)
+        if form is None or variable not in form[1]:
+            return None
+        coefficient = form[1][variable]
+        rank = safety(self.points, coefficient)
+        return coefficient if rank is not None and rank < 3 else None
+
+    def _dependent(self, rows: list[int], rest: int) -> StructureError:
+        flat = self.structure.reduced.flat
+        sources = [flat.equations[self.structure.flat_equation(r)] for r in rows]
+        value = self.points.of(rest)[0]
+        contradiction = bool(np.isfinite(value)) and abs(value) > 1e-9
+        return StructureError(
+            "AC204",
+            f"equations of {flat.name} are dependent: "
+            + ("they contradict each other" if contradiction else "one follows from the others"),
+            where=[s for e in sources[:2] for s in span_of(e)],
+            evidence=[f"{e.source}   ({e.component or flat.name})" for e in sources[:6]]
+            + ([f"together they demand 0 == {-value:g}"] if contradiction else []),
+            cause="the unknowns cancel: two equations say the same about them, perhaps with different numbers",
+            help="replace one of these equations by one that fixes what is free",
+        )
+
+
+def _needed(structure: Structure, work: _Work) -> frozenset[int]:
+    """Everything that the rates of the states and the residuals depend on."""
+    pool = work.pool
+    node_of = dict(work.definitions)
+    stack = [structure.derivative(x) for x in structure.states]
+    for r in work.residuals:
+        stack.extend(pool.variables_in(r))
+    needed: set[int] = set()
+    while stack:
+        v = stack.pop()
+        if v in needed:
+            continue
+        needed.add(v)
+        if v in node_of:
+            stack.extend(pool.variables_in(node_of[v]))
+    return frozenset(needed)

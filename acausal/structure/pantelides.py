@@ -1,0 +1,111 @@
+"""Which equations must be differentiated, and how often.
+
+Source: C. C. Pantelides, The consistent initialization of differential-algebraic systems, SIAM J. Sci. Stat. Comput.
+9 (1988) 213-231, algorithms 3.1 and 3.2. Started from a maximum matching, so that the search runs only for the
+equations that cannot be matched at once. Terminates when the graph in which a variable and its derivatives count as
+one has a perfect matching (theorem 5.1 there): the caller checks that first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+from acausal.structure.graph import Incidence
+from acausal.structure.matching import match
+
+
+class Differentiable(Protocol):
+    """What the algorithm needs of the equations."""
+
+    def n_variables(self) -> int:
+        """Number of variables so far."""
+
+    def incidence(self, equation: int) -> Sequence[int]:
+        """Unknowns of an equation, derivatives included."""
+
+    def derivative(self, variable: int) -> int | None:
+        """The variable that is the derivative of another, or None when it has none yet."""
+
+    def differentiate_variable(self, variable: int) -> int:
+        """Make the derivative of a variable; returns it."""
+
+    def differentiate_equation(self, equation: int) -> int:
+        """Append the derivative of an equation; returns its number. Derivatives of its variables exist by then."""
+
+
+def pantelides(system: Differentiable, n_equations: int) -> tuple[dict[int, int], dict[int, int]]:
+    """Differentiate until every equation is matched with a variable that has no derivative.
+
+    Returns
+    -------
+    (assigned, derivative)
+        `assigned[variable]` is the equation matched with each highest derivative; `derivative[equation]` is the
+        equation that is its time derivative.
+    """
+    rows = [system.incidence(e) for e in range(n_equations)]
+    highest = [[v for v in row if system.derivative(v) is None] for row in rows]
+    first = match(Incidence.from_rows(highest, system.n_variables()))
+    assigned = {int(v): e for e, v in enumerate(first) if v >= 0}
+    derivative: dict[int, int] = {}
+    incidence: dict[int, Sequence[int]] = dict(enumerate(rows))
+    for unmatched in [e for e in range(n_equations) if first[e] < 0]:
+        equation = unmatched
+        while True:
+            coloured_equations, coloured_variables = _augment(system, incidence, assigned, equation)
+            if coloured_equations is None:
+                break
+            equation = _differentiate(system, incidence, assigned, derivative, coloured_equations, coloured_variables, equation)
+    return {v: e for v, e in assigned.items() if system.derivative(v) is None}, derivative
+
+
+def _augment(
+    system: Differentiable, incidence: dict[int, Sequence[int]], assigned: dict[int, int], equation: int
+) -> tuple[list[int] | None, list[int]]:
+    """Match `equation` along an augmenting path; the coloured (equations, variables) when there is none."""
+    came_from: dict[int, int] = {}  # variable -> equation it was reached from
+    queue = [equation]
+    seen = {equation}
+    while queue:
+        here = queue.pop()
+        for variable in incidence[here]:
+            if variable in came_from or system.derivative(variable) is not None:
+                continue
+            came_from[variable] = here
+            other = assigned.get(variable)
+            if other is None:
+                _flip(assigned, came_from, variable, equation)
+                return None, []
+            if other not in seen:
+                seen.add(other)
+                queue.append(other)
+    return sorted(seen), sorted(came_from)
+
+
+def _flip(assigned: dict[int, int], came_from: dict[int, int], variable: int, root: int) -> None:
+    previous = {assigned[v]: v for v in came_from if v in assigned}
+    while True:
+        equation = came_from[variable]
+        assigned[variable] = equation
+        if equation == root:
+            return
+        variable = previous[equation]
+
+
+def _differentiate(
+    system: Differentiable,
+    incidence: dict[int, Sequence[int]],
+    assigned: dict[int, int],
+    derivative: dict[int, int],
+    equations: list[int],
+    variables: list[int],
+    current: int,
+) -> int:
+    made = {v: system.differentiate_variable(v) for v in variables}
+    for e in equations:
+        new = system.differentiate_equation(e)
+        derivative[e] = new
+        incidence[new] = system.incidence(new)
+    for v, dv in made.items():
+        assigned[dv] = derivative[assigned[v]]
+    return derivative[current]
