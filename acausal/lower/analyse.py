@@ -98,7 +98,12 @@ def analyse(reduced: ReducedSystem) -> Structure:
             for b in blocks(Incidence.from_rows(rows, len(columns)), matched)
         ]
         choices = select_dummies(
-            found, integral, reduced.pool.integral_of, system.jacobian(points), _preference(reduced)
+            found,
+            integral,
+            reduced.pool.integral_of,
+            system.jacobian(points),
+            _preference(reduced),
+            lambda e: system.hidden(integral[e], e),
         )
         _check_choices(reduced, integral, choices)
     dummies = {v for c in choices for v in c.dummies}
@@ -161,6 +166,12 @@ class _System:
     def differentiate_equation(self, equation: int) -> int:
         self.residuals.append(differentiate(self.pool, self.residuals[equation]))
         return len(self.residuals) - 1
+
+    def hidden(self, equation: int, differentiated: int) -> list[int]:
+        """Derivatives of variables of an equation that known rates keep out of the differentiated equation."""
+        rates = map(self.derivative, self.incidence(equation))
+        shown = set(self.incidence(differentiated))
+        return [v for v in rates if v is not None and v not in shown]
 
     def jacobian(self, points: SamplePoints):  # type: ignore[no-untyped-def]
         """Values of d(equation)/d(variable) at the start and at a generic point."""

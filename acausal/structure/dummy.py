@@ -40,8 +40,13 @@ def select_dummies(
     variable_integral: Mapping[int, int],
     jacobian: Jacobian,
     preference: Callable[[int], float],
+    hidden: Callable[[int], Iterable[int]] = lambda equation: (),
 ) -> list[Choice]:
     """Dummy derivatives of every block, from the highest level down.
+
+    Ranks are those of the integral of an equation by the integrals of the candidates. For equations differentiated by
+    the chain rule that is the same as the derivative by the candidates themselves; where known rates stood in for the
+    chain rule (an angular velocity for the derivative of a rotation matrix), it is the only one that is right.
 
     Parameters
     ----------
@@ -54,25 +59,80 @@ def select_dummies(
         decides about rank.
     preference
         Of the *integral* of a candidate: higher means rather a state.
+    hidden
+        Of a differentiated equation: derivatives of variables in its integral that do not stand in it, because known
+        rates stood in for the chain rule (a joint's speed or a quaternion's rate behind an angular velocity).
     """
     choices: list[Choice] = []
-    for block in blocks:
-        equations = [e for e in block.rows if e in equation_integral]
-        candidates = [v for v in block.columns if v in variable_integral]
-        while equations:
-            choice = _choose(equations, candidates, jacobian, lambda v: preference(variable_integral[v]))
-            choices.append(choice)
-            equations = [equation_integral[e] for e in equations]
-            equations = [e for e in equations if e in equation_integral]
-            candidates = [variable_integral[v] for v in choice.dummies]
-            candidates = [v for v in candidates if v in variable_integral]
+    level = [
+        _Group([e for e in b.rows if e in equation_integral], [v for v in b.columns if v in variable_integral])
+        for b in blocks
+    ]
+    differentiated = set(variable_integral.values())
+    while any(group.equations for group in level):
+        level = _joined(level, equation_integral, differentiated, hidden)
+        below = []
+        for group in level:
+            candidates = group.candidates
+            if group.equations:
+                values = jacobian(
+                    [equation_integral[e] for e in group.equations], [variable_integral[v] for v in candidates]
+                )
+                choice = _choose(group.equations, candidates, values, lambda v: preference(variable_integral[v]))
+                choices.append(choice)
+                equations = [equation_integral[e] for e in group.equations]
+                candidates = [variable_integral[v] for v in choice.dummies]
+                below.append(
+                    _Group(
+                        [e for e in equations if e in equation_integral],
+                        [v for v in candidates if v in variable_integral],
+                    )
+                )
+        level = below
     return choices
 
 
+@dataclass
+class _Group:
+    """Equations and candidates of one level between which the choice is made together."""
+
+    equations: list[int]
+    candidates: list[int]
+
+
+def _joined(
+    groups: list[_Group],
+    equation_integral: Mapping[int, int],
+    differentiated: set[int],
+    hidden: Callable[[int], Iterable[int]],
+) -> list[_Group]:
+    """Groups joined where an undifferentiated constraint reaches, behind known rates, candidates of another group.
+
+    A hidden derivative that is never differentiated itself becomes a candidate here: the rate of a coordinate whose
+    own equation is not a constraint.
+    """
+    owner = {v: group for group in groups for v in group.candidates}
+    for group in list(groups):
+        for e in list(group.equations):
+            if equation_integral[e] in equation_integral:
+                continue  # not yet at the constraint itself
+            for v in hidden(e):
+                other = owner.get(v)
+                if other is None and v not in differentiated:
+                    group.candidates.append(v)
+                    owner[v] = group
+                elif other is not None and other is not group:
+                    small, group = sorted((group, other), key=lambda g: len(g.candidates))
+                    group.equations += small.equations
+                    group.candidates += small.candidates
+                    owner.update(dict.fromkeys(small.candidates, group))
+                    small.equations, small.candidates = [], []
+    return groups
+
+
 def _choose(
-    equations: list[int], candidates: list[int], jacobian: Jacobian, preference: Callable[[int], float]
+    equations: list[int], candidates: list[int], values: NDArray[np.float64], preference: Callable[[int], float]
 ) -> Choice:
-    values = jacobian(equations, candidates)
     start, generic = values[0].copy(), values[1].copy()
     for a in (start, generic):
         scale = np.abs(a).max(axis=1, keepdims=True, initial=0.0)
