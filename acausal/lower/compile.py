@@ -58,21 +58,34 @@ def lower(solution: Solution) -> CompiledModel:
     reduced = solution.structure.reduced
     roots = [n for _, n in solution.definitions] + list(solution.residuals)
     events = find_time_events(reduced.pool, roots)
-    shell = CompiledModel(flat_name(solution), solution, start_problem(solution), events, None, None, None)
+    states, quadratures = _sort_states(solution)
+    shell = CompiledModel(
+        reduced.flat.name, solution, states, quadratures, start_problem(solution), events, None, None, None
+    )
     symbols = Symbols(shell)
     builder = symbols.builder(shell)
     builder.define([d for d in solution.definitions if d[0] in solution.needed], events.rewritten)
-    ode = [builder.variables[solution.structure.derivative(x)] for x in solution.structure.states]
+    ode = [builder.variables[solution.structure.derivative(x)] for x in states]
     alg = builder.lower([builder.replaced(r) for r in solution.residuals])
     names = ["t", "x", "z", "u", "p", "m"]
     rhs = ca.Function("rhs", symbols.inputs, [_column(ode), _column(alg)], names, ["ode", "alg"])
     modes, instants = _event_functions(shell, events)
-    return CompiledModel(shell.name, solution, shell.start, events, rhs, modes, instants)
+    return CompiledModel(shell.name, solution, states, quadratures, shell.start, events, rhs, modes, instants)
 
 
-def flat_name(solution: Solution) -> str:
-    """Name of the model."""
-    return solution.structure.reduced.flat.name
+def _sort_states(solution: Solution) -> tuple[tuple[int, ...], int]:
+    """States that act on something first, then those that are only integrated; how many the latter are."""
+    pool = solution.structure.reduced.pool
+    acting = {solution.structure.derivative(x) for x in solution.structure.states}
+    for variable, node in solution.definitions:
+        if variable in solution.needed:
+            acting |= pool.variables_in(node)
+    for residual in solution.residuals:
+        acting |= pool.variables_in(residual)
+    states = solution.structure.states
+    first = [x for x in states if x in acting]
+    last = [x for x in states if x not in acting]
+    return (tuple(first + last), len(last)) if first else (states, 0)
 
 
 def _event_functions(shell: CompiledModel, events: TimeEvents) -> tuple[Any, Any]:

@@ -24,7 +24,7 @@ Vector = NDArray[np.float64]
 class CompiledModel:
     """A model ready to run; made by `acausal.compile`, never changed.
 
-    Sizes: `nx` states, `nz` algebraic variables, `nu` inputs, `np` free parameters, `nm` modes of time events.
+    Sizes: `nx` states (the last `quadratures` of them influence nothing that is integrated), `nz` algebraic variables, `nu` inputs, `np` free parameters, `nm` modes of time events.
 
     Attributes
     ----------
@@ -42,6 +42,8 @@ class CompiledModel:
 
     name: str
     solution: Solution
+    state_variables: tuple[int, ...]
+    quadratures: int
     start: StartProblem
     time_events: TimeEvents
     rhs: Any
@@ -63,7 +65,7 @@ class CompiledModel:
     @cached_property
     def states(self) -> tuple[str, ...]:
         """Names of the states, in the order of x."""
-        return tuple(map(self.solution.structure.reduced.name, self.solution.structure.states))
+        return tuple(map(self.solution.structure.reduced.name, self.state_variables))
 
     @cached_property
     def algebraic(self) -> tuple[str, ...]:
@@ -98,7 +100,7 @@ class CompiledModel:
     @cached_property
     def nominal_x(self) -> Vector:
         """Nominal magnitudes of the states, shape (nx,)."""
-        return self.nominal(self.solution.structure.states)
+        return self.nominal(self.state_variables)
 
     @cached_property
     def nominal_z(self) -> Vector:
@@ -111,7 +113,7 @@ class CompiledModel:
         reduced = self.solution.structure.reduced
         pool = reduced.pool
         found: dict[int, None] = {}
-        order = [*self.solution.structure.states, *self.solution.algebraic, *reduced.inputs]
+        order = [*self.state_variables, *self.solution.algebraic, *reduced.inputs]
         for v in [*order, *(v for v, _ in self.solution.definitions)]:
             found[pool.var(v)] = None
         for node in reduced.image:
@@ -130,6 +132,30 @@ class CompiledModel:
         builder.define(self.solution.definitions, self.time_events.rewritten)
         y = builder.lower([builder.replaced(n) for n in self.columns])
         return ca.Function("observe", symbols.inputs, [_column(y)], _INPUTS, ["y"])
+
+    @cached_property
+    def guess(self) -> Any:
+        """`(p) -> (x[nx], z[nz])`: declared starts and guesses; 0 where nothing is declared."""
+        p = ca.SX.sym("p", len(self.parameters))
+        builder = Builder(self.solution.structure.reduced.pool, ca.SX(0), p, {})
+        declared = {**self.start.guesses, **self.start.direct}
+        x, z = (
+            _column([builder.lower([declared[v]])[0] if v in declared else ca.SX(0) for v in variables])
+            for variables in (self.state_variables, self.solution.algebraic)
+        )
+        return ca.Function("guess", [p], [x, z], ["p"], ["x", "z"])
+
+    @cached_property
+    def conditions(self) -> Any:
+        """`(t, x, z, u, p, m) -> (used, surplus)`: residuals of the start conditions; see `StartProblem`."""
+        symbols = Symbols(self)
+        builder = symbols.builder(self)
+        builder.define(self.solution.definitions, self.time_events.rewritten)
+        parts = [
+            _column(builder.lower([builder.replaced(c.node) for c in group]))
+            for group in (self.start.conditions, self.start.surplus)
+        ]
+        return ca.Function("conditions", symbols.inputs, parts, _INPUTS, ["used", "surplus"])
 
     @cached_property
     def constants(self) -> Any:
@@ -183,7 +209,7 @@ class Symbols:
         modes = {n: self.m[k] for k, n in enumerate(compiled.time_events.relations)}
         builder = DefiningBuilder(solution.structure.reduced.pool, self.t, self.p, modes)
         for symbols, variables in (
-            (self.x, solution.structure.states),
+            (self.x, compiled.state_variables),
             (self.z, solution.algebraic),
             (self.u, solution.structure.reduced.inputs),
         ):

@@ -1,0 +1,88 @@
+"""Pool expressions as Python-like text, for people who want to see what the compiler made of their equations."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from acausal.flatten.pool import Node, Pool
+
+NameOf = Callable[[str, int], str]
+"""Name of a leaf: ("var", number) or ("par", number)."""
+
+_INFIX = {
+    "or": ("|", 1),
+    "and": ("&", 2),
+    "lt": ("<", 3),
+    "le": ("<=", 3),
+    "gt": (">", 3),
+    "ge": (">=", 3),
+    "add": ("+", 4),
+    "sub": ("-", 4),
+    "mul": ("*", 5),
+    "div": ("/", 5),
+    "pow": ("**", 7),
+}
+_NEG = 6
+_TIGHT = {"mul", "div", "pow"}
+_CALLED = {"min": "minimum", "max": "maximum"}
+
+
+def to_text(pool: Pool, node: int, name_of: NameOf, limit: int = 400) -> str:
+    """Text of a node, with no more parentheses than Python needs.
+
+    Shared sub-expressions are written out where they are used, so that the text can be exponentially longer than the
+    pool: it is written from left to right and stops, with ` ...`, after `limit` characters.
+    """
+    written: list[str] = []
+    length = 0
+    # What is still to be written, the next at the end: text, or a node and how tightly its surroundings bind.
+    todo: list[str | tuple[int, int]] = [(node, 0)]
+    while todo:
+        item = todo.pop()
+        if isinstance(item, str):
+            written.append(item)
+            length += len(item)
+            if length > limit and todo:
+                written.append(" ...")
+                break
+        else:
+            todo.extend(reversed(_pieces(pool.nodes[item[0]], item[1], name_of)))
+    return "".join(written)
+
+
+def _pieces(node: Node, context: int, name_of: NameOf) -> list[str | tuple[int, int]]:
+    op = node[0]
+    if op == "const":
+        return [_bracketed(number(node[1]), node[1] < 0.0 and context >= _NEG)]
+    if op in ("var", "par"):
+        return [name_of(op, node[1])]
+    if op == "time":
+        return ["time"]
+    if op == "neg":
+        return _closed(["-", (node[1], _NEG)], context > _NEG)
+    if op == "not":
+        return ["~", (node[1], _INFIX["pow"][1])]
+    if op in _INFIX:
+        sign, binding = _INFIX[op]
+        shown = sign if op in _TIGHT else f" {sign} "
+        # `**` groups to the right, comparisons not at all, everything else to the left.
+        left = binding + (op == "pow" or binding == 3)
+        right = binding + (op != "pow")
+        return _closed([(node[1], left), shown, (node[2], right)], context > binding)
+    pieces: list[str | tuple[int, int]] = [_CALLED.get(op, op), "("]
+    for k, argument in enumerate(node[1:]):
+        pieces += [", ", (argument, 0)] if k else [(argument, 0)]
+    return [*pieces, ")"]
+
+
+def _closed(pieces: list[str | tuple[int, int]], closed: bool) -> list[str | tuple[int, int]]:
+    return ["(", *pieces, ")"] if closed else pieces
+
+
+def _bracketed(text: str, closed: bool) -> str:
+    return f"({text})" if closed else text
+
+
+def number(value: float) -> str:
+    """A number as short as it can be read back to nine digits: 0.5, 1e+08, 3."""
+    return f"{value:.9g}"

@@ -1,0 +1,209 @@
+"""Consistent start values: a problem of its own, solved before any integrator is made."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.errors import InitializationError
+from acausal.flatten.flat import span_of
+from acausal.lower.compiled import CompiledModel
+from acausal.lower.evaluate import values
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """A consistent point: states, algebraic variables, and sentences about what was chosen."""
+
+    x: Vector
+    z: Vector
+    notes: tuple[str, ...]
+
+
+def initialize(compiled: CompiledModel, t: float, p: Vector, u: Vector, m: Vector) -> Start:
+    """Solve the start conditions together with the algebraic equations.
+
+    Raises
+    ------
+    InitializationError
+        AC301 when Newton's method and continuation both fail, AC302 when conditions contradict each other,
+        AC303 when the equations are not defined at the start (division by zero, root of a negative number).
+    """
+    x, z = (np.array(v, dtype=float).ravel() for v in compiled.guess(p))
+    free = [k for k, v in enumerate(compiled.state_variables) if v not in compiled.start.direct]
+    free = [k for k in free if compiled.state_variables[k] not in compiled.start.defaulted]
+    notes = _defaulted(compiled, x)
+    if free or len(z):
+        _check_defined(compiled, t, x, z, u, p, m)
+        system = _System(compiled, t, x, z, u, p, m, free)
+        x, z = system.solve()
+    _check_defined(compiled, t, x, z, u, p, m)
+    _check_surplus(compiled, t, x, z, u, p, m)
+    return Start(x, z, notes)
+
+
+def consistent(compiled: CompiledModel, t: float, start: Start, p: Vector, u: Vector, m: Vector) -> Start:
+    """Algebraic variables for given states, after an event: the restart problem, never the initial one."""
+    if not len(start.z):
+        return start
+    x, z = _System(compiled, t, start.x, start.z, u, p, m, []).solve()
+    return Start(x, z, start.notes)
+
+
+def _defaulted(compiled: CompiledModel, x: Vector) -> tuple[str, ...]:
+    names = [
+        f"{compiled.states[k]} = {x[k]:g}"
+        for k, v in enumerate(compiled.state_variables)
+        if v in compiled.start.defaulted
+    ]
+    if not names:
+        return ()
+    return (
+        f"{len(names)} start value(s) not given; taken: {', '.join(names[:6])}"
+        + (" ..." if len(names) > 6 else "")
+        + "  (say so with fixed(...))",
+    )
+
+
+class _System:
+    """Unknowns: the free states and the algebraic variables, each divided by its nominal magnitude."""
+
+    def __init__(
+        self, compiled: CompiledModel, t: float, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector, free: list[int]
+    ) -> None:
+        self.compiled = compiled
+        self.x, self.z, self.free = x, z, free
+        self.scale = np.concatenate([compiled.nominal_x[free], compiled.nominal_z])
+        y = ca.SX.sym("y", len(self.scale))
+        scaled = y * ca.DM(self.scale)
+        xs = ca.SX(ca.DM(x))
+        for k, i in enumerate(free):
+            xs[i] = scaled[k]
+        arguments = (t, xs, scaled[len(free) :], u, p, m)
+        residual = compiled.rhs(*arguments)[1]
+        if free or compiled.start.conditions:
+            residual = ca.vertcat(compiled.conditions(*arguments)[0], residual) if free else residual
+        self.residual = ca.Function("start", [y], [residual], ["y"], ["r"])
+        self.symbols = y, residual
+
+    def solve(self) -> tuple[Vector, Vector]:
+        """Newton from the guesses, then continuation from a system they satisfy."""
+        y0 = np.concatenate([self.x[self.free], self.z]) / self.scale
+        found = self._newton(self.residual, y0)
+        if found is None:
+            found = self._continuation(y0)
+        if found is None:
+            raise self._failed(y0)
+        values_ = found * self.scale
+        x = self.x.copy()
+        x[self.free] = values_[: len(self.free)]
+        return x, values_[len(self.free) :]
+
+    def _newton(self, residual: Any, y0: Vector) -> Vector | None:
+        if residual.numel_out(0) != len(y0):
+            return None
+        root = ca.rootfinder(
+            "start", "newton", residual, {"abstol": 1e-12, "abstolStep": 1e-12, "max_iter": 60, "error_on_fail": False}
+        )
+        try:
+            found = np.array(root(y0)).ravel()
+        except RuntimeError:
+            return None
+        at = np.abs(np.array(residual(found)).ravel())
+        good = np.isfinite(found).all() and np.isfinite(at).all()
+        size = 1.0 + np.abs(np.array(residual(y0)).ravel())
+        return found if good and (at <= 1e-8 * np.nan_to_num(size, nan=1.0)).all() else None
+
+    def _continuation(self, y0: Vector) -> Vector | None:
+        """F(y) - (1 - s) F(y0) = 0 from s = 0, where y0 is the answer, to s = 1, in steps that adapt."""
+        start = np.array(self.residual(y0)).ravel()
+        if not np.isfinite(start).all() or self.residual.numel_out(0) != len(y0):
+            return None
+        y, full = self.symbols
+        s = ca.SX.sym("s")
+        moved = ca.Function("moved", [y, s], [full - (1 - s) * ca.DM(start)])
+        here, done, step = y0, 0.0, 0.1
+        while done < 1.0 and step > 1e-5:
+            target = min(1.0, done + step)
+            partial = ca.Function("partial", [y], [moved(y, target)])
+            found = self._newton(partial, here)
+            if found is None:
+                step /= 4
+            else:
+                here, done, step = found, target, step * 1.7
+        return here if done >= 1.0 else None
+
+    def _failed(self, y0: Vector) -> InitializationError:
+        names = [self.compiled.states[i] for i in self.free] + list(self.compiled.algebraic)
+        residuals = np.abs(np.nan_to_num(np.array(self.residual(y0)).ravel(), nan=np.inf))
+        worst = np.argsort(-residuals)[:5]
+        texts = [c.text for c in self.compiled.start.conditions] if self.free else []
+        reduced = self.compiled.solution.structure.reduced
+        labels = texts + [f"equation for {reduced.name(v)}" for v in self.compiled.solution.algebraic]
+        guesses = [f"{n} = {v:g}" for n, v in zip(names, y0 * self.scale, strict=True)][:6]
+        return InitializationError(
+            "AC301",
+            f"no consistent start found for {self.compiled.name}: {', '.join(names[:4])}",
+            where=[s for c in self.compiled.start.conditions[:1] for s in c.where],
+            evidence=[f"residual {residuals[k]:.3g}: {labels[k] if k < len(labels) else k}" for k in worst]
+            + [f"guesses: {', '.join(guesses)}"],
+            cause="the guesses are too far from a solution, or there is none",
+            help="give better guesses: " + ", ".join(f"{n}=guess(...)" for n in names[:2]),
+        )
+
+
+def _check_surplus(
+    compiled: CompiledModel, t: float, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector
+) -> None:
+    if not compiled.start.surplus:
+        return
+    off = np.array(compiled.conditions(t, x, z, u, p, m)[1]).ravel()
+    for condition, residual in zip(compiled.start.surplus, off, strict=True):
+        if abs(residual) > 1e-7:
+            raise InitializationError(
+                "AC302",
+                f"too many start conditions for {compiled.name}: `{condition.text}` contradicts the others",
+                where=condition.where,
+                evidence=[f"it is off by {residual:g} when the others hold"]
+                + [f"given too: {compiled.states[k]} = {x[k]:g}" for k in range(min(4, len(x)))],
+                help="remove it, or make it a guess(...)",
+            )
+
+
+def _check_defined(
+    compiled: CompiledModel, t: float, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector
+) -> None:
+    """Refuse a start at which an equation has no finite value, naming the first one."""
+    ode, alg = (np.array(v).ravel() for v in compiled.rhs(t, x, z, u, p, m))
+    if np.isfinite(ode).all() and np.isfinite(alg).all():
+        return
+    solution = compiled.solution
+    reduced = solution.structure.reduced
+    known = dict(zip(compiled.state_variables, x, strict=True))
+    known.update(zip(solution.algebraic, z, strict=True))
+    known.update(zip(reduced.inputs, u, strict=True))
+    leaves = {"var": known.__getitem__, "par": p.__getitem__, "time": lambda _: t}
+    rows = {v: b.rows for b in solution.structure.blocks for v in b.columns}
+    for variable, node in solution.definitions:
+        value = float(values(reduced.pool, [node], leaves)[node])
+        known[variable] = value
+        if not np.isfinite(value):
+            equation = reduced.flat.equations[solution.structure.flat_equation(rows[variable][0])]
+            inside = [f"{reduced.name(v)} = {known[v]:g}" for v in sorted(reduced.pool.variables_in(node))]
+            raise InitializationError(
+                "AC303",
+                f"{reduced.name(variable)} has no finite value at the start (t = {t:g} s)",
+                where=span_of(equation),
+                evidence=[f"{equation.source}   ({equation.component or compiled.name})"]
+                + ([f"with {', '.join(inside[:6])}"] if inside else []),
+                cause="a division by zero, or a root or logarithm of a negative number",
+                help="start elsewhere, or state the equation so that it holds there too",
+            )
+    names = [n for n, v in zip((*compiled.states, *compiled.algebraic), (*ode, *alg), strict=True) if not np.isfinite(v)]
+    raise InitializationError("AC303", f"the equations for {', '.join(names[:4])} have no finite value at t = {t:g} s")

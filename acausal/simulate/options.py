@@ -1,0 +1,78 @@
+"""What a run is asked to do, and the grid of output times that follows from it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.errors import UsageError
+from acausal.language.experiment import Experiment
+
+
+@dataclass(frozen=True)
+class Options:
+    """A run: times in seconds, relative tolerance, solver name or "auto", size of a fixed step.
+
+    Absolute tolerances are `absolute_factor * tolerance * nominal`, per variable.
+    """
+
+    start_time: float
+    stop_time: float
+    output_interval: float
+    tolerance: float
+    solver: str
+    step: float | None
+    absolute_factor: float = 1e-3
+
+    def grid(self) -> NDArray[np.float64]:
+        """Output times: multiples of the interval from the start, and the stop time."""
+        count = math.floor((self.stop_time - self.start_time) / self.output_interval * (1 + 1e-12) + 1e-9)
+        times = self.start_time + self.output_interval * np.arange(count + 1)
+        if self.stop_time - times[-1] > 1e-9 * self.output_interval:
+            return np.append(times, self.stop_time)
+        times[-1] = self.stop_time
+        return times
+
+
+def options(
+    experiment: Experiment,
+    *,
+    start_time: float | None = None,
+    stop_time: float | None = None,
+    output_interval: float | None = None,
+    tolerance: float | None = None,
+    solver: str | None = None,
+    step: float | None = None,
+) -> Options:
+    """Options from a model's experiment and what the caller overrides.
+
+    Raises
+    ------
+    UsageError
+        AC030 when times, tolerance or step make no sense.
+    """
+    start = experiment.start_time if start_time is None else float(start_time)
+    stop = experiment.stop_time if stop_time is None else float(stop_time)
+    interval = output_interval if output_interval is not None else experiment.output_interval
+    chosen = Options(
+        start_time=start,
+        stop_time=stop,
+        output_interval=(stop - start) / 500 if interval is None else float(interval),
+        tolerance=experiment.tolerance if tolerance is None else float(tolerance),
+        solver=experiment.solver if solver is None else solver,
+        step=experiment.step if step is None else float(step),
+    )
+    checks = (
+        (math.isfinite(start) and math.isfinite(stop) and stop > start, f"stop_time {stop:g} s is not after start_time {start:g} s"),
+        (chosen.output_interval > 0, f"output_interval {chosen.output_interval:g} s is not positive"),
+        (chosen.output_interval * 2e7 > stop - start, f"output_interval {chosen.output_interval:g} s gives too many rows"),
+        (0 < chosen.tolerance < 1, f"tolerance {chosen.tolerance:g} is not between 0 and 1"),
+        (chosen.step is None or chosen.step > 0, f"step {chosen.step} s is not positive"),
+    )
+    for holds, fact in checks:
+        if not holds:
+            raise UsageError("AC030", fact)
+    return chosen

@@ -1,0 +1,114 @@
+"""The DAE as the integrators get it: scaled variables, time counted from the segment's start, one parameter vector."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.lower.compiled import CompiledModel
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """A compiled model seen by an integrator.
+
+    States and algebraic variables are divided by their nominal magnitudes, so that one absolute tolerance fits all.
+    The parameter vector is `[p, u, m, shift]`: parameters, inputs, modes of time events, and the time at which the
+    segment starts (a CasADi integrator has its time frozen at construction).
+    """
+
+    compiled: CompiledModel
+
+    @property
+    def n_dynamic(self) -> int:
+        """Number of states that are integrated with error control; the others are quadratures."""
+        return len(self.compiled.states) - self.compiled.quadratures
+
+    @cached_property
+    def scale_x(self) -> Vector:
+        """Nominal magnitudes of the dynamic states."""
+        return self.compiled.nominal_x[: self.n_dynamic]
+
+    @property
+    def scale_z(self) -> Vector:
+        """Nominal magnitudes of the algebraic variables."""
+        return self.compiled.nominal_z
+
+    def parameters(self, p: Vector, u: Vector, m: Vector) -> Vector:
+        """The integrator's parameter vector without the shift."""
+        return np.concatenate([p, u, m])
+
+    @cached_property
+    def dae(self) -> Any:
+        """`(t, x, z, p, u) -> (ode, alg, quad, zero)`, SX, for integrators that take algebraic variables."""
+        t, x, z, p, ode, alg, quad = self._scaled()
+        none = ca.SX(0, 1)
+        return ca.Function(
+            "dae",
+            [t, x, z, p, ca.SX.sym("u", 0)],
+            [ode, alg, quad, none],
+            ["t", "x", "z", "p", "u"],
+            ["ode", "alg", "quad", "zero"],
+        )
+
+    @cached_property
+    def ode(self) -> Any:
+        """The same without algebraic variables: a rootfinder solves for them; its start is appended to `p`."""
+        nz = len(self.compiled.algebraic)
+        t, x, z, p, ode, alg, quad = self._scaled()
+        if nz == 0:
+            names, out = ["t", "x", "z", "p", "u"], ["ode", "alg", "quad", "zero"]
+            none = ca.SX(0, 1)
+            return ca.Function("ode", [t, x, z, p, ca.SX.sym("u", 0)], [ode, none, quad, none], names, out)
+        full = ca.Function("full", [t, x, z, p], [ode, quad])
+        time, state, par, z0 = ca.MX.sym("t"), ca.MX.sym("x", x.numel()), ca.MX.sym("p", p.numel()), ca.MX.sym("z0", nz)
+        root = self._root(t, x, z, p, alg)
+        solved = root(z0, ca.vertcat(time, state, par))
+        rate, quadrature = full(time, state, solved, par)
+        names, out = ["t", "x", "z", "p", "u"], ["ode", "alg", "quad", "zero"]
+        none = ca.MX(0, 1)
+        arguments = [time, state, ca.MX.sym("z", 0), ca.vertcat(par, z0), ca.MX.sym("u", 0)]
+        return ca.Function("ode", arguments, [rate, none, quadrature, none], names, out)
+
+    def _root(self, t: Any, x: Any, z: Any, p: Any, alg: Any) -> Any:
+        """Rootfinder `(z0, [t, x, p]) -> z` for the scaled algebraic equations."""
+        residual = ca.Function("residual", [z, ca.vertcat(t, x, p)], [alg], ["z", "q"], ["r"])
+        return ca.rootfinder("algebraic", "newton", residual, {"abstol": 1e-13, "abstolStep": 1e-13, "error_on_fail": True})
+
+    def _scaled(self) -> tuple[Any, ...]:
+        compiled = self.compiled
+        n, nq = self.n_dynamic, compiled.quadratures
+        t = ca.SX.sym("t")
+        x, z = ca.SX.sym("x", n), ca.SX.sym("z", len(compiled.algebraic))
+        sizes = [len(compiled.parameters), len(compiled.inputs), len(compiled.time_events.relations)]
+        p = ca.SX.sym("p", sum(sizes) + 1)
+        par, u, m, shift = ca.vertsplit(p, np.cumsum([0, *sizes, 1]).tolist())
+        full_x = ca.vertcat(x * ca.DM(self.scale_x), ca.SX(nq, 1))
+        ode, alg = compiled.rhs(t + shift, full_x, z * ca.DM(self.scale_z), u, par, m)
+        return t, x, z, p, ode[:n] / ca.DM(self.scale_x), alg, ca.densify(ode[n:])
+
+    def solve_algebraic(self, times: Vector, x: Vector, z: Vector, p: Vector) -> Vector:
+        """Algebraic variables along a trajectory, each point started from the one before; shape (nz, n)."""
+        nz = len(self.compiled.algebraic)
+        if nz == 0:
+            return np.zeros((0, len(times)))
+        found = np.empty((nz, len(times)))
+        here = z / self.scale_z
+        for k, time in enumerate(times):
+            states = x[: self.n_dynamic, k] / self.scale_x
+            here = np.array(self.algebraic_root(here, np.concatenate([[time], states, p, [0.0]]))).ravel()
+            found[:, k] = here * self.scale_z
+        return found
+
+    @cached_property
+    def algebraic_root(self) -> Any:
+        """Rootfinder for consistent algebraic variables: `(z, [t, x, p, shift]) -> z`, all scaled."""
+        t, x, z, p, _, alg, _ = self._scaled()
+        return self._root(t, x, z, p, alg)

@@ -1,0 +1,142 @@
+"""What a run has computed so far, and the result made of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.flatten.flat import suffixes
+from acausal.language.declare import Declaration
+from acausal.lower.compiled import CompiledModel
+from acausal.result import Event, Result, Signal
+from acausal.simulate.solvers.base import Piece
+
+Vector = NDArray[np.float64]
+
+
+class Recorder:
+    """Rows of time, states, algebraic variables and modes, in order; observed variables are computed at the end."""
+
+    def __init__(self, compiled: CompiledModel, p: Vector, u: Vector) -> None:
+        self.compiled = compiled
+        self.p, self.u = p, u
+        self.counters: dict[str, float] = {}
+        self.boundaries: list[float] = []
+        self.segments = 0
+        self._times: list[Vector] = []
+        self._x: list[Vector] = []
+        self._z: list[Vector] = []
+        self._m: list[Vector] = []
+
+    @property
+    def time(self) -> float:
+        """The time reached."""
+        return float(self._times[-1][-1])
+
+    def begin(self, t: float, x: Vector, z: Vector, m: Vector) -> None:
+        """The first row of a segment: the values after the event, or at the start."""
+        if self._times:
+            self.boundaries.append(t)
+        self.segments += 1
+        self._append(np.array([t]), x[:, None], z[:, None], m)
+
+    def add(self, times: Vector, piece: Piece, m: Vector) -> None:
+        """Rows from a solver."""
+        self._append(times, piece.x, piece.z, m)
+        for name, count in piece.counters.items():
+            self.counters[name] = self.counters.get(name, 0.0) + count
+
+    def _append(self, times: Vector, x: Vector, z: Vector, m: Vector) -> None:
+        self._times.append(times)
+        self._x.append(x)
+        self._z.append(z)
+        self._m.append(np.tile(m[:, None], (1, len(times))))
+
+    def rows(self) -> tuple[Vector, Vector, Vector, Vector]:
+        """(times, x, z, modes) of all rows; columns are instants."""
+        return np.concatenate(self._times), *(np.hstack(a) for a in (self._x, self._z, self._m))  # type: ignore[return-value]
+
+    def before(self, t: float) -> int:
+        """The last row not after `t`."""
+        times = np.concatenate(self._times)
+        return int(np.searchsorted(times, t, side="right")) - 1
+
+    def point(self, k: int) -> tuple[float, Vector, Vector, Vector]:
+        """Time, states, algebraic variables and modes of one row."""
+        times, x, z, m = self.rows()
+        return float(times[k]), x[:, k], z[:, k], m[:, k]
+
+    def observe(self, times: Vector, x: Vector, z: Vector, m: Vector) -> Vector:
+        """All trajectories, shape (rows, columns)."""
+        count = len(times)
+        function = self.compiled.observe.map(count) if count > 1 else self.compiled.observe
+        wide = [np.tile(v[:, None], (1, count)) for v in (self.u, self.p)]
+        return np.array(function(times[None, :], x, z, wide[0], wide[1], m)).T.reshape(count, -1)
+
+
+def make_result(
+    recorder: Recorder,
+    events: tuple[Event, ...],
+    stats: dict[str, object],
+    dense: Callable[[float], Vector],
+) -> Result:
+    """The result of what was recorded."""
+    times, x, z, m = recorder.rows()
+    return Result(
+        model=recorder.compiled.name,
+        time=times,
+        trajectories=lambda: recorder.observe(times, x, z, m),
+        signals=signals(recorder.compiled, recorder.p),
+        events=events,
+        stats=stats,
+        dense=dense,
+    )
+
+
+def signals(compiled: CompiledModel, p: Vector) -> dict[str, Signal]:
+    """Where every variable and parameter of the model is found, by path."""
+    reduced = compiled.solution.structure.reduced
+    pool = reduced.pool
+    column = {node: k for k, node in enumerate(compiled.columns)}
+    constants = dict(zip(compiled.constant_nodes, np.array(compiled.constants(p)).ravel().tolist(), strict=True))
+    found: dict[str, Signal] = {}
+    for variable in reduced.flat.variables:
+        for k, suffix in enumerate(suffixes(variable.declaration.shape)):
+            name = variable.path + suffix
+            found[name] = _signal(name, variable.declaration, reduced.image[variable.first + k], pool.nodes, column, constants)
+    for parameter in reduced.flat.parameters:
+        values = compiled_parameters(compiled, parameter.nodes, p)
+        for suffix, value in zip(suffixes(parameter.declaration.shape), values, strict=True):
+            name = parameter.path + suffix
+            d = parameter.declaration
+            found[name] = Signal(name, d.unit, d.doc, value=value, parameter=True)
+    return found
+
+
+def _signal(
+    name: str,
+    declaration: Declaration,
+    node: int,
+    nodes: list[tuple[object, ...]],
+    column: dict[int, int],
+    constants: dict[int, float],
+) -> Signal:
+    if node in column:
+        return Signal(name, declaration.unit, declaration.doc, column=column[node])
+    if nodes[node][0] == "neg" and nodes[node][1] in column:
+        return Signal(name, declaration.unit, declaration.doc, column=column[nodes[node][1]], sign=-1)  # type: ignore[index]
+    return Signal(name, declaration.unit, declaration.doc, value=constants[node])
+
+
+def compiled_parameters(compiled: CompiledModel, nodes: tuple[int, ...], p: Vector) -> list[float]:
+    """Values of parameter expressions of the flat pool."""
+    pool = compiled.flat.pool
+    simple = [pool.nodes[n] for n in nodes]
+    if all(s[0] == "par" for s in simple):
+        return [float(p[s[1]]) for s in simple]
+    from acausal.lower.evaluate import values
+
+    found = values(pool, nodes, {"par": p.__getitem__, "time": lambda _: 0.0})
+    return [float(found[n]) for n in nodes]

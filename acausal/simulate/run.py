@@ -1,0 +1,334 @@
+"""One run: start values, segments between time events, the solver, the result."""
+
+from __future__ import annotations
+
+import logging
+import time as clock
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.errors import IntegrationError, UsageError, nearest
+from acausal.flatten.parameters import check_limits
+from acausal.language.component import Component
+from acausal.lower.compile import compile
+from acausal.lower.compiled import CompiledModel
+from acausal.result import Event, Result
+from acausal.simulate.initialize import Start, consistent, initialize
+from acausal.simulate.options import Options, options
+from acausal.simulate.problem import Problem
+from acausal.simulate.record import Recorder, make_result
+from acausal.simulate.solvers import Solver, choose
+from acausal.simulate.solvers.base import Piece, Segment
+
+Vector = NDArray[np.float64]
+Progress = Callable[[float, float], None]
+_log = logging.getLogger(__name__)
+
+
+def simulate(
+    model: Component | CompiledModel,
+    *,
+    start_time: float | None = None,
+    stop_time: float | None = None,
+    output_interval: float | None = None,
+    tolerance: float | None = None,
+    solver: str | None = None,
+    step: float | None = None,
+    parameters: Mapping[str, float] | None = None,
+    inputs: Mapping[str, float] | None = None,
+    progress: Progress | None = None,
+) -> Result:
+    """Simulate a model.
+
+    Parameters
+    ----------
+    model
+        A component, or what `compile` made of it (then nothing is compiled again).
+    start_time, stop_time, output_interval, step
+        Seconds; None takes them from the model's `experiment`. The default interval gives 500 intervals.
+    tolerance
+        Relative tolerance of the solver; absolute ones are a thousandth of it times the nominal magnitude.
+    solver
+        "auto", "idas", "rosenbrock", "cvodes", "erk", "collocation", "rk" or "rk2".
+    parameters
+        Values by path, in SI; they never recompile a compiled model.
+    inputs
+        Constant values of the model's own inputs.
+    progress
+        Called with the fraction done and the time reached.
+
+    Raises
+    ------
+    AcausalError
+        `IntegrationError.result` holds what was computed before a failure.
+    KeyboardInterrupt
+        With a `result` attribute that holds what was computed.
+    """
+    compiled = model if isinstance(model, CompiledModel) else compile(model, parameters=parameters)
+    chosen = options(
+        compiled.flat.experiment,
+        start_time=start_time,
+        stop_time=stop_time,
+        output_interval=output_interval,
+        tolerance=tolerance,
+        solver=solver,
+        step=step,
+    )
+    given = parameters if isinstance(model, CompiledModel) else None
+    p = parameter_vector(compiled, given or {})
+    u = input_vector(compiled, inputs or {})
+    return _Run(compiled, chosen, p, u, progress).result()
+
+
+def parameter_vector(compiled: CompiledModel, given: Mapping[str, float]) -> Vector:
+    """Values of the free parameters, some replaced.
+
+    Raises
+    ------
+    UsageError
+        AC020 for an unknown name, AC022 for a parameter that is bound to others in this compiled model.
+    DeclarationError
+        AC136 for a value outside its limits.
+    """
+    p = np.array(compiled.parameter_values, dtype=float)
+    index = {name: k for k, name in enumerate(compiled.parameters)}
+    declared = {f.path: f for f in compiled.flat.parameters}
+    for path, value in given.items():
+        names = [path] if path in index else [n for n in index if n.startswith(path + "[")]
+        entries = np.ravel(np.asarray(value, dtype=float))
+        if path in declared and not names:
+            raise UsageError(
+                "AC022",
+                f"{path} follows from other parameters in this compiled model",
+                help=f"set those, or compile anew: acausal.compile(model, parameters={{{path!r}: ...}})",
+            )
+        if not names:
+            close = nearest(path, list(index))
+            raise UsageError(
+                "AC020", f"there is no parameter '{path}'", evidence=[f"did you mean {', '.join(close)}?"] if close else []
+            )
+        if len(names) != len(entries):
+            raise UsageError("AC023", f"{path} has {len(names)} entries, {len(entries)} were given")
+        base = declared.get(path)
+        if base is not None:
+            check_limits(path, base.declaration, entries.tolist())
+        for name, entry in zip(names, entries, strict=True):
+            p[index[name]] = entry
+    return p
+
+
+def input_vector(compiled: CompiledModel, given: Mapping[str, float]) -> Vector:
+    """Values of the model's inputs; UsageError AC033 when one is missing or unknown."""
+    unknown = [n for n in given if n not in compiled.inputs]
+    missing = [n for n in compiled.inputs if n not in given]
+    if unknown or missing:
+        fact = f"input {missing[0]} has no value" if missing else f"there is no input '{unknown[0]}'"
+        raise UsageError(
+            "AC033",
+            fact,
+            evidence=[f"inputs of {compiled.name}: {', '.join(compiled.inputs) or 'none'}"],
+            help="simulate(..., inputs={'" + (missing or ["u"])[0] + "': 0.0}), or bind it in the model",
+        )
+    return np.array([given[n] for n in compiled.inputs], dtype=float)
+
+
+@dataclass
+class _Run:
+    """The run while it is under way."""
+
+    compiled: CompiledModel
+    options: Options
+    p: Vector
+    u: Vector
+    progress: Progress | None
+    timings: dict[str, float] = field(default_factory=dict)
+
+    def result(self) -> Result:
+        opts = self.options
+        problem = Problem(self.compiled)
+        solver, reason = choose(problem, opts.solver, opts.step)
+        began = clock.perf_counter()
+        instants = self.instants()
+        boundaries = [opts.start_time, *instants, opts.stop_time]
+        start = initialize(self.compiled, opts.start_time, self.p, self.u, self.modes(boundaries[0], boundaries[1]))
+        for note in start.notes:
+            _log.warning("%s: %s", self.compiled.name, note)
+        self.timings["initialize"] = clock.perf_counter() - began
+        recorder = Recorder(self.compiled, self.p, self.u)
+        began = clock.perf_counter()
+        grid = opts.grid()
+        try:
+            for a, b in zip(boundaries[:-1], boundaries[1:], strict=True):
+                start = self.segment(problem, solver, recorder, start, a, b, grid)
+        except (IntegrationError, KeyboardInterrupt) as error:
+            error.result = self.finish(problem, recorder, solver, reason, start.notes)  # type: ignore[union-attr]
+            raise
+        finally:
+            self.timings["integrate"] = clock.perf_counter() - began
+        return self.finish(problem, recorder, solver, reason, start.notes)
+
+    def finish(
+        self, problem: Problem, recorder: Recorder, solver: Solver, reason: str, notes: tuple[str, ...]
+    ) -> Result:
+        stats = {
+            "solver": solver.name,
+            "reason": reason,
+            "tolerance": self.options.tolerance,
+            "states": len(self.compiled.states) - self.compiled.quadratures,
+            "quadratures": self.compiled.quadratures,
+            "algebraic": len(self.compiled.algebraic),
+            **recorder.counters,
+            "segments": recorder.segments,
+            "notes": (*self.compiled.flat.notes, *notes),
+            "time": {**self.compiled.timings, **self.timings},
+        }
+        events = tuple(Event(t, self.event_text(t)) for t in recorder.boundaries)
+        return make_result(recorder, events, stats, self.dense(problem, solver, recorder))
+
+    def instants(self) -> list[float]:
+        """Time events inside the run, ascending, each once."""
+        found = np.unique(np.array(self.compiled.instants(self.p)).ravel())
+        span = self.options.stop_time - self.options.start_time
+        inside = [
+            float(t)
+            for t in found
+            if np.isfinite(t)
+            and t > self.options.start_time + 1e-13 * span
+            and t < self.options.stop_time - 1e-13 * span
+        ]
+        return [t for k, t in enumerate(inside) if k == 0 or t - inside[k - 1] > 1e-13 * span]
+
+    def event_text(self, t: float) -> str:
+        found = np.array(self.compiled.instants(self.p)).ravel()
+        count = int(np.sum(np.abs(found - t) <= 1e-12 * max(1.0, abs(t))))
+        return f"time >= {t:g}" + (f" ({count} relations)" if count > 1 else "")
+
+    def modes(self, a: float, b: float) -> Vector:
+        """Modes of the time events between two instants."""
+        return np.array(self.compiled.modes(0.5 * (a + b), self.p)).ravel()
+
+    def segment(
+        self,
+        problem: Problem,
+        solver: Solver,
+        recorder: Recorder,
+        start: Start,
+        a: float,
+        b: float,
+        grid: Vector,
+    ) -> Start:
+        """Integrate from a to b and record; returns the values at b."""
+        m = self.modes(a, b)
+        start = consistent(self.compiled, a, start, self.p, self.u, m)
+        recorder.begin(a, start.x, start.z, m)
+        span = b - a
+        times = np.append(grid[(grid > a + 1e-12 * span) & (grid < b - 1e-12 * span)], b)
+        vector = problem.parameters(self.p, self.u, m)
+        for part in self.parts(times):
+            here = float(recorder.time)
+            segment = Segment(
+                start=here,
+                times=part,
+                x=start.x,
+                z=start.z,
+                p=vector,
+                tolerance=self.options.tolerance,
+                absolute=self.options.tolerance * self.options.absolute_factor,
+                step=self.options.step,
+            )
+            piece = self.integrate(problem, solver, recorder, segment, m)
+            recorder.add(part, piece, m)
+            start = Start(piece.x[:, -1], piece.z[:, -1], start.notes)
+            if self.progress is not None:
+                whole = self.options.stop_time - self.options.start_time
+                self.progress((part[-1] - self.options.start_time) / whole, float(part[-1]))
+        return start
+
+    def parts(self, times: Vector) -> list[Vector]:
+        """Output times in chunks: one without progress, else small ones first to learn how long a chunk takes."""
+        if self.progress is None or len(times) < 100:
+            return [times]
+        return [times[: len(times) // 50], *np.array_split(times[len(times) // 50 :], 12)]
+
+    def integrate(
+        self, problem: Problem, solver: Solver, recorder: Recorder, segment: Segment, m: Vector
+    ) -> Piece:
+        try:
+            return solver.integrate(problem, segment)
+        except RuntimeError as error:
+            reached = self.salvage(problem, solver, recorder, segment, m)
+            raise integration_error(self.compiled, solver.name, reached, segment, str(error)) from None
+
+    def salvage(
+        self, problem: Problem, solver: Solver, recorder: Recorder, segment: Segment, m: Vector
+    ) -> Segment:
+        """Record what can be computed before a failure, in ever smaller pieces; returns where it ends."""
+        times = segment.times
+        count = max(1, len(times) // 2)
+        while len(times) and count >= 1:
+            part = Segment(**{**segment.__dict__, "times": times[:count]})
+            try:
+                piece = solver.integrate(problem, part)
+            except RuntimeError:
+                if count == 1:
+                    break
+                count = max(1, count // 4)
+                continue
+            recorder.add(part.times, piece, m)
+            times = times[count:]
+            segment = Segment(
+                **{**segment.__dict__, "start": float(part.times[-1]), "x": piece.x[:, -1], "z": piece.z[:, -1]}
+            )
+        return segment
+
+    def dense(self, problem: Problem, solver: Solver, recorder: Recorder) -> Callable[[float], Vector]:
+        """Values at any time: integrated again from the stored point before it."""
+
+        def row(t: float) -> Vector:
+            k = recorder.before(t)
+            start, x, z, m = recorder.point(k)
+            segment = Segment(
+                start=start,
+                times=np.array([t]),
+                x=x,
+                z=z,
+                p=problem.parameters(self.p, self.u, m),
+                tolerance=self.options.tolerance,
+                absolute=self.options.tolerance * self.options.absolute_factor,
+                step=self.options.step,
+            )
+            piece = solver.integrate(problem, segment)
+            return recorder.observe(np.array([t]), piece.x, piece.z, m[:, None])[0]
+
+        return row
+
+
+def integration_error(
+    compiled: CompiledModel, solver: str, reached: Segment, segment: Segment, text: str
+) -> IntegrationError:
+    """What went wrong, when, and which variables were moving fastest."""
+    known: tuple[tuple[str, str, str], ...] = (
+        ("TOO_MUCH_WORK", "AC401", "needs more steps than allowed"),
+        ("CONV_FAIL", "AC402", "Newton's method of the solver does not converge"),
+        ("ERR_FAIL", "AC403", "the error test fails with the smallest step"),
+        ("not finite", "AC404", "the solution is not finite"),
+    )
+    code, fact = next(((c, f) for key, c, f in known if key in text), ("AC400", "the solver gave up"))
+    n = len(segment.p) - len(compiled.parameters) - len(compiled.inputs)
+    m = segment.p[len(segment.p) - n :]
+    p = segment.p[: len(compiled.parameters)]
+    u = segment.p[len(compiled.parameters) : len(segment.p) - n]
+    ode = np.array(compiled.rhs(reached.start, reached.x, reached.z, u, p, m)[0]).ravel()
+    fastest = np.argsort(-np.abs(np.nan_to_num(ode / compiled.nominal_x, nan=np.inf)))[:3]
+    lines = [f"der({compiled.states[k]}) = {ode[k]:.4g}   {compiled.states[k]} = {reached.x[k]:.6g}" for k in fastest]
+    return IntegrationError(
+        code,
+        f"{solver} stopped at t = {reached.start:.9g} s: {fact}",
+        evidence=["fastest there:", *(f"  {line}" for line in lines)],
+        cause="a jump or a singular position just after this time, or a tolerance too tight",
+        help="look at these variables around that time; try another solver (--solver rosenbrock) or tolerance",
+    )

@@ -1,0 +1,48 @@
+"""The solvers by name; one file each, all through the interface of `base.py`."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from acausal.errors import UsageError
+from acausal.simulate.problem import Problem
+from acausal.simulate.solvers.base import Piece, Segment
+from acausal.simulate.solvers.cvodes import Cvodes
+from acausal.simulate.solvers.erk import Erk
+from acausal.simulate.solvers.fixed import Collocation, Rk, Rk2
+from acausal.simulate.solvers.idas import Idas
+from acausal.simulate.solvers.rosenbrock import Rosenbrock
+
+
+class Solver(Protocol):
+    """See `base.py` for the contract."""
+
+    name: str
+    algebraic: bool
+    fixed_step: bool
+
+    def integrate(self, problem: Problem, segment: Segment) -> Piece:
+        """Solve one segment; RuntimeError when it cannot go on."""
+
+
+SOLVERS: dict[str, type[Solver]] = {
+    s.name: s for s in (Idas, Rosenbrock, Cvodes, Erk, Collocation, Rk, Rk2)
+}
+
+
+def solver_named(name: str) -> Solver:
+    """The solver of this name; UsageError AC032 lists the known ones."""
+    if name not in SOLVERS:
+        raise UsageError("AC032", f"there is no solver '{name}'", help=f"solvers: auto, {', '.join(SOLVERS)}")
+    return SOLVERS[name]()
+
+
+def choose(problem: Problem, wanted: str, step: float | None) -> tuple[Solver, str]:
+    """The solver for `wanted`, and why; "auto" decides by structure."""
+    if wanted != "auto":
+        return solver_named(wanted), "as asked for"
+    compiled = problem.compiled
+    if step is not None:
+        return solver_named("rk2"), "a fixed step was given"
+    kind = "a DAE" if compiled.algebraic else "an ODE"
+    return solver_named("idas"), f"{kind} of {len(compiled.states)} states, stiffness unknown"

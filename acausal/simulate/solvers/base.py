@@ -1,0 +1,105 @@
+"""What a solver must do, and what the solvers that CasADi ships share.
+
+A solver is a class with
+
+1. `name`, as the user writes it, and `plugin`, CasADi's;
+2. `algebraic`: whether it takes algebraic variables; otherwise they are eliminated before it sees the problem;
+3. `fixed_step`: whether it needs a step;
+4. `settings(problem, segment)`: CasADi's options for one segment;
+5. `integrate(problem, segment) -> Piece`, which raises RuntimeError when it cannot go on.
+
+A segment is a stretch of time without events: the right-hand side is smooth in it, its start is consistent.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.simulate.problem import Problem
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Segment:
+    """One stretch: from `start` to the last of `times` (ascending, all after `start`).
+
+    `x` (all states), `z` are consistent at the start; `p` is the parameter vector of the problem without its shift of time.
+    """
+
+    start: float
+    times: Vector
+    x: Vector
+    z: Vector
+    p: Vector
+    tolerance: float
+    absolute: float
+    step: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """Values at `segment.times`: `x` of shape (nx, n), `z` of shape (nz, n), and the solver's counters."""
+
+    x: Vector
+    z: Vector
+    counters: dict[str, float]
+
+
+class CasadiSolver:
+    """Base of the plugins: builds the integrator for the grid of one segment and calls it."""
+
+    name: ClassVar[str]
+    plugin: ClassVar[str]
+    algebraic: ClassVar[bool] = False
+    fixed_step: ClassVar[bool] = False
+
+    def settings(self, problem: Problem, segment: Segment) -> dict[str, Any]:
+        """CasADi's options for this segment."""
+        raise NotImplementedError
+
+    def integrate(self, problem: Problem, segment: Segment) -> Piece:
+        """Solve one segment."""
+        dae = problem.dae if self.algebraic else problem.ode
+        grid = (segment.times - segment.start).tolist()
+        integrator = ca.integrator("segment", self.plugin, dae, 0.0, grid, self.settings(problem, segment))
+        n = problem.n_dynamic
+        x0 = segment.x[:n] / problem.scale_x
+        z0 = segment.z / problem.scale_z
+        p = np.concatenate([segment.p, [segment.start]])
+        found = (
+            integrator(x0=x0, z0=z0, p=p)
+            if self.algebraic
+            else integrator(x0=x0, p=np.concatenate([p, z0]))
+        )
+        x = np.array(found["xf"]).reshape(n, len(grid), order="F") * problem.scale_x[:, None]
+        q = np.array(found["qf"]).reshape(-1, len(grid), order="F") + segment.x[n:, None]
+        if not np.isfinite(x).all():
+            raise RuntimeError("the solution is not finite")
+        if self.algebraic:
+            z = np.array(found["zf"]).reshape(-1, len(grid), order="F") * problem.scale_z[:, None]
+        else:
+            z = problem.solve_algebraic(segment.times, np.vstack([x, q]), segment.z, segment.p)
+        return Piece(np.vstack([x, q]), z, _counters(integrator.stats()))
+
+
+def _counters(stats: dict[str, Any]) -> dict[str, float]:
+    """The solver's own counters under common names."""
+    names = {
+        "steps": ("nsteps", "n_steps"),
+        "rhs_evaluations": ("nfevals", "n_rhs", "n_call_daeF"),
+        "jacobians": ("n_call_jacF", "n_jac"),
+        "factorisations": ("nlinsetups",),
+        "rejected": ("netfails", "n_reject"),
+        "newton_failures": ("nncfails",),
+    }
+    return {
+        name: next(float(stats[k]) for k in keys if k in stats)
+        for name, keys in names.items()
+        if any(k in stats for k in keys)
+    }

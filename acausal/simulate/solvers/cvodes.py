@@ -1,0 +1,24 @@
+"""CVODES: BDF for ODEs; algebraic variables are eliminated by a rootfinder."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from acausal.simulate.problem import Problem
+from acausal.simulate.solvers.base import CasadiSolver, Segment
+
+
+class Cvodes(CasadiSolver):
+    """SUNDIALS CVODES as CasADi ships it."""
+
+    name = "cvodes"
+    plugin = "cvodes"
+
+    def settings(self, problem: Problem, segment: Segment) -> dict[str, Any]:
+        return {
+            "reltol": segment.tolerance,
+            "abstol": segment.absolute,
+            "max_num_steps": 10**6,
+            "quad_err_con": problem.compiled.quadratures > 0,
+            "linear_solver": "qr" if problem.n_dynamic < 400 else "csparse",
+        }
