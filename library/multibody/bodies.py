@@ -70,17 +70,26 @@ class PartialBody(Component):
         else:
             yield self.Q == (0.0, 0.0, 0.0, 1.0)
 
-    def inertial_force(self, m: Expr, r_CM: Expr) -> Expr:
-        """Force [N] that moves the mass as it moves, less gravity, in frame_a."""
-        a = self.frame_a
-        g = self.gravity(self.g_0, self.r_0 + a.R @ r_CM)
-        w, z = self.w_a, self.z_a
-        return m * (a.R.T @ (self.a_0 - g) + cross(z, r_CM) + cross(w, cross(w, r_CM)))
+    def newton_euler(self, m: Expr, r_CM: Expr, tensor: Expr, force: Expr, torque: Expr) -> Equations:
+        """The six equations of motion.
 
-    def inertial_torque(self, tensor: Expr, r_CM: Expr, force: Expr) -> Expr:
-        """Torque [N.m] about the origin of frame_a that belongs to `force`, in frame_a."""
-        w = self.w_a
-        return tensor @ self.z_a + cross(w, tensor @ w) + cross(r_CM, force)
+        Parameters
+        ----------
+        m, r_CM, tensor
+            Mass [kg], centre of mass [m] in frame_a, inertia [kg.m2] about it, 3x3, along the axes of frame_a.
+        force, torque
+            All that acts on the body but gravity [N, N.m], about the origin of frame_a, in frame_a.
+        """
+        a, w, z = self.frame_a, self.w_a, self.z_a
+        g = self.gravity(self.g_0, self.r_0 + a.R @ r_CM)
+        of_centre = cross(z, r_CM) + cross(w, cross(w, r_CM))
+        # Each in the axes in which it is explicit: a free body is asked for its acceleration, another for its force.
+        if is_root(a):
+            yield a.R @ force == m * (self.a_0 - g + a.R @ of_centre)
+        else:
+            yield force == m * (a.R.T @ (self.a_0 - g) + of_centre)
+        # With the force and not with what it equals: the angular acceleration of a free body then stands alone.
+        yield torque == tensor @ z + cross(w, tensor @ w) + cross(r_CM, force)
 
 
 class PartialMassiveBody(PartialBody):
@@ -113,9 +122,8 @@ class Body(PartialMassiveBody):
     """
 
     def equations(self) -> Equations:
-        force = self.inertial_force(self.m, self.r_CM)
-        yield self.frame_a.f == force
-        yield self.frame_a.t == self.inertial_torque(self.inertia_tensor(), self.r_CM, force)
+        a = self.frame_a
+        yield from self.newton_euler(self.m, self.r_CM, self.inertia_tensor(), a.f, a.t)
 
 
 class PartialTwoFrameBody(PartialBody):
@@ -137,11 +145,9 @@ class PartialTwoFrameBody(PartialBody):
         yield b.w == a.w
 
     def balance(self, m: Expr, r_CM: Expr, tensor: Expr) -> Equations:
-        """The six equations of motion with forces at both frames."""
+        """The equations of motion with loads at both frames."""
         a, b = self.frame_a, self.frame_b
-        force = self.inertial_force(m, r_CM)
-        yield a.f + b.f == force
-        yield a.t + b.t + cross(self.r, b.f) == self.inertial_torque(tensor, r_CM, force)
+        yield from self.newton_euler(m, r_CM, tensor, a.f + b.f, a.t + b.t + cross(self.r, b.f))
 
 
 class BodyShape(PartialTwoFrameBody, PartialMassiveBody):
