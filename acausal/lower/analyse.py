@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.errors import StructureError
+from acausal.flatten.connections import UnionFind
 from acausal.flatten.differentiate import differentiate
 from acausal.flatten.flat import span_of
 from acausal.lower.diagnose import balance
@@ -85,18 +86,7 @@ def analyse(reduced: ReducedSystem) -> Structure:
     points = SamplePoints(reduced)
     choices: list[Choice] = []
     if integral:
-        top = [e for e in range(len(system.residuals)) if e not in derivative]
-        local = {e: k for k, e in enumerate(top)}
-        columns = sorted(assigned)
-        place = {v: k for k, v in enumerate(columns)}
-        rows = [[place[v] for v in system.incidence(e) if v in place] for e in top]
-        matched = np.full(len(top), -1, dtype=np.int64)
-        for v, e in assigned.items():
-            matched[local[e]] = place[v]
-        found = [
-            Block(tuple(top[r] for r in b.rows), tuple(columns[c] for c in b.columns))
-            for b in blocks(Incidence.from_rows(rows, len(columns)), matched)
-        ]
+        found = _groups(system, [e for e in sorted(integral) if e not in derivative], set(assigned))
         choices = select_dummies(
             found,
             integral,
@@ -118,6 +108,27 @@ def analyse(reduced: ReducedSystem) -> Structure:
         choices=tuple(choices),
         points=points,
     )
+
+
+def _groups(system: _System, equations: Sequence[int], unknowns: set[int]) -> list[Block]:
+    """Highest differentiated equations and highest derivatives that hang together.
+
+    Not the blocks of the solving order: a preferred coordinate and the one that should give way to it (a joint's and
+    a body's) often stand in different blocks.
+    """
+    rows = [[v for v in system.incidence(e) if v in unknowns and v in system.pool.integral_of] for e in equations]
+    owner: dict[int, int] = {}
+    sets = UnionFind(len(equations))
+    for k, row in enumerate(rows):
+        for v in row:
+            sets.union(k, owner.setdefault(v, k))
+    members: dict[int, list[int]] = {}
+    for k in range(len(equations)):
+        members.setdefault(sets.find(k), []).append(k)
+    return [
+        Block(tuple(equations[k] for k in group), tuple(dict.fromkeys(v for k in group for v in rows[k])))
+        for group in members.values()
+    ]
 
 
 def _order(system: _System, states: set[int]) -> tuple[Block, ...]:
@@ -193,15 +204,14 @@ def _preference(reduced: ReducedSystem):  # type: ignore[no-untyped-def]
     """How gladly a variable is taken as state: declared preference first, then a declared fixed start."""
 
     def preference(variable: int) -> float:
-        rank = 1.0
+        rank, is_fixed = 1.0, False
         for scalar in reduced.aliases.get(variable, ()):
             prefer = reduced.flat.declaration(scalar).prefer_state
             if prefer is not None:
                 rank = max(rank, 2.0) if prefer else min(rank, 0.0)
             start = reduced.flat.starts.get(scalar)
-            if start is not None and start.is_fixed and rank == 1.0:
-                rank = 1.5
-        return rank
+            is_fixed = is_fixed or (start is not None and start.is_fixed)
+        return rank + 0.5 * is_fixed if rank > 0.0 else rank
 
     return preference
 
@@ -231,6 +241,6 @@ def _check_choices(reduced: ReducedSystem, integral: dict[int, int], choices: Se
             f"{len(sources)} constraint(s) of {reduced.flat.name} follow from the others",
             where=[s for e in sources[:2] for s in span_of(e)],
             evidence=[f"{e.source}   ({e.component})" for e in sources[:4]],
-            cause="a closed loop is closed in more directions than it can move in (a planar loop in 3D, two parallel guides)",
+            cause="a loop is closed in more directions than it can move in (a planar loop in 3D, two parallel guides)",
             help="replace one joint of the loop by one with more freedom, for example a planar-loop joint",
         )
