@@ -109,7 +109,7 @@ class _System:
         if residual.numel_out(0) != len(y0):
             return None
         root = ca.rootfinder(
-            "start", "newton", residual, {"abstol": 1e-12, "abstolStep": 1e-12, "max_iter": 60, "error_on_fail": False}
+            "start", "newton", residual, {"abstol": 1e-13, "abstolStep": 1e-11, "max_iter": 60, "error_on_fail": False}
         )
         try:
             found = np.array(root(y0)).ravel()

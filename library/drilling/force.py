@@ -62,7 +62,9 @@ class DrillContactForce(PartialCuttingForce):
         else:
             yield self.F_N == self.F_f  # (11)
             v_tar = self.z_E * self.n * self.feed
-            yield spring + self.d_c * (self.v - v_tar) == self.F_N + self.c * self.feed  # (20)
+            # a drill in the air has feed = s - s_tar: a number as small as the gap, whatever the stiffness
+            regular = where(self.feed > 0, self.c, self.k) * self.feed
+            yield spring + self.d_c * (self.v - v_tar) == self.F_N + regular  # (20)
 
     def _feed_of_force(self) -> Expr:
         """Equation (16), and its straight continuation below h_min: the larger of the two is the valid one."""

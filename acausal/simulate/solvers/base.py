@@ -65,6 +65,10 @@ class CasadiSolver:
 
     def integrate(self, problem: Problem, segment: Segment) -> Piece:
         """Solve one segment."""
+        if problem.n_dynamic == 0:
+            # no plugin takes a problem without states: its algebraic variables are a function of time
+            none = np.zeros((0, len(segment.times)))
+            return Piece(none, problem.solve_algebraic(segment.times, none, segment.z, segment.p), {})
         dae = problem.dae if self.algebraic else problem.ode
         grid = (segment.times - segment.start).tolist()
         integrator = ca.integrator("segment", self.plugin, dae, 0.0, grid, self.settings(problem, segment))

@@ -13,7 +13,7 @@ class Rosenbrock(CasadiSolver):
 
     name = "rosenbrock"
     plugin = "rosenbrock"
-    algebraic = True
+    algebraic = False
 
     def settings(self, problem: Problem, segment: Segment) -> dict[str, Any]:
         fixed = {"step_size": segment.step} if segment.step else {}
