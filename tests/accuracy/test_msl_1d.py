@@ -222,11 +222,20 @@ EXAMPLES: dict[str, type[Component]] = {
 }
 
 
+TOLERANCE = {
+    # The housing swings lightly damped, a thousandth of the range of its speed counts: idas at 1e-8 gives 2.3e-5.
+    "Rotational_ElasticBearing": 1e-9,
+}
+
+
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_converged_solution_is_met(reference: Path, name: str) -> None:
     example = read_example(reference / "msl" / name)
     r = acausal.simulate(
-        EXAMPLES[name](), stop_time=example.stop_time, tolerance=1e-8, output_interval=example.interval
+        EXAMPLES[name](),
+        stop_time=example.stop_time,
+        tolerance=TOLERANCE.get(name, 1e-8),
+        output_interval=example.interval,
     )
     errors = error_of(r, example)
     assert max(errors.values()) <= 1e-5, errors
