@@ -20,7 +20,7 @@ class Pin(Connector):
     i: Real = flow(
         unit="A",
         doc="Current flowing into the component",
-        hint="does the current through this pin have a way back to its source, and is it fixed only once?",
+        hint="is the voltage here fixed twice: two voltage sources in parallel, or a second Ground?",
     )
 
 

@@ -21,7 +21,7 @@ class Flange(Connector):
     tau: Real = flow(
         unit="N.m",
         doc="Cut torque directed into the component",
-        hint="is the other side of this flange connected to something that takes the torque: an inertia, Fixed?",
+        hint="is the angle of this flange fixed twice, by two components such as Fixed or Position?",
     )
 
 

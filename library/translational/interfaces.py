@@ -20,7 +20,7 @@ class Flange(Connector):
     f: Real = flow(
         unit="N",
         doc="Cut force directed into the component",
-        hint="is the other side of this flange connected to something that takes the force: a mass, a spring, Fixed?",
+        hint="is the position of this flange fixed twice, by two components such as Fixed or Position?",
     )
 
 

@@ -241,6 +241,21 @@ def test_converged_solution_is_met(reference: Path, name: str) -> None:
     assert max(errors.values()) <= 1e-5, errors
 
 
+@pytest.mark.parametrize("solver", ["cvodes", "rosenbrock", "erk"])
+@pytest.mark.parametrize("name", ["Translational_InitialConditions", "Electrical_CauerLowPassAnalog"])
+def test_other_solvers_meet_it_too(reference: Path, name: str, solver: str) -> None:
+    example = read_example(reference / "msl" / name)
+    r = acausal.simulate(
+        EXAMPLES[name](),
+        stop_time=example.stop_time,
+        tolerance=1e-8,
+        output_interval=example.interval,
+        solver=solver,
+    )
+    errors = error_of(r, example)
+    assert max(errors.values()) <= 1e-5, errors
+
+
 @pytest.mark.parametrize("name", ["Translational_Oscillator", "Electrical_CauerLowPassAnalog"])
 def test_the_error_follows_the_tolerance(reference: Path, name: str) -> None:
     example = read_example(reference / "msl" / name)
