@@ -71,6 +71,17 @@ def _defaulted(compiled: CompiledModel, x: Vector) -> tuple[str, ...]:
     )
 
 
+def _last_step(residual: Any, y: Vector) -> float:
+    """Length of the Newton step that is left at `y`, relative to its entries; infinite where there is none."""
+    matrix = np.array(residual.factory("slope", ["y"], ["jac:r:y"])(y))
+    try:
+        step = np.linalg.solve(matrix, np.array(residual(y)).ravel())
+    except np.linalg.LinAlgError:
+        return np.inf
+    length = float(np.max(np.abs(step) / (1.0 + np.abs(y))))
+    return length if np.isfinite(length) else np.inf
+
+
 class _System:
     """Unknowns: the free states and the algebraic variables, each divided by its nominal magnitude."""
 
@@ -108,17 +119,20 @@ class _System:
     def _newton(self, residual: Any, y0: Vector) -> Vector | None:
         if residual.numel_out(0) != len(y0):
             return None
-        root = ca.rootfinder(
-            "start", "newton", residual, {"abstol": 1e-13, "abstolStep": 1e-11, "max_iter": 60, "error_on_fail": False}
-        )
-        try:
-            found = np.array(root(y0)).ravel()
+        settings = {"abstol": 1e-13, "abstolStep": 1e-11, "max_iter": 60, "error_on_fail": False}
+        try:  # CasADi refuses a structurally singular Jacobian when the rootfinder is made: a mass of 0 kg
+            found = np.array(ca.rootfinder("start", "newton", residual, settings)(y0)).ravel()
         except RuntimeError:
             return None
         at = np.abs(np.array(residual(found)).ravel())
         good = np.isfinite(found).all() and np.isfinite(at).all()
+        if not good:
+            return None
         size = 1.0 + np.abs(np.array(residual(y0)).ravel())
-        return found if good and (at <= 1e-8 * np.nan_to_num(size, nan=1.0)).all() else None
+        if (at <= 1e-8 * np.nan_to_num(size, nan=1.0)).all():
+            return found
+        # Large terms that cancel, a stiff spring over a long way, leave more than that by rounding alone.
+        return found if _last_step(residual, found) <= 1e-10 else None
 
     def _continuation(self, y0: Vector) -> Vector | None:
         """F(y) - (1 - s) F(y0) = 0 from s = 0, where y0 is the answer, to s = 1, in steps that adapt."""
@@ -131,7 +145,7 @@ class _System:
         here, done, step = y0, 0.0, 0.1
         while done < 1.0 and step > 1e-5:
             target = min(1.0, done + step)
-            partial = ca.Function("partial", [y], [moved(y, target)])
+            partial = ca.Function("partial", [y], [moved(y, target)], ["y"], ["r"])
             found = self._newton(partial, here)
             if found is None:
                 step /= 4
