@@ -77,6 +77,7 @@ class DrillContactForce(PartialCuttingForce):
         Below h_min k_c is constant and the feed proportional to `x`; the larger of the two is the valid one.
         """
         share = x / (self.k_c11 * self.h_1)
-        power = (share * sin(self.sigma / 2) ** self.z) ** (1 / (1 - self.z))
+        # Zero to a power has no derivative by the exponent; the number is too small to survive the power.
+        power = maximum(share * sin(self.sigma / 2) ** self.z, 1e-300) ** (1 / (1 - self.z))
         straight = share * (self.h_min / self.h_1) ** self.z
         return self.h_1 * maximum(power, straight)
