@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from math import comb
 
 import numpy as np
-from numpy.typing import NDArray
 
 from acausal.errors import StructureError
 from acausal.flatten.connections import UnionFind
 from acausal.flatten.differentiate import differentiate
 from acausal.flatten.flat import span_of
 from acausal.lower.diagnose import balance
-from acausal.lower.evaluate import gradients
+from acausal.lower.evaluate import Samples, gradients
 from acausal.lower.reduce import ReducedSystem
 from acausal.lower.samples import COUNT, SamplePoints
 from acausal.structure import Block, Choice, Incidence, blocks, match, pantelides, select_dummies
@@ -35,7 +35,12 @@ class Structure:
     blocks
         Rows are equations, columns unknowns; each block needs only states, inputs and earlier blocks.
     choices
-        Where index reduction had to choose states, and how well conditioned that is.
+        Where index reduction had to choose states.
+    invariants
+        Constraints that are not solved but kept by stabilisation: pairs of equation and its node. Their variables are
+        all states; of each the highest derivative is solved as (d/dt + rate)^k g = 0, so that g decays (Baumgarte 1972).
+    rate
+        Node of the stabilisation rate [1/s], a parameter of its own behind those of the model; None without invariants.
     """
 
     reduced: ReducedSystem
@@ -44,6 +49,8 @@ class Structure:
     states: tuple[int, ...]
     blocks: tuple[Block, ...]
     choices: tuple[Choice, ...]
+    invariants: tuple[tuple[int, int], ...]
+    rate: int | None
     points: SamplePoints
 
     def __repr__(self) -> str:
@@ -85,17 +92,19 @@ def analyse(reduced: ReducedSystem) -> Structure:
     integral = {new: old for old, new in derivative.items()}
     points = SamplePoints(reduced)
     choices: list[Choice] = []
+    invariants: list[tuple[int, int]] = []
     if integral:
         found = _groups(system, [e for e in sorted(integral) if e not in derivative], set(assigned))
         choices = select_dummies(
             found,
             integral,
             reduced.pool.integral_of,
-            system.jacobian(points),
+            system.rows(points),
             _preference(reduced),
             lambda e: system.hidden(integral[e], e),
         )
         _check_choices(reduced, integral, choices)
+        invariants = system.stabilise([e for c in choices for e in c.floating], integral)
     dummies = {v for c in choices for v in c.dummies}
     pool = reduced.pool
     states = tuple(sorted(x for x, dx in pool.derivative_of.items() if dx not in dummies and x not in reduced.inputs))
@@ -104,8 +113,10 @@ def analyse(reduced: ReducedSystem) -> Structure:
         residuals=tuple(system.residuals),
         integral=integral,
         states=states,
-        blocks=_order(system, set(states)),
+        blocks=_order(system, set(states), {e for e, _ in invariants}),
         choices=tuple(choices),
+        invariants=tuple(invariants),
+        rate=system.rate if invariants else None,
         points=points,
     )
 
@@ -131,11 +142,12 @@ def _groups(system: _System, equations: Sequence[int], unknowns: set[int]) -> li
     ]
 
 
-def _order(system: _System, states: set[int]) -> tuple[Block, ...]:
+def _order(system: _System, states: set[int], without: set[int]) -> tuple[Block, ...]:
     known = states | system.inputs
+    equations = [e for e in range(len(system.residuals)) if e not in without]
     unknowns = [v for v in range(system.n_variables()) if v not in known]
     place = {v: k for k, v in enumerate(unknowns)}
-    rows = [[place[v] for v in system.incidence(e) if v in place] for e in range(len(system.residuals))]
+    rows = [[place[v] for v in system.incidence(e) if v in place] for e in equations]
     incidence = Incidence.from_rows(rows, len(unknowns))
     matched = match(incidence)
     if len(rows) != len(unknowns) or (matched < 0).any():
@@ -145,7 +157,10 @@ def _order(system: _System, states: set[int]) -> tuple[Block, ...]:
             evidence=[f"{len(rows)} equations, {len(unknowns)} unknowns, {int((matched < 0).sum())} not matched"],
             cause="a constraint depends on others only for special values of the parameters",
         )
-    return tuple(Block(b.rows, tuple(unknowns[c] for c in b.columns)) for b in blocks(incidence, matched))
+    return tuple(
+        Block(tuple(equations[r] for r in b.rows), tuple(unknowns[c] for c in b.columns))
+        for b in blocks(incidence, matched)
+    )
 
 
 class _System:
@@ -184,23 +199,50 @@ class _System:
         shown = set(self.incidence(differentiated))
         return [v for v in rates if v is not None and v not in shown]
 
-    def jacobian(self, points: SamplePoints):  # type: ignore[no-untyped-def]
-        """Values of d(equation)/d(variable) at the start and at a generic point."""
+    def rows(self, points: SamplePoints) -> Callable[[Sequence[int], Sequence[int]], list[dict[int, Samples]]]:
+        """Sparse rows of d(equation)/d(variable) at the sample points."""
 
-        def jacobian(equations: Sequence[int], variables: Sequence[int]) -> NDArray[np.float64]:
-            place = {v: k for k, v in enumerate(variables)}
-            rows = gradients(self.pool, [self.residuals[e] for e in equations], variables, points.leaves)
-            found = np.zeros((2, len(equations), len(variables)))
-            for i, row in enumerate(rows):
-                for v, g in row.items():
-                    at = np.broadcast_to(np.asarray(g, dtype=float), (COUNT,))
-                    found[:, i, place[v]] = at[0], at[1]
-            return np.nan_to_num(found)
+        def rows(equations: Sequence[int], variables: Sequence[int]) -> list[dict[int, Samples]]:
+            found = gradients(self.pool, [self.residuals[e] for e in equations], variables, points.leaves)
+            return [{v: np.broadcast_to(np.asarray(g, dtype=float), (COUNT,)) for v, g in row.items()} for row in found]
 
-        return jacobian
+        return rows
+
+    @property
+    def rate(self) -> int:
+        """Node of the stabilisation rate."""
+        return self.pool.par(len(self.reduced.flat.parameter_values))
+
+    def stabilise(self, highest: Sequence[int], integral: dict[int, int]) -> list[tuple[int, int]]:
+        """Replace highest derivatives of constraints by decaying ones; returns the constraints with all lower levels."""
+        invariants = []
+        original = list(self.residuals)
+        derivative = {old: new for new, old in integral.items()}
+        for floating in highest:
+            chain = [floating]
+            while chain[-1] in integral:
+                chain.append(integral[chain[-1]])
+            order = len(chain) - 1
+            invariants += [(e, original[e]) for e in chain[1:]]
+            while chain[0] in derivative:
+                chain.insert(0, derivative[chain[0]])
+            for k, e in enumerate(chain[: len(chain) - order]):
+                self.residuals[e] = self._decaying([original[c] for c in chain[k : k + order + 1]])
+                self._rows.pop(e, None)
+        return invariants
+
+    def _decaying(self, chain: Sequence[int]) -> int:
+        """(d/dt + rate)^n g from the nodes of g^(n), ..., g', g."""
+        pool = self.pool
+        total, factor = chain[0], pool.one
+        for k, lower in enumerate(chain[1:], start=1):
+            factor = pool.mul(factor, self.rate)
+            weight = pool.mul(pool.const(float(comb(len(chain) - 1, k))), factor)
+            total = pool.add(total, pool.mul(weight, lower))
+        return total
 
 
-def _preference(reduced: ReducedSystem):  # type: ignore[no-untyped-def]
+def _preference(reduced: ReducedSystem) -> Callable[[int], float]:
     """How gladly a variable is taken as state: declared preference first, then a declared fixed start."""
 
     def preference(variable: int) -> float:

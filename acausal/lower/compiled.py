@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from acausal.flatten.flat import FlatSystem
 from acausal.lower.build import Builder
+from acausal.lower.samples import STABILISATION_RATE
 from acausal.lower.solve import Solution
 from acausal.lower.start import StartProblem
 from acausal.lower.time_events import TimeEvents
@@ -79,13 +80,15 @@ class CompiledModel:
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """Names of the free parameters, in the order of p."""
-        return self.flat.parameter_names
+        """Names of the free parameters, in the order of p; the rate of stabilised constraints is the last."""
+        extra = ("stabilisation.rate",) if self.solution.structure.rate is not None else ()
+        return (*self.flat.parameter_names, *extra)
 
     @property
     def parameter_values(self) -> tuple[float, ...]:
         """Values of the free parameters as declared in the model."""
-        return self.flat.parameter_values
+        extra = (STABILISATION_RATE,) if self.solution.structure.rate is not None else ()
+        return (*self.flat.parameter_values, *extra)
 
     def nominal(self, variables: Sequence[int]) -> Vector:
         """Declared nominal magnitudes of reduced variables."""

@@ -16,6 +16,10 @@ COUNT = 12
 """Number of points; the first is the declared start."""
 
 
+STABILISATION_RATE = 100.0
+"""Default rate [1/s] at which stabilised constraints decay; a run estimates a better one from its own time scale."""
+
+
 class SamplePoints:
     """Values of variables at the sample points, shape (COUNT,) each, the same in every run."""
 
@@ -60,8 +64,8 @@ class SamplePoints:
 
     @cached_property
     def parameters(self) -> tuple[float, ...]:
-        """Values of the free parameters."""
-        return self.reduced.flat.parameter_values
+        """Values of the free parameters, and of the stabilisation rate behind them."""
+        return (*self.reduced.flat.parameter_values, STABILISATION_RATE)
 
     def variable(self, variable: int) -> Samples:
         """Values of a variable: its start, then scattered by its nominal size."""

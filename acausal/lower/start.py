@@ -67,6 +67,9 @@ def start_problem(solution: Solution) -> StartProblem:
             direct[variable] = value
         else:
             given.append(_condition(reduced, scalar, start))
+    for e, node in solution.structure.invariants:
+        source = reduced.flat.equations[solution.structure.flat_equation(e)]
+        given.append(Condition(node, f"{source.source}", span_of(source)))
     for equation, node in zip(reduced.flat.initial_equations, reduced.initial, strict=True):
         given.append(Condition(node, f"{equation.source}", span_of(equation)))
     open_states = [x for x in states if x not in direct]

@@ -9,13 +9,14 @@ from acausal.flatten.pool import Node, Pool
 NameOf = Callable[[str, int], str]
 """Name of a leaf: ("var", number) or ("par", number)."""
 
+# As Python binds: & and | more tightly than comparisons.
 _INFIX = {
-    "or": ("|", 1),
-    "and": ("&", 2),
-    "lt": ("<", 3),
-    "le": ("<=", 3),
-    "gt": (">", 3),
-    "ge": (">=", 3),
+    "lt": ("<", 1),
+    "le": ("<=", 1),
+    "gt": (">", 1),
+    "ge": (">=", 1),
+    "or": ("|", 2),
+    "and": ("&", 3),
     "add": ("+", 4),
     "sub": ("-", 4),
     "mul": ("*", 5),
@@ -61,12 +62,12 @@ def _pieces(node: Node, context: int, name_of: NameOf) -> list[str | tuple[int, 
     if op == "neg":
         return _closed(["-", (node[1], _NEG)], context > _NEG)
     if op == "not":
-        return ["~", (node[1], _INFIX["pow"][1])]
+        return _closed(["~", (node[1], _NEG)], context > _NEG)
     if op in _INFIX:
         sign, binding = _INFIX[op]
         shown = sign if op in _TIGHT else f" {sign} "
         # `**` groups to the right, comparisons not at all, everything else to the left.
-        left = binding + (op == "pow" or binding == 3)
+        left = binding + (op == "pow" or binding == 1)
         right = binding + (op != "pow")
         return _closed([(node[1], left), shown, (node[2], right)], context > binding)
     pieces: list[str | tuple[int, int]] = [_CALLED.get(op, op), "("]

@@ -1,13 +1,15 @@
-"""Choice of states after index reduction: the method of dummy derivatives.
+"""Choice of states after index reduction: dummy derivatives where a fixed choice is safe, stabilised constraints where not.
 
 Source: S. E. Mattsson, G. Söderlind, Index reduction in differential-algebraic equations using dummy derivatives,
-SIAM J. Sci. Comput. 14 (1993) 677-692. The column choice is greedy over classes of preference (rather not a state
-first), which is optimal because independent column sets form a matroid; within a class the column that keeps the
-selected matrix best conditioned is taken, not the first.
+SIAM J. Sci. Comput. 14 (1993) 677-692. Columns are taken by sparse elimination, least wanted states first, and only
+with pivots that keep away from zero at all sample points: constants before what varies. Constraints for which no such
+pivot is left (a pendulum in x and y, a closed loop of joints) keep all their variables as states; the caller
+stabilises them instead of solving them.
 """
 
 from __future__ import annotations
 
+import heapq
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -16,21 +18,24 @@ from numpy.typing import NDArray
 
 from acausal.structure.blt import Block
 
-Jacobian = Callable[[Sequence[int], Sequence[int]], NDArray[np.float64]]
+Samples = NDArray[np.float64]
+Rows = Callable[[Sequence[int], Sequence[int]], list[dict[int, Samples]]]
+
+_SAFE = 0.02  # smallest over largest size of a varying pivot; 1 + 0.9 cos(q) is still above it
 
 
 @dataclass(frozen=True)
 class Choice:
-    """One selection: of `candidates` the `dummies` became algebraic through `equations`.
+    """One selection, at one level of differentiation of one block.
 
-    `condition` is the ratio of the smallest to the largest pivot at the start point; near 0 the static choice is bad.
-    `deficient` holds equations that are dependent on the others, for whatever columns.
+    `dummies` of the `candidates` became algebraic through as many of the `equations`; `floating` equations have no
+    safe pivot, so their variables all stay states; `deficient` ones depend on the others.
     """
 
     equations: tuple[int, ...]
     candidates: tuple[int, ...]
     dummies: tuple[int, ...]
-    condition: float
+    floating: tuple[int, ...] = ()
     deficient: tuple[int, ...] = ()
 
 
@@ -38,7 +43,7 @@ def select_dummies(
     blocks: Iterable[Block],
     equation_integral: Mapping[int, int],
     variable_integral: Mapping[int, int],
-    jacobian: Jacobian,
+    rows: Rows,
     preference: Callable[[int], float],
     hidden: Callable[[int], Iterable[int]] = lambda equation: (),
 ) -> list[Choice]:
@@ -54,9 +59,9 @@ def select_dummies(
         Blocks of the highest equations and highest derivatives, in any order.
     equation_integral, variable_integral
         What an equation, a variable, is the time derivative of.
-    jacobian
-        `jacobian(equations, variables)`: values, shape (2, m, n): at the start point, and at a generic point that
-        decides about rank.
+    rows
+        `rows(equations, variables)`: sparse rows of the Jacobian, values of shape (K,) at K sample points; the first
+        is the start, the second decides about rank.
     preference
         Of the *integral* of a candidate: higher means rather a state.
     hidden
@@ -75,12 +80,12 @@ def select_dummies(
         for group in level:
             candidates = group.candidates
             if group.equations:
-                values = jacobian(
-                    [equation_integral[e] for e in group.equations], [variable_integral[v] for v in candidates]
-                )
-                choice = _choose(group.equations, candidates, values, lambda v: preference(variable_integral[v]))
+                below_of = {variable_integral[v]: v for v in candidates}
+                found = rows([equation_integral[e] for e in group.equations], list(below_of))
+                choice = _Elimination(found, preference).choose(group.equations, below_of)
                 choices.append(choice)
-                equations = [equation_integral[e] for e in group.equations]
+                stuck = {*choice.floating, *choice.deficient}
+                equations = [equation_integral[e] for e in group.equations if e not in stuck]
                 candidates = [variable_integral[v] for v in choice.dummies]
                 below.append(
                     _Group(
@@ -130,51 +135,100 @@ def _joined(
     return groups
 
 
-def _choose(
-    equations: list[int], candidates: list[int], values: NDArray[np.float64], preference: Callable[[int], float]
-) -> Choice:
-    start, generic = values[0].copy(), values[1].copy()
-    for a in (start, generic):
-        scale = np.abs(a).max(axis=1, keepdims=True, initial=0.0)
-        a /= np.where(scale > 0, scale, 1.0)
-    order = sorted(set(map(preference, candidates)))
-    chosen: list[int] = []
-    pivots: list[float] = []
-    for level in order:
-        group = [k for k, v in enumerate(candidates) if preference(v) == level]
-        while len(chosen) < len(equations):
-            at_start = np.linalg.norm(start[:, group], axis=0)
-            in_general = np.linalg.norm(generic[:, group], axis=0)
-            score = np.where(in_general > 1e-9, at_start + 1e-6 * in_general, 0.0)
-            score[[i for i, k in enumerate(group) if k in chosen]] = 0.0
-            best = int(np.argmax(score)) if len(group) else 0
-            if not len(group) or score[best] <= 0.0:
-                break
-            k = group[best]
-            chosen.append(k)
-            pivots.append(float(at_start[best]))
-            start, generic = _project(start, k), _project(generic, k)
-    deficient: tuple[int, ...] = ()
-    if len(chosen) < len(equations):
-        left = np.linalg.norm(values[1] - _span(values[1], chosen), axis=1)
-        deficient = tuple(e for _, e in sorted(zip(left, equations, strict=True)))[: len(equations) - len(chosen)]
-    condition = min(pivots, default=1.0) / max(max(pivots, default=1.0), 1e-300)
-    return Choice(tuple(equations), tuple(candidates), tuple(candidates[k] for k in chosen), condition, deficient)
+class _Elimination:
+    """Sparse Gaussian elimination on sampled rows."""
 
+    def __init__(self, rows: list[dict[int, Samples]], preference: Callable[[int], float]) -> None:
+        self.rows = [{v: a for v, a in row.items() if np.any(a != 0.0)} for row in rows]
+        self.size = [max((np.nanmax(np.abs(a)) for a in row.values()), default=0.0) for row in self.rows]
+        self.columns: dict[int, set[int]] = {}
+        self.preference = preference
+        self.heap: list[tuple[float, int, float, int, int]] = []
+        for i, row in enumerate(self.rows):
+            for v in row:
+                self.columns.setdefault(v, set()).add(i)
+        for i, row in enumerate(self.rows):
+            for v in row:
+                self._offer(i, v)
 
-def _project(a: NDArray[np.float64], column: int) -> NDArray[np.float64]:
-    """Columns of `a` without their part along one of them."""
-    direction = a[:, column]
-    length = np.linalg.norm(direction)
-    if length < 1e-12:
-        return a
-    q = direction / length
-    return a - np.outer(q, q @ a)
+    def _rank(self, i: int, v: int) -> int | None:
+        """0 for a constant pivot, 1 for one that varies but keeps its sign and size, None for an unsafe one."""
+        found = self.rows[i][v]
+        found = found[np.isfinite(found)]
+        if not len(found):
+            return None
+        low, high = np.abs(found).min(), np.abs(found).max()
+        if high <= 1e-9 * self.size[i] or not ((found > 0).all() or (found < 0).all()):
+            return None
+        if high - low <= 1e-9 * high:
+            return 0
+        return 1 if low > _SAFE * high else None
 
+    def _offer(self, i: int, v: int) -> None:
+        rank = self._rank(i, v)
+        if rank is not None:
+            cost = (len(self.rows[i]) - 1) * (len(self.columns[v]) - 1)
+            largest = abs(self.rows[i][v][0]) / max(self.size[i], 1e-300)
+            heapq.heappush(self.heap, (self.preference(v), rank, cost - min(largest, 1.0), i, v))
 
-def _span(a: NDArray[np.float64], columns: list[int]) -> NDArray[np.float64]:
-    if not columns:
-        return np.zeros_like(a)
-    q, _ = np.linalg.qr(a[:, columns])
-    projected: NDArray[np.float64] = q @ (q.T @ a)
-    return projected
+    def choose(self, equations: Sequence[int], candidates: Mapping[int, int]) -> Choice:
+        """Take safe pivots while there are any; `candidates` maps the columns to what is reported."""
+        active = set(range(len(self.rows)))
+        dummies: list[int] = []
+        while self.heap and active:
+            _, rank, _, i, v = heapq.heappop(self.heap)
+            if i not in active or v not in self.columns or v not in self.rows[i] or self._rank(i, v) != rank:
+                continue
+            active.discard(i)
+            dummies.append(candidates[v])
+            self._eliminate(i, v)
+        left = sorted(active)
+        deficient = self._dependent(left)
+        return Choice(
+            tuple(equations),
+            tuple(candidates.values()),
+            tuple(dummies),
+            tuple(equations[i] for i in left if i not in deficient),
+            tuple(equations[i] for i in deficient),
+        )
+
+    def _eliminate(self, i: int, v: int) -> None:
+        row = self.rows[i]
+        for w in row:
+            self.columns[w].discard(i)
+        for j in self.columns.pop(v):
+            other = self.rows[j]
+            with np.errstate(all="ignore"):
+                factor = other.pop(v) / row[v]
+                for w, a in row.items():
+                    if w == v:
+                        continue
+                    new = (other[w] if w in other else 0.0) - factor * a
+                    if np.nanmax(np.abs(new), initial=0.0) <= 1e-12 * max(self.size[j], 1e-300):
+                        if other.pop(w, None) is not None:
+                            self.columns[w].discard(j)
+                    else:
+                        other[w] = new
+                        self.columns[w].add(j)
+            for w in other:
+                self._offer(j, w)
+
+    def _dependent(self, left: Sequence[int]) -> list[int]:
+        """Rows of the rest that are combinations of the others at a generic point."""
+        columns = sorted({v for i in left for v in self.rows[i]})
+        place = {v: k for k, v in enumerate(columns)}
+        kept: list[NDArray[np.float64]] = []
+        found = []
+        for i in left:
+            row = np.zeros(len(columns))
+            for v, a in self.rows[i].items():
+                row[place[v]] = a[1]
+            rest = np.nan_to_num(row) / max(self.size[i], 1e-300)
+            for q in kept:
+                rest = rest - q * (q @ rest)
+            length = float(np.linalg.norm(rest))
+            if length < 1e-9:
+                found.append(i)
+            else:
+                kept.append(rest / length)
+        return found

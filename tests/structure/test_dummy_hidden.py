@@ -17,11 +17,17 @@ VARIABLE_INTEGRAL = {DQ0: Q0, DQ1: Q1, DW0: W0, DW1: W1}
 EQUATION_INTEGRAL = {C1: C, C2: C1}
 
 
-def jacobian(equations: Sequence[int], variables: Sequence[int]) -> NDArray[np.float64]:
+def sampled(
+    entry: dict[tuple[int, int], float], equations: Sequence[int], variables: Sequence[int]
+) -> list[dict[int, NDArray[np.float64]]]:
+    """The same sparse rows at two points."""
+    return [{v: np.full(2, entry[e, v]) for v in variables if (e, v) in entry} for e in equations]
+
+
+def jacobian(equations: Sequence[int], variables: Sequence[int]) -> list[dict[int, NDArray[np.float64]]]:
     """Only c depends on q, only c' on w; the second coordinate is the better one to give up."""
     entry = {(C, Q0): 0.1, (C, Q1): 1.0, (C1, W0): 1.0, (C1, W1): 0.1, (C2, DW0): 1.0, (C2, DW1): 0.1}
-    one = np.array([[entry.get((e, v), 0.0) for v in variables] for e in equations])
-    return np.stack([one, one])
+    return sampled(entry, equations, variables)
 
 
 def hidden(equation: int) -> list[int]:
@@ -51,9 +57,8 @@ def test_groups_are_joined_where_the_coordinate_was_chosen_elsewhere() -> None:
     equation_integral = {C2: C1, C1: C, 3: 4}
     entry = {(C1, W0): 1.0, (4, u): 1.0, (4, W0): -1.0, (C, q): 1.0}
 
-    def both(equations: Sequence[int], variables: Sequence[int]) -> NDArray[np.float64]:
-        one = np.array([[entry.get((e, v), 0.0) for v in variables] for e in equations])
-        return np.stack([one, one])
+    def both(equations: Sequence[int], variables: Sequence[int]) -> list[dict[int, NDArray[np.float64]]]:
+        return sampled(entry, equations, variables)
 
     blocks = [Block((C2,), (DW0,)), Block((3,), (du,))]
     choices = select_dummies(
