@@ -29,11 +29,15 @@ class FlatVariable(NamedTuple):
 
 
 class FlatParameter(NamedTuple):
-    """A declared parameter: one node per entry, a ("par", k) where it is free, an expression where it is bound."""
+    """A declared parameter: one node per entry, a ("par", k) where it is free, an expression where it is bound.
+
+    A parameter bound to nothing but another one has the other's nodes and is not free.
+    """
 
     path: str
     declaration: Declaration
     nodes: tuple[int, ...]
+    free: bool
 
 
 class FlatEquation(NamedTuple):
@@ -125,10 +129,9 @@ class FlatSystem:
         """Names of the free parameter scalars."""
         names = [""] * len(self.parameter_values)
         for p in self.parameters:
-            for suffix, node in zip(suffixes(p.declaration.shape), p.nodes, strict=True):
-                op, *rest = self.pool.nodes[node]
-                if op == "par" and not names[rest[0]]:
-                    names[rest[0]] = p.path + suffix
+            if p.free:
+                for suffix, node in zip(suffixes(p.declaration.shape), p.nodes, strict=True):
+                    names[self.pool.nodes[node][1]] = p.path + suffix
         return tuple(names)
 
 

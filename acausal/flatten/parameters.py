@@ -27,6 +27,7 @@ class ParameterTable:
         self.overrides = dict(overrides)
         self.values: list[float] = []
         self._nodes: dict[tuple[int, str], Scalars] = {}
+        self._free_paths: set[str] = set()
         self._open: list[str] = []
 
     def table(self) -> list[FlatParameter]:
@@ -42,10 +43,10 @@ class ParameterTable:
         if missing:
             raise _missing(missing)
         return [
-            FlatParameter(instance.prefix + name, d, self.nodes(instance, name))
+            FlatParameter(path, d, self.nodes(instance, name), path in self._free_paths)
             for instance in self.instances
             for name, d in instance.component._declarations.items()
-            if d.kind is Kind.PARAMETER
+            if d.kind is Kind.PARAMETER and (path := instance.prefix + name)
         ]
 
     def nodes(self, instance: Instance, name: str) -> Scalars:
@@ -97,6 +98,7 @@ class ParameterTable:
         check_limits(path, declaration, values, instance)
         first = len(self.values)
         self.values.extend(values)
+        self._free_paths.add(path)
         return tuple(self.pool.par(first + k) for k in range(len(values)))
 
 
