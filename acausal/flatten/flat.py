@@ -10,9 +10,10 @@ from typing import NamedTuple
 
 from acausal.errors import Span
 from acausal.flatten.pool import Pool
+from acausal.language.component import Component, Connector
 from acausal.language.declare import Declaration
 from acausal.language.experiment import Experiment
-from acausal.language.expression import Equation
+from acausal.language.expression import Equation, Symbol, to_text
 from acausal.language.origin import Origin
 
 
@@ -50,6 +51,26 @@ class FlatEquation(NamedTuple):
     source: Equation | str
 
 
+class FlatComponent(NamedTuple):
+    """A component of the instance tree: its class, and where it was made."""
+
+    cls: type[Component]
+    origin: Origin
+
+    @property
+    def is_connector(self) -> bool:
+        """True for pins, flanges, frames."""
+        return issubclass(self.cls, Connector)
+
+
+class FlatLoop(NamedTuple):
+    """A closed loop of frames: the two frames between which it was cut, and the components on the way around."""
+
+    ends: tuple[str, str]
+    origin: Origin
+    components: tuple[str, ...]
+
+
 class FlatStart(NamedTuple):
     """A declared start of one scalar: an initial equation when `is_fixed`, else a guess."""
 
@@ -79,6 +100,10 @@ class FlatSystem:
         Value of each free parameter scalar (nan where none was given is refused earlier).
     starts
         Declared start of a scalar variable.
+    components
+        Every component by its path; the model itself has the path "".
+    loops
+        Closed loops of frames that were cut.
     notes
         Facts the user should see, for example connections cut in closed loops.
     """
@@ -94,6 +119,8 @@ class FlatSystem:
     parameter_values: tuple[float, ...]
     starts: Mapping[int, FlatStart]
     experiment: Experiment
+    components: Mapping[str, FlatComponent]
+    loops: tuple[FlatLoop, ...] = ()
     notes: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
@@ -124,6 +151,27 @@ class FlatSystem:
         variable = self.owner[scalar]
         return variable.path + suffixes(variable.declaration.shape)[scalar - variable.first]
 
+    def text(self, equation: FlatEquation) -> str:
+        """The equation as the modeller wrote it, with the names of the component it belongs to.
+
+        Equal components share one language equation, which names the first of them.
+        """
+        source = equation.source
+        if isinstance(source, str):
+            return source
+        written_for = _written_for(source)
+        here = self.components.get(equation.component)
+        if written_for is None or here is None or type(written_for) is not here.cls:
+            return str(source)
+        old = written_for._path_to("")
+        new = equation.component + "." if equation.component else ""
+
+        def name_of(symbol: Symbol) -> str:
+            path: str = symbol.owner._path_to(symbol.name)
+            return new + path.removeprefix(old)
+
+        return f"{to_text(source.left, name_of=name_of)} == {to_text(source.right, name_of=name_of)}"
+
     @cached_property
     def parameter_names(self) -> tuple[str, ...]:
         """Names of the free parameter scalars."""
@@ -133,6 +181,23 @@ class FlatSystem:
                 for suffix, node in zip(suffixes(p.declaration.shape), p.nodes, strict=True):
                     names[self.pool.nodes[node][1]] = p.path + suffix
         return tuple(names)
+
+
+def _written_for(equation: Equation) -> Component | None:
+    """The component whose own symbols, or symbols of whose connectors, are all that an equation holds."""
+    found: Component | None = None
+    stack = [equation.left, equation.right]
+    while stack:
+        e = stack.pop()
+        stack.extend(e.args)
+        if isinstance(e, Symbol):
+            owner: Component = e.owner
+            if isinstance(owner, Connector) and owner.__dict__["_owner"] is not None:
+                owner = owner.__dict__["_owner"][0]
+            if found is not None and owner is not found:
+                return None
+            found = owner
+    return found
 
 
 def suffixes(shape: tuple[int, ...]) -> list[str]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from acausal.errors import DeclarationError
 from acausal.flatten.allocate import allocate
 from acausal.flatten.connections import FlowSet, Joint, check_signals, flow_sets, joints
-from acausal.flatten.flat import FlatEquation, FlatStart, FlatSystem
+from acausal.flatten.flat import FlatComponent, FlatEquation, FlatStart, FlatSystem
 from acausal.flatten.instances import Instance, instances
 from acausal.flatten.orientation import spanning_tree
 from acausal.flatten.parameters import ParameterTable, check_overrides, foreign
@@ -86,6 +86,8 @@ def flatten(model: Component, parameters: Mapping[str, object] | None = None) ->
         parameter_values=tuple(builder.table.values),
         starts=builder.starts(),
         experiment=experiment if isinstance(experiment, Experiment) else Experiment(),
+        components={i.path: FlatComponent(type(i.component), i.origin) for i in found},
+        loops=tree.loops,
         notes=tuple(
             f"loop of frames cut between {found[physical[k].a].path} and {found[physical[k].b].path}"
             for k in sorted(tree.cut)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 from acausal.errors import StructureError
 from acausal.flatten.connections import Joint, UnionFind
+from acausal.flatten.flat import FlatLoop
 from acausal.flatten.instances import Instance
 from acausal.flatten.statements import statements
 from acausal.language.component import Connector
@@ -20,9 +21,13 @@ from acausal.language.overconstrained import Branch, PotentialRoot, Root
 
 @dataclass(frozen=True)
 class SpanningTree:
-    """Joints that close a loop and so carry residuals instead of equalities, by their place in the list of joints."""
+    """Joints that close a loop and so carry residuals instead of equalities, by their place in the list of joints.
+
+    `loops` names, for each of them, the components around the loop.
+    """
 
     cut: frozenset[int]
+    loops: tuple[FlatLoop, ...] = ()
 
 
 def is_overconstrained(connector: Connector) -> bool:
@@ -61,7 +66,29 @@ def spanning_tree(
                 cut.add(k)
     chosen = _choose_roots(sets, n, frames, roots, potential, all_instances)
     _tell_roles(all_instances, frames, neighbours, chosen, branches)
-    return SpanningTree(frozenset(cut))
+    loops = tuple(_loop(all_instances, physical[k], neighbours, n, roots) for k in sorted(cut))
+    return SpanningTree(frozenset(cut), loops)
+
+
+def _loop(
+    all_instances: Sequence[Instance], joint: Joint, neighbours: dict[int, list[int]], world: int, roots: list[int]
+) -> FlatLoop:
+    """Components on the shortest way through the tree from one end of a cut joint to the other; roots are joined."""
+    came_from = {joint.a: joint.a}
+    queue = deque([joint.a])
+    while queue and joint.b not in came_from:
+        here = queue.popleft()
+        around = roots if here == world else neighbours[here] + ([world] if here in roots else [])
+        for other in around:
+            if other not in came_from:
+                came_from[other] = here
+                queue.append(other)
+    way = [joint.b]
+    while way[-1] != joint.a:
+        way.append(came_from[way[-1]])
+    owners = [all_instances[k].owner for k in reversed(way) if k != world]
+    names = dict.fromkeys(owner.path for owner in owners if owner is not None)
+    return FlatLoop((all_instances[joint.a].path, all_instances[joint.b].path), joint.origin, tuple(names))
 
 
 def _ties(

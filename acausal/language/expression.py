@@ -10,7 +10,7 @@ multiplies or divides anything, `@` is the matrix product; nothing else broadcas
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from acausal.errors import DeclarationError
@@ -285,22 +285,60 @@ def _matmul(a: Expr, b: Expr) -> Expr:
     return Expr("matmul", (a, b), (*a.shape[:-1], *b.shape[1:]))
 
 
-def to_text(e: Expr, depth: int = 0) -> str:
-    """Python-like text of an expression, names as `owner.name` where the owner is not `self`."""
+def to_text(
+    e: Expr, depth: int = 0, *, name_of: Callable[[Symbol], str] | None = None, binding: int = 0
+) -> str:
+    """Python-like text of an expression with no more parentheses than needed.
+
+    Parameters
+    ----------
+    depth
+        Levels already written; beyond twelve the text ends in `...`.
+    name_of
+        Names of symbols; their full path when it is not given.
+    binding
+        How tightly the operator around `e` binds.
+    """
     if e.op == "const":
-        return f"{e.payload:g}" if isinstance(e.payload, float) else str(e.payload)
+        return f"{e.payload:g}" if isinstance(e.payload, float) else _numbers(e.payload, e.shape)
     if isinstance(e, Symbol):
+        if name_of is not None:
+            return name_of(e)
         return e.owner._path_to(e.name) if e.owner is not None else e.name
     if e.op == "time":
         return "time"
     if depth > 12:
         return "..."
-    parts = [to_text(a, depth + 1) for a in e.args]
+    own = _BINDING.get(e.op, 0)
+    # Operators group to the left, `**` to the right.
+    inner = [own + (k > 0 and e.op != "pow") for k in range(len(e.args))]
+    if e.op in ("index", "transpose"):
+        inner = [9]
+    parts = [to_text(a, depth + 1, name_of=name_of, binding=i) for a, i in zip(e.args, inner, strict=True)]
     if e.op in _INFIX:
-        text = f"{parts[0]} {_INFIX[e.op]} {parts[1]}"
-        return f"({text})" if depth else text
+        return _closed(f"{parts[0]} {_INFIX[e.op]} {parts[1]}", own < binding)
     if e.op == "neg":
-        return f"-{parts[0]}"
+        return _closed(f"-{parts[0]}", own < binding)
     if e.op == "index":
         return f"{parts[0]}[{', '.join(map(str, e.payload))}]"
+    if e.op == "transpose":
+        return f"{parts[0]}.T"
+    if e.op == "stack":
+        return f"({', '.join(parts)})"
     return f"{e.op}({', '.join(parts)})"
+
+
+_BINDING = {**dict.fromkeys(RELATIONS, 1), "or": 2, "and": 3, "add": 4, "sub": 4, "mul": 5, "div": 5, "matmul": 5}
+_BINDING |= {"neg": 6, "pow": 7}
+
+
+def _closed(text: str, closed: bool) -> str:
+    return f"({text})" if closed else text
+
+
+def _numbers(values: tuple[float, ...], shape: Shape) -> str:
+    if len(shape) == 1:
+        return f"({', '.join(f'{v:g}' for v in values)})"
+    width = shape[1]
+    rows = [_numbers(values[k : k + width], (width,)) for k in range(0, len(values), width)]
+    return f"({', '.join(rows)})"
