@@ -66,6 +66,8 @@ from acausal.language.overconstrained import rooted as rooted
 from acausal.panel import Panel as Panel
 
 if TYPE_CHECKING:
+    from acausal.export.casadi_file import load_casadi as load_casadi
+    from acausal.export.linearize import linearize as linearize
     from acausal.flatten.flatten import flatten as flatten
     from acausal.lower.compile import compile as compile
     from acausal.result import Result as Result
@@ -78,6 +80,8 @@ _LAZY = {
     "simulate": "acausal.simulate.run",
     "Result": "acausal.result",
     "load": "acausal.result",
+    "linearize": "acausal.export.linearize",
+    "load_casadi": "acausal.export.casadi_file",
 }
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
@@ -17,6 +17,9 @@ from acausal.lower.samples import STABILISATION_RATE
 from acausal.lower.solve import Solution
 from acausal.lower.start import StartProblem
 from acausal.lower.time_events import TimeEvents
+
+if TYPE_CHECKING:
+    from acausal.export.casadi_model import CasadiModel
 
 Vector = NDArray[np.float64]
 
@@ -180,11 +183,14 @@ class CompiledModel:
                 found[node] = None
         return tuple(found)
 
-    def casadi(self) -> Any:
-        """The model as CasADi functions for optimal control, with names, units and limits; see `acausal.export`."""
-        from acausal.lower.functions import casadi_functions
+    def casadi(self, outputs: Sequence[str] | None = None) -> CasadiModel:
+        """The model as CasADi functions for optimal control, with names, units and limits of every entry.
 
-        return casadi_functions(self)
+        `outputs` names what y holds; None means what is declared in the model's own class. See `acausal.export`.
+        """
+        from acausal.export.functions import casadi_model
+
+        return casadi_model(self, outputs)
 
 
 _INPUTS = ["t", "x", "z", "u", "p", "m"]

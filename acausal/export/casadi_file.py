@@ -1,0 +1,135 @@
+"""One file for a `CasadiModel`: functions and description, readable without the model's source.
+
+A zip archive of two members:
+
+- `functions.casadi`: what CasADi's StringSerializer makes of dae, ode, init, instants, in this order. CasADi reads
+  files of its own and of older versions; rootfinders, with their derivatives, are among what it can write.
+- `metadata.json`: format and version numbers, name, start time, notes, and for each of x, z, u, p, y the list of its
+  entries with name, unit, doc, start, nominal, min, max; null stands for no limit (and for a start that is not known).
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import zipfile
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+
+from acausal.errors import ExportError, UsageError
+from acausal.export.casadi_model import CasadiModel, Port, Ports
+from acausal.files import atomic
+
+FORMAT = "acausal casadi model"
+VERSION = 1
+_FUNCTIONS = ("dae", "ode", "init", "instants")
+_VECTORS = ("x", "z", "u", "p", "y")
+# One date in all archives: the same model gives the same bytes.
+_DATE = (1980, 1, 1, 0, 0, 0)
+
+
+def save_casadi(model: CasadiModel, path: str | Path) -> None:
+    """Write a model, completely or not at all.
+
+    Raises
+    ------
+    UsageError
+        AC012 when the file cannot be written.
+    """
+    serializer = ca.StringSerializer()
+    for name in _FUNCTIONS:
+        serializer.pack(getattr(model, name))
+    members = {"metadata.json": json.dumps(_described(model), indent=1), "functions.casadi": serializer.encode()}
+    with atomic(Path(path)) as file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, text in members.items():
+            archive.writestr(zipfile.ZipInfo(name, _DATE), text, zipfile.ZIP_DEFLATED)
+
+
+def load_casadi(path: str | Path) -> CasadiModel:
+    """Read a model that `CasadiModel.save` wrote; the class it was made of is not needed.
+
+    Raises
+    ------
+    UsageError
+        AC014 when the file cannot be opened.
+    ExportError
+        AC601 when it is no such file or is damaged, AC602 when a newer acausal or CasADi wrote it.
+    """
+    path = Path(path)
+    try:
+        with zipfile.ZipFile(path) as archive:
+            described = json.loads(archive.read("metadata.json"))
+            functions = archive.read("functions.casadi").decode()
+        if described.get("format") != FORMAT:
+            raise ValueError(f"its format is {described.get('format')!r}")
+    except OSError as error:
+        raise UsageError("AC014", f"cannot read {path}: {error.strerror or error}") from error
+    except (zipfile.BadZipFile, KeyError, ValueError, AttributeError) as error:
+        raise ExportError(
+            "AC601",
+            f"{path} is not a saved CasADi model",
+            evidence=[str(error)],
+            help="write one with compiled.casadi().save(path)",
+        ) from error
+    if described["version"] > VERSION:
+        raise _too_new(path, f"format {described['version']}", f"format {VERSION}")
+    return _restored(path, described, functions)
+
+
+def _described(model: CasadiModel) -> dict[str, Any]:
+    return {
+        "format": FORMAT,
+        "version": VERSION,
+        "casadi": ca.CasadiMeta.version(),
+        "name": model.name,
+        "start_time": model.start_time,
+        "notes": list(model.notes),
+        **{v: [_to_json(port) for port in getattr(model, v)] for v in _VECTORS},
+    }
+
+
+def _to_json(port: Port) -> dict[str, Any]:
+    # JSON knows neither infinity nor nan.
+    return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in asdict(port).items()}
+
+
+def _from_json(record: dict[str, Any]) -> Port:
+    absent = {"start": math.nan, "min": -math.inf, "max": math.inf}
+    complete: dict[str, Any] = {k: absent[k] if v is None else v for k, v in record.items()}
+    return Port(**complete)
+
+
+def _restored(path: Path, described: dict[str, Any], text: str) -> CasadiModel:
+    try:
+        deserializer = ca.StringDeserializer(text)
+        functions = {name: deserializer.unpack() for name in _FUNCTIONS}
+        vectors = {v: Ports(map(_from_json, described[v])) for v in _VECTORS}
+        return CasadiModel(
+            name=described["name"],
+            **functions,
+            **vectors,
+            start_time=described["start_time"],
+            notes=tuple(described["notes"]),
+        )
+    except (RuntimeError, KeyError, TypeError) as error:
+        written, here = str(described.get("casadi", "?")), ca.CasadiMeta.version()
+        if _numbers(written) > _numbers(here):
+            raise _too_new(path, f"CasADi {written}", f"CasADi {here}") from error
+        raise ExportError(
+            "AC601", f"{path} is damaged", evidence=[str(error).strip().splitlines()[-1] if str(error) else ""]
+        ) from error
+
+
+def _numbers(version: str) -> tuple[int, ...]:
+    return tuple(int(part) for part in version.split("+")[0].split(".") if part.isdigit())
+
+
+def _too_new(path: Path, written: str, here: str) -> ExportError:
+    return ExportError(
+        "AC602",
+        f"{path} was written with {written}, which this installation ({here}) cannot read",
+        help="upgrade here, or save it again there with an older version",
+    )

@@ -1,0 +1,203 @@
+"""The linear state space of a model about a point of its motion: x' = A x + B u, y = C x + D u, in deviations."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.errors import ExportError, UsageError, nearest
+from acausal.export.functions import dae_function, input_start
+from acausal.export.ports import named_outputs
+from acausal.language.component import Component
+from acausal.lower.compile import compile
+from acausal.lower.compiled import CompiledModel
+from acausal.result import Result
+from acausal.simulate.initialize import Start, consistent, initialize
+from acausal.simulate.run import input_vector, parameter_vector
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Linearization:
+    """First-order model about one point, in SI units.
+
+    Attributes
+    ----------
+    t
+        Time of the point [s].
+    states, inputs, outputs
+        Names, in the order of the matrices' rows and columns.
+    A, B, C, D
+        Shapes (nx, nx), (nx, nu), (ny, nx), (ny, nu).
+    x, u, y
+        Values at the point; the matrices act on deviations from them.
+    rates
+        x' at the point: all zero at an equilibrium.
+    """
+
+    name: str
+    t: float
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    A: Vector
+    B: Vector
+    C: Vector
+    D: Vector
+    x: Vector
+    u: Vector
+    y: Vector
+    rates: Vector
+
+    def __repr__(self) -> str:
+        sizes = f"{len(self.states)} states, {len(self.inputs)} inputs, {len(self.outputs)} outputs"
+        return f"Linearization({self.name}: {sizes} at t = {self.t:g} s)"
+
+    @property
+    def matrices(self) -> tuple[Vector, Vector, Vector, Vector]:
+        """(A, B, C, D), as `scipy.signal.StateSpace(*matrices)` and python-control's `ss(*matrices)` take them."""
+        return self.A, self.B, self.C, self.D
+
+    @property
+    def eigenvalues(self) -> NDArray[np.complex128]:
+        """Eigenvalues of A [1/s], the slowest first."""
+        found = np.linalg.eigvals(self.A).astype(complex)
+        return found[np.argsort(np.abs(found), kind="stable")]
+
+
+def linearize(
+    model: Component | CompiledModel,
+    t: float | None = None,
+    x: Mapping[str, float] | None = None,
+    *,
+    result: Result | None = None,
+    inputs: Mapping[str, float] | None = None,
+    outputs: Sequence[str] | None = None,
+    parameters: Mapping[str, float] | None = None,
+) -> Linearization:
+    """Linearize a model at its start, at given states, or at a time of a run.
+
+    Algebraic variables are eliminated: they follow the states and inputs by the implicit function theorem.
+
+    Parameters
+    ----------
+    model
+        A component, or what `compile` made of it.
+    t
+        Time [s]; None: the start of the model's experiment, or the end of `result`. At a switch of a source: after it.
+    x
+        Values of states by name; states not named keep those of the start or of `result`.
+    result
+        A run of this model: states, inputs and parameters are taken from it at time `t`.
+    inputs
+        Values of the model's own inputs about which to linearize; those not named are 0, or their guess.
+    outputs
+        Names of variables for y; None: those declared in the model's own class.
+    parameters
+        Values by path in SI.
+
+    Raises
+    ------
+    UsageError
+        AC010 for an unknown output or state, AC011 for a time outside the run, AC033 for an unknown input.
+    InitializationError
+        The model has no consistent point there.
+    ExportError
+        AC604 when the algebraic variables are not determined there to first order.
+    """
+    compiled = model if isinstance(model, CompiledModel) else compile(model, parameters=parameters)
+    wanted = named_outputs(compiled, outputs)
+    if t is None:
+        t = compiled.flat.experiment.start_time if result is None else float(result.time[-1])
+    given = parameters if isinstance(model, CompiledModel) else None
+    p = parameter_vector(compiled, {**_recorded(compiled, result), **(given or {})})
+    u = _inputs(compiled, t, p, result, inputs or {})
+    start = _point(compiled, t, p, u, result, x or {})
+    dae = dae_function(compiled, wanted)
+    names = ["x", "z", "u"]
+    values = dict(zip(["t", "x", "z", "u", "p"], (t, start.x, start.z, u, p), strict=True))
+    jacobian = dae.factory(
+        "jacobian",
+        ["t", "x", "z", "u", "p"],
+        ["ode", "y", *(f"jac:{f}:{v}" for f in ("ode", "alg", "y") for v in names)],
+    )
+    found = {name: np.array(m) for name, m in zip(jacobian.name_out(), jacobian(*values.values()), strict=True)}
+    slope = _algebraic_slopes(compiled, t, found)
+    A, B, C, D = (
+        found[f"jac_{f}_{v}"] + found[f"jac_{f}_z"] @ slope[v] for f in ("ode", "y") for v in ("x", "u")
+    )
+    return Linearization(
+        compiled.name,
+        t,
+        compiled.states,
+        compiled.inputs,
+        tuple(output.name for output in wanted),
+        A,
+        B,
+        C,
+        D,
+        start.x,
+        u,
+        found["y"].ravel(),
+        found["ode"].ravel(),
+    )
+
+
+def _recorded(compiled: CompiledModel, result: Result | None) -> dict[str, float]:
+    """Free parameters as a run had them."""
+    if result is None:
+        return {}
+    signals = result.signals
+    return {n: signals[n].value for n in compiled.parameters if n in signals and signals[n].parameter}
+
+
+def _inputs(
+    compiled: CompiledModel, t: float, p: Vector, result: Result | None, given: Mapping[str, float]
+) -> Vector:
+    if result is None:
+        known = {n: input_start(compiled, s, p) for n, s in zip(compiled.inputs, compiled.flat.inputs, strict=True)}
+    else:
+        known = {n: float(result.at(t, n)) for n in compiled.inputs}
+    return input_vector(compiled, {**known, **given})
+
+
+def _point(
+    compiled: CompiledModel, t: float, p: Vector, u: Vector, result: Result | None, given: Mapping[str, float]
+) -> Start:
+    """A consistent point with the wanted states."""
+    m = np.array(compiled.modes(t, p)).ravel()
+    if result is None:
+        start = initialize(compiled, t, p, u, m)
+    else:
+        x, z = (np.array([float(result.at(t, n)) for n in v]) for v in (compiled.states, compiled.algebraic))
+        start = Start(x, z, ())
+    for name, value in given.items():
+        if name not in compiled.states:
+            close = nearest(name, compiled.states)
+            raise UsageError(
+                "AC010",
+                f"'{name}' is no state of {compiled.name}",
+                evidence=[f"nearest  {', '.join(close)}"] if close else [],
+                help=f"states: {', '.join(compiled.states)}",
+            )
+        start.x[compiled.states.index(name)] = value
+    return consistent(compiled, t, start, p, u, m)
+
+
+def _algebraic_slopes(compiled: CompiledModel, t: float, found: Mapping[str, Vector]) -> dict[str, Vector]:
+    """dz/dx and dz/du, from d(alg) = 0."""
+    own = found["jac_alg_z"]
+    try:
+        return {v: np.asarray(-np.linalg.solve(own, found[f"jac_alg_{v}"]), dtype=float) for v in ("x", "u")}
+    except np.linalg.LinAlgError:
+        raise ExportError(
+            "AC604",
+            f"{compiled.name} has no linearization at t = {t:g} s: its algebraic variables are not determined there",
+            evidence=[f"they are {', '.join(compiled.algebraic[:6])}"],
+            cause="a kink or a singular position exactly at this point",
+            help="linearize at a time or states beside it",
+        ) from None

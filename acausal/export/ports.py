@@ -1,0 +1,136 @@
+"""Descriptions of states, algebraic variables, inputs, parameters and outputs, from their declarations."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from typing import NamedTuple
+
+from acausal.errors import UsageError, nearest
+from acausal.export.casadi_model import Port, Ports
+from acausal.flatten.flat import suffixes
+from acausal.language.declare import Declaration, Kind
+from acausal.lower.compiled import CompiledModel
+from acausal.units import divide, format_dimension, parse
+
+
+class Output(NamedTuple):
+    """A scalar under the name it was asked for, which may be one of several."""
+
+    name: str
+    declaration: Declaration
+    scalar: int
+
+
+def named_outputs(compiled: CompiledModel, names: Sequence[str] | None) -> tuple[Output, ...]:
+    """The outputs behind names, arrays entry by entry; None stands for everything declared in the model's own class.
+
+    Raises
+    ------
+    UsageError
+        AC010 for a name that is no variable of the model.
+    """
+    entries: dict[str, list[Output]] = {}
+    for v in compiled.flat.variables:
+        d = v.declaration
+        found = [Output(v.path + s, d, v.first + k) for k, s in enumerate(suffixes(d.shape))]
+        entries[v.path] = found
+        entries.update((output.name, [output]) for output in found)
+    if names is None:
+        own = [v for v in compiled.flat.variables if "." not in v.path and v.declaration.kind is not Kind.INPUT]
+        names = [v.path for v in own]
+    for name in names:
+        if name not in entries:
+            raise _unknown(compiled, name, list(entries))
+    return tuple(output for name in names for output in entries[name])
+
+
+def _unknown(compiled: CompiledModel, name: str, known: list[str]) -> UsageError:
+    close = nearest(name, known)
+    parameters = {*compiled.parameters, *(p.path for p in compiled.flat.parameters)}
+    return UsageError(
+        "AC010",
+        f"{compiled.name} has no variable '{name}' to be an output",
+        evidence=[f"nearest  {', '.join(close)}"] if close else [],
+        help="it is a parameter: read it from p" if name in parameters else None,
+    )
+
+
+def output_ports(outputs: Sequence[Output], start: Iterable[float]) -> Ports:
+    """Descriptions of outputs."""
+    return Ports(
+        Port(name, d.unit, d.doc, float(value), d.nominal, d.min, d.max)
+        for (name, d, _), value in zip(outputs, start, strict=True)
+    )
+
+
+def variable_ports(compiled: CompiledModel, variables: Sequence[int], start: Iterable[float]) -> Ports:
+    """Descriptions of variables of the reduced system, which carry the limits of all their aliases."""
+    nominal = compiled.nominal(variables)
+    return Ports(
+        _variable_port(compiled, v, float(value), float(size))
+        for v, value, size in zip(variables, start, nominal, strict=True)
+    )
+
+
+def _variable_port(compiled: CompiledModel, variable: int, start: float, nominal: float) -> Port:
+    reduced = compiled.solution.structure.reduced
+    flat = reduced.flat
+    lower, upper = -math.inf, math.inf
+    units, docs = [], []
+    for scalar in reduced.aliases.get(variable, ()):
+        d = flat.declaration(scalar)
+        negative = reduced.pool.nodes[reduced.image[scalar]][0] == "neg"
+        lower, upper = max(lower, -d.max if negative else d.min), min(upper, -d.min if negative else d.max)
+        units.append(d.unit)
+        docs.append(d.doc)
+    name = reduced.name(variable)
+    own = _declared(compiled, variable)
+    unit, doc = own or ("", "")
+    # A signal without a unit of its own has that of what it is connected to.
+    unit = unit or next((u for u in units if u), "")
+    doc = doc or next((d for d in docs if d), "")
+    return Port(name, unit, doc, start, nominal, lower, upper)
+
+
+def _declared(compiled: CompiledModel, variable: int) -> tuple[str, str]:
+    """Unit and doc of the variable that names a reduced one; of its derivative where it is one."""
+    reduced = compiled.solution.structure.reduced
+    order = 0
+    while variable >= len(reduced.scalar):
+        variable, order = reduced.pool.integral_of[variable], order + 1
+    scalar = reduced.scalar[variable]
+    pool = reduced.flat.pool
+    while scalar in pool.integral_of:
+        scalar, order = pool.integral_of[scalar], order + 1
+    declaration = reduced.flat.declaration(scalar)
+    if not order:
+        return declaration.unit, declaration.doc
+    doc = f"{'Second rate' if order > 1 else 'Rate'} of change of {reduced.flat.scalar_name(scalar)}"
+    if not declaration.unit:
+        return "", doc
+    dimension = parse(declaration.unit).dimension
+    for _ in range(order):
+        dimension = divide(dimension, parse("s").dimension)
+    return format_dimension(dimension), doc
+
+
+def parameter_ports(compiled: CompiledModel) -> Ports:
+    """Descriptions of the free parameters; start is the value."""
+    described = dict(_parameters(compiled))
+    return Ports(
+        described.get(k) or Port(name, start=value)
+        for k, (name, value) in enumerate(zip(compiled.parameters, compiled.parameter_values, strict=True))
+    )
+
+
+def _parameters(compiled: CompiledModel) -> Iterator[tuple[int, Port]]:
+    names, values = compiled.parameters, compiled.parameter_values
+    # Last to first: of parameters bound to one another, the first declared one describes the symbol.
+    for parameter in reversed(compiled.flat.parameters):
+        d = parameter.declaration
+        for node in parameter.nodes:
+            op, *rest = compiled.flat.pool.nodes[node]
+            if op == "par":
+                k = rest[0]
+                yield k, Port(names[k], d.unit, d.doc, values[k], d.nominal, d.min, d.max)
