@@ -18,6 +18,7 @@ from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
 from acausal.result import Event, Result
 from acausal.simulate.initialize import Start, consistent, initialize
+from acausal.simulate.interrupt import Interruptible
 from acausal.simulate.options import Options, options
 from acausal.simulate.problem import Problem
 from acausal.simulate.record import Recorder, make_result
@@ -146,6 +147,7 @@ class _Run:
     u: Vector
     progress: Progress | None
     timings: dict[str, float] = field(default_factory=dict)
+    interrupt: Interruptible = field(default_factory=Interruptible)
 
     def result(self) -> Result:
         opts = self.options
@@ -162,8 +164,9 @@ class _Run:
         began = clock.perf_counter()
         grid = opts.grid()
         try:
-            for a, b in zip(boundaries[:-1], boundaries[1:], strict=True):
-                start = self.segment(problem, solver, recorder, start, a, b, grid)
+            with self.interrupt:
+                for a, b in zip(boundaries[:-1], boundaries[1:], strict=True):
+                    start = self.segment(problem, solver, recorder, start, a, b, grid)
         except (IntegrationError, KeyboardInterrupt) as error:
             error.result = self.finish(problem, recorder, solver, reason, start.notes)  # type: ignore[union-attr]
             raise
@@ -260,6 +263,7 @@ class _Run:
         try:
             return solver.integrate(problem, segment)
         except RuntimeError as error:
+            self.interrupt.check()
             reached = self.salvage(problem, solver, recorder, segment, m)
             raise integration_error(self.compiled, solver.name, reached, segment, str(error)) from None
 
@@ -274,6 +278,7 @@ class _Run:
             try:
                 piece = solver.integrate(problem, part)
             except RuntimeError:
+                self.interrupt.check()
                 if count == 1:
                     break
                 count = max(1, count // 4)
