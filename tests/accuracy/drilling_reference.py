@@ -19,6 +19,7 @@ from scipy.optimize import brentq
 Profile = Sequence[tuple[float, float]]
 Array = NDArray[np.float64]
 Line = Callable[[float], float]
+Event = Callable[[float, Array], float]
 
 
 @dataclass(frozen=True)
@@ -49,14 +50,15 @@ class PlainDrilling:
     def law(self, width: float, feed: float) -> float:
         """Feed force [N] of a feed per edge [m]."""
         h = max(feed * math.sin(self.sigma / 2), self.h_min)
-        return self.factor * self.z_E * width / 2 * feed * self.k_c11 * (h / 1e-3) ** -self.z
+        k_c: float = self.k_c11 * (h / 1e-3) ** -self.z
+        return self.factor * self.z_E * width / 2 * feed * k_c
 
     def inverse(self, width: float, force: float) -> float:
         """Feed per edge [m] of a feed force [N]."""
         straight = force / self.law(width, 1e-30) * 1e-30
         sine = math.sin(self.sigma / 2)
         share = 2 * force / (self.factor * self.z_E * width * self.k_c11 * 1e-3) * sine**self.z
-        return max(straight, 1e-3 * share ** (1 / (1 - self.z)))
+        return float(max(straight, 1e-3 * share ** (1 / (1 - self.z))))
 
     def contact(self, s: float, v: float, s_tar: float, n: float, inside: bool) -> tuple[float, float]:
         """Force on the drill [N] and target feed rate [m/s]; `inside` says on which side of the face, where s is 0."""
@@ -99,8 +101,7 @@ class PlainDrilling:
                 method="Radau",
                 rtol=tolerance,
                 atol=[1e-12, 1e-8, 1e-12],
-                # Where it stands at a kink, the crossing is behind it.
-                events=[_crossing(level) for level in levels if abs(state[0] - level) > 1e-14],
+                events=_crossings(levels, state),
                 first_step=min(1e-7, (end - begin) / 10),
             )
             if found.status < 0:
@@ -124,9 +125,17 @@ def _line(profile: Profile, begin: float, end: float) -> Line:
     raise ValueError(f"the profile does not cover {begin} to {end} s")
 
 
-def _crossing(level: float) -> Callable[[float, Array], float]:
-    def event(t: float, x: Array) -> float:
-        return float(x[0] - level)
+def _crossings(levels: Sequence[float], state: Array) -> list[Event]:
+    """Events that end a step: the tip at a kink of the geometry, or back at the ground of the hole."""
+    # Where it stands at a kink, the crossing is behind it.
+    found = [_level(level) for level in levels if abs(state[0] - level) > 1e-14]
+    if state[0] < state[2] - 1e-12:
+        # A long step through the air may miss the impact altogether.
+        found.append(lambda t, x: float(x[0] - x[2]))
+    for event in found:
+        event.terminal = True  # type: ignore[attr-defined]
+    return found
 
-    event.terminal = True  # type: ignore[attr-defined]
-    return event
+
+def _level(level: float) -> Event:
+    return lambda t, x: float(x[0] - level)
