@@ -8,12 +8,16 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+import numpy as np
+import pytest
+
 import acausal
-from acausal import Component, Equations, connect, der, fixed, guess, part
+from acausal import Component, Equations, Real, connect, der, fixed, guess, parameter, part, variable
 from acausal.library.multibody import (
     Body,
     BodyBox,
     BodyCylinder,
+    BodyShape,
     Damper,
     Fixed,
     FixedRotation,
@@ -26,6 +30,7 @@ from acausal.library.multibody import (
     World,
     axis_rotation,
 )
+from acausal.library.multibody.line_forces import PartialLineForce
 from acausal.library.rotational import Damper as RotationalDamper
 from tests.accuracy.published import worst_error
 
@@ -131,6 +136,42 @@ class ForceAndTorque(Component):
         yield connect(self.body.frame_b, self.force.frame_b, self.torque.frame_b)
 
 
+class UnknownSpring(PartialLineForce):
+    """A spring whose constant is found at the start: a state that never moves."""
+
+    c: Real = variable(unit="N/m", nominal=100.0, default=guess(100.0))
+    s_unstretched: Real = parameter(unit="m")
+
+    def equations(self) -> Equations:
+        yield der(self.c) == 0
+        yield self.f == self.c * (self.s - self.s_unstretched)
+
+
+class InitSpringConstant(Component):
+    world: World = part()
+    rev: Revolute = part()
+    damper: RotationalDamper = part()
+    anchor: Fixed = part()
+    spring: UnknownSpring = part()
+    body: BodyShape = part()
+
+    def build(self) -> None:
+        self.world = World()
+        self.rev = Revolute(phi=fixed(0.0), w=fixed(0.0), a=fixed(0.0))
+        self.damper = RotationalDamper(d=0.1)
+        self.anchor = Fixed(r=(1.0, 0.2, 0.0))
+        self.spring = UnknownSpring(s_unstretched=0.1)
+        self.body = BodyShape(m=1.0, r=(1.0, 0.0, 0.0), r_CM=(0.5, 0.0, 0.0))
+
+    def equations(self) -> Equations:
+        yield connect(self.world.frame_b, self.rev.frame_a)
+        yield connect(self.damper.flange_b, self.rev.axis)
+        yield connect(self.damper.flange_a, self.rev.support)
+        yield connect(self.rev.frame_b, self.body.frame_a)
+        yield connect(self.anchor.frame_b, self.spring.frame_a)
+        yield connect(self.spring.frame_b, self.body.frame_b)
+
+
 def test_pendulum(reference: Path) -> None:
     result = acausal.simulate(MslPendulum(), stop_time=5.0, tolerance=1e-8, output_interval=0.02)
     error, signal = worst_error(result, reference / "msl" / "MultiBody_Pendulum")
@@ -153,3 +194,10 @@ def test_force_and_torque_in_a_turned_frame(reference: Path) -> None:
     result = acausal.simulate(ForceAndTorque(), stop_time=1.01, tolerance=1e-8, output_interval=0.01)
     error, signal = worst_error(result, reference / "msl" / "MultiBody_ForceAndTorque")
     assert error < 1e-5, signal
+
+
+def test_spring_constant_that_holds_the_bar_still() -> None:
+    """Published solution: c = 49.03325 N/m, the bar does not move."""
+    result = acausal.simulate(InitSpringConstant(), stop_time=1.01, tolerance=1e-8)
+    assert result.final("spring.c") == pytest.approx(49.03325, abs=1e-7)
+    assert np.abs(result["rev.phi"]).max() < 1e-9
