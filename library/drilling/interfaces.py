@@ -52,7 +52,7 @@ class PartialDrillingForce(Component):
     s: Real = signal_output(unit="m", nominal=1e-3, doc="Depth of the tip behind the entry face, along the drill axis")
     d_O: Real = signal_output(unit="m", nominal=1e-3, doc="Outer diameter of the engaged part of the edges")
     d_I: Real = signal_output(unit="m", nominal=1e-3, doc="Inner diameter of the engaged part of the edges")
-    n: Real = signal_output(unit="1/s", doc="Rotational speed of the drill against the workpiece, without sign")
+    n: Real = signal_output(unit="1/s", doc="Rotational speed, without sign")
     f_z: Real = signal_output(unit="m", nominal=1e-4, doc="Feed per edge and revolution")
     k_c: Real = signal_output(unit="Pa", nominal=1e9, doc="Specific cutting force")
     F_c: Real = signal_output(unit="N", nominal=1e3, doc="Cutting force")

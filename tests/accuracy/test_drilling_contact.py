@@ -109,3 +109,25 @@ def test_figure_2_of_the_paper_moves_like_the_drill_at_full_diameter() -> None:
     times = np.linspace(0.0, 6.0, 61)
     np.testing.assert_allclose(drill.at(times, "drill.s") - 0.01, figure.at(times, "mass.s"), rtol=0, atol=2e-9)
     np.testing.assert_allclose(drill.at(times, "drill.F_f"), figure.at(times, "cut.f"), rtol=0, atol=1e-3)
+
+
+@pytest.mark.parametrize(("as_printed", "damped"), [(False, 0.0), (True, 1.0)])
+def test_offset_of_the_two_forms_of_the_contact_force(as_printed: bool, damped: float) -> None:
+    # At a steady feed v: k (s - s_tar) == F by equation (20), == F - d_c v by equation (21) as printed.
+    F = 3000.0
+    force = ((0.0, F), (99.0, F))
+    scene = ThickBlock(force_profile=force, speed_profile=TURNING, as_printed=as_printed)
+    values = {"gap": -0.01 - F / 1e8, "drill.s_start": 0.01}
+    r = acausal.simulate(scene, parameters=values, stop_time=1.0, tolerance=1e-8)
+    v = 2 * 9.28 * PlainDrilling(force, TURNING).inverse(0.016, F)
+    expected = (F - damped * 2e4 * v) / 1e8
+    assert r.final("drill.s") - r.final("drill.s_tar") == pytest.approx(expected, abs=1e-10)
+    assert r.final("drill.geometry.v") == pytest.approx(v, rel=1e-6)
+
+
+@pytest.mark.parametrize("solver", ["rosenbrock", "cvodes"])
+def test_other_solvers_drill_the_same_hole(solver: str) -> None:
+    r = acausal.simulate(ThickBlock(), tolerance=1e-8, solver=solver)
+    times = [1.5, 6.0, 10.0, 20.0, 30.0, 40.0]
+    expected = PlainDrilling(FORCE, SPEED).depths(times)
+    np.testing.assert_allclose(r.at(times, "drill.s"), expected[:, 0], rtol=0, atol=2e-9)
