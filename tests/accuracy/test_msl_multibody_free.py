@@ -146,7 +146,7 @@ class PointGravityWithPointMasses(Component):
 
 
 def check(model: Component, example: Path, stop_time: float, bound: float, renamed: dict[str, str]) -> None:
-    result = acausal.simulate(model, stop_time=stop_time, tolerance=1e-8, output_interval=stop_time / 250)
+    result = acausal.simulate(model, stop_time=stop_time, tolerance=1e-8, output_interval=stop_time / 5000)
     error, signal = worst_error(result, example, renamed)
     assert error < bound, signal
 

@@ -147,18 +147,18 @@ class Engine1b(Engine1a):
 
 
 def test_spatial_four_bar(reference: Path) -> None:
-    result = acausal.simulate(Fourbar1(), stop_time=5.0, tolerance=1e-8, output_interval=0.02)
+    result = acausal.simulate(Fourbar1(), stop_time=5.0, tolerance=1e-8, output_interval=0.001)
     error, signal = worst_error(result, reference / "msl" / "MultiBody_Fourbar1")
     assert error < 1e-5, signal
 
 
 def test_crank_drive_without_gas(reference: Path) -> None:
-    result = acausal.simulate(Engine1a(), stop_time=5.0, tolerance=1e-8, output_interval=0.01)
+    result = acausal.simulate(Engine1a(), stop_time=5.0, tolerance=1e-8, output_interval=0.001)
     error, signal = worst_error(result, reference / "msl" / "MultiBody_Engine1a")
     assert error < 1e-5, signal
 
 
 def test_crank_drive_with_gas(reference: Path) -> None:
-    result = acausal.simulate(Engine1b(), stop_time=0.5, tolerance=1e-8, output_interval=0.001)
+    result = acausal.simulate(Engine1b(), stop_time=0.5, tolerance=1e-8, output_interval=0.0001)
     error, signal = worst_error(result, reference / "msl" / "MultiBody_Engine1b")
     assert error < 1e-5, signal
