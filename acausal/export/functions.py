@@ -42,7 +42,7 @@ def casadi_model(compiled: CompiledModel, outputs: Sequence[str] | None = None) 
     wanted = named_outputs(compiled, outputs)
     begin = begin_of(compiled)
     dae = dae_function(compiled, wanted)
-    y = np.array(dae(begin.t, begin.x, begin.z, begin.u, begin.p)[2]).ravel()
+    y = np.array(dae(begin.t, begin.x, begin.z, begin.u, begin.p)[2]).ravel() + 0.0  # no -0.0
     inputs = compiled.solution.structure.reduced.inputs
     return CasadiModel(
         name=compiled.name,

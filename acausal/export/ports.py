@@ -126,11 +126,10 @@ def parameter_ports(compiled: CompiledModel) -> Ports:
 
 def _parameters(compiled: CompiledModel) -> Iterator[tuple[int, Port]]:
     names, values = compiled.parameters, compiled.parameter_values
-    # Last to first: of parameters bound to one another, the first declared one describes the symbol.
-    for parameter in reversed(compiled.flat.parameters):
-        d = parameter.declaration
-        for node in parameter.nodes:
-            op, *rest = compiled.flat.pool.nodes[node]
-            if op == "par":
-                k = rest[0]
+    for parameter in compiled.flat.parameters:
+        # Others are bound to this one and say no more.
+        if parameter.free:
+            d = parameter.declaration
+            for node in parameter.nodes:
+                k = compiled.flat.pool.nodes[node][1]
                 yield k, Port(names[k], d.unit, d.doc, values[k], d.nominal, d.min, d.max)

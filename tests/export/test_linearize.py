@@ -1,0 +1,93 @@
+"""Linearizations against textbook matrices and against differences of the simulation."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import acausal
+from acausal.errors import UsageError
+from acausal.models.drilling_dynamic import ThickBlock
+from acausal.models.oscillator import Oscillator
+from acausal.models.pendulum import Pendulum
+from tests.export.scenes import DrivenSlider, Slider
+
+
+def test_oscillator() -> None:
+    """A = [[0, 1], [-c/m, -d/m]]; m = 1 kg, c = 100 N/m, d = 1 N.s/m. The spring's force is c*s."""
+    linear = acausal.linearize(Oscillator(), outputs=["spring.f", "mass.a"])
+    assert linear.states == ("mass.s", "mass.v")
+    np.testing.assert_allclose(linear.A, [[0.0, 1.0], [-100.0, -1.0]], atol=1e-12)
+    np.testing.assert_allclose(linear.C, [[100.0, 0.0], [-100.0, -1.0]], atol=1e-12)
+    np.testing.assert_allclose(linear.eigenvalues, -0.5 + 1j * np.sqrt(99.75) * np.array([1, -1]), rtol=1e-12)
+    # It is released at 0.1 m, where it accelerates with c*s/m.
+    np.testing.assert_allclose(linear.rates, [0.0, -10.0])
+
+
+def test_pendulum_at_rest_swings_with_its_natural_frequency() -> None:
+    """A point mass of 1 kg at 0.5 m, inertia 0.001 kg.m2: omega**2 = m g l / (m l**2 + I)."""
+    linear = acausal.linearize(Pendulum(), x={"revolute.phi": -math.pi / 2})
+    square = 9.80665 * 0.5 / (0.25 + 0.001)
+    assert np.abs(linear.eigenvalues.imag) == pytest.approx([math.sqrt(square)] * 2, rel=1e-4)
+    np.testing.assert_allclose(linear.rates, 0.0, atol=1e-12)
+
+
+def test_inputs_and_outputs() -> None:
+    """power = u v about u = 3 N, v = 2 m/s; parameters change without a new model."""
+    compiled = acausal.compile(Slider())
+    linear = acausal.linearize(compiled, x={"mass.v": 2.0}, inputs={"u": 3.0}, parameters={"m": 4.0})
+    np.testing.assert_allclose(linear.B, [[0.0], [0.25]])
+    np.testing.assert_allclose(linear.C, [[0.0, 3.0]])
+    np.testing.assert_allclose(linear.D, [[2.0]])
+    np.testing.assert_allclose(linear.y, [6.0])
+    assert (linear.inputs, linear.outputs) == (("u",), ("power",))
+
+
+def test_algebraic_variables_are_eliminated() -> None:
+    """u = i + i**3 at u = 2: i = 1 and di/du = 1/4, which is also the acceleration of 1 kg."""
+    linear = acausal.linearize(DrivenSlider(), inputs={"u": 2.0})
+    np.testing.assert_allclose(linear.B, [[0.0], [0.25]], atol=1e-12)
+    np.testing.assert_allclose(linear.D, [[0.25]], atol=1e-12)
+    np.testing.assert_allclose(linear.y, [1.0], rtol=1e-10)
+
+
+def test_at_a_time_of_a_run() -> None:
+    """While drilling steadily dF_f/ds is the contact stiffness in series with the cut, below k = 1e8 N/m.
+
+    Expected values by differences of the exported equations, with the algebraic variable solved again.
+    """
+    compiled = acausal.compile(ThickBlock())
+    run = acausal.simulate(compiled, stop_time=15.0)
+    linear = acausal.linearize(compiled, result=run, outputs=["drill.F_f"])
+    assert linear.t == 15.0
+    assert linear.y[0] == pytest.approx(2000.0, rel=1e-6)
+    model = compiled.casadi(["drill.F_f"])
+    step = 1e-9
+    for k in (0, 3):
+        ends = []
+        for side in (-1, 1):
+            x = linear.x.copy()
+            x[k] += side * step
+            ends.append(float(model.ode(15.0, x, [], model.p.start)[1]))
+        assert linear.C[0, k] == pytest.approx((ends[1] - ends[0]) / (2 * step), rel=1e-4)
+    assert 0.9e8 < linear.C[0, 0] < 1e8
+
+
+def test_a_run_brings_its_parameters_and_inputs() -> None:
+    run = acausal.simulate(Slider(), inputs={"u": 3.0}, parameters={"m": 2.0}, stop_time=1.0)
+    linear = acausal.linearize(Slider(), result=run)
+    np.testing.assert_allclose(linear.u, [3.0])
+    np.testing.assert_allclose(linear.x, [0.75, 1.5], rtol=1e-6)
+    np.testing.assert_allclose(linear.B, [[0.0], [0.5]])
+
+
+def test_unknown_names() -> None:
+    for keywords in ({"x": {"mass.w": 1.0}}, {"outputs": ["mass.w"]}):
+        with pytest.raises(UsageError, match=r"mass\.w") as caught:
+            acausal.linearize(Slider(), **keywords)
+        assert caught.value.code == "AC010"
+        assert "mass.v" in str(caught.value)
+    with pytest.raises(UsageError, match="no input 'force'"):
+        acausal.linearize(Slider(), inputs={"force": 1.0})
