@@ -20,9 +20,11 @@ from acausal.library.multibody.forces import WorldTorque as WorldTorque
 from acausal.library.multibody.frames import Frame as Frame
 from acausal.library.multibody.gravity import point_field as point_field
 from acausal.library.multibody.joints import FreeMotion as FreeMotion
+from acausal.library.multibody.joints import GearConstraint as GearConstraint
 from acausal.library.multibody.joints import Prismatic as Prismatic
 from acausal.library.multibody.joints import Revolute as Revolute
 from acausal.library.multibody.joints import RevolutePlanarLoopConstraint as RevolutePlanarLoopConstraint
+from acausal.library.multibody.joints import RollingWheel as RollingWheel
 from acausal.library.multibody.joints import Spherical as Spherical
 from acausal.library.multibody.joints import Universal as Universal
 from acausal.library.multibody.line_forces import Damper as Damper

@@ -20,13 +20,14 @@ from acausal.models.double_pendulum import DoublePendulum
 from acausal.models.pendulum import Pendulum
 from acausal.models.pendulum_chain import PendulumChain
 
+COMPOSED = ("Universal", "GearConstraint")
 LEAVES = [
     cls
     for name, cls in vars(multibody).items()
     if inspect.isclass(cls)
     and issubclass(cls, Component)
     and not issubclass(cls, Connector)
-    and name != "Universal"
+    and name not in COMPOSED
 ]
 GIVEN = {"width_direction": (0.0, 0.0, 1.0)}
 
