@@ -39,11 +39,26 @@ class Span:
         """The source line, stripped; empty when the file is not readable."""
         return linecache.getline(self.file, self.line).strip()
 
+    @property
+    def marks(self) -> str:
+        """`^^^` below the columns in `text`; empty where they are unknown or are all of the statement."""
+        if self.column is None or self.end_column is None:
+            return ""
+        line = linecache.getline(self.file, self.line)
+        encoded = line.encode()  # columns count bytes
+        first, last = (len(encoded[:k].decode(errors="ignore")) for k in (self.column, self.end_column))
+        indent = len(line) - len(line.lstrip())
+        rest = line.strip().removeprefix("yield ")
+        if last <= first or last - first >= len(rest):
+            return ""
+        return " " * (first - indent) + "^" * (last - first)
+
     def __str__(self) -> str:
         return f"{self.file}:{self.line}"
 
 
 _PACKAGE = os.path.dirname(os.path.abspath(__file__)) + os.sep
+_COMMAND_LINE = _PACKAGE + "cli" + os.sep
 _MODELLERS = tuple(_PACKAGE + name + os.sep for name in ("library", "models"))
 
 
@@ -52,6 +67,8 @@ def calling_span() -> tuple[Span, ...]:
     frame = sys._getframe(1)
     while frame is not None:
         file = frame.f_code.co_filename
+        if file.startswith(_COMMAND_LINE):
+            return ()  # behind it there is no source of the user's, only the option parser
         if not file.startswith("<frozen") and (not file.startswith(_PACKAGE) or file.startswith(_MODELLERS)):
             return (Span(file, frame.f_lineno),)
         frame = frame.f_back  # type: ignore[assignment]
@@ -95,10 +112,12 @@ class AcausalError(Exception):
 
     def __str__(self) -> str:
         lines = [f"error[{self.code}]: {self.fact}"]
-        for span in self.where:
+        for span in dict.fromkeys(self.where):
             lines.append(f"  at      {span}")
             if span.text:
                 lines.append(f"              {span.text}")
+                if span.marks:
+                    lines.append(f"              {span.marks}")
         lines.extend(f"          {line}" for line in self.evidence)
         if self.cause:
             lines.append(f"  cause   {self.cause}")

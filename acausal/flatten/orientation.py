@@ -86,7 +86,7 @@ def _loop(
     way = [joint.b]
     while way[-1] != joint.a:
         way.append(came_from[way[-1]])
-    owners = [all_instances[k].owner for k in reversed(way) if k != world]
+    owners = [all_instances[k].owner for k in way if k != world]
     names = dict.fromkeys(owner.path for owner in owners if owner is not None)
     return FlatLoop((all_instances[joint.a].path, all_instances[joint.b].path), joint.origin, tuple(names))
 

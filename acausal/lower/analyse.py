@@ -9,11 +9,11 @@ from math import comb
 
 import numpy as np
 
-from acausal.errors import StructureError
 from acausal.flatten.connections import UnionFind
 from acausal.flatten.differentiate import differentiate
-from acausal.flatten.flat import span_of
-from acausal.lower.diagnose import balance
+from acausal.lower.diagnosis.balance import balance
+from acausal.lower.diagnosis.differentiated import differentiated_input, undetermined
+from acausal.lower.diagnosis.loops import redundant_constraints
 from acausal.lower.evaluate import Samples, gradients
 from acausal.lower.reduce import ReducedSystem
 from acausal.lower.samples import COUNT, SamplePoints
@@ -151,12 +151,9 @@ def _order(system: _System, states: set[int], without: set[int]) -> tuple[Block,
     incidence = Incidence.from_rows(rows, len(unknowns))
     matched = match(incidence)
     if len(rows) != len(unknowns) or (matched < 0).any():
-        raise StructureError(
-            "AC208",
-            f"{system.reduced.flat.name}: after index reduction the equations do not determine the unknowns",
-            evidence=[f"{len(rows)} equations, {len(unknowns)} unknowns, {int((matched < 0).sum())} not matched"],
-            cause="a constraint depends on others only for special values of the parameters",
-        )
+        free = sorted(set(range(len(unknowns))) - {int(c) for c in matched if c >= 0})
+        left = [system.source[equations[r]] for r in np.flatnonzero(matched < 0)]
+        raise undetermined(system.reduced, left, [unknowns[c] for c in free])
     return tuple(
         Block(tuple(equations[r] for r in b.rows), tuple(unknowns[c] for c in b.columns))
         for b in blocks(incidence, matched)
@@ -170,6 +167,7 @@ class _System:
         self.reduced = reduced
         self.pool = reduced.pool
         self.residuals = list(reduced.residuals)
+        self.source = list(reduced.equation)  # flat equation that each residual comes from
         self.inputs = set(reduced.inputs)
         self._rows: dict[int, list[int]] = {}
 
@@ -191,6 +189,7 @@ class _System:
 
     def differentiate_equation(self, equation: int) -> int:
         self.residuals.append(differentiate(self.pool, self.residuals[equation]))
+        self.source.append(self.source[equation])
         return len(self.residuals) - 1
 
     def hidden(self, equation: int, differentiated: int) -> list[int]:
@@ -261,12 +260,7 @@ def _preference(reduced: ReducedSystem) -> Callable[[int], float]:
 def _check_inputs(reduced: ReducedSystem) -> None:
     for u in reduced.inputs:
         if u in reduced.pool.derivative_of:
-            raise StructureError(
-                "AC207",
-                f"the time derivative of input {reduced.name(u)} is needed",
-                cause="a kinematic source prescribes a position by the input, and the model needs its speed",
-                help="filter the input, or make its derivative the input and integrate it",
-            )
+            raise differentiated_input(reduced, u)
 
 
 def _check_choices(reduced: ReducedSystem, integral: dict[int, int], choices: Sequence[Choice]) -> None:
@@ -278,11 +272,4 @@ def _check_choices(reduced: ReducedSystem, integral: dict[int, int], choices: Se
             while e in integral:
                 e = integral[e]
             sources.append(reduced.flat.equations[reduced.equation[e]])
-        raise StructureError(
-            "AC206",
-            f"{len(sources)} constraint(s) of {reduced.flat.name} follow from the others",
-            where=[s for e in sources[:2] for s in span_of(e)],
-            evidence=[f"{e.source}   ({e.component})" for e in sources[:4]],
-            cause="a loop is closed in more directions than it can move in (a planar loop in 3D, two parallel guides)",
-            help="replace one joint of the loop by one with more freedom, for example a planar-loop joint",
-        )
+        raise redundant_constraints(reduced, sources)

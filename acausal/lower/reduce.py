@@ -10,9 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-from acausal.errors import StructureError
-from acausal.flatten.flat import FlatSystem, span_of
+from acausal.flatten.flat import FlatSystem
 from acausal.flatten.pool import Pool
+from acausal.lower.diagnosis.causes import contradiction
 from acausal.structure import classes
 
 
@@ -80,7 +80,7 @@ def reduce(flat: FlatSystem) -> ReducedSystem:
     Raises
     ------
     StructureError
-        AC205 when equations contradict each other (a constant that is not zero must be zero).
+        When equations contradict each other (a constant that is not zero must be zero): AC205, or the cause of it.
     """
     work = _Aliases(flat)
     while work.sweep():
@@ -248,15 +248,7 @@ class _Aliases:
 
     def _trivial(self, k: int, value: float) -> bool:
         if abs(value) > 1e-12:
-            equation = self.flat.equations[k]
-            raise StructureError(
-                "AC205",
-                f"equations of {equation.component or self.flat.name} contradict each other: `{equation.source}`",
-                where=span_of(equation),
-                evidence=[f"after substitution it reads 0 == {-value:g}"],
-                cause="two components prescribe the same quantity with different values",
-                help="remove one of the prescriptions, or put something compliant between them",
-            )
+            raise contradiction(self.flat, self.flat.equations[k], value)
         self.redundant.append(k)
         return True
 

@@ -6,13 +6,12 @@ with as many residuals.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from acausal.errors import StructureError
-from acausal.flatten.flat import span_of
 from acausal.lower.analyse import Structure
+from acausal.lower.diagnosis.dependence import check_rank, dependent
 from acausal.lower.elimination import Eliminated, eliminate, safety
 from acausal.lower.linear import LinearForm
 from acausal.structure import Block, Incidence, tear
@@ -113,16 +112,18 @@ class _Work:
         if linear is not None:
             coefficient = linear[1].get(variable, pool.zero)
             if coefficient == pool.zero:
-                raise self._dependent([row], linear[0])
+                raise self._dependent([row], [variable], linear[0])
             if safety(self.points, coefficient) is not None:
                 self.define(variable, pool.div(pool.neg(linear[0]), coefficient))
                 self.reports.append(BlockReport((variable,), (), "explicit"))
                 return
+        self._check_rank([row], [variable])
         self.algebraic.append(variable)
         self.residuals.append(residual)
         self.reports.append(BlockReport((variable,), (variable,), "torn"))
 
     def _iterate(self, block: Block) -> None:
+        self._check_rank(block.rows, block.columns)
         self.algebraic += block.columns
         self.residuals += [self.structure.residuals[r] for r in block.rows]
         self.reports.append(BlockReport(block.columns, block.columns, "dae"))
@@ -140,7 +141,9 @@ class _Work:
     def _linear(self, block: Block, done: Eliminated) -> None:
         if done.empty:
             rows = [block.rows[i] for i, _ in done.empty]
-            raise self._dependent(rows, done.empty[0][1])
+            raise self._dependent(rows, block.columns, done.empty[0][1])
+        if done.left_variables:
+            self._check_rank(block.rows, block.columns)
         self.algebraic += done.left_variables
         self.residuals += done.left_residuals
         for variable, node in done.solved:
@@ -149,6 +152,7 @@ class _Work:
 
     def _torn(self, block: Block) -> None:
         """Tear a nonlinear block; rows are solved for a column when they are linear in it with a safe factor."""
+        self._check_rank(block.rows, block.columns)
         place = {v: k for k, v in enumerate(block.columns)}
         residuals = [self.structure.residuals[r] for r in block.rows]
         rows = [sorted(place[v] for v in self.pool.variables_in(r) if v in place) for r in residuals]
@@ -179,21 +183,14 @@ class _Work:
         rank = safety(self.points, coefficient)
         return coefficient if rank is not None and rank < 3 else None
 
-    def _dependent(self, rows: list[int], rest: int) -> StructureError:
-        flat = self.structure.reduced.flat
-        sources = [flat.equations[self.structure.flat_equation(r)] for r in rows]
-        value = self.points.of(rest)[0]
-        contradiction = bool(np.isfinite(value)) and abs(value) > 1e-9
-        return StructureError(
-            "AC204",
-            f"equations of {flat.name} are dependent: "
-            + ("they contradict each other" if contradiction else "one follows from the others"),
-            where=[s for e in sources[:2] for s in span_of(e)],
-            evidence=[f"{e.source}   ({e.component or flat.name})" for e in sources[:6]]
-            + ([f"together they demand 0 == {-value:g}"] if contradiction else []),
-            cause="the unknowns cancel: two equations say the same about them, perhaps with different numbers",
-            help="replace one of these equations by one that fixes what is free",
-        )
+    def _check_rank(self, rows: Sequence[int], unknowns: Sequence[int]) -> None:
+        residuals = [self.structure.residuals[r] for r in rows]
+        flat_rows = [self.structure.flat_equation(r) for r in rows]
+        check_rank(self.structure.reduced, self.points, residuals, unknowns, flat_rows)
+
+    def _dependent(self, rows: Sequence[int], unknowns: Sequence[int], rest: int) -> StructureError:
+        flat_rows = [self.structure.flat_equation(r) for r in rows]
+        return dependent(self.structure.reduced, flat_rows, unknowns, float(self.points.of(rest)[0]))
 
 
 def _needed(structure: Structure, work: _Work) -> frozenset[int]:

@@ -15,7 +15,7 @@ class Pin(Connector):
     v: Real = variable(
         unit="V",
         doc="Potential at the pin",
-        hint="no component fixes a potential in this circuit: add Ground and connect it to one pin",
+        hint="no component fixes a potential in this circuit; add Ground and connect it to one pin",
     )
     i: Real = flow(
         unit="A",

@@ -1,0 +1,44 @@
+"""The probable cause of a singular model: finders in the order in which causes explain each other."""
+
+from __future__ import annotations
+
+from acausal.errors import StructureError
+from acausal.flatten.flat import FlatEquation, FlatSystem, span_of
+from acausal.lower.diagnosis.components import unbalanced_component
+from acausal.lower.diagnosis.inputs import open_inputs
+from acausal.lower.diagnosis.pencil import pencil
+from acausal.lower.diagnosis.references import dependent_equations, prescribed_twice, without_reference
+from acausal.lower.diagnosis.words import label, line, made_at
+
+
+def probable(flat: FlatSystem) -> StructureError | None:
+    """The error that names the cause, or None when none of the known ones is found.
+
+    It is asked only when a model has been found singular, so that sound models pay nothing.
+    """
+    found = open_inputs(flat)
+    if found is None and len(flat.equations) != flat.n_scalars - len(flat.inputs):
+        found = unbalanced_component(flat)
+    if found is not None:
+        return found
+    numbers = pencil(flat)
+    for finder in (without_reference, prescribed_twice, dependent_equations):
+        found = finder(numbers)
+        if found is not None:
+            return found
+    return None
+
+
+def contradiction(flat: FlatSystem, equation: FlatEquation, value: float) -> StructureError:
+    """The error for an equation that reads `value == 0` once everything known has been put in: the cause, or AC205."""
+    found = probable(flat)
+    if found is not None:
+        return found
+    return StructureError(
+        "AC205",
+        f"{flat.name}: an equation of {label(flat, equation.component)} contradicts the others",
+        where=span_of(equation) or made_at(flat, equation.component),
+        evidence=[line(flat, equation), f"with everything known put in it reads 0 == {-value:g}"],
+        cause="two components prescribe the same quantity with different values",
+        help="remove one of the prescriptions, or put something compliant between them",
+    )
