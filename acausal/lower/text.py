@@ -56,7 +56,7 @@ def _pieces(node: Node, context: int, name_of: NameOf) -> list[str | tuple[int, 
     if op == "const":
         return [_bracketed(number(node[1]), node[1] < 0.0 and context >= _NEG)]
     if op in ("var", "par"):
-        return [name_of(op, node[1])]
+        return [name_of(str(op), node[1])]
     if op == "time":
         return ["time"]
     if op == "neg":
@@ -70,7 +70,7 @@ def _pieces(node: Node, context: int, name_of: NameOf) -> list[str | tuple[int, 
         left = binding + (op == "pow" or binding == 1)
         right = binding + (op != "pow")
         return _closed([(node[1], left), shown, (node[2], right)], context > binding)
-    pieces: list[str | tuple[int, int]] = [_CALLED.get(op, op), "("]
+    pieces: list[str | tuple[int, int]] = [_CALLED.get(op, str(op)), "("]
     for k, argument in enumerate(node[1:]):
         pieces += [", ", (argument, 0)] if k else [(argument, 0)]
     return [*pieces, ")"]

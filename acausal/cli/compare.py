@@ -1,0 +1,126 @@
+"""`acausal compare`: how far two results are apart, signal by signal."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from acausal.cli.failure import OUT_OF_TOLERANCE
+from acausal.cli.options import JsonOption
+from acausal.cli.report import plural, record, say, table
+from acausal.errors import UsageError
+
+if TYPE_CHECKING:
+    from acausal.result import Result
+    from acausal.signals import Array
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """The largest difference of one signal: absolute, relative to the signal's range in the first result, and when."""
+
+    name: str
+    absolute: float
+    relative: float
+    time: float
+
+
+def compare(
+    first: Annotated[Path, typer.Argument(metavar="A", help="The reference: a .mat, .csv or .npz file.")],
+    second: Annotated[Path, typer.Argument(metavar="B", help="The result to judge.")],
+    tolerance: Annotated[
+        float, typer.Option("--tolerance", help="Accepted deviation relative to the range of a signal.")
+    ] = 1e-4,
+    floor: Annotated[
+        float, typer.Option("--floor", help="Ranges below this count as this, so that rounding is no deviation.")
+    ] = 1e-9,
+    signals: Annotated[
+        list[str] | None, typer.Option("--signal", metavar="VAR", help="Compare only this one; repeatable.")
+    ] = None,
+    count: Annotated[int, typer.Option("--count", help="Number of signals to list, the worst first.")] = 10,
+    as_json: JsonOption = False,
+) -> None:
+    """Compare two result files; exit 3 when out of tolerance.
+
+    Values are compared at the times of the file with fewer rows, inside the time both cover and away from events,
+    where a difference of rounding in time is a jump.
+    """
+    from acausal.result import load
+
+    a, b = load(first), load(second)
+    found = deviations(a, b, signals or [], floor)
+    bad = [d for d in found if not d.relative <= tolerance]
+    if as_json:
+        record(
+            {
+                "first": str(first),
+                "second": str(second),
+                "tolerance": tolerance,
+                "common": len(found),
+                "only_in_first": sorted(set(a.names) - set(b.names)),
+                "only_in_second": sorted(set(b.names) - set(a.names)),
+                "deviations": [vars(d) for d in found],
+                "within_tolerance": not bad,
+            }
+        )
+    else:
+        rows = [(d.name, f"{d.relative:.3g}", f"{d.absolute:.3g}", f"{d.time:.6g} s") for d in found[:count]]
+        table(rows, ("signal", "of its range", "absolute", "at"))
+        alone = len(set(a.names) ^ set(b.names))
+        verdict = f"{plural(len(bad), 'signal')} out of tolerance {tolerance:g}" if bad else f"all within {tolerance:g}"
+        say(f"{plural(len(found), 'common signal')}, {alone} in one file only: {verdict}")
+    if bad:
+        raise typer.Exit(OUT_OF_TOLERANCE)
+
+
+def deviations(a: Result, b: Result, wanted: list[str], floor: float) -> list[Deviation]:
+    """Deviations of the common (or the wanted) signals, the largest first.
+
+    Raises
+    ------
+    UsageError
+        AC007 when the results have no signal or no time in common, AC010 for an unknown wanted signal.
+    """
+    import numpy as np
+
+    for name in wanted:
+        a.elements(name), b.elements(name)
+    elements = [s.name for name in wanted for s in a.elements(name)[1]]
+    common = elements or [n for n in a.names if n in b.signals]
+    times = _times(a, b)
+    if not common or not times.size:
+        what = "signal" if not common else "time"
+        raise UsageError("AC007", f"the results have no {what} in common", help="are they results of the same model?")
+    found = []
+    for name in common:
+        x, y = np.asarray(a.at(times, name)), np.asarray(b.at(times, name))
+        difference = np.abs(x - y)
+        # One of them not a number: as wrong as can be. Both: the same.
+        difference[np.isnan(difference)] = np.inf
+        difference[np.isnan(x) & np.isnan(y)] = 0.0
+        k = int(np.argmax(difference))
+        finite = x[np.isfinite(x)]
+        span = float(np.ptp(finite)) if finite.size else 0.0
+        # A constant has no range; its size is the measure then.
+        scale = max(span or (float(np.abs(finite).max()) if finite.size else 0.0), floor)
+        found.append(Deviation(name, float(difference[k]), float(difference[k]) / scale, float(times[k])))
+    return sorted(found, key=lambda d: -d.relative)
+
+
+def _times(a: Result, b: Result) -> Array:
+    import numpy as np
+
+    coarse = a if len(a.time) <= len(b.time) else b
+    low, high = max(a.time[0], b.time[0]), min(a.time[-1], b.time[-1])
+    times = np.unique(coarse.time)
+    times = np.asarray(times[(times >= low) & (times <= high)], dtype=float)
+    events = np.concatenate([r.time[1:][np.diff(r.time) == 0] for r in (a, b)])
+    if not events.size:
+        return times
+    events = np.sort(events)
+    after = np.clip(np.searchsorted(events, times), 1, len(events)) - 1
+    distance = np.minimum(np.abs(times - events[after]), np.abs(times - events[np.minimum(after + 1, len(events) - 1)]))
+    return np.asarray(times[distance > 1e-9 * max(abs(low), abs(high))], dtype=float)

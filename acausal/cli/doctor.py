@@ -1,0 +1,122 @@
+"""`acausal doctor`: does everything that acausal stands on work here."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import math
+import platform
+import shutil
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from acausal.cli.failure import FAILED
+from acausal.cli.options import JsonOption
+from acausal.cli.report import record
+
+if TYPE_CHECKING:
+    from acausal.lower.compiled import CompiledModel
+
+_PACKAGES = ("casadi", "numpy", "scipy", "matplotlib", "typer", "pint")
+_EXTRAS = {"pandas": "Result.to_pandas", "xarray": "Result.to_xarray"}
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One line of the report; `status` is "ok", "missing" (does without) or "broken"."""
+
+    name: str
+    status: str
+    detail: str
+
+
+def doctor(as_json: JsonOption = False) -> None:
+    """Check the installation; exit 1 when something is broken.
+
+    Versions, the solvers on a small model against its closed form, a C compiler, optional packages.
+    """
+    findings = list(_findings())
+    healthy = all(f.status != "broken" for f in findings)
+    if as_json:
+        record({"healthy": healthy, "findings": [vars(f) for f in findings]})
+    else:
+        _print(findings)
+    if not healthy:
+        raise typer.Exit(FAILED)
+
+
+def _print(findings: list[Finding]) -> None:
+    color = {"ok": typer.colors.GREEN, "missing": typer.colors.YELLOW, "broken": typer.colors.RED}
+    for f in findings:
+        # typer leaves the colours out where stdout is no terminal.
+        typer.echo(f"{typer.style(f.status.ljust(8), fg=color[f.status])} {f.name.ljust(22)} {f.detail}")
+
+
+def _findings() -> Iterator[Finding]:
+    version = platform.python_version()
+    yield Finding("python", "ok" if sys.version_info >= (3, 11) else "broken", f"{version} at {sys.executable}")
+    for package in _PACKAGES:
+        yield _tried(package, partial(_version, package))
+    yield from _solvers()
+    compiler = next((c for c in ("gcc", "cc", "clang", "cl") if shutil.which(c)), None)
+    yield Finding(
+        "C compiler",
+        "ok" if compiler else "missing",
+        str(shutil.which(compiler)) if compiler else "none found; models run interpreted",
+    )
+    for package, use in _EXTRAS.items():
+        there = importlib.util.find_spec(package) is not None
+        yield Finding(
+            package, "ok" if there else "missing", f"for {use}" + ("" if there else f"; pip install {package}")
+        )
+
+
+def _tried(name: str, check: Callable[[], str]) -> Finding:
+    try:
+        return Finding(name, "ok", check())
+    except Exception as error:  # whatever it is, the report goes on
+        return Finding(name, "broken", f"{type(error).__name__}: {error}".split("\n")[0])
+
+
+def _version(package: str) -> str:
+    from importlib.metadata import version
+
+    importlib.import_module(package)
+    return version(package)
+
+
+def _solvers() -> Iterator[Finding]:
+    """Every solver on one compiled oscillator: a plugin that loads and computes nonsense would be found too."""
+    try:
+        from acausal.lower.compile import compile
+        from acausal.simulate.solvers import SOLVERS
+
+        oscillator: Any = importlib.import_module("acausal.models.oscillator").Oscillator
+        compiled = compile(oscillator())
+    except Exception as error:
+        yield Finding("compiling a model", "broken", f"{type(error).__name__}: {error}".split("\n")[0])
+        return
+    yield Finding("compiling a model", "ok", f"{1e3 * sum(compiled.timings.values()):.0f} ms")
+    for name, solver in SOLVERS.items():
+        step = 1e-3 if solver.fixed_step else None
+        yield _tried(f"solver {name}", partial(_run, compiled, name, step))
+
+
+def _run(compiled: CompiledModel, solver: str, step: float | None) -> str:
+    """The damped oscillator over half a second against its closed form."""
+    from acausal.simulate.run import simulate
+
+    began = time.perf_counter()
+    result = simulate(compiled, stop_time=0.5, tolerance=1e-8, solver=solver, step=step)
+    t, z, w = float(result.time[-1]), 0.5, math.sqrt(100.0 - 0.25)
+    exact = 0.1 * math.exp(-z * t) * (math.cos(w * t) + z / w * math.sin(w * t))
+    error = abs(float(result.final("mass.s")) - exact)
+    if error > 1e-5:
+        raise RuntimeError(f"the oscillator is off by {error:.2g} m")
+    return f"oscillator within {error:.1g} m of its closed form, {1e3 * (time.perf_counter() - began):.0f} ms"

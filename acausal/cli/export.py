@@ -1,0 +1,65 @@
+"""`acausal export`: the model in other forms."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from acausal.cli.options import JsonOption, ModelArgument, SetOption
+from acausal.cli.outputs import check_writable
+from acausal.cli.reference import find_model
+from acausal.cli.report import quantity, record, remark, say, table
+from acausal.cli.settings import prepare
+
+export = typer.Typer(help="Write a model in another form.", no_args_is_help=True)
+
+
+@export.callback()
+def forms() -> None:
+    """Write a model in another form."""
+
+
+@export.command()
+def casadi(
+    model: ModelArgument,
+    output_file: Annotated[
+        Path | None,
+        typer.Option("--output-file", "-o", help="File to write.  [default: MODEL.casadi]", show_default=False),
+    ] = None,
+    outputs: Annotated[
+        list[str] | None,
+        typer.Option("--output", metavar="VAR", help="What y holds; repeatable.  [default: the model's own variables]"),
+    ] = None,
+    settings: SetOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Write the functions dae, ode and init for optimal control.
+
+    The file holds them with names, units, start, nominal, min and max of every entry; acausal.export reads it.
+    """
+    cls = find_model(model)
+    prepared = prepare(cls, settings or ())
+    target = output_file or Path(f"{cls.__name__}.casadi")
+    check_writable(target)
+    from acausal.lower.compile import compile
+
+    made = compile(prepared.model, parameters=prepared.parameters).casadi(outputs)
+    made.save(target)
+    functions = {name: str(getattr(made, name)) for name in ("dae", "ode", "init")}
+    vectors = {name: [vars(port) for port in getattr(made, name)] for name in ("x", "z", "u", "p", "y")}
+    if as_json:
+        record({"model": made.name, "functions": functions, **vectors, "notes": made.notes, "files": [str(target)]})
+        return
+    for text in functions.values():
+        say(text)
+    rows = [
+        (name if k == 0 else "", port["name"], quantity(port["start"], port["unit"]), port["doc"])
+        for name, ports in vectors.items()
+        for k, port in enumerate(ports)
+    ]
+    table(rows, ("", "name", "start", "meaning"))
+    for note in made.notes:
+        remark(f"note: {note}")
+    remark(f"wrote {target}")

@@ -1,0 +1,113 @@
+"""The command `acausal`: one verb per file beside this one.
+
+Nothing heavy is imported here or at the top of a verb, so that help and errors come at once.
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+from acausal.cli import clock as _clock  # noqa: F401  (the clock starts when it is loaded)
+from acausal.cli.check import check
+from acausal.cli.compare import compare
+from acausal.cli.doctor import doctor
+from acausal.cli.equations import equations
+from acausal.cli.export import export
+from acausal.cli.failure import INTERRUPTED, as_error, exit_code
+from acausal.cli.info import info
+from acausal.cli.list import list_models
+from acausal.cli.plot import plot
+from acausal.cli.report import remark, say, show_error
+from acausal.cli.simulate import simulate
+
+
+class _Verbs(TyperGroup):
+    """The group of verbs: it turns every exception into a message and an exit code."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        # `acausal check M --debug` is what people type after `acausal check M` has failed.
+        own = args[: args.index("--")] if "--" in args else args
+        if "--debug" in own[1:]:
+            args = ["--debug", *[a for a in own if a != "--debug"], *args[len(own) :]]
+        return super().parse_args(ctx, args)
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run a verb."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            remark("interrupted")
+            raise typer.Exit(INTERRUPTED) from None
+        except (RuntimeError, OSError) as error:
+            # typer's own: Exit and Abort are RuntimeErrors, a closed pipe is no defect.
+            if isinstance(error, typer.Exit | typer.Abort | BrokenPipeError):
+                raise
+            raise _ended(error, ctx.params["debug"]) from error
+        except Exception as error:
+            if _is_usage_error(error):
+                raise
+            raise _ended(error, ctx.params["debug"]) from error
+
+
+def _is_usage_error(error: Exception) -> bool:
+    """True for errors of the option parser, whatever package typer takes it from."""
+    return hasattr(error, "exit_code") and hasattr(error, "format_message")
+
+
+def _ended(error: Exception, debug: bool) -> typer.Exit:
+    shown = as_error(error)
+    if debug:
+        import traceback
+
+        traceback.print_exception(error, file=sys.stderr)
+    show_error(shown)
+    return typer.Exit(exit_code(shown))
+
+
+app = typer.Typer(
+    name="acausal",
+    cls=_Verbs,
+    epilog="MODEL is a shipped model (acausal list), path/file.py:Class, path/file.py, or package.module:Class.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    add_completion=True,
+)
+
+
+def _version(wanted: bool) -> None:
+    if not wanted:
+        return
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        say(f"acausal {version('acausal')}")
+    except PackageNotFoundError:
+        say("acausal, not installed")
+    raise typer.Exit()
+
+
+@app.callback()
+def main(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+    debug: Annotated[
+        bool, typer.Option("--debug", envvar="ACAUSAL_DEBUG", help="Print the traceback of errors too.")
+    ] = False,
+) -> None:
+    """Equation-based modelling of physical systems: look at models, check them, simulate them."""
+
+
+app.command(name="list")(list_models)
+app.command()(info)
+app.command()(check)
+app.command()(simulate)
+app.command()(plot)
+app.command()(equations)
+app.add_typer(export, name="export")
+app.command()(compare)
+app.command()(doctor)

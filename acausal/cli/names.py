@@ -1,0 +1,32 @@
+"""Names for the leaves of pool expressions, as the user wrote them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from acausal.units import divide, format_dimension, parse
+
+if TYPE_CHECKING:
+    from acausal.flatten.flat import FlatSystem
+    from acausal.lower.reduce import ReducedSystem
+    from acausal.lower.text import NameOf
+
+
+def flat_names(flat: FlatSystem) -> NameOf:
+    """Names in the flat system's pool."""
+    return lambda op, k: flat.parameter_names[k] if op == "par" else flat.scalar_name(k)
+
+
+def reduced_names(reduced: ReducedSystem) -> NameOf:
+    """Names in the reduced system's pool."""
+    own = reduced.flat.parameter_names
+    # The compiler's own parameter stands behind those of the model.
+    return lambda op, k: (own[k] if k < len(own) else "stabilisation.rate") if op == "par" else reduced.name(k)
+
+
+def unit_of(reduced: ReducedSystem, variable: int) -> str:
+    """Declared unit of a reduced variable; a derivative made by the compiler has none declared."""
+    if variable < len(reduced.scalar) and reduced.scalar[variable] not in reduced.flat.pool.integral_of:
+        return reduced.flat.declaration(reduced.scalar[variable]).unit
+    below = unit_of(reduced, reduced.pool.integral_of[variable])
+    return format_dimension(divide(parse(below).dimension, parse("s").dimension)) if below else ""

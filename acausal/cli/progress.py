@@ -1,0 +1,55 @@
+"""A bar on the terminal for runs that take longer than a second."""
+
+from __future__ import annotations
+
+import sys
+import time
+from types import TracebackType
+from typing import Any
+
+_PATIENCE = 1.0
+
+
+class ProgressBar:
+    """What `simulate(progress=...)` calls; it draws nothing before `_PATIENCE` seconds, and nothing into a file."""
+
+    def __init__(self, label: str, quiet: bool = False) -> None:
+        self.label = label
+        # Taken now: the solver's words to stderr are caught while the bar is shown.
+        self._stream = sys.stderr
+        self._shown = not quiet and self._stream.isatty()
+        self._bar: Any = None
+        self._task: Any = None
+
+    def __enter__(self) -> ProgressBar:
+        self._began = time.perf_counter()
+        return self
+
+    def __call__(self, fraction: float, reached: float) -> None:
+        if not self._shown or (self._bar is None and time.perf_counter() - self._began < _PATIENCE):
+            return
+        if self._bar is None:
+            self._start()
+        self._bar.update(self._task, completed=fraction, reached=f"{reached:.6g} s")
+
+    def _start(self) -> None:
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+        self._bar = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            TextColumn("{task.fields[reached]}"),
+            TimeElapsedColumn(),
+            TimeRemainingColumn(),
+            console=Console(file=self._stream),
+            transient=True,
+        )
+        self._task = self._bar.add_task(self.label, total=1.0, reached="")
+        self._bar.start()
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._bar is not None:
+            self._bar.stop()

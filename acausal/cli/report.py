@@ -1,0 +1,93 @@
+"""What a command prints: tables and JSON on stdout, remarks on stderr."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from acausal.errors import AcausalError, Span
+
+
+def say(text: str = "") -> None:
+    """A line of the result, on stdout."""
+    print(text)
+
+
+def remark(text: str) -> None:
+    """A line about the work, on stderr, so that stdout can be piped on."""
+    print(text, file=sys.stderr, flush=True)
+
+
+def table(rows: Sequence[Sequence[str]], head: Sequence[str] = (), indent: str = "") -> None:
+    """Aligned columns on stdout, the last one ragged.
+
+    Not a table of rich: that one cuts paths to the width of a terminal which a pipe does not have.
+    """
+    lines = [list(map(str, row)) for row in ([head] if head else []) + list(rows)]
+    if not lines:
+        return
+    widths = [max(len(line[k]) for line in lines) for k in range(len(lines[0]))]
+    for line in lines:
+        cells = [cell.ljust(width) for cell, width in zip(line, widths, strict=True)]
+        say((indent + "  ".join(cells)).rstrip())
+
+
+def record(content: Mapping[str, Any]) -> None:
+    """One JSON object on stdout."""
+    say(json.dumps(_plain(content), indent=2, ensure_ascii=False))
+
+
+def _plain(value: Any) -> Any:
+    """JSON has no nan and no infinity: they become null and a text."""
+    if isinstance(value, Mapping):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple | set | frozenset):
+        return [_plain(v) for v in value]
+    if hasattr(value, "tolist"):
+        return _plain(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None if math.isnan(value) else ("inf" if value > 0 else "-inf")
+    return value if isinstance(value, str | int | float | bool | None) else str(value)
+
+
+def show_error(error: AcausalError) -> None:
+    """The message on stderr, its first line in red on a terminal."""
+    from rich.console import Console
+    from rich.text import Text
+
+    first, _, rest = str(error).partition("\n")
+    console = Console(stderr=True, soft_wrap=True, highlight=False)
+    # Text, not a string: brackets such as masses[0] are no markup.
+    console.print(Text(first, style="bold red"))
+    if rest:
+        console.print(Text(rest))
+
+
+def place(span: Span | None) -> str:
+    """`file:line`, the file as short as it is unmistakable: from here, or from the package's folder."""
+    if span is None:
+        return ""
+    path = Path(span.file)
+    for root in (Path.cwd(), Path(__file__).resolve().parents[2]):
+        if path.is_relative_to(root):
+            return f"{path.relative_to(root)}:{span.line}"
+    return str(span)
+
+
+def quantity(value: float, unit: str) -> str:
+    """A number with its declared unit."""
+    return f"{value:.6g} {unit}".rstrip() if unit not in ("", "1") else f"{value:.6g}"
+
+
+def seconds(value: float) -> str:
+    """A duration in milliseconds below one second."""
+    return f"{value:.2f} s" if value >= 1.0 else f"{1e3 * value:.1f} ms"
+
+
+def plural(count: int, noun: str) -> str:
+    """`1 state`, `2 states`."""
+    return f"{count} {noun}" + ("" if count == 1 else "s")
