@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Generator, Iterator
 from typing import Any
 
-from acausal.errors import DeclarationError
+from acausal.errors import DeclarationError, Span
 from acausal.language.component import Component
 from acausal.language.connect import Connection
 from acausal.language.dimensions import check_dimensions
@@ -30,6 +30,7 @@ def run(component: Component, cls: str, method: str, function: Callable[..., Any
         raise DeclarationError(
             "AC129",
             f"{cls}.{method} yields nothing",
+            where=(Span(function.__code__.co_filename, function.__code__.co_firstlineno),),
             help="every equation needs a `yield`: yield left == right",
         )
     for item in generator:

@@ -43,7 +43,7 @@ def connect(first: Connectable, second: Connectable, *more: Connectable) -> Conn
             )
     kinds = {type(end) for end in ends}
     if len(kinds) > 1:
-        shown = " and ".join(f"{_name(e)} ({type(e).__name__})" for e in ends)
+        shown = " and ".join(f"{_name(e)} ({_type_name(e, kinds)})" for e in ends)
         raise DeclarationError(
             "AC120",
             f"cannot connect different types: {shown}",
@@ -73,6 +73,15 @@ def _check_signals(ends: tuple[Symbol, ...]) -> None:
                 f"`{first}` [{a}] and `{end}` [{b}] cannot be connected: their dimensions differ",
                 help="put a Gain that states the conversion between them",
             )
+
+
+def _type_name(end: Connector | Expr, kinds: set[type]) -> str:
+    """Class of an end; with its library when another class of the connection has the same name."""
+    cls = type(end)
+    if sum(kind.__name__ == cls.__name__ for kind in kinds) == 1:
+        return "signal" if isinstance(end, Expr) else cls.__name__
+    package = cls.__module__.split(".")
+    return f"{'.'.join(package[-2:-1] or package)}.{cls.__name__}"
 
 
 def _name(end: Connector | Expr) -> str:
