@@ -43,7 +43,7 @@ def safety(points: SamplePoints, coefficient: int) -> int | None:
     node = pool.nodes[coefficient]
     if node[0] == "const":
         return None if node[1] == 0.0 else 0 if abs(node[1]) == 1.0 else 1
-    varies = any(pool.nodes[n][0] in ("var", "time") for n in pool.reachable([coefficient]))
+    varies = points.varies(coefficient)
     found = points.of(coefficient)
     found = found[np.isfinite(found)]
     if not varies:

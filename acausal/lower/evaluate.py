@@ -16,7 +16,7 @@ from acausal.flatten.pool import Pool
 Samples = NDArray[np.float64]
 Gradient = dict[int, Any]
 
-_FUNCTIONS: dict[str, Callable[..., Any]] = {
+FUNCTIONS: dict[str, Callable[..., Any]] = {
     "add": np.add,
     "sub": np.subtract,
     "mul": np.multiply,
@@ -61,7 +61,7 @@ def values(
             elif op in leaves:
                 found[number] = leaves[op](node[1] if len(node) > 1 else 0)
             else:
-                found[number] = _FUNCTIONS[op](*[found[c] for c in node[1:]])
+                found[number] = FUNCTIONS[op](*[found[c] for c in node[1:]])
     return found
 
 

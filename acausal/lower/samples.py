@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from acausal.flatten.pool import Pool
-from acausal.lower.evaluate import Samples, values
+from acausal.flatten.pool import LEAVES, Pool
+from acausal.lower.evaluate import FUNCTIONS, Samples, values
 from acausal.lower.reduce import ReducedSystem
 
 COUNT = 12
@@ -31,20 +31,57 @@ class SamplePoints:
         self._known: dict[int, Samples] = {}
         self._definition: dict[int, int] = {}
         self._values: dict[int, Any] = {}
+        self._varies: dict[int, bool] = {}
 
     def define(self, variable: int, node: int) -> None:
         """From now on the variable has the value of `node` at every point."""
         self._definition[variable] = node
         self._known.pop(variable, None)
+        self._values.clear()
 
     def of(self, node: int) -> Samples:
         """Values of a node, shape (COUNT,)."""
-        pool = self.reduced.pool
-        for variable in pool.variables_in(node):
-            self.variable(variable)
-        if node not in self._values:
-            self._values.update(values(pool, [node], self.leaves, self._values))
-        return np.broadcast_to(np.asarray(self._values[node], dtype=float), (COUNT,))
+        return np.broadcast_to(np.asarray(self._value(node), dtype=float), (COUNT,))
+
+    def varies(self, node: int) -> bool:
+        """True when the node depends on a variable or on time."""
+        nodes, known = self.reduced.pool.nodes, self._varies
+        stack = [node]
+        while stack:
+            here = stack[-1]
+            op, *operands = nodes[here]
+            if op in LEAVES:
+                known[here] = op in ("var", "time")
+            elif here not in known:
+                missing = [c for c in operands if c not in known]
+                if missing:
+                    stack.extend(missing)
+                    continue
+                known[here] = any(known[c] for c in operands)
+            stack.pop()
+        return known[node]
+
+    def _value(self, node: int) -> Any:
+        """Value of a node; every node below it is evaluated once until a variable is defined anew."""
+        nodes, known, leaves = self.reduced.pool.nodes, self._values, self.leaves
+        stack = [node]
+        with np.errstate(all="ignore"):
+            while stack:
+                here = stack[-1]
+                op, *operands = nodes[here]
+                if op == "const":
+                    known[here] = operands[0]
+                elif op in LEAVES:
+                    value = leaves[op](operands[0] if operands else 0)
+                    known[here] = value
+                elif here not in known:
+                    missing = [c for c in operands if c not in known]
+                    if missing:
+                        stack.extend(missing)
+                        continue
+                    known[here] = FUNCTIONS[op](*[known[c] for c in operands])
+                stack.pop()
+        return known[node]
 
     def _evaluate(self, variable: int) -> None:
         """Fill in a defined variable, its definitions first; chains are walked without recursion."""
