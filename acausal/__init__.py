@@ -29,6 +29,7 @@ from acausal.language.declare import structural as structural
 from acausal.language.declare import variable as variable
 from acausal.language.experiment import Experiment as Experiment
 from acausal.language.expression import Expr as Expr
+from acausal.language.expression import as_expr as as_expr
 from acausal.language.functions import acos as acos
 from acausal.language.functions import asin as asin
 from acausal.language.functions import atan as atan

@@ -38,7 +38,8 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "acos": np.arccos,
     "atan": np.arctan,
     "fabs": np.abs,
-    **{n: getattr(np, n) for n in ("sin", "cos", "tan", "sinh", "cosh", "tanh", "exp", "log", "sqrt", "sign", "floor", "ceil")},
+    **{n: getattr(np, n) for n in ("sin", "cos", "tan", "sinh", "cosh", "tanh", "exp", "log", "sqrt")},
+    **{n: getattr(np, n) for n in ("sign", "floor", "ceil")},
 }
 
 
@@ -93,7 +94,9 @@ def _combine(parts: Iterable[tuple[Any, Gradient]]) -> Gradient:
     return total
 
 
-def _gradient(op: str, number: int, args: tuple[int, ...], value: dict[int, Any], slope: dict[int, Gradient]) -> Gradient:
+def _gradient(
+    op: str, number: int, args: tuple[int, ...], value: dict[int, Any], slope: dict[int, Gradient]
+) -> Gradient:
     if not any(slope[a] for a in args):
         return {}
     if op == "where":

@@ -12,6 +12,7 @@ from acausal import (
     Equations,
     Expr,
     Real,
+    as_expr,
     branch,
     cross,
     der,
@@ -22,7 +23,6 @@ from acausal import (
     structural,
     variable,
 )
-from acausal.language.expression import as_expr
 from acausal.library.multibody.frames import Frame
 from acausal.library.multibody.gravity import STANDARD_GRAVITY, Field, uniform_field
 from acausal.library.multibody.rotations import quaternion_rates, quaternion_rotation

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from acausal import Component, Equations, Real, cross, identity, parameter, root, rooted, structural
-from acausal.language.expression import as_expr
+from acausal import Component, Equations, Real, as_expr, cross, identity, parameter, root, rooted, structural
 from acausal.library.multibody.frames import Frame
 from acausal.library.multibody.interfaces import PartialAligned, PartialJoint
 from acausal.library.multibody.orientation import IDENTITY, Rotation

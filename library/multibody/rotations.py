@@ -11,8 +11,7 @@ from functools import reduce
 from operator import add
 from typing import TYPE_CHECKING
 
-from acausal import Expr, atan2, cos, cross, dot, sin, sqrt
-from acausal.language.expression import as_expr
+from acausal import Expr, as_expr, atan2, cos, cross, dot, sin, sqrt
 
 if TYPE_CHECKING:
     from acausal.library.multibody.frames import Frame

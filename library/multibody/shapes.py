@@ -9,6 +9,7 @@ from acausal import (
     Equations,
     Expr,
     Real,
+    as_expr,
     cross,
     der,
     dot,
@@ -20,7 +21,6 @@ from acausal import (
     structural,
     variable,
 )
-from acausal.language.expression import as_expr
 from acausal.library.multibody.bodies import PartialTwoFrameBody
 from acausal.library.multibody.frames import Frame
 from acausal.library.multibody.gravity import STANDARD_GRAVITY, Field, uniform_field

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from acausal import Equations, Real, structural, variable
-from acausal.language.expression import as_expr
+from acausal import Equations, Real, as_expr, structural, variable
 from acausal.library.multibody.interfaces import PartialTwoFrames
 from acausal.library.multibody.orientation import Vector, across, unit_vector
 from acausal.library.multibody.rotations import relative_rotation

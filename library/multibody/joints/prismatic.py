@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from acausal import Equations, Real, cross, der, dot, structural, variable
-from acausal.language.expression import as_expr
+from acausal import Equations, Real, as_expr, cross, der, dot, structural, variable
 from acausal.library.multibody.interfaces import PartialAligned
 from acausal.library.multibody.orientation import Vector, unit_vector
 from acausal.library.translational import Flange

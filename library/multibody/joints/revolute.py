@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from acausal import Equations, Real, der, dot, rooted, structural, variable
-from acausal.language.expression import as_expr
+from acausal import Equations, Real, as_expr, der, dot, rooted, structural, variable
 from acausal.library.multibody.interfaces import PartialJoint
 from acausal.library.multibody.orientation import Vector, unit_vector
 from acausal.library.multibody.rotations import planar_rotation

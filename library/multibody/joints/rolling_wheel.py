@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from acausal import Component, Equations, Real, cross, der, dot, norm, parameter, structural, variable
-from acausal.language.expression import as_expr
+from acausal import Component, Equations, Real, as_expr, cross, der, dot, norm, parameter, structural, variable
 from acausal.library.multibody.frames import Frame
 from acausal.library.multibody.orientation import Vector, unit_vector
 from acausal.library.multibody.rotations import resolve_in_frame, resolve_in_world
