@@ -201,3 +201,13 @@ def test_spring_constant_that_holds_the_bar_still() -> None:
     result = acausal.simulate(InitSpringConstant(), stop_time=1.01, tolerance=1e-8)
     assert result.final("spring.c") == pytest.approx(49.03325, abs=1e-7)
     assert np.abs(result["rev.phi"]).max() < 1e-9
+
+
+def test_error_falls_with_the_tolerance(reference: Path) -> None:
+    model = acausal.compile(PendulumWithSpringDamper())
+    errors = []
+    for tolerance in (1e-6, 1e-8, 1e-10):
+        result = acausal.simulate(model, stop_time=10.0, tolerance=tolerance, output_interval=0.002)
+        errors.append(worst_error(result, reference / "msl" / "MultiBody_PendulumWithSpringDamper")[0])
+    assert errors[0] > 5 * errors[1] > 25 * errors[2]
+    assert errors[2] < 3e-9  # the reference itself is converged to 3e-9
