@@ -15,7 +15,7 @@ from acausal.lower.build import Builder
 from acausal.lower.compiled import CompiledModel, Symbols, _column
 from acausal.lower.reduce import reduce
 from acausal.lower.solve import Solution, solve
-from acausal.lower.start import start_problem
+from acausal.lower.start import Reach, start_problem
 from acausal.lower.time_events import TimeEvents, find_time_events
 
 
@@ -58,9 +58,7 @@ def lower(solution: Solution) -> CompiledModel:
     reduced = solution.structure.reduced
     roots = [n for _, n in solution.definitions] + list(solution.residuals)
     events = find_time_events(reduced.pool, roots)
-    # No state is split off as a quadrature: IDAS chooses its order from the states alone, and took 1e5 steps of order 1
-    # for the angle of an evenly accelerated shaft (measured); as a state that angle costs it 30 steps.
-    states, quadratures = solution.structure.states, 0
+    states, quadratures = _sort_states(solution)
     shell = CompiledModel(
         reduced.flat.name, solution, states, quadratures, start_problem(solution), events, None, None, None
     )
@@ -73,6 +71,28 @@ def lower(solution: Solution) -> CompiledModel:
     rhs = ca.Function("rhs", symbols.inputs, [_column(ode), _column(alg)], names, ["ode", "alg"])
     modes, instants = _event_functions(shell, events)
     return CompiledModel(shell.name, solution, states, quadratures, shell.start, events, rhs, modes, instants)
+
+
+def _sort_states(solution: Solution) -> tuple[tuple[int, ...], int]:
+    """States of the coupled system, then islands: integrals of functions of time that act on nothing; their number.
+
+    Integrals of other states stay with them: as quadratures they would be integrated with the order that suits the
+    others (IDAS took 1e5 steps of order 1 for the angle of an evenly accelerated shaft; 30 when it is a state).
+    """
+    reach = Reach(solution)
+    acting: set[int] = set()
+    for node in [n for v, n in solution.definitions if v in solution.needed] + list(solution.residuals):
+        acting |= reach.pool.variables_in(node)
+    acting |= {solution.structure.derivative(x) for x in solution.structure.states}
+    states = solution.structure.states
+    islands = [
+        x
+        for x in states
+        if x not in acting and not reach.of(reach.pool.var(solution.structure.derivative(x))) - set(reach.inputs)
+    ]
+    if len(islands) == len(states):
+        return states, 0
+    return (*(x for x in states if x not in islands), *islands), len(islands)
 
 
 def _event_functions(shell: CompiledModel, events: TimeEvents) -> tuple[Any, Any]:

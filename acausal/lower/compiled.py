@@ -28,7 +28,7 @@ Vector = NDArray[np.float64]
 class CompiledModel:
     """A model ready to run; made by `acausal.compile`, never changed.
 
-    Sizes: `nx` states (the last `quadratures` of them influence nothing that is integrated), `nz` algebraic variables, `nu` inputs, `np` free parameters, `nm` modes of time events.
+    Sizes: `nx` states (the last `quadratures` of them are integrals of time that act on nothing), `nz` algebraic variables, `nu` inputs, `np` free parameters, `nm` modes of time events.
 
     Attributes
     ----------

@@ -114,7 +114,7 @@ def _assign(
     """Match conditions with open states; states without a declared guess are used first."""
     if not given and not open_states:
         return [], [], []
-    reach = _Reach(solution)
+    reach = Reach(solution)
     rows = [sorted(reach.of(c.node)) for c in given] + [sorted(reach.of(r)) for r in solution.residuals]
     order = list(solution.algebraic) + sorted(open_states, key=lambda x: x in guesses)
     for count in range(len(solution.algebraic) + sum(x not in guesses for x in open_states), len(order) + 1):
@@ -130,11 +130,12 @@ def _assign(
     return used, surplus, [x for x in open_states if x not in taken]
 
 
-class _Reach:
+class Reach:
     """States and algebraic variables behind a node, through the definitions."""
 
     def __init__(self, solution: Solution) -> None:
         self.pool = solution.structure.reduced.pool
+        self.inputs = solution.structure.reduced.inputs
         self.definition = dict(solution.definitions)
 
     def of(self, node: int) -> set[int]:

@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from acausal.lower.compiled import CompiledModel
 
 Vector = NDArray[np.float64]
+_DAE_IN = ["t", "x", "z", "p", "u"]
+_DAE_OUT = ["ode", "alg", "quad", "zero"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +30,7 @@ class Problem:
 
     @property
     def n_dynamic(self) -> int:
-        """Number of states that are integrated with error control; the others are quadratures."""
+        """Number of states of the coupled system; the others are integrated apart."""
         return len(self.compiled.states) - self.compiled.quadratures
 
     @cached_property
@@ -48,34 +50,35 @@ class Problem:
     @cached_property
     def dae(self) -> Any:
         """`(t, x, z, p, u) -> (ode, alg, quad, zero)`, SX, for integrators that take algebraic variables."""
-        t, x, z, p, ode, alg, quad = self._scaled()
+        t, x, z, p, ode, alg, _ = self._scaled()
         none = ca.SX(0, 1)
-        return ca.Function(
-            "dae",
-            [t, x, z, p, ca.SX.sym("u", 0)],
-            [ode, alg, quad, none],
-            ["t", "x", "z", "p", "u"],
-            ["ode", "alg", "quad", "zero"],
-        )
+        return ca.Function("dae", [t, x, z, p, ca.SX.sym("u", 0)], [ode, alg, none, none], _DAE_IN, _DAE_OUT)
+
+    @cached_property
+    def islands(self) -> Any:
+        """The same for the integrals of time that are solved apart."""
+        t, _, _, p, _, _, rate = self._scaled()
+        scale = ca.DM(self.compiled.nominal_x[self.n_dynamic :])
+        none = ca.SX(0, 1)
+        q = ca.SX.sym("q", rate.numel())
+        arguments = [t, q, ca.SX.sym("z", 0), p, ca.SX.sym("u", 0)]
+        return ca.Function("islands", arguments, [rate / scale, none, none, none], _DAE_IN, _DAE_OUT)
 
     @cached_property
     def ode(self) -> Any:
         """The same without algebraic variables: a rootfinder solves for them; its start is appended to `p`."""
         nz = len(self.compiled.algebraic)
-        t, x, z, p, ode, alg, quad = self._scaled()
+        t, x, z, p, ode, alg, _ = self._scaled()
         if nz == 0:
-            names, out = ["t", "x", "z", "p", "u"], ["ode", "alg", "quad", "zero"]
             none = ca.SX(0, 1)
-            return ca.Function("ode", [t, x, z, p, ca.SX.sym("u", 0)], [ode, none, quad, none], names, out)
-        full = ca.Function("full", [t, x, z, p], [ode, quad])
+            return ca.Function("ode", [t, x, z, p, ca.SX.sym("u", 0)], [ode, none, none, none], _DAE_IN, _DAE_OUT)
+        full = ca.Function("full", [t, x, z, p], [ode])
         time, state, par, z0 = ca.MX.sym("t"), ca.MX.sym("x", x.numel()), ca.MX.sym("p", p.numel()), ca.MX.sym("z0", nz)
         root = self._root(t, x, z, p, alg)
         solved = root(z0, ca.vertcat(time, state, par))
-        rate, quadrature = full(time, state, solved, par)
-        names, out = ["t", "x", "z", "p", "u"], ["ode", "alg", "quad", "zero"]
         none = ca.MX(0, 1)
         arguments = [time, state, ca.MX.sym("z", 0), ca.vertcat(par, z0), ca.MX.sym("u", 0)]
-        return ca.Function("ode", arguments, [rate, none, quadrature, none], names, out)
+        return ca.Function("ode", arguments, [full(time, state, solved, par), none, none, none], _DAE_IN, _DAE_OUT)
 
     def _root(self, t: Any, x: Any, z: Any, p: Any, alg: Any) -> Any:
         """Rootfinder `(z0, [t, x, p]) -> z` for the scaled algebraic equations."""

@@ -244,7 +244,7 @@ class _Run:
                 step=self.options.step,
             )
             piece = self.integrate(problem, solver, recorder, segment, m)
-            recorder.add(part, piece, m)
+            recorder.add(part[-piece.x.shape[1] :], piece, m)
             start = Start(piece.x[:, -1], piece.z[:, -1], start.notes)
             if self.progress is not None:
                 whole = self.options.stop_time - self.options.start_time
@@ -264,13 +264,19 @@ class _Run:
             return solver.integrate(problem, segment)
         except RuntimeError as error:
             self.interrupt.check()
-            reached = self.salvage(problem, solver, recorder, segment, m)
+            _log.debug("%s: %s", solver.name, error)
+            reached, last = self.salvage(problem, solver, recorder, segment, m)
+            if last is not None:
+                return last  # in smaller pieces it went through
             raise integration_error(self.compiled, solver.name, reached, segment, str(error)) from None
 
     def salvage(
         self, problem: Problem, solver: Solver, recorder: Recorder, segment: Segment, m: Vector
-    ) -> Segment:
-        """Record what can be computed before a failure, in ever smaller pieces; returns where it ends."""
+    ) -> tuple[Segment, Piece | None]:
+        """Record what can be computed before a failure, in ever smaller pieces.
+
+        Returns where it ends, and the last piece, unrecorded, when that is the end of the segment after all.
+        """
         times = segment.times
         count = max(1, len(times) // 2)
         while len(times) and count >= 1:
@@ -283,12 +289,14 @@ class _Run:
                     break
                 count = max(1, count // 4)
                 continue
+            if count >= len(times):
+                return part, piece
             recorder.add(part.times, piece, m)
             times = times[count:]
             segment = Segment(
                 **{**segment.__dict__, "start": float(part.times[-1]), "x": piece.x[:, -1], "z": piece.z[:, -1]}
             )
-        return segment
+        return segment, None
 
     def dense(self, problem: Problem, solver: Solver, recorder: Recorder) -> Callable[[float], Vector]:
         """Values at any time: integrated again from the stored point before it."""

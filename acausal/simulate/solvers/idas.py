@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from acausal.simulate.problem import Problem
-from acausal.simulate.solvers.base import CasadiSolver, Segment
+from acausal.simulate.solvers.base import BDF_SHARE, CasadiSolver, Segment
 
 
 class Idas(CasadiSolver):
@@ -23,13 +23,12 @@ class Idas(CasadiSolver):
             problem.dae(0.0, x, segment.z / problem.scale_z, np.concatenate([segment.p, [segment.start]]), [])[0]
         ).ravel()
         return {
-            "reltol": segment.tolerance,
-            "abstol": segment.absolute,
+            "reltol": BDF_SHARE * segment.tolerance,
+            "abstol": BDF_SHARE * segment.absolute,
             # the start is consistent already, and IDACalcIC fails where our own start system does not
             "calc_ic": False,
             "init_xdot": rate.tolist(),
             "suppress_algebraic": True,
             "max_num_steps": 10**6,
-            "quad_err_con": problem.compiled.quadratures > 0,
             "linear_solver": "qr" if problem.n_dynamic < 400 else "csparse",
         }
