@@ -35,9 +35,13 @@ def our_name(name: str, renamed: Mapping[str, str]) -> str:
 
 
 def worst_error(
-    result: Result, example: Path, renamed: Mapping[str, str] | None = None, file: str = "converged.csv"
+    result: Result,
+    example: Path,
+    renamed: Mapping[str, str] | None = None,
+    file: str = "converged.csv",
+    constant: float = 1e-9,
 ) -> tuple[float, str]:
-    """Largest deviation over the range of its signal, and that signal; constant signals must agree to 1e-9."""
+    """Largest deviation over the range of its signal, and that signal; constant signals must agree to `constant`."""
     times, signals = read(example, file)
     worst, guilty = 0.0, ""
     for name, expected in signals.items():
@@ -45,7 +49,7 @@ def worst_error(
         deviation = float(np.abs(got - expected).max())
         extent = float(np.ptp(expected))
         size = max(1.0, float(np.abs(expected).max()))
-        error = deviation / extent if extent > 1e-9 * size else (0.0 if deviation <= 1e-9 * size else np.inf)
+        error = deviation / extent if extent > 1e-9 * size else (0.0 if deviation <= constant * size else np.inf)
         if error > worst:
             worst, guilty = error, name
     return worst, guilty

