@@ -164,6 +164,15 @@ class CompiledModel:
         return ca.Function("conditions", symbols.inputs, parts, _INPUTS, ["used", "surplus"])
 
     @cached_property
+    def constraints(self) -> Any:
+        """`(t, x, z, u, p, m) -> (g, dg/dx)`: stabilised constraints, all levels, and their Jacobian."""
+        symbols = Symbols(self)
+        builder = symbols.builder(self)
+        builder.define(self.solution.definitions, self.time_events.rewritten)
+        g = _column(builder.lower([builder.replaced(n) for _, n in self.solution.structure.invariants]))
+        return ca.Function("constraints", symbols.inputs, [g, ca.jacobian(g, symbols.x)], _INPUTS, ["g", "J"])
+
+    @cached_property
     def constants(self) -> Any:
         """`(p) -> c`: values of all images that depend on parameters only, in the order of `constant_nodes`."""
         p = ca.SX.sym("p", len(self.parameters))

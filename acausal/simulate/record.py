@@ -11,6 +11,7 @@ from acausal.flatten.flat import suffixes
 from acausal.language.declare import Declaration
 from acausal.lower.compiled import CompiledModel
 from acausal.result import Event, Result, Signal
+from acausal.simulate.project import projected
 from acausal.simulate.solvers.base import Piece
 
 Vector = NDArray[np.float64]
@@ -42,11 +43,13 @@ class Recorder:
         self.segments += 1
         self._append(np.array([t]), x[:, None], z[:, None], m)
 
-    def add(self, times: Vector, piece: Piece, m: Vector) -> None:
-        """Rows from a solver."""
-        self._append(times, piece.x, piece.z, m)
+    def add(self, times: Vector, piece: Piece, m: Vector) -> Piece:
+        """Rows from a solver, projected onto the constraints; returns them as they are recorded."""
+        x = projected(self.compiled, times, piece.x, piece.z, self.u, self.p, m)
+        self._append(times, x, piece.z, m)
         for name, count in piece.counters.items():
             self.counters[name] = self.counters.get(name, 0.0) + count
+        return Piece(x, piece.z, piece.counters)
 
     def _append(self, times: Vector, x: Vector, z: Vector, m: Vector) -> None:
         self._times.append(times)

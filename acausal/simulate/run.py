@@ -16,11 +16,13 @@ from acausal.flatten.parameters import check_limits
 from acausal.language.component import Component
 from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
+from acausal.lower.samples import STABILISATION_RATE
 from acausal.result import Event, Result
 from acausal.simulate.initialize import Start, consistent, initialize
 from acausal.simulate.interrupt import Interruptible
 from acausal.simulate.options import Options, options
 from acausal.simulate.problem import Problem
+from acausal.simulate.project import projected
 from acausal.simulate.record import Recorder, make_result
 from acausal.simulate.solvers import Solver, choose
 from acausal.simulate.solvers.base import Piece, Segment
@@ -160,6 +162,7 @@ class _Run:
         for note in start.notes:
             _log.warning("%s: %s", self.compiled.name, note)
         self.timings["initialize"] = clock.perf_counter() - began
+        self.stabilise(start, self.modes(boundaries[0], boundaries[1]))
         recorder = Recorder(self.compiled, self.p, self.u)
         began = clock.perf_counter()
         grid = opts.grid()
@@ -173,6 +176,15 @@ class _Run:
         finally:
             self.timings["integrate"] = clock.perf_counter() - began
         return self.finish(problem, recorder, solver, reason, start.notes)
+
+    def stabilise(self, start: Start, m: Vector) -> None:
+        """Choose the rate of stabilised constraints by the model's own time scale at the start, unless it was given."""
+        if self.compiled.solution.structure.rate is None or self.p[-1] != STABILISATION_RATE:
+            return
+        ode = np.array(self.compiled.rhs(self.options.start_time, start.x, start.z, self.u, self.p, m)[0]).ravel()
+        fastest = float(np.max(np.abs(ode) / (np.abs(start.x) + self.compiled.nominal_x)))
+        span = self.options.stop_time - self.options.start_time
+        self.p[-1] = max(2.0 * fastest, 10.0 / span)
 
     def finish(
         self, problem: Problem, recorder: Recorder, solver: Solver, reason: str, notes: tuple[str, ...]
@@ -244,7 +256,7 @@ class _Run:
                 step=self.options.step,
             )
             piece = self.integrate(problem, solver, recorder, segment, m)
-            recorder.add(part[-piece.x.shape[1] :], piece, m)
+            piece = recorder.add(part[-piece.x.shape[1] :], piece, m)
             start = Start(piece.x[:, -1], piece.z[:, -1], start.notes)
             if self.progress is not None:
                 whole = self.options.stop_time - self.options.start_time
@@ -291,7 +303,7 @@ class _Run:
                 continue
             if count >= len(times):
                 return part, piece
-            recorder.add(part.times, piece, m)
+            piece = recorder.add(part.times, piece, m)
             times = times[count:]
             segment = Segment(
                 **{**segment.__dict__, "start": float(part.times[-1]), "x": piece.x[:, -1], "z": piece.z[:, -1]}
@@ -315,7 +327,8 @@ class _Run:
                 step=self.options.step,
             )
             piece = solver.integrate(problem, segment)
-            return recorder.observe(np.array([t]), piece.x, piece.z, m[:, None])[0]
+            on = projected(self.compiled, segment.times, piece.x, piece.z, self.u, self.p, m)
+            return recorder.observe(segment.times, on, piece.z, m[:, None])[0]
 
         return row
 
