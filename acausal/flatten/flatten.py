@@ -222,7 +222,7 @@ class _Builder:
                         help="remove one of the two",
                     )
                 right = scalars(self.pool, value, self.resolve, {})
-                text = f"{name} == {value}"
+                text = f"{instance.prefix}{name} == {value}"
                 for k, node in enumerate(right):
                     left = self.pool.var(instance.first[name] + k)
                     equations.append(FlatEquation(left, node, instance.origin, instance.path, text))

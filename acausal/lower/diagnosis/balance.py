@@ -7,8 +7,9 @@ from collections.abc import Sequence
 from acausal.errors import StructureError
 from acausal.flatten.flat import FlatEquation, span_of
 from acausal.lower.diagnosis.causes import probable
+from acausal.lower.diagnosis.components import unbalanced_component
 from acausal.lower.diagnosis.loops import overconstrained_loop
-from acausal.lower.diagnosis.words import component_of, counted, hint, label, lines, listed, made_at, names_of
+from acausal.lower.diagnosis.words import component_of, counted, hint, label, lines, listed, made_at, names_of, places
 from acausal.lower.reduce import ReducedSystem
 from acausal.structure import Incidence, dulmage_mendelsohn, match, minimal_over, minimal_under
 
@@ -31,6 +32,7 @@ def balance(reduced: ReducedSystem) -> None:
     incidence = Incidence.from_rows(rows, len(chains))
     matched = match(incidence)
     if len(rows) == len(chains) and not (matched < 0).any():
+        _refuse_superfluous(reduced)
         return
     parts = dulmage_mendelsohn(incidence, matched)
     loop = overconstrained_loop(reduced, [chains[c] for c in parts.under_columns])
@@ -48,6 +50,17 @@ def balance(reduced: ReducedSystem) -> None:
         raise _under(reduced, variables, [equations[r] for r in smallest.rows], len(free_columns), surplus)
     smallest = min((minimal_over(incidence, r, matched) for r in free_rows), key=lambda s: len(s.rows))
     raise _over(reduced, [equations[r] for r in smallest.rows], [chains[c] for c in smallest.columns], len(free_rows))
+
+
+def _refuse_superfluous(reduced: ReducedSystem) -> None:
+    """Equations that follow from others have been left out; in a sound model they are none too many to begin with."""
+    flat = reduced.flat
+    if len(flat.equations) <= flat.n_scalars - len(flat.inputs):
+        return
+    found = unbalanced_component(flat)
+    if found is None:
+        found = _over(reduced, [flat.equations[k] for k in reduced.redundant if k >= 0], [], 1)
+    raise found
 
 
 def _roots(reduced: ReducedSystem) -> list[int]:
@@ -99,7 +112,7 @@ def _over(
         "AC202",
         f"{flat.name}: {counted(surplus, 'equation')} too many: {components} "
         f"state {counted(len(equations), 'equation')} {unknowns}",
-        where=[s for e in equations[:2] for s in span_of(e)] or made_at(flat, ""),
+        where=places(flat, equations) or made_at(flat, ""),
         evidence=lines(flat, equations, 8),
         cause="one quantity is prescribed twice",
         help="remove one of these equations or connections",

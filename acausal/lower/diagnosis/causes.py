@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from acausal.errors import StructureError
 from acausal.flatten.flat import FlatEquation, FlatSystem, span_of
+from acausal.lower.diagnosis.combinations import dependent_equations, open_motion, special_values
 from acausal.lower.diagnosis.components import unbalanced_component
 from acausal.lower.diagnosis.inputs import open_inputs
 from acausal.lower.diagnosis.pencil import pencil
-from acausal.lower.diagnosis.references import dependent_equations, prescribed_twice, without_reference
+from acausal.lower.diagnosis.references import prescribed_twice, without_reference
 from acausal.lower.diagnosis.words import label, line, made_at
 
 
@@ -22,7 +23,7 @@ def probable(flat: FlatSystem) -> StructureError | None:
     if found is not None:
         return found
     numbers = pencil(flat)
-    for finder in (without_reference, prescribed_twice, dependent_equations):
+    for finder in (special_values, without_reference, prescribed_twice, open_motion, dependent_equations):
         found = finder(numbers)
         if found is not None:
             return found

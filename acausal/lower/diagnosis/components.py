@@ -18,7 +18,9 @@ from acausal.lower.diagnosis.words import (
     hint,
     lines,
     listed,
+    loose,
     made_at,
+    places,
     stated_at,
     subject,
 )
@@ -86,9 +88,8 @@ def _of_connection(equation: FlatEquation, inputs: set[str]) -> bool:
     source = equation.source
     if not isinstance(source, str):
         return False
-    name, is_binding, _ = source.partition(" == ")
-    prefix = equation.component + "." if equation.component else ""
-    return not is_binding or prefix + name in inputs
+    path, is_binding, _ = source.partition(" == ")
+    return not is_binding or path in inputs
 
 
 def _too_few(flat: FlatSystem, path: str, count: _Count, alike: list[str]) -> StructureError:
@@ -105,7 +106,7 @@ def _too_few(flat: FlatSystem, path: str, count: _Count, alike: list[str]) -> St
     return StructureError(
         "AC201",
         subject(flat, _balance(count), path),
-        where=[*made_at(flat, path), *stated_at(cls)],
+        where=[*(made_at(flat, path) if path else ()), *stated_at(cls)],
         evidence=[f"unknowns: {listed(declared, 8)}", *_stated(flat, count.stated), *_also(cls.__name__, alike)],
         cause=cause or "a component needs one equation for each own variable and one for each flow of its connectors",
         help=advice or f"state {counted(unknowns - len(count.stated), 'more equation')} in {cls.__name__}.equations",
@@ -138,14 +139,14 @@ def _too_many(flat: FlatSystem, path: str, count: _Count, alike: list[str]) -> S
     if bound:
         cause = "the constructor binds a variable that the component determines by its own equations"
     elif blamed:
-        loose = _loose(flat, blamed)
+        ends = _loose(flat, blamed)
         cause = "the variables of its parts are determined by the parts and their connections already"
-        if loose:
-            cause = f"{listed(loose)} is not connected, so its flow is zero; it cannot be given a potential as well"
+        if ends:
+            cause = f"{listed(ends)} is not connected, so its flow is zero; it cannot be given a potential as well"
     return StructureError(
         "AC202",
         fact,
-        where=[e.origin.span() for e in (blamed or count.stated)[:1] if e.origin is not None] or made_at(flat, path),
+        where=places(flat, blamed[:1]) or [*(made_at(flat, path) if path else ()), *stated_at(cls)],
         evidence=[*_stated(flat, count.stated), *_also(cls.__name__, alike)],
         cause=cause,
         help=f"remove {counted(surplus, 'equation')}"
@@ -157,5 +158,4 @@ def _loose(flat: FlatSystem, equations: list[FlatEquation]) -> list[str]:
     """Connectors in these equations that nothing is connected to."""
     held = {k for e in equations for k in flat.pool.variables_in(e.left, e.right)}
     paths = {connector_of(flat, v.path) for v in flat.variables if held & set(range(v.first, v.first + v.size))}
-    texts = {e.source for e in flat.equations if isinstance(e.source, str) and e.source.endswith("not connected")}
-    return [p for p in sorted(filter(None, paths)) if any(f" of {p} is zero" in t for t in texts)]
+    return loose(flat, sorted(filter(None, paths)))

@@ -7,9 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from acausal.errors import StructureError
-from acausal.flatten.flat import span_of
 from acausal.lower.diagnosis.causes import probable
-from acausal.lower.diagnosis.words import equations_of, lines, listed, made_at, names_of
+from acausal.lower.diagnosis.words import equations_of, lines, listed, made_at, names_of, places
 from acausal.lower.evaluate import gradients
 from acausal.lower.reduce import ReducedSystem
 from acausal.lower.samples import COUNT, SamplePoints
@@ -42,7 +41,7 @@ def dependent(
         "AC204",
         f"{equations_of(flat, list(dict.fromkeys(e.component for e in equations)))} "
         + ("contradict each other" if contradict else "depend on each other"),
-        where=[s for e in equations[:2] for s in span_of(e)] or made_at(flat, ""),
+        where=places(flat, equations) or made_at(flat, ""),
         evidence=lines(flat, equations, 8)
         + ([f"together they demand 0 == {abs(demand):g}"] if contradict else [])
         + ([f"they leave open: {listed(names)}"] if names else []),

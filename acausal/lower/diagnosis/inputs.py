@@ -5,7 +5,7 @@ from __future__ import annotations
 from acausal.errors import StructureError
 from acausal.flatten.flat import FlatSystem, FlatVariable
 from acausal.language.declare import Kind
-from acausal.lower.diagnosis.words import component_of, label, listed, made_at, short, stated_at
+from acausal.lower.diagnosis.words import component_of, listed, made_at, short, stated_at
 
 
 def open_inputs(flat: FlatSystem) -> StructureError | None:
@@ -49,7 +49,7 @@ def _open(flat: FlatSystem, found: list[FlatVariable]) -> StructureError:
     cause, advice = first.declaration.hint or None, None
     return StructureError(
         "AC209",
-        f"{flat.name}: input {first.path} of {label(flat, path)} is not connected",
+        f"{flat.name}: input {first.path} is not connected",
         where=made_at(flat, path),
         evidence=evidence,
         cause=cause or "an input gets its value from outside the component; nothing gives it one",

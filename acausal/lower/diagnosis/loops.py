@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from acausal.errors import StructureError
 from acausal.flatten.flat import FlatEquation, FlatSystem, span_of
 from acausal.language.declare import Kind
+from acausal.lower.diagnosis.causes import probable
 from acausal.lower.diagnosis.words import component_of, connector_of, counted, hint, lines, listed, made_at
 from acausal.lower.reduce import ReducedSystem
 
@@ -35,6 +36,9 @@ def redundant_constraints(reduced: ReducedSystem, equations: Sequence[FlatEquati
     flat = reduced.flat
     if flat.loops:
         return _loop_error(flat, [], equations)
+    found = probable(flat)
+    if found is not None:
+        return found
     owners = list(dict.fromkeys(e.component or flat.name for e in equations))
     return StructureError(
         "AC206",

@@ -10,7 +10,7 @@ Differential-Algebraic Equations, SIAM 1996, section 2.3 (regular pencils).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -68,13 +68,22 @@ class Pencil:
 
 def pencil(flat: FlatSystem) -> Pencil:
     """The matrix of a flat system at a generic point, with the actual parameters."""
+    matrix = pencil_rows(flat, range(len(flat.equations)), flat.parameter_values)
+    roots = [flat.pool.sub(e.left, e.right) for e in flat.equations]
+    rest = _at_zero(flat, roots, {"par": flat.parameter_values.__getitem__, "time": lambda _: 0.37})
+    generic = _at_zero(flat, roots, {"par": lambda k: 0.7 + 0.1 * (k % 7), "time": lambda _: 0.37})
+    return Pencil(flat, matrix, rest, np.abs(generic) > _TINY)
+
+
+def pencil_rows(flat: FlatSystem, equations: Sequence[int], parameters: Sequence[float]) -> Any:
+    """Some rows of the matrix, with given values of the parameters; sparse, as wide as there are scalars."""
     pool = flat.pool
-    roots = [pool.sub(e.left, e.right) for e in flat.equations]
+    roots = [pool.sub(flat.equations[i].left, flat.equations[i].right) for i in equations]
     random = np.random.default_rng(19960101)
     point = 0.5 + random.random(pool.n_variables)
     leaves: dict[str, Callable[[int], Any]] = {
         "var": lambda k: point[k],
-        "par": flat.parameter_values.__getitem__,
+        "par": parameters.__getitem__,
         "time": lambda _: 0.37,
     }
     inputs = set(flat.inputs)
@@ -90,10 +99,7 @@ def pencil(flat: FlatSystem) -> Pencil:
                 rows.append(i)
                 columns.append(base)
                 entries.append(factor * float(slope))
-    matrix = scipy.sparse.csr_matrix((entries, (rows, columns)), shape=(len(roots), flat.n_scalars))
-    rest = _at_zero(flat, roots, {"par": flat.parameter_values.__getitem__, "time": lambda _: 0.37})
-    generic = _at_zero(flat, roots, {"par": lambda k: 0.7 + 0.1 * (k % 7), "time": lambda _: 0.37})
-    return Pencil(flat, matrix, rest, np.abs(generic) > _TINY)
+    return scipy.sparse.csr_matrix((entries, (rows, columns)), shape=(len(roots), flat.n_scalars))
 
 
 def _at_zero(flat: FlatSystem, roots: list[int], leaves: Mapping[str, Any]) -> NDArray[np.float64]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from acausal.errors import StructureError
 from acausal.flatten.flat import FlatEquation, FlatSystem
@@ -11,11 +11,11 @@ from acausal.lower.diagnosis.pencil import Pencil, Vector
 from acausal.lower.diagnosis.words import (
     component_of,
     connector_of,
-    equations_of,
     hint,
     label,
     lines,
     listed,
+    loose,
     made_at,
     names_of,
 )
@@ -25,34 +25,30 @@ def without_reference(numbers: Pencil) -> StructureError | None:
     """AC203 when all potentials of an island can be shifted together: every equation holds differences only."""
     flat = numbers.flat
     for shift in numbers.free():
-        moved = _potentials(flat, shift)
-        if not moved or _flows(flat, shift) or len({round(shift[k], 6) for k in moved}) > 1:
+        moved = of_connectors(flat, shift, Kind.VARIABLE)
+        if not moved or of_connectors(flat, shift, Kind.FLOW) or len({round(shift[k], 6) for k in moved}) > 1:
             continue
-        twice = [y for y in numbers.dependent() if _touch(flat, y, shift)]
+        twice = [y for y in numbers.dependent() if touch(flat, y, shift)]
         if any(numbers.prescribes[i] for y in twice for i in y):
             continue  # two sources prescribe one flow; that the potential between them is free only follows
         return _island(flat, moved, twice)
     return None
 
 
-def _island(flat: FlatSystem, moved: list[int], twice: list[Vector]) -> StructureError:
+def _island(flat: FlatSystem, moved: Sequence[int], twice: Sequence[Vector]) -> StructureError:
     names = [n for n in names_of(flat, moved) if connector_of(flat, n) is not None]
     declaration = flat.declaration(moved[0])
     quantity = names[0].rpartition(".")[2]
     connectors = [n.rpartition(".")[0] for n in names]
     components = list(dict.fromkeys(component_of(flat, n) for n in names))
     wanted = set(moved)
-    inside = [
-        e
-        for e in flat.equations
-        if not isinstance(e.source, str) and wanted & _bases(flat, flat.pool.variables_in(e.left, e.right))
-    ]
+    inside = [e for e in flat.equations if not isinstance(e.source, str) and wanted & unknowns_in(flat, e)]
     junctions = [flat.equations[i] for y in twice[:1] for i in y if isinstance(flat.equations[i].source, str)]
-    evidence = ["they occur only as differences:", *lines(flat, inside, 4)]
+    evidence = ["they occur only as differences:", *lines(flat, inside, 4)] if inside else []
     if junctions:
         evidence += ["while one of these follows from the others:", *lines(flat, junctions, 4)]
     cause, advice = hint([declaration])
-    open_ends = [n for n in connectors if _is_open(flat, n)]
+    open_ends = loose(flat, connectors)
     if open_ends:
         advice = f"connect {listed(open_ends)}" + (f"; {advice}" if advice else "")
     return StructureError(
@@ -72,115 +68,138 @@ def _described(doc: str) -> str:
 
 
 def prescribed_twice(numbers: Pencil) -> StructureError | None:
-    """AC205 when several components fix one potential, one difference of potentials or one flow."""
+    """AC205 when components fix one potential, one difference of potentials or one flow more than once."""
     flat = numbers.flat
     for y in numbers.dependent():
-        equations = [flat.equations[i] for i in y]
+        equations = [flat.equations[i] for i in sorted(y)]
+        moved = [k for d in numbers.free() if touch(flat, y, d) for k in d]
         across = _owners(flat, equations, Kind.VARIABLE)
         through = _owners(flat, equations, Kind.FLOW)
-        components = across if len(across) > 1 else through
-        if len(components) < 2 or not any(numbers.prescribes[i] for i in y):
-            continue
-        circulating = [d for d in numbers.free() if _touch(flat, y, d)]
-        return _twice(numbers, y, components, len(across) > 1, circulating)
+        sources = any(numbers.prescribes[i] for i in y)
+        circulating = of_connectors(flat, dict.fromkeys(moved, 1.0), Kind.FLOW)
+        if len(across) > 1 and (sources or circulating):
+            return _potential_twice(numbers, y, across, circulating)
+        stated = list(dict.fromkeys(e.component for e in equations if not isinstance(e.source, str)))
+        points = _shorted(flat, stated[0]) if len(stated) == 1 and sources else None
+        if points is not None:
+            return _short_circuit(numbers, y, stated[0], points, circulating)
+        if len(through) > 1 and sources:
+            return _flow_twice(numbers, y, through, moved)
     return None
 
 
-def _twice(
-    numbers: Pencil, y: Vector, components: list[str], is_potential: bool, circulating: list[Vector]
+def _potential_twice(
+    numbers: Pencil, y: Vector, components: Sequence[str], circulating: Sequence[int]
 ) -> StructureError:
     flat = numbers.flat
     equations = [flat.equations[i] for i in sorted(y)]
-    kind = Kind.VARIABLE if is_potential else Kind.FLOW
-    shared = _shared(flat, equations, kind)
-    moved = [k for d in circulating[:1] for k in d]
-    cause, advice = hint(flat.declaration(k) for k in moved)
-    open_ends = [
-        e.source.split(" ")[3] for e in equations if isinstance(e.source, str) and e.source.endswith("not connected")
-    ]
-    if open_ends:
-        advice = f"connect {listed(open_ends)}"
-    names = listed((label(flat, c) for c in components), 4)
-    what = " - ".join(shared) if is_potential and len(shared) == 2 else listed(shared, 3)
-    both = "both" if len(components) == 2 else "together"
-    surplus = "" if len(components) == 2 else " twice"
-    evidence = [*lines(flat, equations, 8), _verdict(numbers, y)]
-    if moved:
-        evidence.append(f"and leave open: {listed(names_of(flat, moved), 4)}")
+    shared = _shared(flat, equations, Kind.VARIABLE)
+    what = " - ".join(shared) if len(shared) == 2 else listed(shared, 3)
+    cause, advice = hint(flat.declaration(k) for k in circulating)
     return StructureError(
         "AC205",
-        f"{flat.name}: {names} {both} prescribe {what}{surplus}",
-        where=[s for c in components[:2] for s in made_at(flat, c)],
-        evidence=evidence,
+        f"{flat.name}: {_subject(flat, components)} {what}{' twice' if len(components) > 2 else ''}",
+        where=[s for c in components[:3] for s in made_at(flat, c)],
+        evidence=[*lines(flat, equations, 8), verdict(numbers, y), *_left_open(flat, circulating)],
         cause=cause or "one quantity is prescribed by two components",
         help=advice or "remove one of them, or put something compliant between them",
     )
 
 
-def dependent_equations(numbers: Pencil) -> StructureError | None:
-    """AC204 when the unknowns cancel in a combination of equations, though every one could be matched."""
-    for y in numbers.dependent():
-        return combined(numbers, y)
-    return None
-
-
-def combined(numbers: Pencil, y: Vector) -> StructureError:
-    """The error for one combination of equations in which the unknowns cancel."""
+def _flow_twice(numbers: Pencil, y: Vector, components: Sequence[str], moved: Sequence[int]) -> StructureError:
     flat = numbers.flat
     equations = [flat.equations[i] for i in sorted(y)]
-    stated = [e for e in equations if not isinstance(e.source, str)] or equations
-    components = list(dict.fromkeys(e.component for e in stated))
-    free = [d for d in numbers.free() if _touch(flat, y, d)]
-    open_names = listed(names_of(flat, (k for d in free[:1] for k in d)), 4)
-    contradict = abs(_demand(numbers, y)) > 1e-9
-    cause, advice = hint(flat.declaration(k) for d in free[:1] for k in d)
+    junctions = [e for e in equations if isinstance(e.source, str)]
+    what = _shared(flat, junctions or equations, Kind.FLOW)[:1]
+    names = _shared(flat, equations, Kind.FLOW)
+    ends = loose(flat, [n.rpartition(".")[0] for n in names])
+    cause = "what flows into a junction must flow out again; sources in series leave no choice"
+    advice = "remove one of them, or connect something that takes up the difference"
+    if ends:
+        cause = f"{listed(ends)} {'is' if len(ends) == 1 else 'are'} not connected, so the flow there is zero"
+        advice = f"connect {listed(ends)}"
     return StructureError(
-        "AC204",
-        f"{equations_of(flat, components)} "
-        + ("contradict each other" if contradict else "say the same twice"),
-        where=[e.origin.span() for e in stated[:2] if e.origin is not None],
-        evidence=[*lines(flat, equations, 8), _verdict(numbers, y)]
-        + ([f"and leave open: {open_names}"] if open_names else []),
-        cause=cause or "the unknowns cancel in this combination of equations",
-        help=advice or "replace one of these equations by one that fixes what is left open",
+        "AC205",
+        f"{flat.name}: {_subject(flat, components)} {listed(what)}{' twice' if len(components) > 2 else ''}",
+        where=[s for c in components[:3] for s in made_at(flat, c)],
+        evidence=[*lines(flat, equations, 8), verdict(numbers, y), *_left_open(flat, moved)],
+        cause=cause,
+        help=advice,
     )
 
 
-def _demand(numbers: Pencil, y: Vector) -> float:
+def _short_circuit(
+    numbers: Pencil, y: Vector, component: str, points: tuple[str, str], circulating: Sequence[int]
+) -> StructureError:
+    flat = numbers.flat
+    one, other = points
+    equations = [flat.equations[i] for i in sorted(y)]
+    return StructureError(
+        "AC205",
+        f"{flat.name}: {component} prescribes a difference between {one} and {other}, which are one point",
+        where=made_at(flat, component),
+        evidence=[*lines(flat, equations, 8), verdict(numbers, y), *_left_open(flat, circulating)],
+        cause=f"{one} and {other} are connected with each other",
+        help="remove that connection, or put something between them",
+    )
+
+
+def _shorted(flat: FlatSystem, component: str) -> tuple[str, str] | None:
+    """Two connectors of a component that are connected with each other."""
+    seen: dict[int, str] = {}
+    for v in flat.variables:
+        end = connector_of(flat, v.path)
+        if v.declaration.kind is Kind.VARIABLE and end is not None and component_of(flat, v.path) == component:
+            if v.first in seen:
+                return seen[v.first], end
+            seen[v.first] = end
+    return None
+
+
+def _subject(flat: FlatSystem, components: Sequence[str]) -> str:
+    names = listed((label(flat, c) for c in components), 4)
+    return f"{names} both prescribe" if len(components) == 2 else f"{names} together prescribe"
+
+
+def _left_open(flat: FlatSystem, scalars: Iterable[int]) -> list[str]:
+    names = names_of(flat, scalars)
+    return [f"and leave open: {listed(names, 4)}"] if names else []
+
+
+def demand(numbers: Pencil, y: Vector) -> float:
+    """What a combination of equations leaves when its unknowns have cancelled."""
     scale = max(abs(v) for v in y.values())
     return sum(v / scale * float(numbers.rest[i]) for i, v in sorted(y.items()))
 
 
-def _verdict(numbers: Pencil, y: Vector) -> str:
-    demand = _demand(numbers, y)
-    if abs(demand) > 1e-9:
-        return f"together they demand 0 == {abs(demand):g}"
+def verdict(numbers: Pencil, y: Vector) -> str:
+    """In words whether the equations of a combination contradict each other."""
+    rest = demand(numbers, y)
+    if abs(rest) > 1e-9:
+        return f"together they demand 0 == {abs(rest):g}"
     return "one of them follows from the others"
 
 
-def _bases(flat: FlatSystem, variables: Iterable[int]) -> set[int]:
+def unknowns_in(flat: FlatSystem, equation: FlatEquation) -> set[int]:
+    """Flat scalars of an equation; a derivative counts as its variable."""
     found = set()
-    for v in variables:
+    for v in flat.pool.variables_in(equation.left, equation.right):
         while v in flat.pool.integral_of:
             v = flat.pool.integral_of[v]
         found.add(v)
     return found
 
 
-def _of_connector(flat: FlatSystem, scalar: int, kind: Kind) -> bool:
-    owner = flat.owner[scalar]
-    return owner.declaration.kind is kind and connector_of(flat, owner.path) is not None
+def of_connectors(flat: FlatSystem, scalars: Iterable[int], kind: Kind) -> list[int]:
+    """Those scalars that are connector variables of a kind."""
+    return [
+        k
+        for k in scalars
+        if flat.owner[k].declaration.kind is kind and connector_of(flat, flat.owner[k].path) is not None
+    ]
 
 
-def _potentials(flat: FlatSystem, vector: Vector) -> list[int]:
-    return [k for k in vector if _of_connector(flat, k, Kind.VARIABLE)]
-
-
-def _flows(flat: FlatSystem, vector: Vector) -> list[int]:
-    return [k for k in vector if _of_connector(flat, k, Kind.FLOW)]
-
-
-def _touch(flat: FlatSystem, y: Vector, d: Vector) -> bool:
+def touch(flat: FlatSystem, y: Vector, d: Vector) -> bool:
     """True when a combination of equations and a free direction concern components in common."""
     mine = {flat.equations[i].component for i in y if not isinstance(flat.equations[i].source, str)}
     theirs = {component_of(flat, name) for name in names_of(flat, d)}
@@ -193,25 +212,12 @@ def _owners(flat: FlatSystem, equations: Iterable[FlatEquation], kind: Kind) -> 
         dict.fromkeys(
             e.component
             for e in equations
-            if not isinstance(e.source, str)
-            and any(_of_connector(flat, k, kind) for k in _bases(flat, flat.pool.variables_in(e.left, e.right)))
+            if not isinstance(e.source, str) and of_connectors(flat, unknowns_in(flat, e), kind)
         )
     )
 
 
 def _shared(flat: FlatSystem, equations: Iterable[FlatEquation], kind: Kind) -> list[str]:
     """Connector variables of a kind that occur in these equations, each by its first name."""
-    scalars = [
-        k
-        for e in equations
-        for k in sorted(_bases(flat, flat.pool.variables_in(e.left, e.right)))
-        if _of_connector(flat, k, kind)
-    ]
+    scalars = [k for e in equations for k in of_connectors(flat, sorted(unknowns_in(flat, e)), kind)]
     return list(dict.fromkeys(flat.scalar_name(k) for k in scalars))
-
-
-def _is_open(flat: FlatSystem, connector: str) -> bool:
-    ending = f"of {connector} is zero: not connected"
-    return any(isinstance(e.source, str) and e.source.endswith(ending) for e in flat.equations)
-
-

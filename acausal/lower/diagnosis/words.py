@@ -11,6 +11,7 @@ from acausal.language.component import Component
 from acausal.language.declare import Declaration
 
 _WIDTH = 110
+_LOOSE = " is zero: not connected"
 
 
 def listed(names: Iterable[str], limit: int = 6) -> str:
@@ -83,9 +84,26 @@ def subject(flat: FlatSystem, fact: str, path: str) -> str:
 
 def equations_of(flat: FlatSystem, components: Sequence[str]) -> str:
     """`Model: equations of a and b`, or `equations of Model` when they are its own."""
-    if list(components) == [""]:
+    components = list(dict.fromkeys(components))
+    if components == [""]:
         return f"equations of {flat.name}"
     return f"{flat.name}: equations of {listed((label(flat, c) for c in components), 3)}"
+
+
+def places(flat: FlatSystem, equations: Iterable[FlatEquation], limit: int = 3) -> list[Span]:
+    """Where equations stand; for those of the library, where the component was made that they belong to."""
+    found: list[Span] = []
+    for e in equations:
+        of_library = e.origin is None or "library" in Path(e.origin.code.co_filename).parts[-4:]
+        found += made_at(flat, e.component) if of_library or e.origin is None else (e.origin.span(),)
+    return list(dict.fromkeys(found))[:limit]
+
+
+def loose(flat: FlatSystem, connectors: Iterable[str]) -> list[str]:
+    """Those connectors that nothing is connected to."""
+    wanted = dict.fromkeys(connectors)
+    texts = [e.source for e in flat.equations if isinstance(e.source, str) and e.source.endswith(_LOOSE)]
+    return [path for path in wanted if any(text.endswith(f" of {path}{_LOOSE}") for text in texts)]
 
 
 def made_at(flat: FlatSystem, path: str) -> tuple[Span, ...]:

@@ -1,0 +1,143 @@
+"""Equations in whose combination the unknowns cancel, and unknowns that are left open by it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from acausal.errors import StructureError
+from acausal.flatten.flat import FlatEquation, FlatSystem
+from acausal.lower.diagnosis.pencil import Pencil, Vector, null_vectors, pencil_rows
+from acausal.lower.diagnosis.references import demand, touch, verdict
+from acausal.lower.diagnosis.words import (
+    connector_of,
+    equations_of,
+    hint,
+    label,
+    lines,
+    listed,
+    made_at,
+    names_of,
+    places,
+)
+
+_MOST_PARAMETERS = 40
+_LARGEST = 800
+
+
+def special_values(numbers: Pencil) -> StructureError | None:
+    """AC204 when equations depend on each other only because of the values of some parameters."""
+    flat = numbers.flat
+    for y in numbers.dependent():
+        if len(y) > 200:
+            continue
+        guilty = [k for k in _decisive_parameters(flat, sorted(y)) if _cures(numbers, k)]
+        if guilty:
+            shown = [f"{flat.parameter_names[k]} = {flat.parameter_values[k]:g}" for k in guilty]
+            error = combined(numbers, y)
+            error.fact = f"{error.fact} for {listed(shown, 4)}"
+            error.cause = "with other values of these parameters the equations would determine their unknowns"
+            names = listed((flat.parameter_names[k] for k in guilty), 4)
+            error.help = f"change {names}, or model what is idealised away"
+            return error
+    return None
+
+
+def _decisive_parameters(flat: FlatSystem, rows: Sequence[int]) -> list[int]:
+    """Free parameters any one of which, changed alone, makes the rows independent."""
+    equations = [flat.equations[i] for i in rows]
+    nodes = flat.pool.reachable([n for e in equations for n in (e.left, e.right)])
+    parameters = [flat.pool.nodes[n][1] for n in nodes if flat.pool.nodes[n][0] == "par"]
+    if not 0 < len(parameters) <= _MOST_PARAMETERS:
+        return []
+    found = []
+    for k in parameters:
+        matrix = pencil_rows(flat, rows, _changed(flat, k)).toarray()
+        matrix = matrix[:, np.any(matrix != 0.0, axis=0)]
+        size = np.linalg.svd(matrix, compute_uv=False)
+        if len(size) == len(rows) and size[-1] > 1e-9 * size[0]:
+            found.append(k)
+    return found
+
+
+def _cures(numbers: Pencil, parameter: int) -> bool:
+    """True when another value of the parameter leaves fewer dependent combinations in the whole system."""
+    flat = numbers.flat
+    if flat.n_scalars > _LARGEST:
+        return True
+    matrix = pencil_rows(flat, range(len(flat.equations)), _changed(flat, parameter))
+    return len(null_vectors(matrix)[0]) < len(numbers.dependent())
+
+
+def _changed(flat: FlatSystem, parameter: int) -> list[float]:
+    values = list(flat.parameter_values)
+    values[parameter] = 0.61 if values[parameter] == 0.0 else values[parameter] * 1.37
+    return values
+
+
+def open_motion(numbers: Pencil) -> StructureError | None:
+    """AC201 when a free direction moves a variable beside which its author has written what it needs."""
+    flat = numbers.flat
+    for d in numbers.free():
+        hinted = [k for k in d if flat.owner[k].declaration.hint and connector_of(flat, flat.owner[k].path) is None]
+        if not hinted:
+            continue
+        hinted.sort(key=lambda k: (flat.declaration(k).prefer_state is not True, k))
+        first = flat.owner[hinted[0]]
+        path = first.path.rpartition(".")[0]
+        cause, advice = hint([first.declaration])
+        twice = [y for y in numbers.dependent() if touch(flat, y, d)]
+        evidence = [f"free with it: {listed([n for n in names_of(flat, hinted) if n != first.path], 4)}"]
+        for y in twice[:1]:
+            evidence += ["because these do not hold it:", *lines(flat, [flat.equations[i] for i in sorted(y)], 4)]
+        return StructureError(
+            "AC201",
+            f"{flat.name}: nothing determines {flat.scalar_name(hinted[0])}",
+            where=made_at(flat, path),
+            evidence=evidence,
+            cause=cause,
+            help=advice or f"connect {label(flat, path)} to what determines it",
+        )
+    return None
+
+
+def dependent_equations(numbers: Pencil) -> StructureError | None:
+    """AC204 when the unknowns cancel in a combination of equations, though every one could be matched."""
+    for y in numbers.dependent():
+        return combined(numbers, y)
+    return None
+
+
+def combined(numbers: Pencil, y: Vector) -> StructureError:
+    """The error for one combination of equations in which the unknowns cancel."""
+    flat = numbers.flat
+    equations = [flat.equations[i] for i in sorted(y)]
+    stated = [e for e in equations if not isinstance(e.source, str)] or equations
+    if len(equations) == 1:
+        return _empty(flat, equations[0])
+    free = [k for d in numbers.free() if touch(flat, y, d) for k in d]
+    open_names = names_of(flat, free)
+    contradict = abs(demand(numbers, y)) > 1e-9
+    cause, advice = hint(flat.declaration(k) for k in free)
+    return StructureError(
+        "AC204",
+        f"{equations_of(flat, [e.component for e in stated])} "
+        + ("contradict each other" if contradict else "say the same twice"),
+        where=places(flat, stated),
+        evidence=[*lines(flat, equations, 8), verdict(numbers, y)]
+        + ([f"and leave open: {listed(open_names, 4)}"] if open_names else []),
+        cause=cause or "the unknowns cancel in this combination of equations",
+        help=advice or "replace one of these equations by one that fixes what is left open",
+    )
+
+
+def _empty(flat: FlatSystem, equation: FlatEquation) -> StructureError:
+    return StructureError(
+        "AC204",
+        f"{flat.name}: `{flat.text(equation)}` of {label(flat, equation.component)} determines no unknown",
+        where=places(flat, [equation]),
+        evidence=lines(flat, [equation]),
+        cause="its unknowns cancel, or it holds parameters only",
+        help="replace it by an equation for an unknown",
+    )
