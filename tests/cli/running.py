@@ -1,0 +1,61 @@
+"""The command line as tests call it: in this process, or as a process of its own."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from typer.testing import CliRunner
+
+ROOT = Path(__file__).resolve().parents[2]
+_PROGRAM = "from acausal.cli.main import app; app(prog_name='acausal')"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a command left: exit code and both streams."""
+
+    code: int
+    out: str
+    err: str
+
+    @property
+    def json(self) -> Any:
+        """Standard output as one JSON object."""
+        return json.loads(self.out)
+
+
+def run(*arguments: str | Path) -> Outcome:
+    """Run a command in this process."""
+    from acausal.cli.main import app
+
+    result = CliRunner().invoke(app, [str(a) for a in arguments], prog_name="acausal")
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    return Outcome(result.exit_code, result.stdout, result.stderr)
+
+
+def start(*arguments: str | Path, folder: Path, **options: Any) -> subprocess.Popen[str]:
+    """Start a command as a process of its own, in `folder`."""
+    return subprocess.Popen(
+        [sys.executable, "-c", _PROGRAM, *map(str, arguments)],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=folder,
+        env=os.environ | {"PYTHONPATH": str(ROOT), "MPLBACKEND": "Agg"},
+        **options,
+    )
+
+
+def spawn(*arguments: str | Path, folder: Path) -> Outcome:
+    """Run a command as a process of its own, in `folder`."""
+    with start(*arguments, folder=folder) as process:
+        out, err = process.communicate(timeout=300)
+    return Outcome(process.returncode, out, err)

@@ -1,0 +1,102 @@
+"""The command as a process: start-up, streams, signals."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from acausal.result import load
+from tests.cli.running import ROOT, spawn, start
+
+ENDLESS = '''from __future__ import annotations
+
+from acausal import *
+
+
+class Endless(Component):
+    """Van der Pol's oscillator, much longer than anybody waits."""
+
+    x: Real = variable(default=2.0)
+    v: Real = variable(default=0.0)
+    experiment = Experiment(stop_time=2e5, output_interval=10.0)
+
+    def equations(self) -> Equations:
+        yield der(self.x) == self.v
+        yield der(self.v) == 5.0 * (1.0 - self.x * self.x) * self.v - self.x
+'''
+
+
+def test_help_loads_nothing_heavy(folder: Path) -> None:
+    """The measure of a fast start that does not depend on the machine: what is imported."""
+    program = (
+        "import sys\nfrom acausal.cli.main import app\n"
+        "try:\n    app(['--help'], prog_name='acausal')\nexcept SystemExit:\n    pass\n"
+        "print([m for m in ('numpy', 'casadi', 'scipy', 'matplotlib', 'pint') if m in sys.modules])"
+    )
+    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, cwd=ROOT, check=True)
+    assert run.stdout.splitlines()[-1] == "[]"
+    assert "simulate" in run.stdout
+
+
+def test_version(folder: Path) -> None:
+    outcome = spawn("--version", folder=folder)
+    assert outcome.code == 0
+    assert outcome.out.startswith("acausal")
+    try:
+        assert importlib.metadata.version("acausal") in outcome.out
+    except importlib.metadata.PackageNotFoundError:
+        assert "not installed" in outcome.out
+
+
+def test_the_script_of_the_package_is_the_app() -> None:
+    assert 'acausal = "acausal.cli.main:app"' in (ROOT / "pyproject.toml").read_text()
+
+
+def test_simulate_separates_the_streams(folder: Path) -> None:
+    outcome = spawn("simulate", "Oscillator", folder=folder)
+    assert outcome.code == 0, outcome.err
+    assert "final values" in outcome.out
+    assert outcome.err.strip() == "wrote Oscillator.mat (34 signals, 501 rows)"
+
+
+def test_ctrl_c_keeps_what_was_computed(folder: Path) -> None:
+    (folder / "endless.py").write_text(ENDLESS)
+    with start("simulate", "endless.py", folder=folder) as process:
+        time.sleep(6.0)
+        process.send_signal(signal.SIGINT)
+        out, err = process.communicate(timeout=60)
+    assert process.returncode == 130, err
+    assert "Traceback" not in err
+    assert "interrupted" in err
+    assert not list(folder.glob(".*part"))
+    if "kept the run" in err:
+        result = load(folder / "Endless.mat")
+        assert 0.0 < result.time[-1] < 2e5
+        assert abs(result["x"]).max() == pytest.approx(2.0, abs=0.1)
+    else:
+        # A slow machine: the first hundredth was not done, or the imports were not.
+        assert not (folder / "Endless.mat").exists()
+    assert out == ""
+
+
+def test_a_closed_pipe_is_no_error(folder: Path) -> None:
+    with start("equations", "ThickBlock", folder=folder) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.readline()
+        process.stdout.close()
+        assert "Traceback" not in process.stderr.read()
+
+
+def test_doctor_finds_this_installation_healthy(folder: Path) -> None:
+    outcome = spawn("doctor", folder=folder)
+    assert outcome.code == 0, outcome.out
+    assert "broken" not in outcome.out
+    for name in ("casadi", "solver idas", "solver rosenbrock", "compiling a model"):
+        assert name in outcome.out

@@ -1,0 +1,106 @@
+"""`acausal plot, compare, export casadi`: what is done with files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from acausal.result import Result
+from acausal.signals import Signal
+from tests.cli.running import run
+
+
+def _result(shift: float = 0.0, n: int = 201) -> Result:
+    t = np.linspace(0.0, 2.0, n)
+    values = np.stack([np.sin(3.0 * t) + shift, 5.0 * t], axis=1)
+    signals = {"a": Signal("a", "m", column=0), "b": Signal("b", "N", column=1), "k": Signal("k", value=4.0)}
+    return Result("M", t, values, signals)
+
+
+def test_plot_draws_into_the_file_beside_the_result() -> None:
+    _result().save("r.mat")
+    outcome = run("plot", "r.mat", "a", "b")
+    assert outcome.code == 0, outcome.err
+    assert Path("r.png").read_bytes().startswith(b"\x89PNG")
+    assert run("plot", "r.mat", "b", "--against", "a", "--file", "x.svg", "--together").code == 0
+    assert Path("x.svg").exists()
+
+
+def test_plot_without_names_lists_them() -> None:
+    _result().save("r.mat")
+    assert run("plot", "r.mat").out.split("\n")[:2] == ["a [m]", "b [N]"]
+
+
+def test_plot_of_an_unknown_signal_names_near_ones() -> None:
+    _result().save("r.npz")
+    outcome = run("plot", "r.npz", "aa")
+    assert outcome.code == 2
+    assert "AC010" in outcome.err
+    assert not Path("r.png").exists()
+
+
+def test_equal_results_agree() -> None:
+    _result().save("a.mat")
+    _result().save("b.csv")
+    outcome = run("compare", "a.mat", "b.csv")
+    assert outcome.code == 0, outcome.err
+    assert "3 common signals" in outcome.out
+
+
+def test_deviation_is_relative_to_the_range() -> None:
+    """Shifted by 0.02 in a range of 2 (sin 3t over 2 s passes +1 and -1): 1 %."""
+    _result(n=2001).save("a.mat")
+    _result(0.02, n=2001).save("b.mat")
+    outcome = run("compare", "a.mat", "b.mat", "--tolerance", "1e-2", "--json")
+    worst = outcome.json["deviations"][0]
+    assert worst["name"] == "a"
+    assert worst["absolute"] == pytest.approx(0.02, rel=1e-9)
+    assert worst["relative"] == pytest.approx(0.01, rel=1e-4)
+    assert run("compare", "a.mat", "b.mat", "--tolerance", "1.1e-2").code == 0
+    assert run("compare", "a.mat", "b.mat", "--tolerance", "0.9e-2").code == 3
+    assert run("compare", "a.mat", "b.mat", "--signal", "b").code == 0
+
+
+def test_different_grids_are_compared_on_the_coarser() -> None:
+    _result(n=101).save("a.mat")
+    _result(n=2001).save("b.mat")
+    assert run("compare", "a.mat", "b.mat", "--tolerance", "1e-6").code == 0
+    assert run("compare", "b.mat", "a.mat", "--tolerance", "1e-6").code == 0
+
+
+def test_a_jump_is_not_compared_at_its_own_instant() -> None:
+    """The same step, one of the two a rounding error later."""
+    signals = {"y": Signal("y", column=0)}
+    for name, at in (("a.npz", 1.0), ("b.npz", 1.0 + 1e-12)):
+        times = np.array([0.0, 0.5, at, at, 1.5, 2.0])
+        Result("M", times, np.array([[0.0], [0.0], [0.0], [1.0], [1.0], [1.0]]), signals).save(name)
+    assert run("compare", "a.npz", "b.npz", "--tolerance", "1e-9").code == 0
+
+
+def test_results_with_nothing_in_common_are_refused() -> None:
+    _result().save("a.npz")
+    t = np.linspace(0.0, 1.0, 5)
+    Result("M", t, t[:, None], {"z": Signal("z", column=0)}).save("b.npz")
+    outcome = run("compare", "a.npz", "b.npz")
+    assert outcome.code == 2
+    assert "AC007" in outcome.err
+
+
+def test_exported_functions_can_be_loaded_and_called() -> None:
+    """ode of the oscillator at rest, displaced by 0.1 m: acceleration -c*s/m = -10 m/s2."""
+    from acausal.export.casadi_file import load_casadi
+
+    outcome = run("export", "casadi", "Oscillator", "-o", "o.casadi", "--output", "mass.a")
+    assert outcome.code == 0, outcome.err
+    assert "mass.s" in outcome.out
+    model = load_casadi("o.casadi")
+    rate = model.ode(0.0, model.x.start, [], model.p.start)[0]
+    assert np.array(rate).ravel() == pytest.approx([0.0, -10.0])
+
+
+def test_export_default_file_and_json() -> None:
+    content = run("export", "casadi", "Oscillator", "--json").json
+    assert content["files"] == ["Oscillator.casadi"]
+    assert [port["name"] for port in content["x"]] == ["mass.s", "mass.v"]
