@@ -110,6 +110,32 @@ class Problem:
             found[:, k] = here * self.scale_z
         return found
 
+    def restarted(self, time: float, x: Vector, z: Vector, p: Vector) -> Vector | None:
+        """Algebraic variables after a change of modes, by Newton's method from those before it.
+
+        None when it does not converge at once, which happens after a jump. Asked at every time event: the start
+        problem, which copes with more, builds its functions anew each time (1 ms).
+        """
+        here, states, unshifted = z / self.scale_z, x[: self.n_dynamic] / self.scale_x, np.append(p, 0.0)
+        for _ in range(8):
+            alg, slope = (np.array(v) for v in self.algebraic_slope(time, states, here, unshifted))
+            try:
+                step = np.linalg.solve(slope, alg.ravel())
+            except np.linalg.LinAlgError:
+                return None
+            here = here - step
+            if not np.isfinite(here).all():
+                return None
+            if (np.abs(step) <= 1e-11 * (1.0 + np.abs(here))).all():
+                return np.asarray(here * self.scale_z)
+        return None
+
+    @cached_property
+    def algebraic_slope(self) -> Any:
+        """`(t, x, z, [p, shift]) -> (alg, d alg / d z)`, scaled."""
+        t, x, z, p, _, alg, _ = self._scaled()
+        return ca.Function("algebraic_slope", [t, x, z, p], [alg, ca.jacobian(alg, z)])
+
     @cached_property
     def algebraic_root(self) -> Any:
         """Rootfinder for consistent algebraic variables: `(z, [t, x, p, shift]) -> z`, all scaled."""
