@@ -45,8 +45,7 @@ def compare(
 ) -> None:
     """Compare two result files; exit 3 when out of tolerance.
 
-    Values are compared at the times of the file with fewer rows, inside the time both cover and away from events,
-    where a difference of rounding in time is a jump.
+    Values are compared at the times of the file with fewer rows, away from events: there, rounding in time is a jump.
     """
     from acausal.result import load
 

@@ -26,11 +26,11 @@ def casadi(
     model: ModelArgument,
     output_file: Annotated[
         Path | None,
-        typer.Option("--output-file", "-o", help="File to write.  [default: MODEL.casadi]", show_default=False),
+        typer.Option("--output-file", "-o", help="File to write. Default: MODEL.casadi.", show_default=False),
     ] = None,
     outputs: Annotated[
         list[str] | None,
-        typer.Option("--output", metavar="VAR", help="What y holds; repeatable.  [default: the model's own variables]"),
+        typer.Option("--output", metavar="VAR", help="What y holds; repeatable. Default: the model's own variables."),
     ] = None,
     settings: SetOption = None,
     as_json: JsonOption = False,

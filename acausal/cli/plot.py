@@ -18,7 +18,7 @@ def plot(
     ] = None,
     file: Annotated[
         Path | None,
-        typer.Option("--file", "-o", help=".png, .svg or .pdf to write.  [default: RESULT.png]", show_default=False),
+        typer.Option("--file", "-o", help=".png, .svg or .pdf to write. Default: RESULT.png.", show_default=False),
     ] = None,
     together: Annotated[bool, typer.Option("--together", help="One panel for all, with up to two axes.")] = False,
     against: Annotated[

@@ -26,7 +26,7 @@ TimeOption = str | None
 
 
 def _time(flag: str, help: str) -> Any:
-    return typer.Option(flag, metavar="TIME", help=help + " [s, or with a unit]", show_default=False)
+    return typer.Option(flag, metavar="TIME", help=help + ", in s or with a unit.", show_default=False)
 
 
 def simulate(
@@ -45,9 +45,7 @@ def simulate(
     step: Annotated[TimeOption, _time("--step", "Size of a fixed step")] = None,
     output_file: Annotated[
         Path | None,
-        typer.Option(
-            "--output-file", "-o", help="Result: .mat, .csv or .npz.  [default: MODEL.mat]", show_default=False
-        ),
+        typer.Option("--output-file", "-o", help="Result: .mat, .csv or .npz. Default: MODEL.mat.", show_default=False),
     ] = None,
     no_output: Annotated[bool, typer.Option("--no-output", help="Write no result file.")] = False,
     plot: Annotated[bool, typer.Option("--plot", help="Draw the model's figure to MODEL.png.")] = False,
