@@ -94,12 +94,16 @@ class _Aliases:
     def __init__(self, flat: FlatSystem) -> None:
         self.flat = flat
         self.pool = flat.pool
-        self.remaining = [(k, self.pool.sub(e.left, e.right)) for k, e in enumerate(flat.equations)]
+        self.residual = {k: self.pool.sub(e.left, e.right) for k, e in enumerate(flat.equations)}
+        self.dirty = list(self.residual)  # equations whose variables have changed since they were looked at
+        self.users: dict[int, list[int]] = {}  # variable -> equations it has been seen in
         self.relations: list[tuple[int, int, int]] = []
         self.relation_source: list[int] = []
         self.constant: dict[int, tuple[int, int]] = {}  # representative -> (node without variables, equation)
+        self.integral: dict[int, int] = {}  # the same, from the derivative to its integral
         self.link: dict[int, tuple[int, int]] = {}  # representative -> (variable that is its derivative, equation)
         self.definition: dict[int, int] = {}  # overconstrained variable -> node
+        self.trivial: list[int] = []
         self.redundant: list[int] = []
         self.inputs = set(flat.inputs)
         self.priority = _priorities(flat)
@@ -117,36 +121,39 @@ class _Aliases:
         constants = dict(self.constant)
         if found.zero.any():
             for k in found.zero.nonzero()[0].tolist():
-                constants.setdefault(self.representative[k], (pool.zero, -1))
+                constants.setdefault(self.representative[k], (pool.zero, self.relation_source[-1]))
         self.constant = {}
         for scalar, (node, k) in constants.items():
             r = self.representative[scalar]
             value = node if self.sign[scalar] > 0 else pool.neg(node)
             if r in self.constant:
-                self.remaining.append((k, pool.sub(value, self.constant[r][0])))
+                self._restore(k, pool.sub(value, self.constant[r][0]))
             else:
                 self.constant[r] = (value, k)
         links = self.link
-        self.link = {}
+        self.link, self.integral = {}, {}
         for x, (v, k) in links.items():
             rx, rv = self.representative[x], self.representative[v]
             fits = self.sign[x] > 0 and self.sign[v] > 0 and rx not in self.link
             if fits and rx not in self.constant and rv not in self.constant:
                 self.link[rx] = (rv, k)
+                self.integral[rv] = rx
             else:
-                self.remaining.append((k, pool.sub(pool.var(v), pool.var(pool.derivative(x)))))
-        self.done = {}
+                self._restore(k, pool.sub(pool.var(v), pool.var(pool.derivative(x))))
+
+    def _restore(self, k: int, residual: int) -> None:
+        """Make an equation of a relation that cannot be kept as alias, constant or link."""
+        self.residual[k] = residual
+        self.dirty.append(k)
 
     def _definitions(self) -> None:
         """Explicit equations of overconstrained variables become substitutions."""
-        kept = []
-        for k, residual in self.remaining:
-            left = self.pool.nodes[self.flat.equations[k].left]
+        for k, equation in enumerate(self.flat.equations):
+            left = self.pool.nodes[equation.left]
             if left[0] == "var" and left[1] in self.pool.slope and left[1] not in self.definition:
-                self.definition[left[1]] = self.flat.equations[k].right
-            else:
-                kept.append((k, residual))
-        self.remaining = kept
+                self.definition[left[1]] = equation.right
+                del self.residual[k]
+        self.dirty = list(self.residual)
 
     def leaf(self, variable: int) -> int:
         """Node of a flat variable, or of a derivative, under the aliases found so far."""
@@ -191,17 +198,40 @@ class _Aliases:
         return self.done[self.definition[variable]]
 
     def sweep(self) -> bool:
-        """Substitute, collect aliases and constants, or else derivative links; True when something new was found."""
-        self.pool.rewrite([r for _, r in self.remaining], self.leaf, self.done)
-        substituted = [(k, self.done[r]) for k, r in self.remaining]
-        for collect in (self._alias, self._link):
-            touched: set[int] = set()
-            kept = [(k, r) for k, r in substituted if not collect(k, self.pool.nodes[r], touched)]
-            self.remaining = kept
-            if len(kept) < len(substituted):
-                self._classes()
-                return True
-        return False
+        """Substitute where something changed; collect aliases and constants, or else links; True if any was found."""
+        self._substitute()
+        relations = len(self.relations)
+        touched: set[int] = set()
+        found = [k for k in self.dirty if self._alias(k, self.pool.nodes[self.residual[k]], touched)]
+        if not found:
+            found = [k for k in self.linkable() if self._link(k, self.pool.nodes[self.residual[k]], touched)]
+        for k in found:
+            del self.residual[k]
+        self.dirty = []
+        if not found:
+            return False
+        if len(self.relations) > relations or any(x in self.link or x in self.integral for x in touched):
+            self._classes()
+        self.done = {}
+        for v in sorted(touched):
+            derivative = self.pool.derivative_of.get(v)
+            for changed in (v,) if derivative is None else (v, derivative):
+                self.dirty += [k for k in self.users.pop(changed, ()) if k in self.residual]
+        self.dirty = sorted(set(self.dirty))
+        return True
+
+    def _substitute(self) -> None:
+        pool = self.pool
+        pool.rewrite([self.residual[k] for k in self.dirty], self.leaf, self.done)
+        for k in self.dirty:
+            self.residual[k] = self.done[self.residual[k]]
+            for v in pool.variables_in(self.residual[k]):
+                self.users.setdefault(v, []).append(k)
+
+    def linkable(self) -> list[int]:
+        """Equations that mention a derivative, where links are looked for when no alias is left."""
+        integral = self.pool.integral_of
+        return sorted({k for v, users in self.users.items() if v in integral for k in users if k in self.residual})
 
     def _alias(self, k: int, node: tuple[object, ...], touched: set[int]) -> bool:
         """Use a residual as alias or constant; False when it must stay."""
@@ -218,6 +248,7 @@ class _Aliases:
             return True
         if second in self.pool.integral_of or (first in self.inputs and second in self.inputs):
             return False
+        touched.update((first, second))
         self.relations.append((first, second, sign))
         self.relation_source.append(k)
         return True
@@ -232,8 +263,7 @@ class _Aliases:
         x = pool.integral_of.get(dx)
         if x is None or v in pool.integral_of or v in self.inputs or x in self.inputs:
             return False
-        integral = {d: i for i, (d, _) in self.link.items()} if not touched else self._integrals
-        self._integrals = integral
+        integral = self.integral
         if v in integral or x in self.link:
             return False
         above: int | None = x
@@ -249,7 +279,7 @@ class _Aliases:
     def _trivial(self, k: int, value: float) -> bool:
         if abs(value) > 1e-12:
             raise contradiction(self.flat, self.flat.equations[k], value)
-        self.redundant.append(k)
+        self.trivial.append(k)
         return True
 
     def _pattern(self, node: tuple[object, ...]) -> tuple[int | None, int, int | _Known | None]:
@@ -278,7 +308,14 @@ class _Aliases:
             return True
         if node[0] in ("var", "time"):
             return False
-        return all(self.pool.nodes[n][0] not in ("var", "time") for n in self.pool.reachable([number]))
+        stack = [number]
+        while stack:  # a depth-first search ends at the first variable, nearly always at once
+            below = self.pool.nodes[stack.pop()]
+            if below[0] in ("var", "time"):
+                return False
+            if below[0] not in ("const", "par"):
+                stack.extend(below[1:])
+        return True
 
     def finish(self) -> ReducedSystem:
         """Translate what is left into a pool with numbers of its own."""
@@ -298,7 +335,7 @@ class _Aliases:
         initial_old = [old.sub(e.left, e.right) for e in self.flat.initial_equations]
         old.rewrite(initial_old, self.leaf, self.done)
         initial_old = [self.done[n] for n in initial_old]
-        roots = [r for _, r in self.remaining] + image_old + [n for pair in slopes_old for n in pair] + initial_old
+        roots = list(self.residual.values()) + image_old + [n for pair in slopes_old for n in pair] + initial_old
         for variable in sorted(old.variables_in(*roots)):
             fresh(variable)
         for x, (v, _) in self.link.items():
@@ -314,11 +351,11 @@ class _Aliases:
             flat=self.flat,
             pool=pool,
             scalar=tuple(sorted(number, key=number.__getitem__)),
-            residuals=tuple(done[r] for _, r in self.remaining),
-            equation=tuple(k for k, _ in self.remaining),
+            residuals=tuple(done[self.residual[k]] for k in sorted(self.residual)),
+            equation=tuple(sorted(self.residual)),
             image=tuple(done[n] for n in image_old),
             inputs=tuple(number[s] for s in self.flat.inputs if s in number),
-            redundant=tuple(self.redundant),
+            redundant=(*self.redundant, *self.trivial),
             initial=tuple(done[n] for n in initial_old),
         )
 

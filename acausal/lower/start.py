@@ -20,6 +20,8 @@ class Condition:
     node: int
     text: str
     where: tuple[Span, ...]
+    scalar: int | None = None
+    """The flat scalar whose declared start it is; None for an equation."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,9 +71,9 @@ def start_problem(solution: Solution) -> StartProblem:
             given.append(_condition(reduced, scalar, start))
     for e, node in solution.structure.invariants:
         source = reduced.flat.equations[solution.structure.flat_equation(e)]
-        given.append(Condition(node, f"{source.source}", span_of(source)))
+        given.append(Condition(node, reduced.flat.text(source), span_of(source)))
     for equation, node in zip(reduced.flat.initial_equations, reduced.initial, strict=True):
-        given.append(Condition(node, f"{equation.source}", span_of(equation)))
+        given.append(Condition(node, reduced.flat.text(equation), span_of(equation)))
     open_states = [x for x in states if x not in direct]
     used, surplus, defaulted = _assign(solution, given, open_states, guesses)
     return StartProblem(direct, tuple(used), tuple(surplus), tuple(defaulted), guesses)
@@ -105,7 +107,7 @@ def _condition(reduced: ReducedSystem, scalar: int, start: FlatStart) -> Conditi
     node = reduced.pool.sub(reduced.image[scalar], _import(reduced, start.node))
     name = reduced.flat.scalar_name(scalar)
     where = (start.origin.span(),) if start.origin is not None else ()
-    return Condition(node, f"{name} fixed at the start", where)
+    return Condition(node, name, where, scalar)
 
 
 def _assign(
