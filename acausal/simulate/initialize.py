@@ -10,11 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.errors import InitializationError
-from acausal.flatten.flat import span_of
 from acausal.lower.compiled import CompiledModel
+from acausal.lower.diagnosis.words import counted, listed, made_at
 from acausal.lower.evaluate import values
+from acausal.simulate.start_errors import contradicting, left_open, not_found, undefined
 
 Vector = NDArray[np.float64]
+
+_MOST_CHECKED = 3000
+_LARGEST_RANK = 200
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,8 +36,8 @@ def initialize(compiled: CompiledModel, t: float, p: Vector, u: Vector, m: Vecto
     Raises
     ------
     InitializationError
-        AC301 when Newton's method and continuation both fail, AC302 when conditions contradict each other,
-        AC303 when the equations are not defined at the start (division by zero, root of a negative number).
+        AC301 when Newton's method and continuation both fail, AC304 when that is because conditions depend on each
+        other, AC302 when conditions contradict each other, AC303 when the equations are not defined at the start (division by zero, root of a negative number).
     """
     x, z = (np.array(v, dtype=float).ravel() for v in compiled.guess(p))
     free = [k for k, v in enumerate(compiled.state_variables) if v not in compiled.start.direct]
@@ -43,6 +47,7 @@ def initialize(compiled: CompiledModel, t: float, p: Vector, u: Vector, m: Vecto
         _check_defined(compiled, t, x, z, u, p, m)
         system = _System(compiled, t, x, z, u, p, m, free)
         x, z = system.solve()
+        notes += system.left_open(x, z)
     _check_defined(compiled, t, x, z, u, p, m)
     _check_surplus(compiled, t, x, z, u, p, m)
     return Start(x, z, notes)
@@ -65,7 +70,7 @@ def _defaulted(compiled: CompiledModel, x: Vector) -> tuple[str, ...]:
     if not names:
         return ()
     return (
-        f"{len(names)} start value(s) not given; taken: {', '.join(names[:6])}"
+        f"{counted(len(names), 'start value')} not given; taken: {', '.join(names[:6])}"
         + (" ..." if len(names) > 6 else "")
         + "  (say so with fixed(...))",
     )
@@ -116,6 +121,15 @@ class _System:
         x[self.free] = values_[: len(self.free)]
         return x, values_[len(self.free) :]
 
+    def left_open(self, x: Vector, z: Vector) -> tuple[str, ...]:
+        """A note when the solution that was found is one of many, so that the guesses have decided."""
+        if not self.free or len(self.scale) > _LARGEST_RANK:
+            return ()
+        slope = self.residual.factory("slope", ["y"], ["jac:r:y"])
+        y = np.concatenate([x[self.free], z]) / self.scale
+        near = y + 0.01 * np.random.default_rng(3).standard_normal(len(y))
+        return left_open(self.compiled, self.free, [slope(y), slope(near)])
+
     def _newton(self, residual: Any, y0: Vector) -> Vector | None:
         if residual.numel_out(0) != len(y0):
             return None
@@ -154,22 +168,10 @@ class _System:
         return here if done >= 1.0 else None
 
     def _failed(self, y0: Vector) -> InitializationError:
-        names = [self.compiled.states[i] for i in self.free] + list(self.compiled.algebraic)
-        residuals = np.abs(np.nan_to_num(np.array(self.residual(y0)).ravel(), nan=np.inf))
-        worst = np.argsort(-residuals)[:5]
-        texts = [c.text for c in self.compiled.start.conditions] if self.free else []
-        reduced = self.compiled.solution.structure.reduced
-        labels = texts + [f"equation for {reduced.name(v)}" for v in self.compiled.solution.algebraic]
-        guesses = [f"{n} = {v:g}" for n, v in zip(names, y0 * self.scale, strict=True)][:6]
-        return InitializationError(
-            "AC301",
-            f"no consistent start found for {self.compiled.name}: {', '.join(names[:4])}",
-            where=[s for c in self.compiled.start.conditions[:1] for s in c.where],
-            evidence=[f"residual {residuals[k]:.3g}: {labels[k] if k < len(labels) else k}" for k in worst]
-            + [f"guesses: {', '.join(guesses)}"],
-            cause="the guesses are too far from a solution, or there is none",
-            help="give better guesses: " + ", ".join(f"{n}=guess(...)" for n in names[:2]),
-        )
+        residuals = np.nan_to_num(np.array(self.residual(y0)).ravel(), nan=np.inf)
+        slope = self.residual.factory("slope", ["y"], ["jac:r:y"])
+        near = y0 + 0.01 * np.random.default_rng(3).standard_normal(len(y0))
+        return not_found(self.compiled, self.free, y0 * self.scale, residuals, [slope(y0), slope(near)])
 
 
 def _check_surplus(
@@ -180,24 +182,21 @@ def _check_surplus(
     off = np.array(compiled.conditions(t, x, z, u, p, m)[1]).ravel()
     for condition, residual in zip(compiled.start.surplus, off, strict=True):
         if abs(residual) > 1e-7:
-            raise InitializationError(
-                "AC302",
-                f"too many start conditions for {compiled.name}: `{condition.text}` contradicts the others",
-                where=condition.where,
-                evidence=[f"it is off by {residual:g} when the others hold"]
-                + [f"given too: {compiled.states[k]} = {x[k]:g}" for k in range(min(4, len(x)))],
-                help="remove it, or make it a guess(...)",
-            )
+            raise contradicting(compiled, condition, float(residual), x, p)
 
 
 def _check_defined(
     compiled: CompiledModel, t: float, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector
 ) -> None:
-    """Refuse a start at which an equation has no finite value, naming the first one."""
+    """Refuse a start at which an equation has no finite value, naming the first one.
+
+    In large models only the rates are looked at: going through every definition costs more than the run.
+    """
     ode, alg = (np.array(v).ravel() for v in compiled.rhs(t, x, z, u, p, m))
-    if np.isfinite(ode).all() and np.isfinite(alg).all():
-        return
+    is_finite = bool(np.isfinite(ode).all() and np.isfinite(alg).all())
     solution = compiled.solution
+    if is_finite and len(solution.definitions) > _MOST_CHECKED:
+        return
     reduced = solution.structure.reduced
     known = dict(zip(compiled.state_variables, x, strict=True))
     known.update(zip(solution.algebraic, z, strict=True))
@@ -210,14 +209,13 @@ def _check_defined(
         if not np.isfinite(value):
             equation = reduced.flat.equations[solution.structure.flat_equation(rows[variable][0])]
             inside = [f"{reduced.name(v)} = {known[v]:g}" for v in sorted(reduced.pool.variables_in(node))]
-            raise InitializationError(
-                "AC303",
-                f"{reduced.name(variable)} has no finite value at the start (t = {t:g} s)",
-                where=span_of(equation),
-                evidence=[f"{equation.source}   ({equation.component or compiled.name})"]
-                + ([f"with {', '.join(inside[:6])}"] if inside else []),
-                cause="a division by zero, or a root or logarithm of a negative number",
-                help="start elsewhere, or state the equation so that it holds there too",
-            )
+            raise undefined(compiled, t, reduced.name(variable), equation, inside)
+    if is_finite:
+        return
     names = [n for n, v in zip((*compiled.states, *compiled.algebraic), (*ode, *alg), strict=True) if not np.isfinite(v)]
-    raise InitializationError("AC303", f"the equations for {', '.join(names[:4])} have no finite value at t = {t:g} s")
+    raise InitializationError(
+        "AC303",
+        f"{compiled.name}: the equations for {listed(names, 4)} have no finite value at the start (t = {t:g} s)",
+        where=made_at(compiled.flat, ""),
+        cause="a division by zero, or a root or logarithm of a negative number",
+    )
