@@ -44,6 +44,7 @@ from acausal.language.functions import dot as dot
 from acausal.language.functions import exp as exp
 from acausal.language.functions import fabs as fabs
 from acausal.language.functions import floor as floor
+from acausal.language.functions import homotopy as homotopy
 from acausal.language.functions import identity as identity
 from acausal.language.functions import log as log
 from acausal.language.functions import maximum as maximum

@@ -95,6 +95,10 @@ def _max(p: Pool, n: int, a: int, b: int) -> int:
     return p.where(p.make("gt", a, b), p._slopes[a], p._slopes[b])
 
 
+def _homotopy(p: Pool, n: int, a: int, s: int) -> int:
+    return p.make("homotopy", p._slopes[a], p._slopes[s])
+
+
 def _atan2(p: Pool, n: int, y: int, x: int) -> int:
     square = p.add(p.mul(x, x), p.mul(y, y))
     return p.div(p.sub(p.mul(x, p._slopes[y]), p.mul(y, p._slopes[x])), square)
@@ -130,6 +134,7 @@ _RULES: dict[str, Callable[..., int]] = {
     "min": _min,
     "max": _max,
     "atan2": _atan2,
+    "homotopy": _homotopy,
     "sign": _zero,
     "floor": _zero,
     "ceil": _zero,

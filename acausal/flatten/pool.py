@@ -35,6 +35,7 @@ _UNARY: dict[str, Callable[[float], float]] = {
 _BINARY: dict[str, Callable[[float, float], float]] = {
     "pow": math.pow,
     "atan2": math.atan2,
+    "homotopy": lambda a, s: a,
     "min": min,
     "max": max,
     "lt": lambda a, b: float(a < b),

@@ -149,6 +149,18 @@ def where(condition: Expr, a: Operand, b: Operand, *, smooth: bool = False) -> E
     return Expr("where", (condition, x, y), x.shape or y.shape, smooth)
 
 
+def homotopy(actual: Operand, simplified: Operand) -> Expr:
+    """`actual`; while the start is searched and Newton fails, `simplified` at first, led over to `actual`.
+
+    Source: Modelica language 3.6, section 3.7.4.4; M. Sielemann et al., Robust initialization of DAE models using
+    homotopy, 8th Modelica Conference (2011).
+    """
+    a, s = as_expr(actual), as_expr(simplified)
+    if a.shape != s.shape and not (is_literal(a) or is_literal(s)):
+        raise shape_error("homotopy", a, s)
+    return Expr("homotopy", (a, s), a.shape or s.shape)
+
+
 def der(x: Operand) -> Expr:
     """Time derivative of an expression of any shape; `der(der(x))` for the second."""
     e = as_expr(x)

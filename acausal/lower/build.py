@@ -43,6 +43,7 @@ class Builder:
         self.parameters = [parameters[k] for k in range(parameters.numel())]
         self.variables: dict[int, Any] = {}
         self.done: dict[int, Any] = dict(modes)
+        self.homotopy: Any = None  # 0 at the simplified, 1 at the actual side of homotopy(...); None means 1
 
     def lower(self, roots: Iterable[int]) -> list[Any]:
         """SX of each root; every variable below must be in `variables`."""
@@ -60,6 +61,10 @@ class Builder:
                 done[number] = self.parameters[node[1]]
             elif op == "time":
                 done[number] = self.time
+            elif op == "homotopy":
+                actual, simplified = done[node[1]], done[node[2]]
+                s = self.homotopy
+                done[number] = actual if s is None else s * actual + (1 - s) * simplified
             else:
                 done[number] = _BUILD[op](*[done[c] for c in node[1:]])
         return [done[r] for r in wanted]

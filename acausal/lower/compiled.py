@@ -164,6 +164,26 @@ class CompiledModel:
         return ca.Function("conditions", symbols.inputs, parts, _INPUTS, ["used", "surplus"])
 
     @cached_property
+    def homotopy(self) -> Any:
+        """`(t, x, z, u, p, m, s) -> (used, alg)`: the start system on its way from simplified (s = 0) to actual (s = 1).
+
+        None when the model says `homotopy(...)` nowhere.
+        """
+        pool = self.solution.structure.reduced.pool
+        conditions = [c.node for c in self.start.conditions]
+        roots = [*conditions, *self.solution.residuals, *(n for _, n in self.solution.definitions)]
+        if not any(pool.nodes[n][0] == "homotopy" for n in pool.reachable(roots)):
+            return None
+        symbols = Symbols(self)
+        builder = symbols.builder(self)
+        builder.homotopy = ca.SX.sym("s")
+        builder.define(self.solution.definitions, self.time_events.rewritten)
+        used, alg = (
+            _column(builder.lower([builder.replaced(n) for n in group])) for group in (conditions, self.solution.residuals)
+        )
+        return ca.Function("homotopy", [*symbols.inputs, builder.homotopy], [used, alg], [*_INPUTS, "s"], ["used", "alg"])
+
+    @cached_property
     def constraints(self) -> Any:
         """`(t, x, z, u, p, m) -> (g, dg/dx)`: stabilised constraints, all levels, and their Jacobian."""
         symbols = Symbols(self)

@@ -64,6 +64,11 @@ class LinearForm:
                     factor = other[0]
                     return pool.mul(this[0], factor), {v: pool.mul(c, factor) for v, c in this[1].items()}
             return None
+        if op == "homotopy":
+            (a, of_a), (s, of_s) = known
+            both = {*of_a, *of_s}
+            mixed = {v: pool.make(op, of_a.get(v, pool.zero), of_s.get(v, pool.zero)) for v in both}
+            return pool.make(op, a, s), mixed
         if op == "div" and not known[1][1]:
             d = known[1][0]
             return pool.div(known[0][0], d), {v: pool.div(c, d) for v, c in known[0][1].items()}

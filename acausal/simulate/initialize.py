@@ -107,11 +107,14 @@ class _System:
             residual = ca.vertcat(compiled.conditions(*arguments)[0], residual) if free else residual
         self.residual = ca.Function("start", [y], [residual], ["y"], ["r"])
         self.symbols = y, residual
+        self.arguments = arguments
 
     def solve(self) -> tuple[Vector, Vector]:
-        """Newton from the guesses, then continuation from a system they satisfy."""
+        """Newton from the guesses; then the model's own homotopy; then continuation from a system the guesses satisfy."""
         y0 = np.concatenate([self.x[self.free], self.z]) / self.scale
         found = self._newton(self.residual, y0)
+        if found is None:
+            found = self._homotopy(y0)
         if found is None:
             found = self._continuation(y0)
         if found is None:
@@ -133,7 +136,7 @@ class _System:
     def _newton(self, residual: Any, y0: Vector) -> Vector | None:
         if residual.numel_out(0) != len(y0):
             return None
-        settings = {"abstol": 1e-13, "abstolStep": 1e-11, "max_iter": 60, "error_on_fail": False}
+        settings = {"abstol": 1e-13, "abstolStep": 1e-11, "max_iter": 400, "error_on_fail": False}
         try:  # CasADi refuses a structurally singular Jacobian when the rootfinder is made: a mass of 0 kg
             found = np.array(ca.rootfinder("start", "newton", residual, settings)(y0)).ravel()
         except RuntimeError:
@@ -148,14 +151,29 @@ class _System:
         # Large terms that cancel, a stiff spring over a long way, leave more than that by rounding alone.
         return found if _last_step(residual, found) <= 1e-10 else None
 
+    def _homotopy(self, y0: Vector) -> Vector | None:
+        """From the simplified system that the model states by `homotopy(...)` to the actual one."""
+        if self.compiled.homotopy is None or self.residual.numel_out(0) != len(y0):
+            return None
+        y, _ = self.symbols
+        s = ca.SX.sym("s")
+        used, alg = self.compiled.homotopy(*self.arguments, s)
+        moved = ca.Function("moved", [y, s], [ca.vertcat(used, alg) if self.free else alg])
+        simplified = self._newton(ca.Function("partial", [y], [moved(y, 0.0)], ["y"], ["r"]), y0)
+        return None if simplified is None else self._follow(moved, simplified)
+
     def _continuation(self, y0: Vector) -> Vector | None:
-        """F(y) - (1 - s) F(y0) = 0 from s = 0, where y0 is the answer, to s = 1, in steps that adapt."""
+        """F(y) - (1 - s) F(y0) = 0 from s = 0, where y0 is the answer, to s = 1."""
         start = np.array(self.residual(y0)).ravel()
         if not np.isfinite(start).all() or self.residual.numel_out(0) != len(y0):
             return None
         y, full = self.symbols
         s = ca.SX.sym("s")
-        moved = ca.Function("moved", [y, s], [full - (1 - s) * ca.DM(start)])
+        return self._follow(ca.Function("moved", [y, s], [full - (1 - s) * ca.DM(start)]), y0)
+
+    def _follow(self, moved: Any, y0: Vector) -> Vector | None:
+        """The solution of `moved(y, s) = 0` led from y0 at s = 0 to s = 1, in steps that adapt."""
+        y, _ = self.symbols
         here, done, step = y0, 0.0, 0.1
         while done < 1.0 and step > 1e-5:
             target = min(1.0, done + step)
