@@ -85,9 +85,7 @@ def deviations(a: Result, b: Result, wanted: list[str], floor: float) -> list[De
     """
     import numpy as np
 
-    for name in wanted:
-        a.elements(name), b.elements(name)
-    elements = [s.name for name in wanted for s in a.elements(name)[1]]
+    elements = [s.name for name in wanted for r in (b, a) for s in r.elements(name)[1] if r is a]
     common = elements or [n for n in a.names if n in b.signals]
     times = _times(a, b)
     if not common or not times.size:

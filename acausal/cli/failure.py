@@ -55,6 +55,12 @@ def as_error(error: Exception) -> AcausalError:
     )
 
 
+def interruption(stop: KeyboardInterrupt) -> AcausalError:
+    """The message for Ctrl-C; a run leaves what it has computed on the exception."""
+    result = getattr(stop, "result", None)
+    return AcausalError("AC490", "interrupted" + (f" at t = {result.time[-1]:.6g} s" if result is not None else ""))
+
+
 def _syntax_span(error: SyntaxError) -> Span:
     column = None if error.offset is None else error.offset - 1
     return Span(str(error.filename), error.lineno or 1, column)

@@ -17,11 +17,11 @@ from acausal.cli.compare import compare
 from acausal.cli.doctor import doctor
 from acausal.cli.equations import equations
 from acausal.cli.export import export
-from acausal.cli.failure import INTERRUPTED, as_error, exit_code
+from acausal.cli.failure import INTERRUPTED, as_error, exit_code, interruption
 from acausal.cli.info import info
 from acausal.cli.list import list_models
 from acausal.cli.plot import plot
-from acausal.cli.report import remark, say, show_error
+from acausal.cli.report import say, show_error
 from acausal.cli.simulate import simulate
 
 
@@ -39,8 +39,8 @@ class _Verbs(TyperGroup):
         """Run a verb."""
         try:
             return super().invoke(ctx)
-        except KeyboardInterrupt:
-            remark("interrupted")
+        except KeyboardInterrupt as stop:
+            show_error(interruption(stop))
             raise typer.Exit(INTERRUPTED) from None
         except (RuntimeError, OSError) as error:
             # typer's own: Exit and Abort are RuntimeErrors, a closed pipe is no defect.

@@ -28,15 +28,14 @@ class ProgressBar:
     def __call__(self, fraction: float, reached: float) -> None:
         if not self._shown or (self._bar is None and time.perf_counter() - self._began < _PATIENCE):
             return
-        if self._bar is None:
-            self._start()
+        self._bar = self._bar or self._started()
         self._bar.update(self._task, completed=fraction, reached=f"{reached:.6g} s")
 
-    def _start(self) -> None:
+    def _started(self) -> Any:
         from rich.console import Console
         from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-        self._bar = Progress(
+        bar = Progress(
             TextColumn("{task.description}"),
             BarColumn(),
             TextColumn("{task.fields[reached]}"),
@@ -45,8 +44,9 @@ class ProgressBar:
             console=Console(file=self._stream),
             transient=True,
         )
-        self._task = self._bar.add_task(self.label, total=1.0, reached="")
-        self._bar.start()
+        self._task = bar.add_task(self.label, total=1.0, reached="")
+        bar.start()
+        return bar
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
