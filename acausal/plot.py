@@ -70,9 +70,8 @@ class _Group:
     def label(self) -> str:
         docs = list(dict.fromkeys(s.doc.rstrip(".") for s in self.signals if s.doc))
         lines = wrap(", ".join(docs), _LABEL_WIDTH)
-        if len(lines) > 2:
-            # Several meanings on one axis are told apart by the legend.
-            lines = [] if len(docs) > 1 else [lines[0], lines[1] + " …"]
+        if len(lines) > 2 or (len(docs) > 1 and len(lines) > 1):
+            lines = []  # the legend tells the meanings apart better than a paragraph along the axis
         if lines and len(lines[-1]) + len(self.scale.label) < _LABEL_WIDTH:
             lines[-1] = f"{lines[-1]} {self.scale.label}".rstrip()
             return "\n".join(lines)

@@ -73,10 +73,9 @@ class Recorder:
 
     def observe(self, times: Vector, x: Vector, z: Vector, m: Vector) -> Vector:
         """All trajectories, shape (rows, columns)."""
-        count = len(times)
-        function = self.compiled.observe.map(count) if count > 1 else self.compiled.observe
-        wide = [np.tile(v[:, None], (1, count)) for v in (self.u, self.p)]
-        return np.array(function(times[None, :], x, z, wide[0], wide[1], m)).T.reshape(count, -1)
+        # CasADi evaluates column by column; a mapped function costs twice as much (measured)
+        found = self.compiled.observe(times[None, :], x, z, self.u[:, None], self.p[:, None], m)
+        return np.array(found).T.reshape(len(times), -1)
 
 
 def make_result(

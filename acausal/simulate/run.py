@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time as clock
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -25,11 +25,13 @@ from acausal.simulate.problem import Problem
 from acausal.simulate.project import projected
 from acausal.simulate.record import Recorder, make_result
 from acausal.simulate.solvers import Solver, choose
-from acausal.simulate.solvers.base import Piece, Segment
+from acausal.simulate.solvers.base import TOLERANCE_SHARE, Piece, Segment
 
 Vector = NDArray[np.float64]
 Progress = Callable[[float, float], None]
 _log = logging.getLogger(__name__)
+# Steps times variables that take about a second.
+_LONG = 1e6
 
 
 def simulate(
@@ -238,12 +240,13 @@ class _Run:
     ) -> Start:
         """Integrate from a to b and record; returns the values at b."""
         m = self.modes(a, b)
-        start = consistent(self.compiled, a, start, self.p, self.u, m)
+        vector = problem.parameters(self.p, self.u, m)
+        z = problem.restarted(a, start.x, start.z, vector) if len(start.z) else start.z
+        start = consistent(self.compiled, a, start, self.p, self.u, m) if z is None else Start(start.x, z, start.notes)
         recorder.begin(a, start.x, start.z, m)
         span = b - a
         times = np.append(grid[(grid > a + 1e-12 * span) & (grid < b - 1e-12 * span)], b)
-        vector = problem.parameters(self.p, self.u, m)
-        for part in self.parts(times):
+        for part in self.parts(times, recorder):
             here = float(recorder.time)
             segment = Segment(
                 start=here,
@@ -251,8 +254,8 @@ class _Run:
                 x=start.x,
                 z=start.z,
                 p=vector,
-                tolerance=self.options.tolerance,
-                absolute=self.options.tolerance * self.options.absolute_factor,
+                tolerance=TOLERANCE_SHARE * self.options.tolerance,
+                absolute=TOLERANCE_SHARE * self.options.tolerance * self.options.absolute_factor,
                 step=self.options.step,
             )
             piece = self.integrate(problem, solver, recorder, segment, m)
@@ -263,11 +266,22 @@ class _Run:
                 self.progress((part[-1] - self.options.start_time) / whole, float(part[-1]))
         return start
 
-    def parts(self, times: Vector) -> list[Vector]:
-        """Output times in chunks: one without progress, else small ones first to learn how long a chunk takes."""
+    def parts(self, times: Vector, recorder: Recorder) -> Iterator[Vector]:
+        """Output times in chunks, after each of which progress is reported and the run can be stopped.
+
+        One without progress; with it, the first fiftieth tells whether there is reason for more: each chunk restarts
+        the solver, at the cost of steps and of accuracy. Steps are counted, not seconds, so that a run gives the same
+        result every time.
+        """
         if self.progress is None or len(times) < 100:
-            return [times]
-        return [times[: len(times) // 50], *np.array_split(times[len(times) // 50 :], 12)]
+            yield times
+            return
+        before = recorder.counters.get("steps", 0.0)
+        few = len(times) // 50
+        yield times[:few]
+        steps = 50.0 * (recorder.counters.get("steps", 0.0) - before)
+        work = steps * (10 + len(self.compiled.states) + len(self.compiled.algebraic)) / _LONG
+        yield from np.array_split(times[few:], int(np.clip(12 * work, 12, 50)) if work > 1.0 else 1)
 
     def integrate(
         self, problem: Problem, solver: Solver, recorder: Recorder, segment: Segment, m: Vector
@@ -322,8 +336,8 @@ class _Run:
                 x=x,
                 z=z,
                 p=problem.parameters(self.p, self.u, m),
-                tolerance=self.options.tolerance,
-                absolute=self.options.tolerance * self.options.absolute_factor,
+                tolerance=TOLERANCE_SHARE * self.options.tolerance,
+                absolute=TOLERANCE_SHARE * self.options.tolerance * self.options.absolute_factor,
                 step=self.options.step,
             )
             piece = solver.integrate(problem, segment)

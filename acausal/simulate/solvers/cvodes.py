@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from acausal.simulate.problem import Problem
-from acausal.simulate.solvers.base import BDF_SHARE, CasadiSolver, Segment
+from acausal.simulate.solvers.base import CasadiSolver, Segment
 
 
 class Cvodes(CasadiSolver):
@@ -16,8 +16,8 @@ class Cvodes(CasadiSolver):
 
     def settings(self, problem: Problem, segment: Segment) -> dict[str, Any]:
         return {
-            "reltol": BDF_SHARE * segment.tolerance,
-            "abstol": BDF_SHARE * segment.absolute,
+            "reltol": segment.tolerance,
+            "abstol": segment.absolute,
             "max_num_steps": 10**6,
             "linear_solver": "qr" if problem.n_dynamic < 400 else "csparse",
         }

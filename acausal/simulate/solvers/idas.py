@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from acausal.simulate.problem import Problem
-from acausal.simulate.solvers.base import BDF_SHARE, CasadiSolver, Segment
+from acausal.simulate.solvers.base import CasadiSolver, Segment
 
 
 class Idas(CasadiSolver):
@@ -23,8 +23,8 @@ class Idas(CasadiSolver):
             problem.dae(0.0, x, segment.z / problem.scale_z, np.concatenate([segment.p, [segment.start]]), [])[0]
         ).ravel()
         return {
-            "reltol": BDF_SHARE * segment.tolerance,
-            "abstol": BDF_SHARE * segment.absolute,
+            "reltol": segment.tolerance,
+            "abstol": segment.absolute,
             # the start is consistent already, and IDACalcIC fails where our own start system does not
             "calc_ic": False,
             "init_xdot": rate.tolist(),

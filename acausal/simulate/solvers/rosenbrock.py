@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from acausal.simulate.problem import Problem
-from acausal.simulate.solvers.base import ONE_STEP_SHARE, CasadiSolver, Segment
+from acausal.simulate.solvers.base import CasadiSolver, Segment
 
 
 class Rosenbrock(CasadiSolver):
@@ -19,8 +19,8 @@ class Rosenbrock(CasadiSolver):
     def settings(self, problem: Problem, segment: Segment) -> dict[str, Any]:
         fixed = {"step_size": segment.step} if segment.step else {}
         return {
-            "reltol": ONE_STEP_SHARE * segment.tolerance,
-            "abstol": ONE_STEP_SHARE * segment.absolute,
+            "reltol": segment.tolerance,
+            "abstol": segment.absolute,
             "max_num_steps": 10**6,
             **fixed,
         }
