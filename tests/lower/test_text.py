@@ -86,8 +86,8 @@ def test_python_reads_the_same_value_back(expression: Any) -> None:
     expected = values(pool, [node], leaves)[node]
     try:
         found = eval(text(pool, node, 10**6), FUNCTIONS | VALUES)
-    except (ZeroDivisionError, OverflowError):
-        return
+    except (ZeroDivisionError, OverflowError, TypeError):
+        return  # where the pool has inf or nan, Python raises, or turns complex: (-3)**0.5
     if isinstance(found, complex) or not math.isfinite(expected):
         return
     assert found == pytest.approx(expected, rel=1e-9)
