@@ -1,8 +1,8 @@
 """Integrals of functions of time that act on nothing: solved apart, so that they neither cost steps nor lose accuracy.
 
-Their rates are Chebyshev series on panels, halved until the series ends; integrated term by term, they give every output
-time at once. Source: J. P. Boyd, Chebyshev and Fourier Spectral Methods (2001), chapter 2. An integrator per segment costs
-three times as much, most of it to be made.
+Their rates are Chebyshev series on panels, halved until the series ends; integrated term by term, they give every
+output time at once. Source: J. P. Boyd, Chebyshev and Fourier Spectral Methods (2001), chapter 2. An integrator per
+segment costs three times as much, most of it to be made.
 """
 
 from __future__ import annotations

@@ -1,0 +1,74 @@
+"""Integrals of time solved apart, against their closed forms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import acausal
+from acausal import Component, Equations, Real, der, fixed, parameter, time, variable, where
+from acausal.simulate.islands import integrals
+
+Array = NDArray[np.float64]
+
+
+def test_smooth_rates_to_rounding() -> None:
+    """Wave, constant, decay and a steep rise, over one panel or many."""
+    times = np.linspace(0.03, 10.0, 333)
+    found = integrals(
+        lambda t: np.vstack([np.sin(40 * t), 3.0 + 0 * t, np.exp(-t), 1 / np.cosh(50 * (t - 5)) ** 2]),
+        0.0,
+        times,
+        1e-10,
+        1e-13,
+    )
+    expected = [
+        (1 - np.cos(40 * times)) / 40,
+        3 * times,
+        1 - np.exp(-times),
+        (np.tanh(50 * (times - 5)) + np.tanh(250)) / 50,
+    ]
+    np.testing.assert_allclose(found, np.vstack(expected), rtol=0, atol=1e-10)
+
+
+def test_a_jump_inside_is_enclosed() -> None:
+    """A step at pi integrates to max(t - pi, 0)."""
+    times = np.linspace(0.1, 10.0, 100)
+    found = integrals(lambda t: np.where(t < np.pi, 0.0, 1.0)[None, :], 0.0, times, 1e-8, 1e-11)
+    np.testing.assert_allclose(found[0], np.maximum(times - np.pi, 0.0), atol=1e-10)
+
+
+def test_one_output_time() -> None:
+    np.testing.assert_allclose(integrals(lambda t: 2 * t[None, :], 1.0, np.array([3.0]), 1e-8, 1e-11), [[8.0]])
+
+
+def test_a_pole_is_an_error() -> None:
+    def pole(t: Array) -> Array:
+        with np.errstate(divide="ignore"):
+            return 1 / np.round(t - 2.0, 12)[None, :]
+
+    with pytest.raises(RuntimeError, match="not finite"):
+        integrals(pole, 0.0, np.array([4.0]), 1e-8, 1e-11)
+
+
+class Shaft(Component):
+    """A decay that is integrated, and an angle driven by time alone that nothing reads."""
+
+    x: Real = variable(default=fixed(1.0), unit="1")
+    angle: Real = variable(default=fixed(0.5), unit="rad", nominal=100.0)
+    rise: Real = parameter(default=2.0, unit="rad/s2")
+    tau: Real = parameter(default=1.0, unit="s")
+
+    def equations(self) -> Equations:
+        yield self.tau * der(self.x) == -self.x
+        yield der(self.angle) == where(time < 1.0, 0.0 * self.rise * time, self.rise * (time - 1.0))
+
+
+def test_island_of_a_model() -> None:
+    """rise/2 (t - 1)**2 after 1 s, on top of the start; the state beside it decays."""
+    run = acausal.simulate(Shaft(), stop_time=4.0, tolerance=1e-8)
+    assert (run.stats["states"], run.stats["quadratures"]) == (1, 1)
+    np.testing.assert_allclose(run["angle"], 0.5 + np.maximum(run.time - 1.0, 0.0) ** 2, atol=1e-12)
+    assert run.at(2.345, "angle") == pytest.approx(0.5 + 1.345**2, abs=1e-12)
+    np.testing.assert_allclose(run["x"], np.exp(-run.time), atol=1e-7)
