@@ -127,7 +127,7 @@ def figure(
     """Draw the panels that a model defines, below each other; arguments and errors as for `plot`."""
     if not panels:
         raise UsageError("AC016", "a figure needs at least one panel")
-    _check_suffix(file)
+    check_suffix(file)
     content = [_groups(result, panel) for panel in panels]
     columns = 1 if len(panels) <= 5 else 2
     rows = -(-len(panels) // columns)
@@ -149,7 +149,7 @@ def figure(
         if heading:
             drawing.suptitle(heading, fontsize=11, fontweight="bold")
         if file is not None:
-            _save(drawing, Path(file))
+            save(drawing, Path(file))
     return drawing
 
 
@@ -271,7 +271,8 @@ def _calm(ax: Axes, values: Sequence[Array]) -> None:
         ax.set_ylim(middle - reach, middle + reach)
 
 
-def _check_suffix(file: str | Path | None) -> None:
+def check_suffix(file: str | Path | None) -> None:
+    """Refuse a file that is no picture (AC013), before the work of drawing it."""
     if file is not None and Path(file).suffix.lower() not in FORMATS:
         raise UsageError(
             "AC013",
@@ -280,7 +281,8 @@ def _check_suffix(file: str | Path | None) -> None:
         )
 
 
-def _save(drawing: Figure, file: Path) -> None:
+def save(drawing: Figure, file: Path) -> None:
+    """Write a figure, completely or not at all; the same figure gives the same file."""
     suffix = file.suffix.lower()
     # Without the date, the same run gives the same file.
     metadata = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(suffix, {})

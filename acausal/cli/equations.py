@@ -143,6 +143,8 @@ def reduced_sections(reduced: ReducedSystem) -> Sections:
 
 def structure_sections(structure: Structure) -> Sections:
     """Differentiated equations, states, and why these."""
+    from acausal.lower.report import state_reason
+
     reduced = structure.reduced
     names = reduced_names(reduced)
     flat = reduced.flat
@@ -150,7 +152,7 @@ def structure_sections(structure: Structure) -> Sections:
         _entry(_residual(reduced.pool, structure.residuals[new], names), flat.equations[structure.flat_equation(new)])
         for new in structure.integral
     ]
-    states = [{"text": reduced.name(x), "why": _why(structure, x)} for x in structure.states]
+    states = [{"text": reduced.name(x), "why": state_reason(structure, x)} for x in structure.states]
     choices = [{"text": _choice(reduced, c), "why": plural(len(c.equations), "constraint")} for c in structure.choices]
     kept = [
         _entry(_residual(reduced.pool, node, names), flat.equations[structure.flat_equation(e)])
@@ -183,19 +185,6 @@ def _choice(reduced: ReducedSystem, choice: Choice) -> str:
 def _listed(reduced: ReducedSystem, variables: tuple[int, ...], limit: int = 12) -> str:
     shown = [reduced.name(v) for v in variables[:limit]]
     return ", ".join(shown) + (f" and {len(variables) - limit} more" if len(variables) > limit else "")
-
-
-def _why(structure: Structure, state: int) -> str:
-    """What spoke for a state."""
-    reduced = structure.reduced
-    rate = structure.reduced.pool.derivative_of.get(state)
-    scalars = reduced.aliases.get(state, ())
-    preferred = any(reduced.flat.declaration(s).prefer_state for s in scalars)
-    fixed = any(s in reduced.flat.starts and reduced.flat.starts[s].is_fixed for s in scalars)
-    reasons = ["preferred by its declaration"] * preferred + ["its start is fixed"] * fixed
-    if not any(rate in c.candidates for c in structure.choices):
-        return "its derivative stands in the equations"
-    return "chosen: " + (", ".join(reasons) or "no other choice is as safe")
 
 
 def block_sections(solution: Solution) -> Sections:

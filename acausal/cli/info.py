@@ -5,14 +5,16 @@ from __future__ import annotations
 import inspect
 import math
 from collections.abc import Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from acausal.cli.names import flat_names, unit_of
 from acausal.cli.options import JsonOption, ModelArgument, SetOption
+from acausal.cli.outputs import check_picture
 from acausal.cli.reference import find_model
-from acausal.cli.report import place, quantity, record, remark, say, seconds, table
+from acausal.cli.report import place, plural, quantity, record, remark, say, seconds, table
 from acausal.cli.settings import prepare
 from acausal.errors import AcausalError, Span
 from acausal.flatten.instances import instances
@@ -24,6 +26,9 @@ if TYPE_CHECKING:
     from acausal.flatten.flat import FlatParameter, FlatSystem
     from acausal.lower.compiled import CompiledModel
     from acausal.lower.reduce import ReducedSystem
+    from acausal.lower.report import StructureReport
+
+_MOST_BLOCKS = 12
 
 
 def info(
@@ -32,12 +37,22 @@ def info(
     stats: Annotated[
         bool, typer.Option("--stats", help="What each stage of the compiler made, and how long it took.")
     ] = False,
+    spy: Annotated[
+        Path | None,
+        typer.Option(
+            "--spy",
+            metavar="FILE",
+            help="Draw which unknown stands in which equation, as composed and as solved (.png, .svg, .pdf).",
+        ),
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Show a model: text, parameters, states, signals."""
     from acausal.flatten.flatten import flatten
     from acausal.lower.compile import compile
 
+    if spy is not None:
+        check_picture(spy)
     cls = find_model(model)
     prepared = prepare(cls, settings or ())
     compiled, flat, failure = None, None, None
@@ -66,12 +81,20 @@ def info(
     if failure is not None:
         content["error"] = {"code": failure.code, "fact": failure.fact}
     if stats and compiled:
+        from acausal.lower.report import stage_counts, structure_report
+
         content["stats"] = stage_counts(compiled)
         content["timings"] = dict(compiled.timings)
+        content["structure"] = _structure(structure_report(compiled))
     if as_json:
         record(content)
     else:
         _print(content)
+    if spy is not None and compiled:
+        from acausal import plot_structure
+
+        plot_structure.spy(compiled, spy)
+        remark(f"wrote {spy}")
     if failure is not None:
         remark(f"this model does not compile: error[{failure.code}] {failure.fact}; see: acausal check {model}")
 
@@ -149,41 +172,13 @@ def _signals(model: Component, kind: Kind) -> list[dict[str, Any]]:
     return [{"path": n, "unit": d.unit, "doc": d.doc} for n, d in model._declarations.items() if d.kind is kind]
 
 
-def stage_counts(compiled: CompiledModel) -> dict[str, dict[str, int]]:
-    """What is left after each stage."""
-    solution = compiled.solution
-    structure = solution.structure
-    reduced, flat = structure.reduced, structure.reduced.flat
-    kinds = [b.kind for b in solution.blocks]
+def _structure(report: StructureReport) -> dict[str, Any]:
+    """What a report holds beyond the counts of the stages."""
     return {
-        "flatten": {
-            "equations": len(flat.equations),
-            "unknowns": flat.n_scalars - len(flat.inputs),
-            "parameters": len(flat.parameter_values),
-            "inputs": len(flat.inputs),
-        },
-        "reduce": {
-            "equations": len(reduced.residuals),
-            "eliminated": flat.n_scalars - len(set(reduced.scalar) & set(range(flat.n_scalars))),
-            "redundant": len(reduced.redundant),
-        },
-        "analyse": {
-            "differentiated": len(structure.integral),
-            "stabilised": len(structure.invariants),
-            "states": len(structure.states),
-            "blocks": len(structure.blocks),
-            "largest block": max((len(b) for b in structure.blocks), default=0),
-        },
-        "solve": {
-            **{f"{kind} blocks": kinds.count(kind) for kind in dict.fromkeys(kinds)},
-            "iterated": len(solution.algebraic),
-            "observed": max(len(solution.definitions) + len(solution.algebraic) - len(solution.needed), 0),
-        },
-        "lower": {
-            "operations": int(compiled.rhs.n_instructions()),
-            "time events": len(compiled.time_events.relations),
-            "quadratures": compiled.quadratures,
-        },
+        "blocks": [vars(b) for b in report.blocks],
+        "states": [vars(s) for s in report.states],
+        "eliminated": dict(report.eliminated),
+        "differentiated": dict(report.differentiated),
     }
 
 
@@ -216,6 +211,32 @@ def _print(content: Mapping[str, Any]) -> None:
         for stage, counts in content["stats"].items():
             shown = ", ".join(f"{v} {k}" for k, v in counts.items())
             say(f"  {stage:8} {seconds(content['timings'].get(stage, 0.0)):>9}   {shown}")
+        _print_structure(content["structure"])
+
+
+def _print_structure(structure: Mapping[str, Any]) -> None:
+    _head("Eliminated")
+    say("  " + ", ".join(f"{n} as {how}" for how, n in structure["eliminated"].items()))
+    if structure["differentiated"]:
+        _head("Differentiated")
+        for order, n in structure["differentiated"].items():
+            say(f"  {plural(n, 'equation')} {plural(order, 'time')}")
+    _head("Blocks")
+    table([_block_row(b) for b in structure["blocks"][:_MOST_BLOCKS]], indent="  ")
+    if len(structure["blocks"]) > _MOST_BLOCKS:
+        say(f"  and {len(structure['blocks']) - _MOST_BLOCKS} more sizes")
+    _head("States, and what spoke for them")
+    reasons: dict[str, list[str]] = {}
+    for state in structure["states"]:
+        reasons.setdefault(state["why"], []).append(state["name"])
+    for why, names in reasons.items():
+        say(f"  {len(names)} {why}: {_shortened(', '.join(names), 100)}")
+
+
+def _block_row(b: Mapping[str, Any]) -> tuple[str, ...]:
+    unknowns = plural(b["size"], "unknown")
+    left = f"{b['iterated']} left to the solver" if b["iterated"] else ""
+    return str(b["count"]), f"{b['kind']} of {unknowns}", left
 
 
 def _head(title: str) -> None:
