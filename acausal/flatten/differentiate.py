@@ -52,7 +52,14 @@ def _leaf(pool: Pool, op: str, index: int) -> int:
 
 
 def _refuse(pool: Pool, op: str) -> int:
-    raise DeclarationError("AC128", f"the time derivative of {op}(...) is needed and does not exist")
+    raise DeclarationError(
+        "AC128",
+        f"the time derivative of {_SHOWN.get(op, op)} is needed and does not exist",
+        help="it jumps, or is true or false: keep it out of der(...) and of prescribed positions",
+    )
+
+
+_SHOWN = {"lt": "a < b", "le": "a <= b", "gt": "a > b", "ge": "a >= b", "and": "a & b", "or": "a | b", "not": "~a"}
 
 
 def _add(p: Pool, n: int, a: int, b: int) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 from acausal.errors import DeclarationError
 from acausal.flatten.allocate import allocate
@@ -160,7 +161,7 @@ class _Builder:
             FlatEquation(left, right, origin, instance.path, item)
             for item, origin in items
             if isinstance(item, Equation)
-            for left, right in sides(self.pool, item, self.resolve, done)
+            for left, right in sides(self.pool, item, self.resolve, done, origin)
         ]
 
     def leaf_equations(self, leaves: _LeafStatements) -> list[FlatEquation]:
@@ -265,7 +266,8 @@ class _Builder:
                 if not isinstance(value, Fixed | Guess):
                     continue
                 expr: Expr = value.value
-                nodes = scalars(self.pool, expr, lambda s: self.table.symbol(s, "start"), {})
+                resolve = partial(self.table.symbol, user=f"the start of {instance.prefix}{name}")
+                nodes = scalars(self.pool, expr, resolve, {})
                 for k, node in enumerate(nodes):
                     scalar = instance.first[name] + k
                     is_fixed = isinstance(value, Fixed)

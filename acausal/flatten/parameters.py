@@ -71,7 +71,11 @@ class ParameterTable:
         if path in self._open:
             circle = " -> ".join([*self._open[self._open.index(path) :], path])
             raise DeclarationError(
-                "AC134", f"parameters are bound in a circle: {circle}", where=(instance.origin.span(),)
+                "AC134",
+                f"parameters are bound in a circle: {circle}",
+                where=(instance.origin.span(),),
+                evidence=[f"{path} = {value}"],
+                help="give one of them a number",
             )
         self._open.append(path)
         result = scalars(self.pool, value, lambda s: self.symbol(s, path), {})
@@ -84,10 +88,12 @@ class ParameterTable:
         if number is None:
             raise foreign(symbol)
         if symbol.declaration.kind is not Kind.PARAMETER:
+            path = user.rpartition(" ")[2].rpartition(".")[0]
+            bound = next((i for i in self.instances if i.path == path), self.instances[number])
             raise DeclarationError(
                 "AC135",
-                f"parameter {user} is bound to {self.instances[number].prefix}{symbol.name}, which varies in time",
-                where=(self.instances[number].origin.span(),),
+                f"{user} is bound to {self.instances[number].prefix}{symbol.name}, which varies in time",
+                where=(bound.origin.span(),),
                 help="bind parameters to parameters; give signals by connect or to a signal_input",
             )
         return self.nodes(self.instances[number], symbol.name)
@@ -102,17 +108,27 @@ class ParameterTable:
         return tuple(self.pool.par(first + k) for k in range(len(values)))
 
 
-def check_limits(path: str, declaration: Declaration, values: Sequence[float], instance: Instance | None = None) -> None:
+def check_limits(
+    path: str, declaration: Declaration, values: Sequence[float], instance: Instance | None = None
+) -> None:
     """Refuse values outside the declared limits (AC136)."""
     for suffix, value in zip(suffixes(declaration.shape), values, strict=True):
         if not declaration.min <= value <= declaration.max or math.isnan(value):
+            unit = f" {declaration.unit}" if declaration.unit else ""
             raise DeclarationError(
                 "AC136",
-                f"{path}{suffix} = {value:g} {declaration.unit} is outside its limits "
-                f"{declaration.min:g} ... {declaration.max:g}",
+                f"{path}{suffix} = {value:g}{unit} is outside its limits",
                 where=(instance.origin.span(),) if instance else (),
-                cause=declaration.doc or None,
+                evidence=[f"{path}   {declaration.doc}"] if declaration.doc else [],
+                help=f"give a value {_limits(declaration)}{unit}",
             )
+
+
+def _limits(declaration: Declaration) -> str:
+    low, high = declaration.min, declaration.max
+    if math.isinf(high):
+        return "that is a number" if math.isinf(low) else f"of at least {low:g}"
+    return f"of at most {high:g}" if math.isinf(low) else f"from {low:g} to {high:g}"
 
 
 def check_overrides(overrides: Mapping[str, object], all_instances: Sequence[Instance]) -> None:
@@ -144,14 +160,17 @@ def check_overrides(overrides: Mapping[str, object], all_instances: Sequence[Ins
 
 
 def _missing(found: Sequence[tuple[Instance, str, Declaration]]) -> DeclarationError:
-    instance, name, d = found[0]
-    names = ", ".join(f"{i.prefix}{n} [{d.unit or '1'}]" for i, n, d in found[:5])
+    instance, name, _ = found[0]
+    names = ", ".join(f"{i.prefix}{n}" for i, n, _ in found[:4])
+    more = f" and {len(found) - 4} more" if len(found) > 4 else ""
     return DeclarationError(
         "AC133",
-        f"parameter {instance.prefix}{name} has no value" if len(found) == 1 else f"parameters have no value: {names}",
+        f"parameter {instance.prefix}{name} has no value"
+        if len(found) == 1
+        else f"{len(found)} parameters have no value: {names}{more}",
         where=(instance.origin.span(),),
-        cause=d.doc or None,
-        help=f"{type(instance.component).__name__}({name}=...)" + (f"  in {d.unit}" if d.unit else ""),
+        evidence=[f"{i.prefix}{n} [{p.unit or '1'}]   {p.doc}".rstrip() for i, n, p in found[:6]],
+        help=f"give it where the component is made: {type(instance.component).__name__}({name}=...)",
     )
 
 
@@ -170,5 +189,5 @@ def foreign(symbol: Symbol) -> DeclarationError:
         "AC131",
         f"`{symbol}` belongs to a {type(owner).__name__} that is not part of the model",
         where=(owner.__dict__["_origin"].span(),),
-        help="declare it with part() and set it in build",
+        help="declare it with part(), set it in `build`, and write self.<part>",
     )

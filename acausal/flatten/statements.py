@@ -42,6 +42,7 @@ def run(component: Component, cls: str, method: str, function: Callable[..., Any
                 "AC130",
                 f"{cls}.{method} yields `{item}` ({type(item).__name__})",
                 where=(origin.span(),),
+                cause="two plain numbers were compared: Python decided it at once" if isinstance(item, bool) else None,
                 help="yield an equation `left == right` or connect(a, b)",
             )
         yield item, origin

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from acausal.errors import DeclarationError
 from acausal.flatten.allocate import layout
 from acausal.flatten.differentiate import differentiate
 from acausal.flatten.flat import FlatEquation
@@ -77,7 +78,7 @@ def make_template(instance: Instance, found: Sequence[Statement]) -> Template:
         (left, right, origin, item)
         for item, origin in found
         if isinstance(item, Equation)
-        for left, right in sides(pool, item, resolve, done)
+        for left, right in sides(pool, item, resolve, done, origin)
     ]
     return Template(pool, n_local, tuple(parameters), tuple(equations))
 
@@ -89,10 +90,19 @@ def _size(symbol: Symbol) -> int:
     return size
 
 
-def sides(pool: Pool, equation: Equation, resolve: object, done: dict[int, Scalars]) -> list[tuple[int, int]]:
-    """The scalar equations of a language equation as pairs of nodes."""
-    left = scalars(pool, equation.left, resolve, done)  # type: ignore[arg-type]
-    right = scalars(pool, equation.right, resolve, done)  # type: ignore[arg-type]
+def sides(
+    pool: Pool, equation: Equation, resolve: object, done: dict[int, Scalars], origin: Origin | None = None
+) -> list[tuple[int, int]]:
+    """The scalar equations of a language equation as pairs of nodes; `origin` is told when something is wrong."""
+    try:
+        left = scalars(pool, equation.left, resolve, done)  # type: ignore[arg-type]
+        right = scalars(pool, equation.right, resolve, done)  # type: ignore[arg-type]
+    except DeclarationError as error:
+        if origin is not None:
+            made = error.where if error.code == "AC131" else ()
+            error.where = (origin.span(), *made)
+            error.evidence = error.evidence or (str(equation),)
+        raise
     size = max(len(left), len(right))
     if len(left) < size:
         left = left * size

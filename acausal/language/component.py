@@ -6,12 +6,13 @@ they were made, and the owner they were given to (for messages). Nothing is glob
 
 from __future__ import annotations
 
+import linecache
 import math
 import sys
 from collections.abc import Iterator
 from typing import Any, ClassVar, Self, dataclass_transform
 
-from acausal.errors import DeclarationError, nearest
+from acausal.errors import DeclarationError, Span, calling_span, nearest
 from acausal.language.declare import Declaration, Kind, Real, checked_value, parameter, structural
 from acausal.language.expression import Expr, Symbol
 from acausal.language.origin import Origin
@@ -44,13 +45,23 @@ class Component:
         annotated = cls.__dict__.get("__annotations__", {})
         for name, annotation in annotated.items():
             if name not in cls.__dict__ and not name.startswith("_") and "ClassVar" not in str(annotation):
+                value = "variable(...)" if "Real" in str(annotation) else "part()"
+                made = f"{name}: {'Real' if 'Real' in str(annotation) else annotation} = {value}"
                 raise DeclarationError(
-                    "AC112", f"{cls.__name__}.{name} is annotated but not declared", help=f"{name}: Real = variable(...)"
+                    "AC112",
+                    f"{cls.__name__}.{name} is annotated but not declared",
+                    where=_field_span(cls, name),
+                    help=f"{made}, or ClassVar[...] for what is no field",
                 )
         for name, value in list(cls.__dict__.items()):
             if isinstance(value, Declaration | Component):
                 if name not in annotated:
-                    raise DeclarationError("AC112", f"{cls.__name__}.{name} has no annotation", help=f"{name}: Real = ...")
+                    raise DeclarationError(
+                        "AC112",
+                        f"{cls.__name__}.{name} has no annotation",
+                        where=_field_span(cls, name),
+                        help=f"{name}: {_annotation_for(value)} = ...",
+                    )
                 _check_name(cls, name)
             if isinstance(value, Component):
                 prototypes[name] = value
@@ -66,7 +77,15 @@ class Component:
         cls._declarations = declarations
         cls._prototypes = prototypes
 
-    def __init__(self, **given: Any) -> None:
+    def __init__(self, *nameless: Any, **given: Any) -> None:
+        if nameless:
+            first = next((n for n in self._declarations if n not in self._prototypes), "name")
+            raise DeclarationError(
+                "AC127",
+                f"{type(self).__name__} takes its fields by name",
+                evidence=[f"fields: {', '.join(self._declarations)}"],
+                help=f"{type(self).__name__}({first}=...)",
+            )
         own = self.__dict__
         own["_values"] = {}
         own["_symbols"] = {}
@@ -86,7 +105,12 @@ class Component:
                 self._adopt(name, self._prototypes[name]._copy())
             elif declaration.kind is Kind.STRUCTURAL:
                 if declaration.default is None:
-                    raise DeclarationError("AC113", f"{cls.__name__}: structural '{name}' needs a value")
+                    raise DeclarationError(
+                        "AC113",
+                        f"{cls.__name__}: structural '{name}' needs a value",
+                        cause=declaration.doc or None,
+                        help=f"{cls.__name__}({name}=...)",
+                    )
                 own[name] = declaration.default
             elif declaration.kind is not Kind.PART and declaration.default is not None:
                 value = declaration.default(self) if callable(declaration.default) else declaration.default
@@ -95,10 +119,17 @@ class Component:
         build = getattr(self, "build", None)
         if build is not None:
             build()
+        for name, parts in own["_parts"].items():
+            if isinstance(parts, list):
+                self._adopt(name, parts)  # again: build may have appended to it
         own["_building"] = False
         for name, declaration in self._declarations.items():
             if declaration.kind is Kind.PART and name not in own["_parts"]:
-                raise DeclarationError("AC114", f"{cls.__name__}: part '{name}' was not made", help=f"set self.{name} in build")
+                raise DeclarationError(
+                    "AC114",
+                    f"{cls.__name__}: part '{name}' was not made",
+                    help=f"make it in `build`: self.{name} = {_annotation_of(cls, name)}",
+                )
 
     def _give(self, name: str, declaration: Declaration, value: Any) -> None:
         if declaration.kind is Kind.STRUCTURAL:
@@ -118,16 +149,27 @@ class Component:
         members = value if isinstance(value, list | tuple) else [value]
         for k, member in enumerate(members):
             if not isinstance(member, Component):
-                raise DeclarationError("AC116", f"{type(self).__name__}: part '{name}' cannot be {member!r}")
+                raise DeclarationError(
+                    "AC116",
+                    f"{type(self).__name__}: part '{name}' cannot be {member!r} ({type(member).__name__})",
+                    help=f"it takes {_annotation_of(type(self), name)}",
+                )
             prototype = self._prototypes.get(name)
             if isinstance(prototype, Connector) and type(member) is not type(prototype):
-                raise DeclarationError("AC116", f"{type(self).__name__}: '{name}' must be a {type(prototype).__name__}")
+                raise DeclarationError(
+                    "AC116",
+                    f"{type(self).__name__}: '{name}' must be a {type(prototype).__name__}, "
+                    f"not a {type(member).__name__}",
+                    help="a connector is declared in the class; it need not be given",
+                )
             if member.__dict__["_owner"] is not None and member.__dict__["_owner"][0] is not self:
+                owner, its_name = member.__dict__["_owner"]
                 raise DeclarationError(
                     "AC117",
-                    f"{type(self).__name__}: the {type(member).__name__} given for '{name}' already belongs to "
-                    f"{type(member.__dict__['_owner'][0]).__name__}",
-                    help="make one component per place",
+                    f"{type(self).__name__}: the {type(member).__name__} given for '{name}' is already '{its_name}' of "
+                    f"{type(owner).__name__}",
+                    where=(*calling_span(), member.__dict__["_origin"].span()),
+                    help="make one component per place: call its class in `build`",
                 )
             member.__dict__["_owner"] = (self, f"{name}[{k}]" if isinstance(value, list | tuple) else name)
         self._parts[name] = list(members) if isinstance(value, list | tuple) else value
@@ -138,14 +180,17 @@ class Component:
             raise DeclarationError(
                 "AC118",
                 f"{cls.__name__}.{name} cannot be set after construction",
-                help=f"give it to the constructor: {cls.__name__}({name}=...)",
+                help=f"a value is given where it is made: {cls.__name__}({name}=...); "
+                f"an equation is yielded: yield self.{name} == ...",
             )
         declaration = self._declarations.get(name)
         if declaration is not None:
             self._give(name, declaration, value)
         elif isinstance(value, Component) or (isinstance(value, list) and value and isinstance(value[0], Component)):
             raise DeclarationError(
-                "AC119", f"{cls.__name__}.{name} is not declared", help=f"write `{name}: ... = part()` in the class body"
+                "AC119",
+                f"{cls.__name__}.{name} is not declared",
+                help=f"write `{name}: {_type_text(value)} = part()` in the class body",
             )
         else:
             self.__dict__[name] = value
@@ -198,15 +243,69 @@ class Connector(Component):
         exempt = False
         for name, declaration in cls._declarations.items():
             if declaration.kind not in count:
-                raise DeclarationError("AC123", f"connector {cls.__name__}: '{name}' is a {declaration.kind.value}")
+                raise DeclarationError(
+                    "AC123",
+                    f"connector {cls.__name__}: '{name}' is a {declaration.kind.value}",
+                    where=_field_span(cls, name),
+                    help="a connector holds variable(...) and flow(...); everything else belongs to the component",
+                )
             count[declaration.kind] += math.prod(declaration.shape)
             exempt = exempt or declaration.overconstrained
         if count[Kind.VARIABLE] != count[Kind.FLOW] and not exempt:
             raise DeclarationError(
                 "AC124",
-                f"connector {cls.__name__} has {count[Kind.VARIABLE]} potentials and {count[Kind.FLOW]} flows",
+                f"connector {cls.__name__} has {_amount(count[Kind.VARIABLE], 'potential')} "
+                f"and {_amount(count[Kind.FLOW], 'flow')}",
+                evidence=[
+                    f"{kind.value}: {', '.join(n for n, d in cls._declarations.items() if d.kind is kind) or 'none'}"
+                    for kind in count
+                ],
                 help="a connector needs one flow for every potential; use signal_input and signal_output for signals",
             )
+
+
+def _field_span(cls: type[Component], name: str) -> tuple[Span, ...]:
+    """The line of a class body that declares `name`, searched from the line of the class on."""
+    for start in calling_span():
+        first = linecache.getline(start.file, start.line)
+        indent = len(first) - len(first.lstrip())
+        for number in range(start.line + 1, len(linecache.getlines(start.file)) + 1):
+            line = linecache.getline(start.file, number)
+            text = line.strip()
+            if text and len(line) - len(line.lstrip()) <= indent:
+                break
+            if text.startswith((f"{name}:", f"{name} =", f"{name}=")):
+                return (Span(start.file, number),)
+        return (start,)
+    return ()
+
+
+def _amount(count: int, noun: str) -> str:
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
+def _type_text(value: Any) -> str:
+    return f"list[{type(value[0]).__name__}]" if isinstance(value, list) else type(value).__name__
+
+
+def _annotation_for(value: Declaration | Component) -> str:
+    """The annotation that a declaration needs, as far as it can be told."""
+    if isinstance(value, Component):
+        return type(value).__name__
+    return {Kind.PART: "...", Kind.STRUCTURAL: "int"}.get(value.kind, "Real")
+
+
+def _annotation_of(cls: type[Component], name: str) -> str:
+    """How a part is made, from its annotation: `Mass(...)`, `[Mass(...), ...]`."""
+    for base in cls.__mro__:
+        found = base.__dict__.get("__annotations__", {}).get(name)
+        if found is not None:
+            members = getattr(found, "__args__", ())  # an annotation is text, a class or list[class]
+            is_text = isinstance(found, str)
+            text = found if is_text else getattr(found, "__name__", str(found))
+            inner = text[5:-1] if is_text and text.startswith("list[") else members[0].__name__ if members else ""
+            return f"[{inner}(...), ...]" if inner else f"{text}(...)"
+    return "..."
 
 
 def _is_parts(value: Any) -> bool:
@@ -221,13 +320,20 @@ def _shown(value: Any) -> str:
 
 def _check_name(cls: type[Component], name: str) -> None:
     if name.startswith("_") or name in _RESERVED:
-        raise DeclarationError("AC125", f"{cls.__name__}.{name}: a field cannot have this name")
+        raise DeclarationError(
+            "AC125",
+            f"{cls.__name__}.{name}: a field cannot have this name",
+            where=_field_span(cls, name),
+            cause=f"`{name}` is a method of components" if name in _RESERVED else "names with _ in front are no fields",
+            help="choose another name",
+        )
     for base in cls.__mro__[1:]:
         if issubclass(base, Component) and name in base._declarations:
             raise DeclarationError(
                 "AC126",
                 f"{cls.__name__}.{name} is declared again: {base.__name__} has it already",
-                help="choose another name; a new default is given by the constructor of the part that uses it",
+                where=_field_span(cls, name),
+                help=f"choose another name; a value is given where a part is made: {cls.__name__}({name}=...)",
             )
 
 

@@ -8,7 +8,7 @@ from typing import TypeVar
 from acausal.errors import DeclarationError, UnitError
 from acausal.language.component import Component, Connector
 from acausal.language.declare import Kind
-from acausal.language.expression import Expr, Symbol
+from acausal.language.expression import Expr, Symbol, shape_text
 from acausal.units import parse
 
 Connectable = TypeVar("Connectable", bound=Connector | Expr)
@@ -34,7 +34,7 @@ def connect(first: Connectable, second: Connectable, *more: Connectable) -> Conn
     ends = (first, second, *more)
     for end in ends:
         if not isinstance(end, Connector | Symbol):
-            shown = f"component {type(end).__name__}" if isinstance(end, Component) else f"`{end}`"
+            shown = _component_name(end) if isinstance(end, Component) else f"`{end}`"
             has = _connectors_of(end)
             raise DeclarationError(
                 "AC121",
@@ -65,7 +65,11 @@ def _check_signals(ends: tuple[Symbol, ...]) -> None:
                 help="only signal_input and signal_output are connected; write an equation for anything else",
             )
         if end.shape != first.shape:
-            raise DeclarationError("AC105", f"`{first}` {first.shape} and `{end}` {end.shape} differ in shape")
+            raise DeclarationError(
+                "AC105",
+                f"`{first}` ({shape_text(first.shape)}) and `{end}` ({shape_text(end.shape)}) cannot be connected",
+                help="signals that are connected have one shape",
+            )
         a, b = first.declaration.unit, end.declaration.unit
         if a and b and parse(a).dimension != parse(b).dimension:
             raise UnitError(
@@ -86,6 +90,11 @@ def _type_name(end: Connector | Expr, kinds: set[type]) -> str:
 
 def _name(end: Connector | Expr) -> str:
     return str(end) if isinstance(end, Expr) else end._path_to("").rstrip(".")
+
+
+def _component_name(component: Component) -> str:
+    path = component._path_to("").rstrip(".")
+    return f"{path} ({type(component).__name__})" if path else f"a {type(component).__name__}"
 
 
 def _connectors_of(end: object) -> str:

@@ -9,7 +9,7 @@ from enum import Enum
 from typing import TYPE_CHECKING, Any, overload
 
 from acausal.errors import DeclarationError, UnitError
-from acausal.language.expression import Expr, Operand, Shape, Symbol, as_expr
+from acausal.language.expression import Expr, Operand, Shape, Symbol, as_expr, shape_text
 from acausal.units import parse
 
 if TYPE_CHECKING:
@@ -191,11 +191,19 @@ def checked_value(owner: str, name: str, declaration: Declaration, value: Any) -
     kind = declaration.kind
     if isinstance(value, Fixed | Guess):
         if kind in (Kind.PARAMETER, Kind.STRUCTURAL):
-            raise DeclarationError("AC110", f"{owner}: {kind.value} '{name}' takes a value, not a start")
+            raise DeclarationError(
+                "AC110",
+                f"{owner}: {kind.value} '{name}' takes a value, not a start",
+                help=f"{owner}({name}=...) without fixed() and guess(): they are for variables",
+            )
         return type(value)(_fitting(owner, name, declaration, value.value))
     if isinstance(value, str) or value is None:
+        unit = f" in {declaration.unit}" if declaration.unit else ""
         raise DeclarationError(
-            "AC111", f"{owner}: {kind.value} '{name}' cannot be {value!r}", help="give a number or an expression"
+            "AC111",
+            f"{owner}: {kind.value} '{name}' cannot be {value!r}",
+            help=f"give a number{unit}, or an expression"
+            + ("; values with units are for the command line" if isinstance(value, str) else ""),
         )
     expr = _fitting(owner, name, declaration, value)
     if kind in (Kind.VARIABLE, Kind.FLOW, Kind.OUTPUT) and not isinstance(value, Expr) and expr.op == "const":
@@ -210,6 +218,8 @@ def _fitting(owner: str, name: str, declaration: Declaration, value: Any) -> Exp
             size = math.prod(declaration.shape)
             return Expr("const", (), declaration.shape, (expr.payload,) * size)
         raise DeclarationError(
-            "AC105", f"{owner}: '{name}' has shape {declaration.shape}, the value `{expr}` has shape {expr.shape}"
+            "AC105",
+            f"{owner}: '{name}' is a {shape_text(declaration.shape)}, the value `{expr}` a {shape_text(expr.shape)}",
+            help="a single number fills a vector or a matrix; anything else needs its shape",
         )
     return expr

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from fractions import Fraction
 
 from acausal.errors import Span, UnitError
-from acausal.language.expression import RELATIONS, Equation, Expr, Symbol
+from acausal.language.expression import RELATIONS, Equation, Expr, Symbol, symbols_in
 from acausal.units import DIMENSIONLESS, Dimension, divide, format_dimension, multiply, parse, power
 
 _SECOND = parse("s").dimension
@@ -34,7 +34,7 @@ def check_dimensions(equation: Equation, where: Sequence[Span]) -> None:
             "AC155",
             mismatch.fact,
             where=where,
-            evidence=[f"{symbol}  [{symbol.declaration.unit}]" for symbol in _symbols(equation)],
+            evidence=[f"{symbol}  [{symbol.declaration.unit or 'adapts'}]" for symbol in symbols_in(equation.left, equation.right)],
             cause="a factor is missing or two quantities are mixed up",
             help="check the declared units; a plain number adapts to any unit",
         ) from None
@@ -107,14 +107,3 @@ def _transcendental(e: Expr, parts: list[Dimension | None]) -> Dimension | None:
     if parts[0] is not None and parts[0] != DIMENSIONLESS:
         raise _Mismatch(f"`{e}`: {e.op} takes a number or an angle, not {format_dimension(parts[0])}")
     return DIMENSIONLESS
-
-
-def _symbols(equation: Equation) -> list[Symbol]:
-    found: dict[int, Symbol] = {}
-    stack = [equation.left, equation.right]
-    while stack:
-        e = stack.pop()
-        if isinstance(e, Symbol):
-            found.setdefault(id(e), e)
-        stack.extend(reversed(e.args))
-    return list(found.values())

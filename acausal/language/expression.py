@@ -24,6 +24,22 @@ RELATIONS = {"lt": "<", "le": "<=", "gt": ">", "ge": ">="}
 _INFIX = {"add": "+", "sub": "-", "mul": "*", "div": "/", "pow": "**", "matmul": "@", **RELATIONS, "and": "&", "or": "|"}
 
 
+_UFUNCS = {
+    "add": "__add__",
+    "subtract": "__sub__",
+    "multiply": "__mul__",
+    "divide": "__truediv__",
+    "power": "__pow__",
+    "matmul": "__matmul__",
+    "less": "__lt__",
+    "less_equal": "__le__",
+    "greater": "__gt__",
+    "greater_equal": "__ge__",
+    "equal": "__eq__",
+}
+"""Operators that numpy offers as functions, when an array or a number of its own stands on the left."""
+
+
 def _no_truth(shown: str, kind: str, advice: str) -> DeclarationError:
     return DeclarationError("AC101", f"`{shown}` is {kind}, not a truth value", help=advice)
 
@@ -32,7 +48,6 @@ class Expr:
     """A node: operator name, operands, shape, and a payload for constants, indices and names."""
 
     __slots__ = ("args", "op", "payload", "shape")
-    __array_ufunc__ = None  # numpy defers to the operators below
     __hash__ = object.__hash__
 
     def __init__(self, op: str, args: tuple[Expr, ...], shape: Shape, payload: Any = None) -> None:
@@ -40,6 +55,17 @@ class Expr:
         self.args = args
         self.shape = shape
         self.payload = payload
+
+    def __array_ufunc__(self, function: Any, method: str, *inputs: Any, **options: Any) -> Any:
+        operator = _UFUNCS.get(function.__name__)
+        if operator is None or method != "__call__" or len(inputs) != 2:
+            name = function.__name__
+            raise DeclarationError(
+                "AC104",
+                f"numpy.{name} does not take the symbolic `{self}`",
+                help=f"use acausal.{name}, if there is one: numpy knows numbers only",
+            )
+        return getattr(as_expr(inputs[0]), operator)(as_expr(inputs[1]))
 
     def __add__(self, other: Operand) -> Expr:
         return _elementwise("add", self, as_expr(other))
@@ -118,12 +144,21 @@ class Expr:
     def __getitem__(self, index: int | tuple[int, int]) -> Expr:
         key = index if isinstance(index, tuple) else (index,)
         if len(key) != len(self.shape) or not all(-n <= i < n for i, n in zip(key, self.shape, strict=True)):
-            raise DeclarationError("AC103", f"`{self}` has shape {self.shape}; it has no element {list(key)}")
+            limits = [f"0 to {n - 1}" for n in self.shape]
+            raise DeclarationError(
+                "AC103",
+                f"`{self}` is a {shape_text(self.shape)}; it has no element {list(key)}",
+                help=f"indices count from 0: [{', '.join(limits)}]" if limits else "use it without an index",
+            )
         return Expr("index", (self,), (), tuple(i % n for i, n in zip(key, self.shape, strict=True)))
 
     def __iter__(self) -> Iterator[Expr]:
         if len(self.shape) != 1:
-            raise DeclarationError("AC103", f"`{self}` has shape {self.shape}; only vectors can be iterated")
+            raise DeclarationError(
+                "AC103",
+                f"`{self}` is a {shape_text(self.shape)}; only vectors can be iterated",
+                help="index a matrix by row and column: R[0, 1]" if self.shape else "it has one value only",
+            )
         return (self[i] for i in range(self.shape[0]))
 
     def __len__(self) -> int:
@@ -139,17 +174,20 @@ class Expr:
         return Expr("transpose", (self,), (self.shape[1], self.shape[0]))
 
     def __bool__(self) -> NoReturn:
-        raise _no_truth(
-            str(self),
-            "symbolic",
-            "write where(condition, a, b) for a value; declare what decides the structure with structural(...)",
-        )
+        advice = "write where(condition, a, b) for a value, and & | ~ between conditions"
+        symbols = symbols_in(self)
+        if symbols and all(s.declaration.kind.value == "parameter" for s in symbols):
+            names = ", ".join(dict.fromkeys(s.name for s in symbols))
+            advice = f"if it decides which equations there are, declare {names} with structural(...); else " + advice
+        raise _no_truth(str(self), "symbolic", advice)
 
     def _no_number(self, what: str) -> NoReturn:
         raise DeclarationError(
             "AC104",
             f"`{self}` is symbolic and has no {what}",
-            help="use acausal.sin, acausal.sqrt, acausal.fabs ... instead of the math and numpy functions",
+            help="what counts, indexes or sizes is declared with structural(...)"
+            if what == "int value"
+            else "use acausal.sin, acausal.sqrt, acausal.fabs ... instead of the math and numpy functions",
         )
 
     def __float__(self) -> float:
@@ -189,13 +227,20 @@ class Equation:
     def __init__(self, left: Expr, right: Expr) -> None:
         if left.shape != right.shape and not (is_literal(right) or is_literal(left)):
             raise DeclarationError(
-                "AC105", f"the sides of `{left} == {right}` have shapes {left.shape} and {right.shape}"
+                "AC105",
+                f"`{left} == {right}`: the left side is a {shape_text(left.shape)}, "
+                f"the right side a {shape_text(right.shape)}",
+                help="both sides need one shape; only a literal number adapts: v == 0",
             )
         self.left = left
         self.right = right
 
     def __bool__(self) -> NoReturn:
-        raise _no_truth(str(self), "an equation", "yield it; compare numbers with < and >")
+        raise _no_truth(
+            str(self),
+            "an equation",
+            "yield it; `a == b == c`, `in`, `if` and `assert` ask for a truth value that an equation does not have",
+        )
 
     def __str__(self) -> str:
         return f"{self.left} == {self.right}"
@@ -237,7 +282,12 @@ def stack(parts: list[Expr]) -> Expr:
     """A vector of scalars, or a matrix of row vectors."""
     inner = parts[0].shape
     if any(p.shape != inner for p in parts) or len(inner) > 1:
-        raise DeclarationError("AC105", f"cannot stack shapes {[p.shape for p in parts]}")
+        shown = ", ".join(f"`{p}` ({shape_text(p.shape)})" for p in parts)
+        raise DeclarationError(
+            "AC105",
+            f"no vector or matrix can be made of {shown}",
+            help="a vector is made of scalars, a matrix of rows of one length",
+        )
     shape = (len(parts), *inner)
     if all(p.op == "const" for p in parts):
         flat = [p.payload for p in parts] if not inner else [v for p in parts for v in p.payload]
@@ -245,10 +295,43 @@ def stack(parts: list[Expr]) -> Expr:
     return Expr("stack", tuple(parts), shape)
 
 
+_ELEMENTWISE = "it works on scalars; take elements, such as v[0]"
+_SHAPES = {
+    "+": "both need one shape; only a literal number adapts",
+    "-": "both need one shape; only a literal number adapts",
+    "/": "only a scalar can divide",
+    "@": "the columns of the left matrix must be as many as the rows of the right one",
+    "dot": "dot takes two vectors of one length",
+    "cross": "cross takes two vectors of 3",
+    "skew": "skew takes a vector of 3",
+    "where": "both values need one shape; only a literal number adapts",
+    "transpose": "only a matrix has a transpose",
+}
+
+
+def shape_text(shape: Shape) -> str:
+    """`scalar`, `vector of 3`, `3x3 matrix`."""
+    if not shape:
+        return "scalar"
+    return f"vector of {shape[0]}" if len(shape) == 1 else f"{shape[0]}x{shape[1]} matrix"
+
+
+def symbols_in(*roots: Expr) -> list[Symbol]:
+    """Symbols of expressions, each once, from left to right."""
+    found: dict[int, Symbol] = {}
+    stack = list(reversed(roots))
+    while stack:
+        e = stack.pop()
+        if isinstance(e, Symbol):
+            found.setdefault(id(e), e)
+        stack.extend(reversed(e.args))
+    return list(found.values())
+
+
 def shape_error(what: str, *args: Expr) -> DeclarationError:
     """The error for operands whose shapes do not fit `what`."""
-    shown = ", ".join(f"`{a}` {a.shape}" for a in args)
-    return DeclarationError("AC105", f"{what} does not take {shown}", help="shapes: () scalar, (n,) vector, (m, n) matrix")
+    shown = " and ".join(f"`{a}` ({shape_text(a.shape)})" for a in args)
+    return DeclarationError("AC105", f"{what} does not take {shown}", help=_SHAPES.get(what, _ELEMENTWISE))
 
 
 def _elementwise(op: str, a: Expr, b: Expr) -> Expr:

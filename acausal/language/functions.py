@@ -24,7 +24,9 @@ def _unary(op: str, x: Operand) -> Expr:
         try:
             return as_expr(float(_CONSTANT_FOLDING[op](e.payload)))
         except ValueError as error:
-            raise DeclarationError("AC107", f"{op}({e.payload:g}) has no value") from error
+            raise DeclarationError(
+                "AC107", f"{op}({e.payload:g}) has no value", help=f"{op} is not defined for this number"
+            ) from error
     return Expr(op, (e,), ())
 
 
@@ -143,7 +145,11 @@ def where(condition: Expr, a: Operand, b: Operand, *, smooth: bool = False) -> E
     """
     x, y = as_expr(a), as_expr(b)
     if not isinstance(condition, Expr) or condition.op not in (*RELATIONS, "and", "or", "not", "symbol"):
-        raise DeclarationError("AC108", f"`{condition}` is not a condition", help="write a relation such as x > 0")
+        raise DeclarationError(
+            "AC108",
+            f"`{condition}` ({type(condition).__name__}) is not a condition",
+            help="write a relation such as x > 0; what is known to Python is decided with a plain `if`",
+        )
     if x.shape != y.shape and not (is_literal(x) or is_literal(y)):
         raise shape_error("where", x, y)
     return Expr("where", (condition, x, y), x.shape or y.shape, smooth)
