@@ -19,14 +19,17 @@ _DAE_OUT = ["ode", "alg", "quad", "zero"]
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """A compiled model seen by an integrator.
+    """A compiled model seen by an integrator, for one run.
 
     States and algebraic variables are divided by their nominal magnitudes, so that one absolute tolerance fits all.
-    The parameter vector is `[p, u, m, shift]`: parameters, inputs, modes of time events, and the time at which the
-    segment starts (a CasADi integrator has its time frozen at construction).
+    The model's parameters `p` and inputs `u` are numbers here: what they alone determine is computed once, which halves
+    the operations of a drill on its guide. The integrator's parameter vector is `[m, shift]`: the modes of time events
+    and the time at which the segment starts (a CasADi integrator has its time frozen at construction).
     """
 
     compiled: CompiledModel
+    p: Vector
+    u: Vector
 
     @property
     def n_dynamic(self) -> int:
@@ -42,10 +45,6 @@ class Problem:
     def scale_z(self) -> Vector:
         """Nominal magnitudes of the algebraic variables."""
         return self.compiled.nominal_z
-
-    def parameters(self, p: Vector, u: Vector, m: Vector) -> Vector:
-        """The integrator's parameter vector without the shift."""
-        return np.concatenate([p, u, m])
 
     @cached_property
     def dae(self) -> Any:
@@ -83,17 +82,17 @@ class Problem:
 
     @cached_property
     def _scaled(self) -> tuple[Any, ...]:
-        """Symbols t, x, z, [p, shift], and the scaled expressions ode, alg and rates of the islands."""
+        """Symbols t, x, z, [m, shift], and the scaled expressions ode, alg and rates of the islands."""
         compiled = self.compiled
         n, nq = self.n_dynamic, compiled.quadratures
         t = ca.SX.sym("t")
         x, z = ca.SX.sym("x", n), ca.SX.sym("z", len(compiled.algebraic))
-        sizes = [len(compiled.parameters), len(compiled.inputs), len(compiled.time_events.relations)]
-        p = ca.SX.sym("p", sum(sizes) + 1)
-        par, u, m, shift = ca.vertsplit(p, np.cumsum([0, *sizes, 1]).tolist())
+        p = ca.SX.sym("p", len(compiled.time_events.relations) + 1)
+        m, shift = p[:-1], p[-1]
         full_x = ca.vertcat(x * ca.DM(self.scale_x), ca.SX(nq, 1))
-        ode, alg = compiled.rhs(t + shift, full_x, z * ca.DM(self.scale_z), u, par, m)
-        return t, x, z, p, ode[:n] / ca.DM(self.scale_x), alg, ca.densify(ode[n:])
+        ode, alg = compiled.rhs(t + shift, full_x, z * ca.DM(self.scale_z), self.u, self.p, m)
+        ode = ca.densify(ode)
+        return t, x, z, p, ode[:n] / ca.DM(self.scale_x), ca.densify(alg), ode[n:]
 
     def solve_algebraic(self, times: Vector, x: Vector, z: Vector, p: Vector) -> Vector:
         """Algebraic variables along a trajectory, each point started from the one before; shape (nz, n)."""

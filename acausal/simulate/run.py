@@ -155,8 +155,7 @@ class _Run:
 
     def result(self) -> Result:
         opts = self.options
-        problem = Problem(self.compiled)
-        solver, reason = choose(problem, opts.solver, opts.step)
+        solver, reason = choose(self.compiled, opts.solver, opts.step)
         began = clock.perf_counter()
         instants = self.instants()
         boundaries = [opts.start_time, *instants, opts.stop_time]
@@ -165,6 +164,7 @@ class _Run:
             _log.warning("%s: %s", self.compiled.name, note)
         self.timings["initialize"] = clock.perf_counter() - began
         self.stabilise(start, self.modes(boundaries[0], boundaries[1]))
+        problem = Problem(self.compiled, self.p, self.u)
         recorder = Recorder(self.compiled, self.p, self.u)
         began = clock.perf_counter()
         grid = opts.grid()
@@ -240,8 +240,7 @@ class _Run:
     ) -> Start:
         """Integrate from a to b and record; returns the values at b."""
         m = self.modes(a, b)
-        vector = problem.parameters(self.p, self.u, m)
-        z = problem.restarted(a, start.x, start.z, vector) if len(start.z) else start.z
+        z = problem.restarted(a, start.x, start.z, m) if len(start.z) else start.z
         start = consistent(self.compiled, a, start, self.p, self.u, m) if z is None else Start(start.x, z, start.notes)
         recorder.begin(a, start.x, start.z, m)
         span = b - a
@@ -253,7 +252,7 @@ class _Run:
                 times=part,
                 x=start.x,
                 z=start.z,
-                p=vector,
+                p=m,
                 tolerance=TOLERANCE_SHARE * self.options.tolerance,
                 absolute=TOLERANCE_SHARE * self.options.tolerance * self.options.absolute_factor,
                 step=self.options.step,
@@ -294,7 +293,7 @@ class _Run:
             reached, last = self.salvage(problem, solver, recorder, segment, m)
             if last is not None:
                 return last  # in smaller pieces it went through
-            raise integration_error(self.compiled, solver.name, reached, segment, str(error)) from None
+            raise integration_error(problem, solver.name, reached, str(error)) from None
 
     def salvage(
         self, problem: Problem, solver: Solver, recorder: Recorder, segment: Segment, m: Vector
@@ -335,7 +334,7 @@ class _Run:
                 times=np.array([t]),
                 x=x,
                 z=z,
-                p=problem.parameters(self.p, self.u, m),
+                p=m,
                 tolerance=TOLERANCE_SHARE * self.options.tolerance,
                 absolute=TOLERANCE_SHARE * self.options.tolerance * self.options.absolute_factor,
                 step=self.options.step,
@@ -347,9 +346,7 @@ class _Run:
         return row
 
 
-def integration_error(
-    compiled: CompiledModel, solver: str, reached: Segment, segment: Segment, text: str
-) -> IntegrationError:
+def integration_error(problem: Problem, solver: str, reached: Segment, text: str) -> IntegrationError:
     """What went wrong, when, and which variables were moving fastest."""
     known: tuple[tuple[str, str, str], ...] = (
         ("TOO_MUCH_WORK", "AC401", "needs more steps than allowed"),
@@ -358,11 +355,8 @@ def integration_error(
         ("not finite", "AC404", "the solution is not finite"),
     )
     code, fact = next(((c, f) for key, c, f in known if key in text), ("AC400", "the solver gave up"))
-    n = len(segment.p) - len(compiled.parameters) - len(compiled.inputs)
-    m = segment.p[len(segment.p) - n :]
-    p = segment.p[: len(compiled.parameters)]
-    u = segment.p[len(compiled.parameters) : len(segment.p) - n]
-    ode = np.array(compiled.rhs(reached.start, reached.x, reached.z, u, p, m)[0]).ravel()
+    compiled = problem.compiled
+    ode = np.array(compiled.rhs(reached.start, reached.x, reached.z, problem.u, problem.p, reached.p)[0]).ravel()
     fastest = np.argsort(-np.abs(np.nan_to_num(ode / compiled.nominal_x, nan=np.inf)))[:3]
     lines = [f"der({compiled.states[k]}) = {ode[k]:.4g}   {compiled.states[k]} = {reached.x[k]:.6g}" for k in fastest]
     return IntegrationError(

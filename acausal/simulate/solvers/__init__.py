@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from acausal.errors import UsageError
+from acausal.lower.compiled import CompiledModel
 from acausal.simulate.problem import Problem
 from acausal.simulate.solvers.base import Piece, Segment
 from acausal.simulate.solvers.cvodes import Cvodes
@@ -37,11 +38,10 @@ def solver_named(name: str) -> Solver:
     return SOLVERS[name]()
 
 
-def choose(problem: Problem, wanted: str, step: float | None) -> tuple[Solver, str]:
+def choose(compiled: CompiledModel, wanted: str, step: float | None) -> tuple[Solver, str]:
     """The solver for `wanted`, and why; "auto" decides by structure."""
     if wanted != "auto":
         return solver_named(wanted), "as asked for"
-    compiled = problem.compiled
     if step is not None:
         return solver_named("rk2"), "a fixed step was given"
     kind = "a DAE" if compiled.algebraic else "an ODE"

@@ -37,7 +37,7 @@ the steps, and every published initial value problem ends below ten times the to
 class Segment:
     """One stretch: from `start` to the last of `times` (ascending, all after `start`).
 
-    `x` (all states), `z` are consistent at the start; `p` is the parameter vector of the problem without its shift of time.
+    `x` (all states), `z` are consistent at the start; `p` are the modes of the time events.
     """
 
     start: float
