@@ -137,7 +137,7 @@ class CompiledModel:
         builder = symbols.builder(self)
         builder.define(self.solution.definitions, self.time_events.rewritten)
         y = builder.lower([builder.replaced(n) for n in self.columns])
-        return ca.Function("observe", symbols.inputs, [_column(y)], _INPUTS, ["y"])
+        return ca.Function("observe", symbols.inputs, [ca.densify(_column(y))], _INPUTS, ["y"])
 
     @cached_property
     def guess(self) -> Any:

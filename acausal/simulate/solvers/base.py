@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.simulate.islands import integrals
+from acausal.simulate.direct import called
 from acausal.simulate.problem import Problem
 
 Vector = NDArray[np.float64]
@@ -84,16 +85,17 @@ class CasadiSolver:
         x0 = segment.x[:n] / problem.scale_x
         z0 = segment.z / problem.scale_z
         p = np.concatenate([segment.p, [segment.start]])
-        found = integrator(x0=x0, z0=z0, p=p) if self.algebraic else integrator(x0=x0, p=np.concatenate([p, z0]))
-        x = np.array(found["xf"]).reshape(n, len(grid), order="F") * problem.scale_x[:, None]
+        arguments = {"x0": x0, "z0": z0, "p": p} if self.algebraic else {"x0": x0, "p": np.concatenate([p, z0])}
+        (scaled_x, scaled_z), stats = called(integrator, arguments, ("xf", "zf"))
+        x = scaled_x.T * problem.scale_x[:, None]
         if not np.isfinite(x).all():
             raise RuntimeError("the solution is not finite")
         x = np.vstack([x, islands(problem, segment)])
         if self.algebraic:
-            z = np.array(found["zf"]).reshape(-1, len(grid), order="F") * problem.scale_z[:, None]
+            z = scaled_z.T * problem.scale_z[:, None]
         else:
             z = problem.solve_algebraic(segment.times, x, segment.z, segment.p)
-        return Piece(x, z, _counters(integrator.stats()))
+        return Piece(x, z, _counters(stats))
 
 
 def islands(problem: Problem, segment: Segment) -> Vector:
