@@ -208,12 +208,14 @@ def _check_defined(
 ) -> None:
     """Refuse a start at which an equation has no finite value, naming the first one.
 
-    In large models only the rates are looked at: going through every definition costs more than the run.
+    In large models only the rates are looked at: the function of all variables costs more than the run.
     """
     ode, alg = (np.array(v).ravel() for v in compiled.rhs(t, x, z, u, p, m))
     is_finite = bool(np.isfinite(ode).all() and np.isfinite(alg).all())
     solution = compiled.solution
     if is_finite and len(solution.definitions) > _MOST_CHECKED:
+        return
+    if is_finite and np.isfinite(np.array(compiled.observe(t, x, z, u, p, m))).all():
         return
     reduced = solution.structure.reduced
     known = dict(zip(compiled.state_variables, x, strict=True))

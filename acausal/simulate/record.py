@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
 from acausal.flatten.flat import suffixes
-from acausal.language.declare import Declaration
 from acausal.lower.compiled import CompiledModel
 from acausal.result import Event, Result, Signal
 from acausal.simulate.direct import rows
@@ -98,16 +99,14 @@ def make_result(
 
 def signals(compiled: CompiledModel, p: Vector) -> dict[str, Signal]:
     """Where every variable and parameter of the model is found, by path."""
-    reduced = compiled.solution.structure.reduced
-    pool = reduced.pool
-    column = {node: k for k, node in enumerate(compiled.columns)}
+    if compiled not in _described:
+        _described[compiled] = _variables(compiled)
+    moving, fixed = _described[compiled]
+    found = dict(moving)
     constants = dict(zip(compiled.constant_nodes, np.array(compiled.constants(p)).ravel().tolist(), strict=True))
-    found: dict[str, Signal] = {}
-    for variable in reduced.flat.variables:
-        for k, suffix in enumerate(suffixes(variable.declaration.shape)):
-            name = variable.path + suffix
-            found[name] = _signal(name, variable.declaration, reduced.image[variable.first + k], pool.nodes, column, constants)
-    for parameter in reduced.flat.parameters:
+    for name, node in fixed:
+        found[name] = replace(found[name], value=constants[node])
+    for parameter in compiled.flat.parameters:
         values = compiled_parameters(compiled, parameter.nodes, p)
         for suffix, value in zip(suffixes(parameter.declaration.shape), values, strict=True):
             name = parameter.path + suffix
@@ -116,19 +115,30 @@ def signals(compiled: CompiledModel, p: Vector) -> dict[str, Signal]:
     return found
 
 
-def _signal(
-    name: str,
-    declaration: Declaration,
-    node: int,
-    nodes: list[tuple[object, ...]],
-    column: dict[int, int],
-    constants: dict[int, float],
-) -> Signal:
-    if node in column:
-        return Signal(name, declaration.unit, declaration.doc, column=column[node])
-    if nodes[node][0] == "neg" and nodes[node][1] in column:
-        return Signal(name, declaration.unit, declaration.doc, column=column[nodes[node][1]], sign=-1)  # type: ignore[index]
-    return Signal(name, declaration.unit, declaration.doc, value=constants[node])
+_Variables = tuple[dict[str, Signal], list[tuple[str, int]]]
+# The same for every run of a compiled model; a sweep would make thousands of signals anew for each.
+_described: WeakKeyDictionary[CompiledModel, _Variables] = WeakKeyDictionary()
+
+
+def _variables(compiled: CompiledModel) -> _Variables:
+    """Signals of all variables, and (name, node) of those that are constant, whose values are still missing."""
+    reduced = compiled.solution.structure.reduced
+    nodes = reduced.pool.nodes
+    column = {node: k for k, node in enumerate(compiled.columns)}
+    found: dict[str, Signal] = {}
+    fixed: list[tuple[str, int]] = []
+    for variable in reduced.flat.variables:
+        d = variable.declaration
+        for k, suffix in enumerate(suffixes(d.shape)):
+            name, node = variable.path + suffix, reduced.image[variable.first + k]
+            if node in column:
+                found[name] = Signal(name, d.unit, d.doc, column=column[node])
+            elif nodes[node][0] == "neg" and nodes[node][1] in column:
+                found[name] = Signal(name, d.unit, d.doc, column=column[nodes[node][1]], sign=-1)
+            else:
+                found[name] = Signal(name, d.unit, d.doc)
+                fixed.append((name, node))
+    return found, fixed
 
 
 def compiled_parameters(compiled: CompiledModel, nodes: tuple[int, ...], p: Vector) -> list[float]:
