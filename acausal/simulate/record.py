@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -105,7 +104,7 @@ def signals(compiled: CompiledModel, p: Vector) -> dict[str, Signal]:
     found = dict(moving)
     constants = dict(zip(compiled.constant_nodes, np.array(compiled.constants(p)).ravel().tolist(), strict=True))
     for name, node in fixed:
-        found[name] = replace(found[name], value=constants[node])
+        found[name] = Signal(name, found[name].unit, found[name].doc, value=constants[node])
     for parameter in compiled.flat.parameters:
         values = compiled_parameters(compiled, parameter.nodes, p)
         for suffix, value in zip(suffixes(parameter.declaration.shape), values, strict=True):

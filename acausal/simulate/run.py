@@ -45,6 +45,7 @@ def simulate(
     step: float | None = None,
     parameters: Mapping[str, float] | None = None,
     inputs: Mapping[str, float] | None = None,
+    native: bool | None = None,
     progress: Progress | None = None,
 ) -> Result:
     """Simulate a model.
@@ -63,6 +64,9 @@ def simulate(
         Values by path, in SI; they never recompile a compiled model.
     inputs
         Constant values of the model's own inputs.
+    native
+        True compiles the equations to C, False interprets them; None uses what is compiled already, and compiles when
+        a run is long (docs/devdocs/native.md). Without a C compiler everything is interpreted. The results are the same.
     progress
         Called with the fraction done and the time reached.
 
@@ -82,6 +86,7 @@ def simulate(
         tolerance=tolerance,
         solver=solver,
         step=step,
+        native=native,
     )
     given = parameters if isinstance(model, CompiledModel) else None
     p = parameter_vector(compiled, given or {})
@@ -164,7 +169,7 @@ class _Run:
             _log.warning("%s: %s", self.compiled.name, note)
         self.timings["initialize"] = clock.perf_counter() - began
         self.stabilise(start, self.modes(boundaries[0], boundaries[1]))
-        problem = Problem(self.compiled, self.p, self.u)
+        problem = Problem(self.compiled, self.p, self.u, opts.native)
         recorder = Recorder(self.compiled, self.p, self.u)
         began = clock.perf_counter()
         grid = opts.grid()
@@ -200,10 +205,12 @@ class _Run:
             "algebraic": len(self.compiled.algebraic),
             **recorder.counters,
             "segments": recorder.segments,
+            "native": bool(problem.native.used),
             "notes": (*self.compiled.flat.notes, *notes),
             "time": {**self.compiled.timings, **self.timings},
         }
-        events = tuple(Event(t, self.event_text(t)) for t in recorder.boundaries)
+        relations = np.array(self.compiled.instants(self.p)).ravel()
+        events = tuple(Event(t, _event_text(t, relations)) for t in recorder.boundaries)
         return make_result(recorder, events, stats, self.dense(problem, solver, recorder))
 
     def instants(self) -> list[float]:
@@ -218,11 +225,6 @@ class _Run:
             and t < self.options.stop_time - 1e-13 * span
         ]
         return [t for k, t in enumerate(inside) if k == 0 or t - inside[k - 1] > 1e-13 * span]
-
-    def event_text(self, t: float) -> str:
-        found = np.array(self.compiled.instants(self.p)).ravel()
-        count = int(np.sum(np.abs(found - t) <= 1e-12 * max(1.0, abs(t))))
-        return f"time >= {t:g}" + (f" ({count} relations)" if count > 1 else "")
 
     def modes(self, a: float, b: float) -> Vector:
         """Modes of the time events between two instants."""
@@ -344,6 +346,12 @@ class _Run:
             return recorder.observe(segment.times, on, piece.z, m[:, None])[0]
 
         return row
+
+
+def _event_text(t: float, relations: Vector) -> str:
+    """What happened at `t`, given the instants of all relations."""
+    count = int(np.sum(np.abs(relations - t) <= 1e-12 * max(1.0, abs(t))))
+    return f"time >= {t:g}" + (f" ({count} relations)" if count > 1 else "")
 
 
 def integration_error(problem: Problem, solver: str, reached: Segment, text: str) -> IntegrationError:
