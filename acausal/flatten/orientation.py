@@ -130,8 +130,9 @@ def _choose_roots(
             instance = all_instances[number]
             raise StructureError(
                 "AC203",
-                f"the orientation of {instance.path} is not determined: no World, Fixed or Body in its island of frames",
+                f"{type(all_instances[0].component).__name__}: nothing fixes the orientation of {instance.path}",
                 where=(instance.owner.origin.span(),) if instance.owner else (),
+                cause="no World, Fixed or Body is in this island of frames",
                 help="connect one of its frames to World.frame_b, to Fixed.frame_b or to a Body",
             )
     return chosen

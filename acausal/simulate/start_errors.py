@@ -69,7 +69,7 @@ def _others(compiled: CompiledModel, condition: Condition, x: Vector, p: Vector)
     for k, state in enumerate(compiled.state_variables):
         if state in mine and state in compiled.start.direct:
             starts = [s for a in reduced.aliases.get(state, ()) if (s := compiled.flat.starts.get(a)) and s.is_fixed]
-            spans = [s.origin.span() for s in starts[:1] if s.origin is not None]
+            spans = [s.origin.span() for s in starts[:1] if s.origin is not None and "." in s.path]
             found.append(f"{compiled.states[k]} = {x[k]:g}{_placed(spans)}")
     for other in (*compiled.start.conditions, *compiled.start.surplus):
         if other is not condition and reach.of(other.node) & mine:

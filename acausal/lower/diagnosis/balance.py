@@ -36,20 +36,20 @@ def balance(reduced: ReducedSystem) -> None:
         return
     parts = dulmage_mendelsohn(incidence, matched)
     loop = overconstrained_loop(reduced, [chains[c] for c in parts.under_columns])
-    cause = loop or probable(reduced.flat)
+    cause = loop or probable(reduced.flat, by_structure=True)
     if cause is not None:
         raise cause
     equations = [reduced.flat.equations[k] for k in reduced.equation]
     free_columns = sorted(set(parts.under_columns) - {int(c) for c in matched if c >= 0})
     free_rows = [r for r in parts.over_rows if matched[r] < 0]
-    surplus = [equations[r] for r in free_rows]
+    over = min((minimal_over(incidence, r, matched) for r in free_rows), key=lambda s: len(s.rows), default=None)
+    surplus = [equations[r] for r in over.rows] if over is not None else []
     if free_columns:
         found = [minimal_under(incidence, c, matched) for c in free_columns]
         smallest = min(found, key=lambda s: len(s.columns))
         variables = [chains[c] for c in smallest.columns]
         raise _under(reduced, variables, [equations[r] for r in smallest.rows], len(free_columns), surplus)
-    smallest = min((minimal_over(incidence, r, matched) for r in free_rows), key=lambda s: len(s.rows))
-    raise _over(reduced, [equations[r] for r in smallest.rows], [chains[c] for c in smallest.columns], len(free_rows))
+    raise _over(reduced, surplus, [chains[c] for c in over.columns] if over else [], len(free_rows))
 
 
 def _refuse_superfluous(reduced: ReducedSystem) -> None:
@@ -87,7 +87,9 @@ def _under(
     components = list(dict.fromkeys(component_of(flat, n) for n in names))
     evidence = [f"under-determined part ({counted(len(equations), 'equation')}, {counted(len(variables), 'unknown')}):"]
     evidence += [f"  unknowns: {listed(names, 8)}", *lines(flat, equations)]
-    redundant = [flat.equations[k] for k in reduced.redundant if k >= 0] + surplus
+    if surplus:
+        evidence += ["while these are too many for what they hold:", *lines(flat, surplus, 4)]
+    redundant = [flat.equations[k] for k in reduced.redundant if k >= 0]
     if redundant:
         evidence += ["while this follows from other equations:", *lines(flat, redundant, 3)]
     cause, advice = hint(flat.declaration(s) for s in scalars)

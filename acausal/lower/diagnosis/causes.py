@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from acausal.errors import StructureError
 from acausal.flatten.flat import FlatEquation, FlatSystem, span_of
-from acausal.lower.diagnosis.combinations import dependent_equations, open_motion, special_values
+from acausal.lower.diagnosis.combinations import dependent_equations, empty_equation, open_motion, special_values
 from acausal.lower.diagnosis.components import unbalanced_component
 from acausal.lower.diagnosis.inputs import open_inputs
 from acausal.lower.diagnosis.pencil import pencil
@@ -12,10 +12,16 @@ from acausal.lower.diagnosis.references import prescribed_twice, without_referen
 from acausal.lower.diagnosis.words import label, line, made_at
 
 
-def probable(flat: FlatSystem) -> StructureError | None:
+def probable(flat: FlatSystem, *, by_structure: bool = False) -> StructureError | None:
     """The error that names the cause, or None when none of the known ones is found.
 
     It is asked only when a model has been found singular, so that sound models pay nothing.
+
+    Parameters
+    ----------
+    by_structure
+        The structure alone shows that the model is singular: then the smallest set of equations that proves it says
+        more than numbers do, unless a single equation holds no unknown.
     """
     found = open_inputs(flat)
     if found is None and len(flat.equations) != flat.n_scalars - len(flat.inputs):
@@ -23,7 +29,8 @@ def probable(flat: FlatSystem) -> StructureError | None:
     if found is not None:
         return found
     numbers = pencil(flat)
-    for finder in (special_values, without_reference, prescribed_twice, open_motion, dependent_equations):
+    last = empty_equation if by_structure else dependent_equations
+    for finder in (special_values, without_reference, prescribed_twice, open_motion, last):
         found = finder(numbers)
         if found is not None:
             return found

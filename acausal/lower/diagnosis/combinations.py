@@ -109,6 +109,14 @@ def dependent_equations(numbers: Pencil) -> StructureError | None:
     return None
 
 
+def empty_equation(numbers: Pencil) -> StructureError | None:
+    """AC204 when a single equation holds no unknown."""
+    for y in numbers.dependent():
+        if len(y) == 1:
+            return combined(numbers, y)
+    return None
+
+
 def combined(numbers: Pencil, y: Vector) -> StructureError:
     """The error for one combination of equations in which the unknowns cancel."""
     flat = numbers.flat
@@ -118,16 +126,18 @@ def combined(numbers: Pencil, y: Vector) -> StructureError:
         return _empty(flat, equations[0])
     free = [k for d in numbers.free() if touch(flat, y, d) for k in d]
     open_names = names_of(flat, free)
-    contradict = abs(demand(numbers, y)) > 1e-9
+    rest = demand(numbers, y)
+    verb = "depend on each other"
+    if rest is not None:
+        verb = "contradict each other" if abs(rest) > 1e-9 else "say the same twice"
     cause, advice = hint(flat.declaration(k) for k in free)
     return StructureError(
         "AC204",
-        f"{equations_of(flat, [e.component for e in stated])} "
-        + ("contradict each other" if contradict else "say the same twice"),
+        f"{equations_of(flat, [e.component for e in stated])} {verb}",
         where=places(flat, stated),
-        evidence=[*lines(flat, equations, 8), verdict(numbers, y)]
+        evidence=["their unknowns cancel:", *lines(flat, equations, 8), verdict(numbers, y)]
         + ([f"and leave open: {listed(open_names, 4)}"] if open_names else []),
-        cause=cause or "the unknowns cancel in this combination of equations",
+        cause=cause or "two equations state the same about these unknowns, perhaps with different numbers",
         help=advice or "replace one of these equations by one that fixes what is left open",
     )
 

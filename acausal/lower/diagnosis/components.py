@@ -100,13 +100,10 @@ def _too_few(flat: FlatSystem, path: str, count: _Count, alike: list[str]) -> St
     unused = [v for v in count.own + count.flows if not used & set(range(v.first, v.first + v.size))]
     unknowns = sum(v.size for v in (*count.own, *count.flows))
     cause, advice = hint(v.declaration for v in unused or count.own)
-    if unused:
-        unread = f"no equation of {cls.__name__} holds {listed(v.path for v in unused)}"
-        cause = f"{unread}; {cause}" if cause else unread
     return StructureError(
         "AC201",
-        subject(flat, _balance(count), path),
-        where=[*(made_at(flat, path) if path else ()), *stated_at(cls)],
+        subject(flat, _balance(count), path) + (f"; none holds {listed(v.path for v in unused)}" if unused else ""),
+        where=[*made_at(flat, path), *stated_at(cls)],
         evidence=[f"unknowns: {listed(declared, 8)}", *_stated(flat, count.stated), *_also(cls.__name__, alike)],
         cause=cause or "a component needs one equation for each own variable and one for each flow of its connectors",
         help=advice or f"state {counted(unknowns - len(count.stated), 'more equation')} in {cls.__name__}.equations",
@@ -146,12 +143,20 @@ def _too_many(flat: FlatSystem, path: str, count: _Count, alike: list[str]) -> S
     return StructureError(
         "AC202",
         fact,
-        where=places(flat, blamed[:1]) or [*(made_at(flat, path) if path else ()), *stated_at(cls)],
+        where=places(flat, blamed[:1]) or [*made_at(flat, path), *stated_at(cls)],
         evidence=[*_stated(flat, count.stated), *_also(cls.__name__, alike)],
         cause=cause,
-        help=f"remove {counted(surplus, 'equation')}"
-        + (", or connect a source that sets the value" if blamed and not bound else f" from {cls.__name__}"),
+        help=_advice(bound, blamed, surplus, cls.__name__),
     )
+
+
+def _advice(bound: list[FlatEquation], blamed: list[FlatEquation], surplus: int, cls: str) -> str:
+    if bound:
+        field = str(bound[0].source).partition(" == ")[0].rpartition(".")[2]
+        return f"make the {cls} without {field}=..., or with {field}=fixed(...) for a start value"
+    if blamed:
+        return "remove it, or connect a component that enforces it: a constraint needs a force, a voltage a current"
+    return f"remove {counted(surplus, 'equation')} from {cls}"
 
 
 def _loose(flat: FlatSystem, equations: list[FlatEquation]) -> list[str]:

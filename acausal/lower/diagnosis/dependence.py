@@ -42,10 +42,10 @@ def dependent(
         f"{equations_of(flat, list(dict.fromkeys(e.component for e in equations)))} "
         + ("contradict each other" if contradict else "depend on each other"),
         where=places(flat, equations) or made_at(flat, ""),
-        evidence=lines(flat, equations, 8)
+        evidence=["their unknowns cancel:", *lines(flat, equations, 8)]
         + ([f"together they demand 0 == {abs(demand):g}"] if contradict else [])
         + ([f"they leave open: {listed(names)}"] if names else []),
-        cause="the unknowns cancel: one of these equations follows from the others, perhaps with another number",
+        cause="one of these equations follows from the others, perhaps with another number",
         help="replace one of these equations by one that fixes what is left open",
     )
 

@@ -61,6 +61,8 @@ def _is_cut_force(flat: FlatSystem, scalar: int) -> bool:
 def _loop_error(flat: FlatSystem, forces: Sequence[str], equations: Sequence[FlatEquation]) -> StructureError:
     loops = list(flat.loops)
     loop = min(loops, key=lambda one: len(one.components))
+    moving = {component_of(flat, v.path) for v in flat.variables if v.declaration.prefer_state}
+    joints = [c for c in loop.components if c in moving]
     cause, advice = hint(
         d
         for path in dict.fromkeys(f.rpartition(".")[0] for f in forces)
@@ -75,7 +77,7 @@ def _loop_error(flat: FlatSystem, forces: Sequence[str], equations: Sequence[Fla
     evidence += lines(flat, equations, 4)
     return StructureError(
         "AC206",
-        f"{flat.name}: the closed loop of {listed(loop.components, 10)} has more constraints than it can follow",
+        f"{flat.name}: the closed loop of {listed(joints or loop.components, 8)} is overconstrained",
         where=(loop.origin.span(),),
         evidence=evidence,
         cause=cause or "the joints of the loop constrain the same motion twice (a planar loop, two parallel guides)",

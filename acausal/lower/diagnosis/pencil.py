@@ -75,11 +75,14 @@ def pencil(flat: FlatSystem) -> Pencil:
     return Pencil(flat, matrix, rest, np.abs(generic) > _TINY)
 
 
-def pencil_rows(flat: FlatSystem, equations: Sequence[int], parameters: Sequence[float]) -> Any:
-    """Some rows of the matrix, with given values of the parameters; sparse, as wide as there are scalars."""
+def pencil_rows(flat: FlatSystem, equations: Sequence[int], parameters: Sequence[float], seed: int = 1) -> Any:
+    """Some rows of the matrix, with given values of the parameters; sparse, as wide as there are scalars.
+
+    Other seeds give other points, which tells linear equations from others.
+    """
     pool = flat.pool
     roots = [pool.sub(flat.equations[i].left, flat.equations[i].right) for i in equations]
-    random = np.random.default_rng(19960101)
+    random = np.random.default_rng(seed)
     point = 0.5 + random.random(pool.n_variables)
     leaves: dict[str, Callable[[int], Any]] = {
         "var": lambda k: point[k],

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from acausal.errors import StructureError
 from acausal.flatten.flat import FlatEquation, FlatSystem
 from acausal.language.declare import Kind
-from acausal.lower.diagnosis.pencil import Pencil, Vector
+from acausal.lower.diagnosis.pencil import Pencil, Vector, pencil_rows
 from acausal.lower.diagnosis.words import (
     component_of,
     connector_of,
@@ -41,6 +41,7 @@ def _island(flat: FlatSystem, moved: Sequence[int], twice: Sequence[Vector]) -> 
     quantity = names[0].rpartition(".")[2]
     connectors = [n.rpartition(".")[0] for n in names]
     components = list(dict.fromkeys(component_of(flat, n) for n in names))
+    shown = connectors if len(", ".join(connectors)) <= 50 else [label(flat, c) for c in components]
     wanted = set(moved)
     inside = [e for e in flat.equations if not isinstance(e.source, str) and wanted & unknowns_in(flat, e)]
     junctions = [flat.equations[i] for y in twice[:1] for i in y if isinstance(flat.equations[i].source, str)]
@@ -53,7 +54,7 @@ def _island(flat: FlatSystem, moved: Sequence[int], twice: Sequence[Vector]) -> 
         advice = f"connect {listed(open_ends)}" + (f"; {advice}" if advice else "")
     return StructureError(
         "AC203",
-        f"{flat.name}: nothing fixes the {_described(declaration.doc)} {quantity} of {listed(connectors, 4)}",
+        f"{flat.name}: nothing fixes the {_described(declaration.doc)} {quantity} of {listed(shown)}",
         where=[s for c in components[:2] for s in made_at(flat, c)],
         evidence=evidence,
         cause=cause or "no component of this island sets an absolute value",
@@ -100,7 +101,7 @@ def _potential_twice(
         "AC205",
         f"{flat.name}: {_subject(flat, components)} {what}{' twice' if len(components) > 2 else ''}",
         where=[s for c in components[:3] for s in made_at(flat, c)],
-        evidence=[*lines(flat, equations, 8), verdict(numbers, y), *_left_open(flat, circulating)],
+        evidence=["these do:", *lines(flat, equations, 8), verdict(numbers, y), *_left_open(flat, circulating)],
         cause=cause or "one quantity is prescribed by two components",
         help=advice or "remove one of them, or put something compliant between them",
     )
@@ -122,7 +123,7 @@ def _flow_twice(numbers: Pencil, y: Vector, components: Sequence[str], moved: Se
         "AC205",
         f"{flat.name}: {_subject(flat, components)} {listed(what)}{' twice' if len(components) > 2 else ''}",
         where=[s for c in components[:3] for s in made_at(flat, c)],
-        evidence=[*lines(flat, equations, 8), verdict(numbers, y), *_left_open(flat, moved)],
+        evidence=["these do:", *lines(flat, equations, 8), verdict(numbers, y), *_left_open(flat, moved)],
         cause=cause,
         help=advice,
     )
@@ -138,7 +139,7 @@ def _short_circuit(
         "AC205",
         f"{flat.name}: {component} prescribes a difference between {one} and {other}, which are one point",
         where=made_at(flat, component),
-        evidence=[*lines(flat, equations, 8), verdict(numbers, y), *_left_open(flat, circulating)],
+        evidence=["these do:", *lines(flat, equations, 8), verdict(numbers, y), *_left_open(flat, circulating)],
         cause=f"{one} and {other} are connected with each other",
         help="remove that connection, or put something between them",
     )
@@ -166,15 +167,21 @@ def _left_open(flat: FlatSystem, scalars: Iterable[int]) -> list[str]:
     return [f"and leave open: {listed(names, 4)}"] if names else []
 
 
-def demand(numbers: Pencil, y: Vector) -> float:
-    """What a combination of equations leaves when its unknowns have cancelled."""
+def demand(numbers: Pencil, y: Vector) -> float | None:
+    """What a combination of linear equations leaves when its unknowns have cancelled; None for nonlinear ones."""
+    rows = sorted(y)
+    elsewhere = pencil_rows(numbers.flat, rows, numbers.flat.parameter_values, seed=2)
+    if abs(elsewhere - numbers.matrix[rows]).max() > 1e-9:
+        return None
     scale = max(abs(v) for v in y.values())
-    return sum(v / scale * float(numbers.rest[i]) for i, v in sorted(y.items()))
+    return sum(y[i] / scale * float(numbers.rest[i]) for i in rows)
 
 
 def verdict(numbers: Pencil, y: Vector) -> str:
     """In words whether the equations of a combination contradict each other."""
     rest = demand(numbers, y)
+    if rest is None:
+        return "one of them follows from the others, or contradicts them"
     if abs(rest) > 1e-9:
         return f"together they demand 0 == {abs(rest):g}"
     return "one of them follows from the others"
@@ -218,6 +225,11 @@ def _owners(flat: FlatSystem, equations: Iterable[FlatEquation], kind: Kind) -> 
 
 
 def _shared(flat: FlatSystem, equations: Iterable[FlatEquation], kind: Kind) -> list[str]:
-    """Connector variables of a kind that occur in these equations, each by its first name."""
-    scalars = [k for e in equations for k in of_connectors(flat, sorted(unknowns_in(flat, e)), kind)]
-    return list(dict.fromkeys(flat.scalar_name(k) for k in scalars))
+    """Connector variables of a kind that occur in these equations, each by the name it has in the first of them."""
+    found: dict[int, str] = {}
+    for e in equations:
+        for k in of_connectors(flat, sorted(unknowns_in(flat, e)), kind):
+            names = names_of(flat, [k])
+            own = [n for n in names if component_of(flat, n) == e.component]
+            found.setdefault(k, (own or names)[0])
+    return list(dict.fromkeys(found.values()))

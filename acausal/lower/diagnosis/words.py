@@ -107,9 +107,11 @@ def loose(flat: FlatSystem, connectors: Iterable[str]) -> list[str]:
 
 
 def made_at(flat: FlatSystem, path: str) -> tuple[Span, ...]:
-    """Where the component was made."""
+    """Where the component was made; for the model itself, where its equations are."""
     found = flat.components.get(path)
-    return () if found is None else (found.origin.span(),)
+    if found is None:
+        return ()
+    return (stated_at(found.cls) if not path else ()) or (found.origin.span(),)
 
 
 def stated_at(cls: type[Component]) -> tuple[Span, ...]:

@@ -1,0 +1,84 @@
+"""Broken models and what is said about them: the frame of the corpus.
+
+Every case is a class or a function that is wrong in one way, decorated with the class of error, the thing that the
+first two lines have to name, and the whole message. File names are shown without their folders and line numbers as
+N: the source line below them tells whether the place is right.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TypeVar
+
+import pytest
+
+import acausal
+from acausal import AcausalError, Component
+
+Model = TypeVar("Model", bound=type[Component])
+Function = TypeVar("Function", bound=Callable[[], object])
+
+
+@dataclass(frozen=True)
+class Case:
+    """One thing that is wrong."""
+
+    name: str
+    run: Callable[[], object]
+    code: str
+    named: str
+    text: str
+
+    def __str__(self) -> str:
+        return self.name
+
+    def check(self) -> None:
+        """The class of error, the name in the first two lines, then every letter of the message."""
+        with pytest.raises(AcausalError) as caught:
+            self.run()
+        text = normalised(caught.value)
+        assert caught.value.code == self.code, text
+        assert self.named in "\n".join(text.splitlines()[:2]), text
+        assert text == self.text.strip("\n")
+
+
+@dataclass
+class Corpus:
+    """The cases of one file."""
+
+    cases: list[Case] = field(default_factory=list)
+
+    def broken(self, code: str, named: str, text: str) -> Callable[[Model], Model]:
+        """A model that cannot be compiled."""
+        return self._model(code, named, text, lambda cls: acausal.compile(cls()))
+
+    def bad_start(self, code: str, named: str, text: str) -> Callable[[Model], Model]:
+        """A model that is sound but cannot start."""
+        return self._model(code, named, text, lambda cls: acausal.simulate(cls(), stop_time=0.1))
+
+    def wrong(self, code: str, named: str, text: str) -> Callable[[Function], Function]:
+        """Python code that cannot run."""
+
+        def add(function: Function) -> Function:
+            self.cases.append(Case(function.__name__, function, code, named, text))
+            return function
+
+        return add
+
+    def _model(
+        self, code: str, named: str, text: str, run: Callable[[type[Component]], object]
+    ) -> Callable[[Model], Model]:
+        def add(cls: Model) -> Model:
+            self.cases.append(Case(cls.__name__, lambda: run(cls), code, named, text))
+            return cls
+
+        return add
+
+
+def normalised(error: AcausalError) -> str:
+    """The message without folders and line numbers."""
+    text = re.sub(r"/\S*/library/(\w+/)+?(\w+/)?(\w+\.py:)", r"\1\3", str(error))
+    text = re.sub(r"/\S*/(\w+\.py:)", r"\1", text)
+    return re.sub(r"(\w\.py:)\d+", r"\1N", text)

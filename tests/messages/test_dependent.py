@@ -1,0 +1,242 @@
+"""Equations that depend on each other by their numbers: no look at their structure shows it."""
+
+from __future__ import annotations
+
+import pytest
+
+from acausal import Component, Equations, Real, connect, der, exp, part, variable
+from acausal.library import blocks, translational
+from tests.messages.cases import Case, Corpus
+
+corpus = Corpus()
+
+
+class Pair(Component):
+    """Two unknowns."""
+
+    x: Real = variable()
+    y: Real = variable()
+
+
+@corpus.broken("AC204", "Contradiction", """
+error[AC204]: equations of Contradiction contradict each other
+  at      test_dependent.py:N
+              yield self.x + self.y == 1.0
+  at      test_dependent.py:N
+              yield self.x + self.y == 2.0
+          their unknowns cancel:
+            x + y == 1   (Contradiction, test_dependent.py:N)
+            x + y == 2   (Contradiction, test_dependent.py:N)
+          together they demand 0 == 1
+          and leave open: x and y
+  cause   two equations state the same about these unknowns, perhaps with different numbers
+  help    replace one of these equations by one that fixes what is left open
+""")
+class Contradiction(Pair):
+    """The textbook case: structurally regular, and no solution."""
+
+    def equations(self) -> Equations:
+        yield self.x + self.y == 1.0
+        yield self.x + self.y == 2.0
+
+
+@corpus.broken("AC204", "Repetition", """
+error[AC204]: equations of Repetition say the same twice
+  at      test_dependent.py:N
+              yield self.x + self.y == 1.0
+  at      test_dependent.py:N
+              yield 2.0 * self.x + 2.0 * self.y == 2.0
+          their unknowns cancel:
+            x + y == 1   (Repetition, test_dependent.py:N)
+            2 * x + 2 * y == 2   (Repetition, test_dependent.py:N)
+          one of them follows from the others
+          and leave open: x and y
+  cause   two equations state the same about these unknowns, perhaps with different numbers
+  help    replace one of these equations by one that fixes what is left open
+""")
+class Repetition(Pair):
+    """The same without a contradiction: infinitely many solutions."""
+
+    def equations(self) -> Equations:
+        yield self.x + self.y == 1.0
+        yield 2.0 * self.x + 2.0 * self.y == 2.0
+
+
+@corpus.broken("AC204", "Circle", """
+error[AC204]: equations of Circle depend on each other
+  at      test_dependent.py:N
+              yield self.x**2 + self.y**2 == 1.0
+  at      test_dependent.py:N
+              yield 2.0 * self.x**2 + 2.0 * self.y**2 == 2.0
+          their unknowns cancel:
+            x ** 2 + y ** 2 == 1   (Circle, test_dependent.py:N)
+            2 * x ** 2 + 2 * y ** 2 == 2   (Circle, test_dependent.py:N)
+          one of them follows from the others, or contradicts them
+          and leave open: x and y
+  cause   two equations state the same about these unknowns, perhaps with different numbers
+  help    replace one of these equations by one that fixes what is left open
+""")
+class Circle(Pair):
+    """A nonlinear block: the Jacobian is singular wherever one looks."""
+
+    def equations(self) -> Equations:
+        yield self.x**2 + self.y**2 == 1.0
+        yield 2.0 * self.x**2 + 2.0 * self.y**2 == 2.0
+
+
+@corpus.broken("AC204", "Exponential", """
+error[AC204]: equations of Exponential depend on each other
+  at      test_dependent.py:N
+              yield exp(self.x + self.y) == 2.0
+  at      test_dependent.py:N
+              yield self.x + self.y == 2.0
+          their unknowns cancel:
+            exp(x + y) == 2   (Exponential, test_dependent.py:N)
+            x + y == 2   (Exponential, test_dependent.py:N)
+          one of them follows from the others, or contradicts them
+          and leave open: x and y
+  cause   two equations state the same about these unknowns, perhaps with different numbers
+  help    replace one of these equations by one that fixes what is left open
+""")
+class Exponential(Pair):
+    """A linear and a nonlinear equation for one and the same sum."""
+
+    def equations(self) -> Equations:
+        yield exp(self.x + self.y) == 2.0
+        yield self.x + self.y == 2.0
+
+
+@corpus.broken("AC204", "Pendulum", """
+error[AC204]: equations of Pendulum depend on each other
+  at      test_dependent.py:N
+              yield self.x**2 + self.y**2 == 1.0
+  at      test_dependent.py:N
+              yield 3.0 * self.x**2 + 3.0 * self.y**2 == 3.0
+          their unknowns cancel:
+            x ** 2 + y ** 2 == 1   (Pendulum, test_dependent.py:N)
+            3 * x ** 2 + 3 * y ** 2 == 3   (Pendulum, test_dependent.py:N)
+          one of them follows from the others, or contradicts them
+          and leave open: force and other
+  cause   two equations state the same about these unknowns, perhaps with different numbers
+  help    replace one of these equations by one that fixes what is left open
+""")
+class Pendulum(Component):
+    """The length of a pendulum is stated twice, with a force for each."""
+
+    x: Real = variable(unit="m")
+    y: Real = variable(unit="m")
+    force: Real = variable(unit="1/s2")
+    other: Real = variable(unit="1/s2")
+
+    def equations(self) -> Equations:
+        yield der(der(self.x)) == -(self.force + self.other) * self.x
+        yield der(der(self.y)) == -(self.force + self.other) * self.y - 9.81
+        yield self.x**2 + self.y**2 == 1.0
+        yield 3.0 * self.x**2 + 3.0 * self.y**2 == 3.0
+
+
+@corpus.broken("AC204", "gain.k = 1", """
+error[AC204]: UnitFeedback: equations of sum, gain and constant contradict each other for sum.k2 = 1 and gain.k = 1
+  at      test_dependent.py:N
+              self.sum = blocks.Add()
+                         ^^^^^^^^^^^^
+  at      test_dependent.py:N
+              self.gain = blocks.Gain(k=1.0)
+                          ^^^^^^^^^^^^^^^^^^
+  at      test_dependent.py:N
+              self.constant = blocks.Constant(k=1.0)
+                              ^^^^^^^^^^^^^^^^^^^^^^
+          their unknowns cancel:
+            sum.y == sum.k1 * sum.u1 + sum.k2 * sum.u2   (Add, blocks/math.py:N)
+            gain.y == gain.k * gain.u   (Gain, blocks/math.py:N)
+            constant.y == constant.k   (Constant, blocks/sources.py:N)
+          together they demand 0 == 1
+          and leave open: sum.u2, sum.y, gain.u and gain.y
+  cause   with other values of these parameters the equations would determine their unknowns
+  help    change sum.k2 and gain.k, or model what is idealised away
+""")
+class UnitFeedback(Component):
+    """y = u + k*y determines y for every gain but 1."""
+
+    sum: blocks.Add = part()
+    gain: blocks.Gain = part()
+    constant: blocks.Constant = part()
+
+    def build(self) -> None:
+        self.sum = blocks.Add()
+        self.gain = blocks.Gain(k=1.0)
+        self.constant = blocks.Constant(k=1.0)
+
+    def equations(self) -> Equations:
+        yield connect(self.constant.y, self.sum.u1)
+        yield connect(self.sum.y, self.gain.u)
+        yield connect(self.gain.y, self.sum.u2)
+
+
+@corpus.broken("AC204", "mass.m = 0", """
+error[AC204]: MasslessMass: equations of mass and force contradict each other for mass.m = 0
+  at      test_dependent.py:N
+              self.mass = translational.Mass(m=0.0)
+                          ^^^^^^^^^^^^^^^^^^^^^^^^^
+  at      test_dependent.py:N
+              self.force = translational.ConstantForce(f_constant=1.0)
+                           ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
+          their unknowns cancel:
+            mass.m * mass.a == mass.flange_a.f + mass.flange_b.f   (Mass, translational/components.py:N)
+            force.flange.f == -force.f_constant   (ConstantForce, translational/sources.py:N)
+            the f of mass.flange_a, force.flange sum to zero   (test_dependent.py:N)
+            the f of mass.flange_b is zero: not connected   (test_dependent.py:N)
+          together they demand 0 == 1
+          and leave open: mass.s, mass.v, mass.a, mass.flange_a.s and 2 more
+  cause   with other values of these parameters the equations would determine their unknowns
+  help    change mass.m, or model what is idealised away
+""")
+class MasslessMass(Component):
+    """A force on nothing."""
+
+    mass: translational.Mass = part()
+    force: translational.ConstantForce = part()
+
+    def build(self) -> None:
+        self.mass = translational.Mass(m=0.0)
+        self.force = translational.ConstantForce(f_constant=1.0)
+
+    def equations(self) -> Equations:
+        yield connect(self.force.flange, self.mass.flange_a)
+
+
+class Empty(translational.PartialCompliant):
+    """Its own equation says nothing."""
+
+    def equations(self) -> Equations:
+        yield self.f - self.f == 0.0
+
+
+@corpus.broken("AC204", "spring", """
+error[AC204]: Tautology: `spring.f - spring.f == 0` of spring determines no unknown
+  at      test_dependent.py:N
+              yield self.f - self.f == 0.0
+            spring.f - spring.f == 0   (Empty, test_dependent.py:N)
+  cause   its unknowns cancel, or it holds parameters only
+  help    replace it by an equation for an unknown
+""")
+class Tautology(Component):
+    """The unknown of an equation cancels in the equation itself."""
+
+    wall: translational.Fixed = part()
+    spring: Empty = part()
+    mass: translational.Mass = part()
+
+    def build(self) -> None:
+        self.wall = translational.Fixed()
+        self.spring = Empty()
+        self.mass = translational.Mass(m=1.0)
+
+    def equations(self) -> Equations:
+        yield connect(self.wall.flange, self.spring.flange_a)
+        yield connect(self.spring.flange_b, self.mass.flange_a)
+
+
+@pytest.mark.parametrize("case", corpus.cases, ids=str)
+def test_message(case: Case) -> None:
+    case.check()

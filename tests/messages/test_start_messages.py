@@ -1,0 +1,188 @@
+"""Starts: over-fixed, under-determined, impossible, undefined."""
+
+from __future__ import annotations
+
+from typing import cast
+
+import pytest
+
+import acausal
+from acausal import Component, Equations, Real, connect, der, fixed, guess, log, part, variable
+from acausal.library import translational
+from tests.messages.cases import Case, Corpus
+
+corpus = Corpus()
+
+
+@corpus.bad_start("AC302", "spring.s_rel", """
+error[AC302]: OverFixed: the start value spring.s_rel = 2 contradicts the others, which make it 1
+  at      test_start_messages.py:N
+              self.spring = translational.Spring(c=1.0, s_rel=fixed(2.0))
+                            ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
+          given too:
+            mass.s = 1   (test_start_messages.py:N)
+  cause   more is fixed at the start than the 2 states can follow: mass.s and mass.v
+  help    remove one of them, or make it a guess: s_rel=guess(2)
+""")
+class OverFixed(Component):
+    """The length of the spring follows from the position of the mass, and both are fixed."""
+
+    wall: translational.Fixed = part()
+    spring: translational.Spring = part()
+    mass: translational.Mass = part()
+
+    def build(self) -> None:
+        self.wall = translational.Fixed()
+        self.spring = translational.Spring(c=1.0, s_rel=fixed(2.0))
+        self.mass = translational.Mass(m=1.0, s=fixed(1.0), v=fixed(0.0))
+
+    def equations(self) -> Equations:
+        yield connect(self.wall.flange, self.spring.flange_a)
+        yield connect(self.spring.flange_b, self.mass.flange_a)
+
+
+@corpus.bad_start("AC302", "y == 5", """
+error[AC302]: OneTooMany: the start equation `y == 5` contradicts the others: it is off by -3
+  at      test_start_messages.py:N
+              yield self.y == 5.0
+          given too:
+            x = 1
+  cause   more is fixed at the start than the 1 state can follow: x
+  help    remove it, or make one of the others a guess(...)
+""")
+class OneTooMany(Component):
+    """One state, a start value and a start equation."""
+
+    x: Real = variable(default=fixed(1.0))
+    y: Real = variable()
+
+    def equations(self) -> Equations:
+        yield der(self.x) == -self.x
+        yield self.y == 2.0 * self.x
+
+    def initial_equations(self) -> Equations:
+        yield self.y == 5.0
+
+
+class Decay(Component):
+    """Two independent states."""
+
+    x: Real = variable()
+    y: Real = variable()
+
+    def equations(self) -> Equations:
+        yield der(self.x) == -self.x
+        yield der(self.y) == -self.y
+
+
+@corpus.bad_start("AC304", "x and y", """
+error[AC304]: SumTwice: the start conditions do not determine x and y
+  at      test_start_messages.py:N
+              yield self.x + self.y == 1.0
+  at      test_start_messages.py:N
+              yield self.x + self.y == 2.0
+          these depend on each other at the start:
+            start equation x + y == 1   (test_start_messages.py:N)
+            start equation x + y == 2   (test_start_messages.py:N)
+  cause   two start conditions say the same, perhaps with different numbers
+  help    replace one of them by a condition for x, for example x=fixed(...)
+""")
+class SumTwice(Decay):
+    """Two start equations for two states, which say the same with different numbers."""
+
+    def initial_equations(self) -> Equations:
+        yield self.x + self.y == 1.0
+        yield self.x + self.y == 2.0
+
+
+@corpus.bad_start("AC301", "x", """
+error[AC301]: NoRoot: no start found for x
+  at      test_start_messages.py:N
+              yield self.x * self.x + 1.0 == 0.0
+          largest residuals at the guesses:
+            1.09   in   x * x + 1 == 0   (NoRoot, test_start_messages.py:N)
+          guesses: x = 0.3
+  cause   the guesses are too far from a solution, or there is none
+  help    give better guesses: x=guess(...)
+""")
+class NoRoot(Component):
+    """x*x == -1 has no real solution."""
+
+    x: Real = variable(default=guess(0.3))
+
+    def equations(self) -> Equations:
+        yield self.x * self.x + 1.0 == 0.0
+
+
+@corpus.bad_start("AC303", "y", """
+error[AC303]: DivisionByZero: y has no finite value at the start (t = 0 s)
+  at      test_start_messages.py:N
+              yield self.y == 1.0 / self.x
+          y == 1 / x   (DivisionByZero, test_start_messages.py:N)
+          with x = 0
+  cause   a division by zero, or a root or logarithm of a negative number
+  help    start elsewhere, or state the equation so that it holds there too
+""")
+class DivisionByZero(Component):
+    """1/x at x = 0; y is only observed."""
+
+    x: Real = variable(default=fixed(0.0))
+    y: Real = variable()
+
+    def equations(self) -> Equations:
+        yield der(self.x) == 1.0
+        yield self.y == 1.0 / self.x
+
+
+@corpus.bad_start("AC303", "y", """
+error[AC303]: LogarithmOfZero: y has no finite value at the start (t = 0 s)
+  at      test_start_messages.py:N
+              yield self.y == log(self.x)
+          y == log(x)   (LogarithmOfZero, test_start_messages.py:N)
+          with x = 0
+  cause   a division by zero, or a root or logarithm of a negative number
+  help    start elsewhere, or state the equation so that it holds there too
+""")
+class LogarithmOfZero(Component):
+    """The rate would be finite again: 1/log(0) is 0."""
+
+    x: Real = variable(default=fixed(0.0))
+    y: Real = variable()
+
+    def equations(self) -> Equations:
+        yield der(self.x) == 1.0 / self.y
+        yield self.y == log(self.x)
+
+
+@pytest.mark.parametrize("case", corpus.cases, ids=str)
+def test_message(case: Case) -> None:
+    case.check()
+
+
+class Exchange(Component):
+    """A steady state is a line: x == y."""
+
+    x: Real = variable(default=guess(3.0))
+    y: Real = variable(default=guess(3.0))
+
+    def equations(self) -> Equations:
+        yield der(self.x) == self.y - self.x
+        yield der(self.y) == self.x - self.y
+
+    def initial_equations(self) -> Equations:
+        yield der(self.x) == 0.0
+        yield der(self.y) == 0.0
+
+
+def test_a_start_that_the_guesses_have_decided_is_noted() -> None:
+    """Both conditions say x == y; whatever the guesses are, the run stays there."""
+    result = acausal.simulate(Exchange(), stop_time=1.0)
+    notes = cast("tuple[str, ...]", result.stats["notes"])
+    assert "the start conditions do not determine x and y: their guesses have decided" in notes
+    assert result.final("x") == pytest.approx(result.final("y"), abs=1e-9)
+
+
+def test_start_values_that_nobody_gave_are_noted() -> None:
+    """Two states without a start value begin at 0, and the user is told."""
+    notes = cast("tuple[str, ...]", acausal.simulate(Decay(), stop_time=1.0).stats["notes"])
+    assert notes[0] == "2 start values not given; taken: x = 0, y = 0  (say so with fixed(...))"
