@@ -16,7 +16,8 @@ from acausal.language.experiment import Experiment
 class Options:
     """A run: times in seconds, relative tolerance, solver name or "auto", size of a fixed step.
 
-    Absolute tolerances are `absolute_factor * tolerance * nominal`, per variable.
+    Absolute tolerances are `absolute_factor * tolerance * nominal`, per variable. `native`: True compiles the equations
+    to C, False interprets them, None decides.
     """
 
     start_time: float
@@ -26,6 +27,7 @@ class Options:
     solver: str
     step: float | None
     absolute_factor: float = 1e-3
+    native: bool | None = None
 
     def grid(self) -> NDArray[np.float64]:
         """Output times: multiples of the interval from the start, and the stop time."""
@@ -46,6 +48,7 @@ def options(
     tolerance: float | None = None,
     solver: str | None = None,
     step: float | None = None,
+    native: bool | None = None,
 ) -> Options:
     """Options from a model's experiment and what the caller overrides.
 
@@ -64,6 +67,7 @@ def options(
         tolerance=experiment.tolerance if tolerance is None else float(tolerance),
         solver=experiment.solver if solver is None else solver,
         step=experiment.step if step is None else float(step),
+        native=native,
     )
     checks = (
         (math.isfinite(start) and math.isfinite(stop) and stop > start, f"stop_time {stop:g} s is not after start_time {start:g} s"),

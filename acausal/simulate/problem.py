@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.lower.compiled import CompiledModel
+from acausal.simulate.native.policy import Native
 
 Vector = NDArray[np.float64]
 _DAE_IN = ["t", "x", "z", "p", "u"]
@@ -25,11 +26,14 @@ class Problem:
     The model's parameters `p` and inputs `u` are numbers here: what they alone determine is computed once, which halves
     the operations of a drill on its guide. The integrator's parameter vector is `[m, shift]`: the modes of time events
     and the time at which the segment starts (a CasADi integrator has its time frozen at construction).
+
+    `wanted_native` is the run's option `native`: whether to use the equations as compiled C.
     """
 
     compiled: CompiledModel
     p: Vector
     u: Vector
+    wanted_native: bool | None = None
 
     @property
     def n_dynamic(self) -> int:
@@ -45,6 +49,11 @@ class Problem:
     def scale_z(self) -> Vector:
         """Nominal magnitudes of the algebraic variables."""
         return self.compiled.nominal_z
+
+    @cached_property
+    def native(self) -> Native:
+        """The model's compiled C, as far as there is any."""
+        return Native(self.compiled, self.wanted_native)
 
     @cached_property
     def dae(self) -> Any:

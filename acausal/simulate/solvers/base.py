@@ -4,7 +4,7 @@ A solver is a class with
 
 1. `name`, as the user writes it, and `plugin`, CasADi's;
 2. `algebraic`: whether it takes algebraic variables; otherwise they are eliminated before it sees the problem;
-3. `fixed_step`: whether it needs a step;
+3. `fixed_step`: whether it needs a step, and `native`: what of it can run as compiled C;
 4. `settings(problem, segment)`: CasADi's options for one segment;
 5. `integrate(problem, segment) -> Piece`, which raises RuntimeError when it cannot go on.
 
@@ -14,14 +14,14 @@ A segment is a stretch of time without events: the right-hand side is smooth in 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from acausal.simulate.islands import integrals
 from acausal.simulate.direct import called
+from acausal.simulate.islands import integrals
 from acausal.simulate.problem import Problem
 
 Vector = NDArray[np.float64]
@@ -67,6 +67,7 @@ class CasadiSolver:
     plugin: ClassVar[str]
     algebraic: ClassVar[bool] = False
     fixed_step: ClassVar[bool] = False
+    native: ClassVar[Literal["nothing", "equations", "integrator"]] = "nothing"
 
     def settings(self, problem: Problem, segment: Segment) -> dict[str, Any]:
         """CasADi's options for this segment."""
@@ -78,15 +79,7 @@ class CasadiSolver:
             # no plugin takes a problem without states: its algebraic variables are a function of time
             none = np.zeros((0, len(segment.times)))
             return Piece(none, problem.solve_algebraic(segment.times, none, segment.z, segment.p), {})
-        dae = problem.dae if self.algebraic else problem.ode
-        grid = (segment.times - segment.start).tolist()
-        integrator = ca.integrator("segment", self.plugin, dae, 0.0, grid, self.settings(problem, segment))
-        n = problem.n_dynamic
-        x0 = segment.x[:n] / problem.scale_x
-        z0 = segment.z / problem.scale_z
-        p = np.concatenate([segment.p, [segment.start]])
-        arguments = {"x0": x0, "z0": z0, "p": p} if self.algebraic else {"x0": x0, "p": np.concatenate([p, z0])}
-        (scaled_x, scaled_z), stats = called(integrator, arguments, ("xf", "zf"))
+        scaled_x, scaled_z, stats = self._solved(problem, segment)
         x = scaled_x.T * problem.scale_x[:, None]
         if not np.isfinite(x).all():
             raise RuntimeError("the solution is not finite")
@@ -95,7 +88,32 @@ class CasadiSolver:
             z = scaled_z.T * problem.scale_z[:, None]
         else:
             z = problem.solve_algebraic(segment.times, x, segment.z, segment.p)
-        return Piece(x, z, _counters(stats))
+        return Piece(x, z, counted(stats))
+
+    def _solved(self, problem: Problem, segment: Segment) -> tuple[Vector, Vector, dict[str, Any]]:
+        """Scaled states, shape (n, nx), and algebraic variables at the output times, and the solver's statistics."""
+        settings = self.settings(problem, segment)
+        grid, span = segment.times - segment.start, float(segment.times[-1] - segment.start)
+        x0, z0 = segment.x[: problem.n_dynamic] / problem.scale_x, segment.z / problem.scale_z
+        native, p = problem.native, np.append(segment.p, segment.start)
+        dae = problem.dae if self.algebraic else problem.ode
+        # a rootfinder inside the right-hand side stays interpreted
+        kind = self.native if self.algebraic or not problem.compiled.algebraic else "nothing"
+        if kind == "integrator":
+            whole = native.integrator(self.plugin, settings, span)
+            if whole is not None:
+                p = whole.vector(problem.p, problem.u, segment.p, segment.start)
+                sizes = settings["reltol"], settings["abstol"], settings.get("step_size", 0.0)
+                return whole.run(x0, z0, p, grid, *sizes)
+        elif kind == "equations":
+            library = native.oracle(self.plugin, settings, span)
+            if library is not None:
+                dae, p = library.run, library.vector(problem.p, problem.u, segment.p, segment.start)
+        integrator = ca.integrator("segment", self.plugin, dae, 0.0, grid.tolist(), settings)
+        arguments = {"x0": x0, "z0": z0, "p": p} if self.algebraic else {"x0": x0, "p": np.concatenate([p, z0])}
+        (x, z), stats = called(integrator, arguments, ("xf", "zf"))
+        native.interpreted(self.plugin, counted(stats).get("rhs_evaluations", 0.0), span)
+        return x, z, stats
 
 
 def islands(problem: Problem, segment: Segment) -> Vector:
@@ -112,7 +130,7 @@ def islands(problem: Problem, segment: Segment) -> Vector:
     return np.asarray(segment.x[problem.n_dynamic :, None] + scale[:, None] * grown)
 
 
-def _counters(stats: dict[str, Any]) -> dict[str, float]:
+def counted(stats: dict[str, Any]) -> dict[str, float]:
     """The solver's own counters under common names."""
     names = {
         "steps": ("nsteps", "n_steps"),

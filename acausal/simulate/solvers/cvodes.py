@@ -13,6 +13,7 @@ class Cvodes(CasadiSolver):
 
     name = "cvodes"
     plugin = "cvodes"
+    native = "equations"
 
     def settings(self, problem: Problem, segment: Segment) -> dict[str, Any]:
         return {

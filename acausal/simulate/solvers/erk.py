@@ -13,6 +13,7 @@ class Erk(CasadiSolver):
 
     name = "erk"
     plugin = "erk"
+    native = "integrator"
 
     def settings(self, problem: Problem, segment: Segment) -> dict[str, Any]:
         fixed = {"step_size": segment.step} if segment.step else {}

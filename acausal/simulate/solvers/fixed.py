@@ -13,6 +13,8 @@ from acausal.errors import UsageError
 from acausal.simulate.problem import Problem
 from acausal.simulate.solvers.base import CasadiSolver, Piece, Segment, islands
 
+Vector = NDArray[np.float64]
+
 
 def step_of(segment: Segment, solver: str) -> float:
     """The step, or UsageError AC031 when none was given."""
@@ -63,16 +65,30 @@ class Rk2:
 
     def integrate(self, problem: Problem, segment: Segment) -> Piece:
         """Equal steps within each output interval, none longer than the wanted one."""
-        step = step_of(segment, self.name)
         spans = np.diff(np.concatenate([[segment.start], segment.times]))
+        found, steps = self._solved(problem, segment, spans, step_of(segment, self.name))
+        values = found * problem.scale_x[:, None]
+        if not np.isfinite(values).all():
+            raise RuntimeError("the solution is not finite: the fixed step is too large for this model")
+        values = np.vstack([values, islands(problem, segment)])
+        z = problem.solve_algebraic(segment.times, values, segment.z, segment.p)
+        return Piece(values, z, {"steps": float(steps), "rhs_evaluations": 2.0 * steps})
+
+    def _solved(self, problem: Problem, segment: Segment, spans: Vector, step: float) -> tuple[Vector, int]:
+        """Scaled states at the output times and the number of steps: compiled or interpreted."""
+        x = segment.x[: problem.n_dynamic] / problem.scale_x
         counts = np.maximum(1, np.ceil(spans / step - 1e-9)).astype(int)
         sizes = np.repeat(spans / counts, counts)
         steps = np.vstack([np.concatenate([[0.0], np.cumsum(sizes)[:-1]]), sizes])
+        if not problem.compiled.algebraic:
+            program = problem.native.heun(heun, 2.0 * len(sizes))
+            if program is not None:
+                p = program.vector(problem.p, problem.u, segment.p, segment.start)
+                return program.run(x, p, spans, step)
         p = np.concatenate([segment.p, [segment.start]])
         if problem.compiled.algebraic:
             p = np.concatenate([p, segment.z / problem.scale_z])
-        x = segment.x[: problem.n_dynamic] / problem.scale_x
-        one = heun(problem)
+        one = heun(problem.ode)
         found, done = [], 0
         for count, intervals in _runs(counts):
             inner = _several(one, count)
@@ -80,12 +96,7 @@ class Rk2:
             found.append(np.array(run(x, steps[:, done : done + count * intervals], p)))
             x = found[-1][:, -1]
             done += count * intervals
-        values = np.hstack(found) * problem.scale_x[:, None]
-        if not np.isfinite(values).all():
-            raise RuntimeError("the solution is not finite: the fixed step is too large for this model")
-        values = np.vstack([values, islands(problem, segment)])
-        z = problem.solve_algebraic(segment.times, values, segment.z, segment.p)
-        return Piece(values, z, {"steps": float(len(sizes)), "rhs_evaluations": 2.0 * len(sizes)})
+        return np.hstack(found), len(sizes)
 
 
 # CasADi nests accumulations by this base; its default of 10 takes four times as long to build (measured at 10 000 steps)
@@ -111,11 +122,10 @@ def _runs(counts: NDArray[np.int_]) -> list[tuple[int, int]]:
     return [(int(part[0]), len(part)) for part in np.split(counts, ends)]
 
 
-def heun(problem: Problem) -> Any:
+def heun(ode: Any) -> Any:
     """`(x, [t, h], p) -> x` after one step; `x` is scaled."""
-    ode = problem.ode
-    kind = ca.MX if problem.compiled.algebraic else ca.SX
-    x, th, p = kind.sym("x", problem.n_dynamic), kind.sym("th", 2), kind.sym("p", ode.numel_in("p"))
+    kind: Any = ca.SX if ode.is_a("SXFunction") else ca.MX
+    x, th, p = kind.sym("x", ode.numel_in("x")), kind.sym("th", 2), kind.sym("p", ode.numel_in("p"))
     t, h = th[0], th[1]
     none = kind(0, 1)
     k1 = ode(t, x, none, p, none)[0]

@@ -16,6 +16,7 @@ class Idas(CasadiSolver):
     name = "idas"
     plugin = "idas"
     algebraic = True
+    native = "equations"
 
     def settings(self, problem: Problem, segment: Segment) -> dict[str, Any]:
         x = segment.x[: problem.n_dynamic] / problem.scale_x

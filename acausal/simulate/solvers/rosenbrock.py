@@ -15,6 +15,7 @@ class Rosenbrock(CasadiSolver):
     plugin = "rosenbrock"
     # Measured on mechanisms: 4 to 15 times faster than a rootfinder inside the right-hand side.
     algebraic = True
+    native = "integrator"
 
     def settings(self, problem: Problem, segment: Segment) -> dict[str, Any]:
         fixed = {"step_size": segment.step} if segment.step else {}

@@ -1,0 +1,40 @@
+"""The equations with free parameters, as compiled code needs them.
+
+An interpreted run has its parameters as numbers in the expressions. A library outlives the run: there they are
+arguments, but what they alone determine is still computed once per run, by a function of its own, so that the
+right-hand side does not do more work. Source of the split: CasADi's `extract_parametric`.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+
+from acausal.lower.compiled import CompiledModel
+
+CONSTANTS = "constants"
+"""Name of the function `(p, u) -> c` in a library: all that parameters and inputs alone determine."""
+
+
+def equations(compiled: CompiledModel) -> tuple[Any, Any]:
+    """`(t, x, z, [c, m, shift], u) -> (ode, alg, quad, zero)`, scaled as in `Problem`, and `(p, u) -> c`."""
+    n, nq = len(compiled.states) - compiled.quadratures, compiled.quadratures
+    scale_x, scale_z = ca.DM(compiled.nominal_x[:n]), ca.DM(compiled.nominal_z)
+    t, x, z = ca.SX.sym("t"), ca.SX.sym("x", n), ca.SX.sym("z", len(compiled.algebraic))
+    p, u = ca.SX.sym("p", len(compiled.parameters)), ca.SX.sym("u", len(compiled.inputs))
+    m, shift = ca.SX.sym("m", compiled.rhs.numel_in("m")), ca.SX.sym("shift")
+    full = ca.vertcat(x * scale_x, ca.SX(nq, 1))
+    ode, alg = (ca.densify(e) for e in compiled.rhs(t + shift, full, z * scale_z, u, p, m))
+    (ode, alg), symbols, values = ca.extract_parametric(
+        [ode[:n] / scale_x, alg], ca.vertcat(p, u), {"extract_trivial": True}
+    )
+    none = ca.SX(0, 1)
+    dae = ca.Function(
+        "dae",
+        [t, x, z, ca.vertcat(*symbols, m, shift), ca.SX.sym("none", 0)],
+        [ode, alg, none, none],
+        ["t", "x", "z", "p", "u"],
+        ["ode", "alg", "quad", "zero"],
+    )
+    return dae, ca.Function(CONSTANTS, [p, u], [ca.vertcat(*values) if values else none])

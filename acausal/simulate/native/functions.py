@@ -1,0 +1,51 @@
+"""CasADi functions made of compiled libraries."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+
+from acausal.simulate.native import cache, source
+
+
+def native(function: Any, *companions: Any) -> Any | None:
+    """The function as compiled C; None when it cannot be had, which is never an error.
+
+    Parameters
+    ----------
+    function
+        A CasADi function; its name stays.
+    companions
+        More functions for the same library. CasADi takes a function that is derived from an external one, such as an
+        integrator's `jacF`, from the library when it is there by that name.
+    """
+    parts = (function, *companions)
+    key = cache.key("functions", *(part.serialize() for part in parts))
+    size = sum(int(part.n_instructions()) for part in parts)
+    return made(key, lambda: source.functions(*parts), size, lambda path: ca.external(function.name(), str(path)))
+
+
+def made(key: str, text: Callable[[], str | None] | None, size: int, load: Callable[[Path], Any]) -> Any | None:
+    """What `load` makes of the library of this key; without `text` only when it is there already.
+
+    A library that does not load is removed and made again, once. `size` is that of the functions, in instructions.
+    """
+    path = cache.find(key)
+    found = _loaded(path, load)
+    if found is not None or text is None or cache.compiler() is None:
+        return found
+    written = text()
+    return None if written is None else _loaded(cache.build(key, written, size), load)
+
+
+def _loaded(path: Path | None, load: Callable[[Path], Any]) -> Any | None:
+    if path is None:
+        return None
+    try:
+        return load(path)
+    except (OSError, AttributeError, RuntimeError):
+        cache.discard(path)
+        return None

@@ -1,0 +1,167 @@
+"""When compiling pays.
+
+An evaluation is interpreted at a cost proportional to its instructions, plus a call; a compiler takes a time
+proportional to the same instructions, plus its start. So a library pays from a number of evaluations on that is known
+beforehand: `EVALUATIONS + START / instructions`. A run asks for one when that many lie behind or, judged by the pace
+so far, before it. A library that is on disk is always used, `native=True` always makes one, `native=False` uses none.
+
+Evaluations are counted, not seconds, so that a run does the same every time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Generic, TypeVar
+from weakref import WeakKeyDictionary
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.lower.compiled import CompiledModel
+from acausal.simulate.native import cache, source
+from acausal.simulate.native.equations import CONSTANTS, equations
+from acausal.simulate.native.functions import made
+from acausal.simulate.native.program import HeunProgram, Program
+
+Vector = NDArray[np.float64]
+T = TypeVar("T")
+
+EVALUATIONS = 50_000.0
+START = 3e7
+
+
+def pays(evaluations: float, size: int) -> bool:
+    """Whether so many evaluations of a function of `size` instructions cost more than twice its compilation."""
+    return evaluations > EVALUATIONS + START / max(size, 1)
+
+
+@dataclass(frozen=True, eq=False)
+class Library(Generic[T]):
+    """A loaded library: what it does, and the function `(p, u) -> c` of its constants."""
+
+    run: T
+    constants: Any
+
+    def vector(self, p: Vector, u: Vector, modes: Vector, start: float) -> Vector:
+        """The parameter vector of its equations."""
+        return np.concatenate([np.array(self.constants(p, u)).ravel(), modes, [start]])
+
+
+@dataclass(eq=False)
+class Memory:
+    """What was compiled for one model, found absent, or done without: shared by all its runs in a process."""
+
+    ready: dict[str, Library[Any]] = field(default_factory=dict)
+    absent: set[str] = field(default_factory=set)
+    failed: set[str] = field(default_factory=set)
+    evaluations: dict[str, float] = field(default_factory=dict)
+    pace: dict[str, float] = field(default_factory=dict)
+
+
+# Models are compared by identity, and forgotten when nobody else holds them.
+_MEMORIES: WeakKeyDictionary[CompiledModel, Memory] = WeakKeyDictionary()
+
+
+class Native:
+    """The compiled code of a model, as one run uses it."""
+
+    def __init__(self, compiled: CompiledModel, wanted: bool | None) -> None:
+        self.compiled = compiled
+        self.wanted = wanted
+        self.memory = _MEMORIES.setdefault(compiled, Memory())
+        self.used: set[str] = set()
+
+    def integrator(self, plugin: str, settings: Mapping[str, Any], span: float) -> Library[Program] | None:
+        """A whole integrator, "rosenbrock" or "erk"; `span` is the time it has to go.
+
+        Tolerances and step are arguments of the program: all values of them use the same library.
+        """
+        fixed = {"step_size": 0.25} if settings.get("step_size") else {}
+        neutral = {**settings, "reltol": 1e-6, "abstol": 1e-8, **fixed}
+        kind = f"{plugin}, fixed steps" if fixed else plugin
+
+        def text() -> str | None:
+            return source.integrator(plugin, *self.equations, neutral)
+
+        def load(path: Path) -> Program:
+            return Program(path, self._nx, len(self.compiled.algebraic))
+
+        return self._library(kind, repr(sorted(neutral.items())), self._expected(kind, span), text, load)
+
+    def oracle(self, plugin: str, settings: Mapping[str, Any], span: float) -> Library[Any] | None:
+        """Right-hand side and Jacobian for one of CasADi's integrators, as the oracle to give it."""
+
+        def text() -> str:
+            dae, constants = self.equations
+            inside = ca.integrator("inside", plugin, dae, 0.0, [1.0], dict(settings))
+            derived = (inside.get_function(name) for name in inside.get_function() if name != dae.name())
+            return source.functions(dae, constants, *derived)
+
+        return self._library(
+            plugin, "", self._expected(plugin, span), text, lambda path: ca.external("dae", str(path))
+        )
+
+    def heun(self, step: Callable[[Any], Any], evaluations: float) -> Library[HeunProgram] | None:
+        """Heun's method; `step` makes the function `(x, [t, h], p) -> x` of a DAE without algebraic variables."""
+
+        def text() -> str:
+            dae, constants = self.equations
+            return source.heun(step(dae), constants)
+
+        return self._library("heun", "", evaluations, text, lambda path: HeunProgram(path, self._nx))
+
+    def interpreted(self, kind: str, evaluations: float, span: float) -> None:
+        """Remember what an interpreted stretch of time has cost."""
+        spent = self.memory.evaluations
+        spent[kind] = spent.get(kind, 0.0) + evaluations
+        self.memory.pace[kind] = evaluations / span
+
+    @cached_property
+    def equations(self) -> tuple[Any, Any]:
+        """See `equations.py`."""
+        return equations(self.compiled)
+
+    @property
+    def _nx(self) -> int:
+        return len(self.compiled.states) - self.compiled.quadratures
+
+    def _expected(self, kind: str, span: float) -> float:
+        return self.memory.evaluations.get(kind, 0.0) + self.memory.pace.get(kind, 0.0) * span
+
+    def _library(
+        self,
+        kind: str,
+        details: str,
+        evaluations: float,
+        text: Callable[[], str | None],
+        load: Callable[[Path], T],
+    ) -> Library[T] | None:
+        memory = self.memory
+        if self.wanted is False:
+            return None
+        if kind not in memory.ready:
+            allowed = self.wanted is True or pays(evaluations, int(self.compiled.rhs.n_instructions()))
+            tried = memory.failed if allowed else memory.absent
+            if kind in tried:
+                return None
+            found = self._made(kind, details, text if allowed else None, load)
+            if found is None:
+                tried.add(kind)
+                return None
+            memory.ready[kind] = found
+        self.used.add(kind)
+        return memory.ready[kind]
+
+    def _made(
+        self, kind: str, details: str, text: Callable[[], str | None] | None, load: Callable[[Path], T]
+    ) -> Library[T] | None:
+        compiled = self.compiled
+        scales = compiled.quadratures, compiled.nominal_x.tolist(), compiled.nominal_z.tolist()
+        # What the equations are made from rather than they: a hit needs nothing that is symbolic.
+        key = cache.key(kind, details, compiled.rhs.serialize(), repr(scales))
+        size = int(compiled.rhs.n_instructions())
+        return made(key, text, size, lambda path: Library(load(path), ca.external(CONSTANTS, str(path))))

@@ -1,0 +1,151 @@
+"""Whole integrators as compiled C, called with a grid, tolerances and parameters.
+
+The library is called directly rather than as a CasADi external function: that one has a fixed number of output times.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import threading
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.simulate.native.source import ENTRY
+
+Vector = NDArray[np.float64]
+
+_INTERRUPTED = 100
+# CasADi's casadi_ivp_flag_t, in the words by which `run.integration_error` knows SUNDIALS' failures.
+_FAILURES = {
+    1: "TOO_MUCH_WORK: more steps than allowed within an output interval",
+    2: "ERR_FAIL: the step became too small",
+    3: "the algebraic variables could not be made consistent",
+    4: "the equations could not be evaluated: not finite",
+}
+
+
+class _Run(ctypes.Structure):
+    """`struct acausal_run` of source.py."""
+
+    _fields_ = (
+        ("grid", ctypes.c_void_p),
+        ("n", ctypes.c_longlong),
+        ("reltol", ctypes.c_double),
+        ("abstol", ctypes.c_double),
+        ("step", ctypes.c_double),
+        *((name, ctypes.c_longlong) for name in ("steps", "rejected", "rhs", "jac", "reached", "second")),
+        *((name, ctypes.c_void_p) for name in ("enter", "signals", "clear", "leave")),
+    )
+
+
+class Program:
+    """A compiled integrator over any number of output times; calls from several threads do not disturb each other."""
+
+    def __init__(self, path: Path, nx: int, nz: int) -> None:
+        """Load the library; OSError or AttributeError when it is not one of ours."""
+        self.nx, self.nz = nx, nz
+        library = ctypes.CDLL(str(path))
+        self.call = getattr(library, ENTRY)
+        self.sizes = _sizes(library, ENTRY)
+
+    def __call__(
+        self, x0: Vector, z0: Vector, p: Vector, grid: Vector, reltol: float, abstol: float, step: float
+    ) -> tuple[Vector, Vector, dict[str, float]]:
+        """States, shape (n, nx), and algebraic variables, shape (n, nz), on the grid, which counts from 0; statistics.
+
+        Raises
+        ------
+        RuntimeError
+            The integrator cannot go on; the text says why.
+        KeyboardInterrupt
+            Ctrl-C was pressed.
+        """
+        x, z = np.empty((len(grid), self.nx)), np.empty((len(grid), self.nz))
+        run = _prepared(grid, reltol, abstol, step)
+        run_address = ctypes.addressof(run)
+        inputs = [np.ascontiguousarray(v, dtype=float) for v in (x0, z0, p)]
+        arg = _pointers(self.sizes[0], [*(_address(v) for v in inputs), run_address])
+        res = _pointers(self.sizes[1], [_address(x), _address(z)])
+        iw, w = np.empty(self.sizes[2] + 1, dtype=np.int64), np.empty(self.sizes[3] + 1)
+        _check(self.call(arg, res, ctypes.c_void_p(_address(iw)), ctypes.c_void_p(_address(w)), 0))
+        stats = {"n_steps": run.steps, "n_rhs": run.rhs, "n_jac": run.jac, "n_reject": run.rejected}
+        return x, z, {name: float(count) for name, count in stats.items()}
+
+
+class HeunProgram:
+    """Heun's method with fixed steps, compiled."""
+
+    def __init__(self, path: Path, nx: int) -> None:
+        """Load the library; OSError or AttributeError when it is not one of ours."""
+        self.nx = nx
+        library = ctypes.CDLL(str(path))
+        self.call = library.acausal_heun
+        self.sizes = _sizes(library, "heun")
+
+    def __call__(self, x0: Vector, p: Vector, spans: Vector, step: float) -> tuple[Vector, int]:
+        """States, shape (nx, n), after each of the `spans`, divided into steps of `step` at most; number of steps."""
+        x = np.empty((len(spans), self.nx))
+        run = _prepared(spans, 0.0, 0.0, step)
+        start, parameters = (np.ascontiguousarray(v, dtype=float) for v in (x0, p))
+        arg, res = _pointers(self.sizes[0], []), _pointers(self.sizes[1], [])
+        iw, w = np.empty(self.sizes[2] + 1, dtype=np.int64), np.empty(self.sizes[3] + self.nx + 1)
+        pointer = ctypes.c_void_p
+        _check(
+            self.call(
+                pointer(_address(start)),
+                pointer(_address(parameters)),
+                pointer(_address(x)),
+                ctypes.c_longlong(self.nx),
+                arg,
+                res,
+                pointer(_address(iw)),
+                pointer(_address(w)),
+                ctypes.byref(run),
+            )
+        )
+        return x.T, int(run.steps)
+
+
+def _prepared(grid: Vector, reltol: float, abstol: float, step: float) -> Any:
+    grid = np.ascontiguousarray(grid, dtype=float)
+    run = _Run(grid=_address(grid), n=len(grid), reltol=reltol, abstol=abstol, step=step)
+    run.kept = grid  # alive as long as the pointer to it
+    # Python runs its signal handlers in the main thread only; elsewhere there is nothing to look for.
+    if threading.current_thread() is threading.main_thread():
+        api = ctypes.pythonapi
+        for field, function in (
+            ("enter", api.PyGILState_Ensure),
+            ("signals", api.PyErr_CheckSignals),
+            ("clear", api.PyErr_Clear),
+            ("leave", api.PyGILState_Release),
+        ):
+            setattr(run, field, ctypes.cast(function, ctypes.c_void_p).value)
+    return run
+
+
+def _check(status: int) -> None:
+    if status == _INTERRUPTED:
+        raise KeyboardInterrupt
+    if status:
+        raise RuntimeError(_FAILURES.get(status, f"status {status}"))
+
+
+def _sizes(library: Any, name: str) -> tuple[int, int, int, int]:
+    """Lengths of the work arrays arg, res, iw, w."""
+    found = [ctypes.c_longlong() for _ in range(4)]
+    getattr(library, f"{name}_work")(*(ctypes.byref(size) for size in found))
+    return found[0].value, found[1].value, found[2].value, found[3].value
+
+
+def _pointers(count: int, addresses: list[int]) -> Any:
+    array = (ctypes.c_void_p * (count + 1))()
+    for k, address in enumerate(addresses):
+        array[k] = address
+    return array
+
+
+def _address(array: NDArray[Any]) -> int:
+    return int(array.ctypes.data)

@@ -1,0 +1,128 @@
+"""C sources: functions as CasADi writes them, and integrators whose grid and tolerances are arguments.
+
+CasADi freezes time grid and tolerances in the code of an integrator. One library should serve every segment of every
+run of a model, so the few lines that hold these constants are replaced. Each replacement must fit exactly as often as
+it did in the CasADi version this was written for (3.8); otherwise there is no source, and the interpreter runs.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Any
+
+import casadi as ca
+
+ENTRY = "segment"
+"""Name of an integrator's C function."""
+
+_RUN = """
+#include <time.h>
+struct acausal_run {
+  const double *grid; long long n;
+  double reltol, abstol, step;
+  long long steps, rejected, rhs, jac, reached, second;
+  int (*enter)(void); int (*signals)(void); void (*clear)(void); void (*leave)(int);
+};
+/* Ctrl-C, looked for when the second changes: Python's handlers run only when they are asked for. */
+static int acausal_stopped(struct acausal_run* run) {
+  long long now = (long long) time(0);
+  int state, found;
+  if (!run->enter || now == run->second) return 0;
+  run->second = now;
+  state = run->enter();
+  found = run->signals() != 0;
+  if (found) run->clear();
+  run->leave(state);
+  return found;
+}
+"""
+
+_HEUN = """
+CASADI_SYMBOL_EXPORT int acausal_heun(const double* x0, const double* p, double* out, casadi_int nx,
+                                      const double** arg, double** res, casadi_int* iw, double* w,
+                                      struct acausal_run* run) {
+  double th[2], *x = w;
+  casadi_int k, i, j, count;
+  w += nx;
+  th[0] = 0;
+  for (i = 0; i < nx; ++i) x[i] = x0[i];
+  for (k = 0; k < run->n; ++k) {
+    count = (casadi_int) ceil(run->grid[k] / run->step - 1e-9);
+    if (count < 1) count = 1;
+    th[1] = run->grid[k] / count;
+    for (j = 0; j < count; ++j) {
+      arg[0] = x; arg[1] = th; arg[2] = p; res[0] = x;
+      if (heun(arg, res, iw, w, 0)) return 4;
+      th[0] += th[1];
+      if (!(++run->steps & 255) && acausal_stopped(run)) return 100;
+    }
+    for (i = 0; i < nx; ++i) out[k * nx + i] = x[i];
+    run->reached = k + 1;
+  }
+  return 0;
+}
+"""
+
+_NUMBER = r"[-+.e\d]+"
+_INTEGRATOR: tuple[tuple[str, str], ...] = (
+    (r"  /\* Problem structure \*/\n", r"\g<0>  struct acausal_run* run = (struct acausal_run*) arg[3];\n"),
+    (rf"  p\.abstol = {_NUMBER};", "  p.abstol = run->abstol;"),
+    (rf"  p\.reltol = {_NUMBER};", "  p.reltol = run->reltol;"),
+    (r"casadi_ivp_reset\(&d, j \? \w+\[\w+\[j\]-1\] : 0\., 0, j == 0\);", "casadi_ivp_reset(&d, 0., 0, 1);"),
+    (r"for \(k = \w+\[j\]; k < \w+\[j\+1\]; \+\+k\)", "for (k = 0; k < run->n; ++k)"),
+    (
+        r"casadi_ivp_advance\(&d, \w+\[k\], \w+\[\w+\[j\+1\]-1\], 0\);",
+        "casadi_ivp_advance(&d, run->grid[k], run->grid[run->n-1], 0);",
+    ),
+    (r"while \(casadi_(rosenbrock|erk)\(&d, &e\)\) \{\n", r"\g<0>        if (acausal_stopped(run)) return 100;\n"),
+    (
+        r"if \(d\.status != IVP_SUCCESS\) return 1;",
+        "run->steps = d.n_steps; run->rejected = d.n_reject; run->rhs = d.n_rhs; run->jac = d.n_jac;\n"
+        "      if (d.status != IVP_SUCCESS) return d.status;\n"
+        "      run->reached = k + 1;",
+    ),
+)
+_FIXED = (rf"  p\.step_size = {_NUMBER};", "  p.step_size = run->step;")
+
+
+def functions(*parts: Any) -> str:
+    """C of CasADi functions, each under its own name."""
+    generator = ca.CodeGenerator("acausal.c")
+    for part in parts:
+        generator.add(part)
+    return str(generator.dump())
+
+
+def integrator(plugin: str, dae: Any, companion: Any, settings: Mapping[str, Any]) -> str | None:
+    """C of a whole integrator, whose argument 3 is a pointer to a `struct acausal_run`; None when it cannot be had.
+
+    Parameters
+    ----------
+    plugin
+        "rosenbrock" or "erk".
+    dae
+        The oracle, SX, without controls.
+    companion
+        One more function for the same library.
+    settings
+        CasADi's options; tolerances and step are replaced by arguments.
+    """
+    source = functions(ca.integrator(ENTRY, plugin, dae, 0.0, [0.5, 1.0], dict(settings)), companion)
+    # Our argument takes the place of the controls, of which there are none.
+    if "arg[3]" in source[source.index("/* Problem structure */") : source.index("/* Forward integration")]:
+        return None
+    for pattern, text in (*_INTEGRATOR, *([_FIXED] if settings.get("step_size") else [])):
+        source, count = re.subn(pattern, text, source)
+        if count != 1:
+            return None
+    return _with_run(source)
+
+
+def heun(step: Any, companion: Any) -> str:
+    """C of Heun's method over a grid; `step` is `(x, [t, h], p) -> x`, called "heun"."""
+    return _with_run(functions(step, companion)) + _HEUN
+
+
+def _with_run(source: str) -> str:
+    return source.replace("#include <math.h>\n", "#include <math.h>\n" + _RUN, 1)
