@@ -199,13 +199,23 @@ class _System:
         return [v for v in rates if v is not None and v not in shown]
 
     def rows(self, points: SamplePoints) -> Callable[[Sequence[int], Sequence[int]], list[dict[int, Samples]]]:
-        """Sparse rows of d(equation)/d(variable) at the sample points."""
+        """Sparse rows of d(equation)/d(variable), per nominal magnitude, at the sample points."""
 
         def rows(equations: Sequence[int], variables: Sequence[int]) -> list[dict[int, Samples]]:
             found = gradients(self.pool, [self.residuals[e] for e in equations], variables, points.leaves)
-            return [{v: np.broadcast_to(np.asarray(g, dtype=float), (COUNT,)) for v, g in row.items()} for row in found]
+            size = {v: self._nominal(v) for v in variables}
+            return [
+                {v: np.broadcast_to(np.asarray(g * size[v], dtype=float), (COUNT,)) for v, g in row.items()}
+                for row in found
+            ]
 
         return rows
+
+    def _nominal(self, variable: int) -> float:
+        """Declared magnitude: charges of 1e-12 C stand beside voltages of 1 V, and neither is negligible."""
+        flat = self.reduced.flat
+        sizes = (abs(flat.declaration(s).nominal) for s in self.reduced.aliases.get(variable, ()))
+        return next((s for s in sizes if s not in (0.0, 1.0)), 1.0)
 
     @property
     def rate(self) -> int:

@@ -15,6 +15,7 @@ from acausal.language.component import Component
 from acausal.lower.analyse import analyse
 from acausal.lower.build import Builder
 from acausal.lower.compiled import CompiledModel, Symbols, _column
+from acausal.lower.invariants import use_invariants
 from acausal.lower.reduce import reduce
 from acausal.lower.solve import Solution, solve
 from acausal.lower.start import Reach, start_problem
@@ -44,7 +45,7 @@ def compile(
     with _collector_paused():
         flat = flatten(model, parameters)
         clock.lap("flatten")
-        reduced = reduce(flat)
+        reduced = use_invariants(reduce(flat))
         clock.lap("reduce")
         structure = analyse(reduced)
         clock.lap("analyse")

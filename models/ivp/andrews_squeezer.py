@@ -99,7 +99,7 @@ class AndrewsSqueezer(Component):
         doc="Forces that close the loops",
     )
 
-    experiment: ClassVar[Experiment] = Experiment(stop_time=0.03, tolerance=1e-8)
+    experiment: ClassVar[Experiment] = Experiment(stop_time=0.03, tolerance=1e-8, solver="rosenbrock")
     figure: ClassVar[tuple[Panel, ...]] = (
         Panel(("beta", "theta"), title="Crank and coupler"),
         Panel(("gamma", "phi", "delta", "omega", "eps"), title="Rockers"),

@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
-from acausal import Component
 from acausal.models.ivp.andrews_squeezer import AndrewsSqueezer
 from acausal.models.ivp.car_axis import CarAxis
 from acausal.models.ivp.charge_pump import ChargePump
@@ -36,7 +36,7 @@ class Problem:
     tiny. `stiff` problems are not for explicit methods.
     """
 
-    model: type[Component]
+    model: type[Any]
     values: dict[str, float]
     digits: int
     source: str
@@ -44,15 +44,15 @@ class Problem:
     index: int = 0
     stiff: bool = True
 
-    def digits_reached(self, final: Callable[[str], float]) -> float:
+    def digits_reached(self, final: Callable[[str], Any]) -> float:
         """The measure `mescd` of the test set: -log10 max |y - r| / (floor + |r|), no more than can be trusted."""
         return self._digits(final, self.floor)
 
-    def relative_digits(self, final: Callable[[str], float]) -> float:
+    def relative_digits(self, final: Callable[[str], Any]) -> float:
         """The measure `scd`: the same with relative errors, components that end at 0 left out."""
         return self._digits(final, 0.0)
 
-    def _digits(self, final: Callable[[str], float], floor: float) -> float:
+    def _digits(self, final: Callable[[str], Any], floor: float) -> float:
         errors = [abs(final(path) - r) / (floor + abs(r)) for path, r in self.values.items() if floor + abs(r) > 0.0]
         worst = max(errors)
         if not math.isfinite(worst):

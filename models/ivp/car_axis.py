@@ -49,7 +49,7 @@ class CarAxis(Component):
     Ll: Real = variable(doc="Length of the left spring")
     Lr: Real = variable(doc="Length of the right spring")
 
-    experiment: ClassVar[Experiment] = Experiment(stop_time=3.0, tolerance=1e-8)
+    experiment: ClassVar[Experiment] = Experiment(stop_time=3.0, tolerance=1e-8, solver="rosenbrock")
     figure: ClassVar[tuple[Panel, ...]] = (Panel(("yl", "yr"), title="Height of the axle's ends"),)
 
     def equations(self) -> Equations:

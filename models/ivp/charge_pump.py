@@ -51,10 +51,10 @@ class MosCircuit(Component):
     CS: Real = parameter(default=1.60e-12, unit="F", min=0.0)
     Vin: Real = signal_input(unit="V", doc="Clock")
     YT1: Real = variable(default=guess(1.2628e-13), unit="C", nominal=1e-11, doc="Charge of the gate")
-    YS: Real = variable(unit="C", nominal=1e-11)
-    YT2: Real = variable(unit="C", nominal=1e-11)
-    YD: Real = variable(unit="C", nominal=1e-11)
-    YT3: Real = variable(unit="C", nominal=1e-11)
+    YS: Real = variable(default=fixed(0.0), unit="C", nominal=1e-11)
+    YT2: Real = variable(default=fixed(0.0), unit="C", nominal=1e-11)
+    YD: Real = variable(default=fixed(0.0), unit="C", nominal=1e-11)
+    YT3: Real = variable(default=fixed(0.0), unit="C", nominal=1e-11)
     U1: Real = variable(unit="V", doc="Voltage of the gate")
     U2: Real = variable(default=fixed(0.0), unit="V", doc="Voltage of the source")
     U3: Real = variable(default=fixed(0.0), unit="V", doc="Voltage of the drain")
@@ -101,7 +101,7 @@ class ChargePump(Component):
     clock: TimeTable = part()
     circuit: MosCircuit = part()
 
-    experiment: ClassVar[Experiment] = Experiment(stop_time=PERIODS * PERIOD, tolerance=1e-8)
+    experiment: ClassVar[Experiment] = Experiment(stop_time=PERIODS * PERIOD, tolerance=1e-8, solver="idas")
     figure: ClassVar[tuple[Panel, ...]] = (Panel(("circuit.U1", "circuit.U2", "circuit.U3"), title="Voltages"),)
 
     def build(self) -> None:

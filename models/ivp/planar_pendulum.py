@@ -23,7 +23,7 @@ class PlanarPendulum(Component):
     vy: Real = variable(default=fixed(0.0))
     lam: Real = variable(default=guess(0.0), doc="Tension of the rod per length")
 
-    experiment: ClassVar[Experiment] = Experiment(stop_time=10.0, tolerance=1e-8)
+    experiment: ClassVar[Experiment] = Experiment(stop_time=10.0, tolerance=1e-8, solver="rosenbrock")
     figure: ClassVar[tuple[Panel, ...]] = (Panel(("x", "y"), title="Position"), Panel(("lam",), title="Tension"))
 
     def equations(self) -> Equations:

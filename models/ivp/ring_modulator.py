@@ -52,7 +52,7 @@ class RingModulator(Component):
     q3: Real = variable(unit="A")
     q4: Real = variable(unit="A")
 
-    experiment: ClassVar[Experiment] = Experiment(stop_time=1e-3, tolerance=1e-6, solver="rosenbrock")
+    experiment: ClassVar[Experiment] = Experiment(stop_time=1e-3, tolerance=1e-8, solver="rosenbrock")
     figure: ClassVar[tuple[Panel, ...]] = (Panel(("y1", "y2"), title="Voltages"),)
 
     def equations(self) -> Equations:

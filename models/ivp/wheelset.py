@@ -166,7 +166,7 @@ class Wheelset(Component):
     left: Contact = part()
     right: Contact = part()
 
-    experiment: ClassVar[Experiment] = Experiment(stop_time=10.0, tolerance=1e-8)
+    experiment: ClassVar[Experiment] = Experiment(stop_time=10.0, tolerance=1e-8, solver="rosenbrock")
     figure: ClassVar[tuple[Panel, ...]] = (
         Panel(("x",), title="Lateral position"),
         Panel(("theta",), title="Yaw angle"),
