@@ -30,7 +30,12 @@ class _Balance:
 
 
 def use_invariants(reduced: ReducedSystem) -> ReducedSystem:
-    """The system with one differential equation of each usable invariant replaced by the invariant itself."""
+    """The system with one differential equation of each usable invariant replaced by the invariant itself.
+
+    A model with events is returned as it is: what an event sets anew need not be balanced.
+    """
+    if getattr(reduced, "whens", ()):
+        return reduced
     balances = _balances(reduced)
     residuals = list(reduced.residuals)
     occurrences = _occurrences(reduced)
