@@ -3,23 +3,31 @@
 The order is Markowitz's (fewest fill-in), the pivots are restricted to coefficients that are constant, depend on
 parameters only, or keep their sign at all sample points. On the flat equations of a tree-structured mechanism this
 recovers the recursion of the articulated-body algorithm, linear in the number of bodies; tearing to a dense core does
-not. What has no safe pivot is left over, for the DAE solver.
+not.
 
-Source: H. M. Markowitz, The elimination form of the inverse, Management Science 3 (1957) 255-269;
-R. Featherstone, Rigid Body Dynamics Algorithms (2008), chapter 7.
+Where no single pivot is safe, two equations are solved for two unknowns at once if the determinant keeps its sign: the
+equations of motion with their constraints are an indefinite system, for which single pivots do not suffice, but pairs
+do. What has neither is left over, for the DAE solver.
+
+Source: H. M. Markowitz, The elimination form of the inverse, Management Science 3 (1957) 255-269; J. R. Bunch,
+L. Kaufman, Some stable methods for calculating inertia and solving symmetric linear systems, Math. Comp. 31 (1977)
+163-179; R. Featherstone, Rigid Body Dynamics Algorithms (2008), chapter 7.
 """
 
 from __future__ import annotations
 
 import heapq
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import combinations, islice
 
 import numpy as np
 
 from acausal.flatten.pool import Pool
+from acausal.lower.evaluate import Samples
 from acausal.lower.samples import SamplePoints
 
+_MOST_PAIRS = 20_000  # candidates for a pair of pivots that are looked at
 _PENALTY = (0.0, 0.2, 0.6, 2.0)  # added to Markowitz's count: a division by a constant is cheaper and safer
 
 
@@ -44,15 +52,18 @@ def safety(points: SamplePoints, coefficient: int) -> int | None:
     if node[0] == "const":
         return None if node[1] == 0.0 else 0 if abs(node[1]) == 1.0 else 1
     varies = points.varies(coefficient)
-    found = points.of(coefficient)
-    found = found[np.isfinite(found)]
+    found = points.everywhere(coefficient)
     if not varies:
-        return 2 if len(found) and found[0] != 0.0 else None
+        return 2 if np.isfinite(found[0]) and found[0] != 0.0 else None
+    return 3 if _keeps_sign(found) else None
+
+
+def _keeps_sign(found: Samples) -> bool:
+    found = found[np.isfinite(found)]
     if len(found) < 4:
-        return None
+        return False
     low, high = np.abs(found).min(), np.abs(found).max()
-    same_sign = (found > 0).all() or (found < 0).all()
-    return 3 if same_sign and low > 1e-6 * high else None
+    return bool(((found > 0).all() or (found < 0).all()) and low > 1e-6 * high)
 
 
 def eliminate(points: SamplePoints, rows: Sequence[dict[int, int]], rests: Sequence[int]) -> Eliminated:
@@ -74,7 +85,7 @@ class _Work:
                 self.columns.setdefault(v, set()).add(i)
         self.variables = set().union(*rows) if rows else set()
         self.active = set(range(len(self.rows)))
-        self.pivots: list[tuple[int, int]] = []
+        self.pivots: list[_Pivot] = []
         self._safety: dict[int, int | None] = {}
         self.heap: list[tuple[float, int, int, int]] = []
         for i, row in enumerate(self.rows):
@@ -95,6 +106,15 @@ class _Work:
             heapq.heappush(self.heap, (cost, i, v, c))
 
     def run(self) -> None:
+        """Single pivots while there are any, else a pair of them."""
+        while True:
+            self._singles()
+            pair = self._pair()
+            if pair is None:
+                return
+            self._pivot(*pair)
+
+    def _singles(self) -> None:
         while self.heap:
             cost, i, v, c = heapq.heappop(self.heap)
             if i not in self.active or self.rows[i].get(v) != c or v not in self.columns:
@@ -105,21 +125,47 @@ class _Work:
             if now > cost:
                 heapq.heappush(self.heap, (now, i, v, c))
                 continue
-            self._pivot(i, v)
+            self._pivot((i,), (v,))
 
-    def _pivot(self, i: int, v: int) -> None:
-        pool = self.pool
-        row = self.rows[i]
-        pivot = row[v]
-        self.active.discard(i)
-        self.pivots.append((i, v))
-        for w in row:
-            self.columns[w].discard(i)
-        for j in list(self.columns.pop(v)):
-            other = self.rows[j]
-            factor = pool.div(other.pop(v), pivot)
-            for w, c in row.items():
-                if w == v:
+    def _pair(self) -> tuple[tuple[int, int], tuple[int, int]] | None:
+        """The cheapest two rows and columns whose determinant is safe."""
+        candidates = sorted(islice(self._candidates(), _MOST_PAIRS))
+        for _, i, j, v, w in candidates:
+            a, b, c, d = (self.points.everywhere(self.rows[k][x]) for k in (i, j) for x in (v, w))
+            determinant = a * d - b * c
+            size = np.abs(a * d) + np.abs(b * c)
+            if _keeps_sign(determinant) and np.nanmin(np.abs(determinant) / size) > 1e-6:
+                return (i, j), (v, w)
+        return None
+
+    def _candidates(self) -> Iterator[tuple[int, int, int, int, int]]:
+        """(fill-in, two rows, two columns they share): with an entry missing, a single pivot would do."""
+        for i in sorted(self.active):
+            row = self.rows[i]
+            beside = sorted({j for v in row for j in self.columns[v] if j > i})
+            for j in beside:
+                shared = sorted(v for v in row if v in self.rows[j])
+                width = len(row.keys() | self.rows[j].keys()) - 2
+                for v, w in combinations(shared, 2):
+                    yield width * (len(self.columns[v] | self.columns[w]) - 2), i, j, v, w
+
+    def _pivot(self, rows: tuple[int, ...], variables: tuple[int, ...]) -> None:
+        """Solve the rows for the variables and put that into all other rows."""
+        self.active.difference_update(rows)
+        pivot = _Pivot(self.pool, rows, variables, [self.rows[i] for i in rows])
+        self.pivots.append(pivot)
+        for i in rows:
+            for w in self.rows[i]:
+                self.columns[w].discard(i)
+        for j in sorted(set().union(*(self.columns.pop(v) for v in variables))):
+            self._substitute(j, pivot)
+
+    def _substitute(self, j: int, pivot: _Pivot) -> None:
+        pool, other = self.pool, self.rows[j]
+        factors = pivot.factors([other.pop(v, pool.zero) for v in pivot.variables])
+        for i, factor in zip(pivot.rows, factors, strict=True):
+            for w, c in self.rows[i].items():
+                if w in pivot.variables:
                     continue
                 new = pool.sub(other.get(w, pool.zero), pool.mul(factor, c))
                 if new == pool.zero:
@@ -128,29 +174,67 @@ class _Work:
                 else:
                     other[w] = new
                     self.columns[w].add(j)
-                    self._offer(j, w, new)
             self.rests[j] = pool.sub(self.rests[j], pool.mul(factor, self.rests[i]))
-            for w, c in other.items():
-                if w not in row:
-                    self._offer(j, w, c)
+        for w, c in other.items():
+            self._offer(j, w, c)
 
     def result(self) -> Eliminated:
-        pool = self.pool
-        solved = []
-        for i, v in reversed(self.pivots):
-            row = self.rows[i]
-            total = self.rests[i]
-            for w, c in row.items():
-                if w != v:
-                    total = pool.add(total, pool.mul(c, pool.var(w)))
-            solved.append((v, pool.div(pool.neg(total), row[v])))
-        done = {v for _, v in self.pivots}
+        solved: list[tuple[int, int]] = []
+        for pivot in reversed(self.pivots):
+            totals = [self._rest(i, pivot.variables) for i in pivot.rows]
+            solved += zip(pivot.variables, pivot.solved(totals), strict=True)
+        done = {v for v, _ in solved}
         left = [i for i in sorted(self.active) if self.rows[i]]
-        residuals = []
-        for i in left:
-            total = self.rests[i]
-            for w, c in self.rows[i].items():
-                total = pool.add(total, pool.mul(c, pool.var(w)))
-            residuals.append(total)
         empty = [(i, self.rests[i]) for i in sorted(self.active) if not self.rows[i]]
-        return Eliminated(tuple(solved), tuple(sorted(self.variables - done)), tuple(residuals), tuple(empty))
+        return Eliminated(
+            tuple(solved),
+            tuple(sorted(self.variables - done)),
+            tuple(self._rest(i, ()) for i in left),
+            tuple(empty),
+        )
+
+    def _rest(self, i: int, without: Sequence[int]) -> int:
+        """The left side of a row, without the terms of some variables."""
+        pool = self.pool
+        total = self.rests[i]
+        for w, c in self.rows[i].items():
+            if w not in without:
+                total = pool.add(total, pool.mul(c, pool.var(w)))
+        return total
+
+
+class _Pivot:
+    """One row solved for one variable, or two for two."""
+
+    def __init__(
+        self, pool: Pool, rows: tuple[int, ...], variables: tuple[int, ...], entries: Sequence[dict[int, int]]
+    ) -> None:
+        self.pool, self.rows, self.variables = pool, rows, variables
+        self.entries = [[row[v] for v in variables] for row in entries]
+        if len(rows) == 2:
+            (a, b), (c, d) = self.entries
+            self.determinant = pool.sub(pool.mul(a, d), pool.mul(b, c))
+
+    def factors(self, taken: Sequence[int]) -> list[int]:
+        """How often each pivot row is subtracted from a row that has the coefficients `taken`."""
+        pool = self.pool
+        if len(taken) == 1:
+            return [pool.div(taken[0], self.entries[0][0])]
+        (a, b), (c, d) = self.entries
+        p, q = taken
+        return [
+            pool.div(pool.sub(pool.mul(p, d), pool.mul(q, c)), self.determinant),
+            pool.div(pool.sub(pool.mul(q, a), pool.mul(p, b)), self.determinant),
+        ]
+
+    def solved(self, totals: Sequence[int]) -> list[int]:
+        """The variables, when the pivot rows are `totals` plus their terms."""
+        pool = self.pool
+        if len(totals) == 1:
+            return [pool.div(pool.neg(totals[0]), self.entries[0][0])]
+        (a, b), (c, d) = self.entries
+        p, q = totals
+        return [
+            pool.div(pool.sub(pool.mul(b, q), pool.mul(d, p)), self.determinant),
+            pool.div(pool.sub(pool.mul(c, p), pool.mul(a, q)), self.determinant),
+        ]

@@ -15,19 +15,25 @@ from acausal.lower.reduce import ReducedSystem
 COUNT = 12
 """Number of points; the first is the declared start."""
 
+EVERYWHERE = 60
+"""Number of points where more certainty is wanted; the first COUNT are the same."""
+
 
 STABILISATION_RATE = 100.0
 """Default rate [1/s] at which stabilised constraints decay; a run estimates a better one from its own time scale."""
 
 
 class SamplePoints:
-    """Values of variables at the sample points, shape (COUNT,) each, the same in every run."""
+    """Values of variables at the sample points, the same in every run: at COUNT of them, or at all EVERYWHERE."""
 
     def __init__(self, reduced: ReducedSystem) -> None:
         self.reduced = reduced
         self._random = np.random.default_rng(20090507)
         self._directions = self._random.standard_normal((997, COUNT))
         self._directions *= np.array([0.0, 0.7, 0.02, 0.1, 0.3, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0])
+        more = self._random.standard_normal((997, EVERYWHERE - COUNT)) * np.linspace(0.1, 4.0, EVERYWHERE - COUNT)
+        self._directions = np.hstack([self._directions, more])
+        self._times = 0.37 * np.concatenate([np.linspace(0.0, 1.0, COUNT), np.linspace(0.0, 20.0, EVERYWHERE - COUNT)])
         self._known: dict[int, Samples] = {}
         self._definition: dict[int, int] = {}
         self._values: dict[int, Any] = {}
@@ -41,7 +47,11 @@ class SamplePoints:
 
     def of(self, node: int) -> Samples:
         """Values of a node, shape (COUNT,)."""
-        return np.broadcast_to(np.asarray(self._value(node), dtype=float), (COUNT,))
+        return self.everywhere(node)[:COUNT]
+
+    def everywhere(self, node: int) -> Samples:
+        """Values of a node, shape (EVERYWHERE,)."""
+        return np.broadcast_to(np.asarray(self._value(node), dtype=float), (EVERYWHERE,))
 
     def varies(self, node: int) -> bool:
         """True when the node depends on a variable or on time."""
@@ -63,7 +73,12 @@ class SamplePoints:
 
     def _value(self, node: int) -> Any:
         """Value of a node; every node below it is evaluated once until a variable is defined anew."""
-        nodes, known, leaves = self.reduced.pool.nodes, self._values, self.leaves
+        nodes, known = self.reduced.pool.nodes, self._values
+        leaves: Mapping[str, Callable[[int], Any]] = {
+            "var": self._variable,
+            "par": self.parameters.__getitem__,
+            "time": lambda _: self._times,
+        }
         stack = [node]
         with np.errstate(all="ignore"):
             while stack:
@@ -97,7 +112,7 @@ class SamplePoints:
                 stack.extend(waiting)
                 continue
             stack.pop()
-            self._known[here] = self.of(node)
+            self._known[here] = self.everywhere(node)
 
     @cached_property
     def parameters(self) -> tuple[float, ...]:
@@ -105,7 +120,10 @@ class SamplePoints:
         return (*self.reduced.flat.parameter_values, STABILISATION_RATE)
 
     def variable(self, variable: int) -> Samples:
-        """Values of a variable: its start, then scattered by its nominal size."""
+        """Values of a variable, shape (COUNT,): its start, then scattered by its nominal size."""
+        return self._variable(variable)[:COUNT]
+
+    def _variable(self, variable: int) -> Samples:
         if variable not in self._known and variable in self._definition:
             self._evaluate(variable)
         if variable not in self._known:
@@ -135,6 +153,5 @@ class SamplePoints:
 
     @cached_property
     def leaves(self) -> Mapping[str, Callable[[int], Any]]:
-        """What `values` and `gradients` need."""
-        times = np.linspace(0.0, 1.0, COUNT) * 0.37
-        return {"var": self.variable, "par": self.parameters.__getitem__, "time": lambda _: times}
+        """What `values` and `gradients` need, at COUNT points."""
+        return {"var": self.variable, "par": self.parameters.__getitem__, "time": lambda _: self._times[:COUNT]}
