@@ -62,7 +62,7 @@ class FeketePoints(Component):
     count: int = structural(default=20, doc="Number of particles")
     particles: list[Particle] = part()
 
-    experiment: ClassVar[Experiment] = Experiment(stop_time=1000.0, tolerance=1e-8, solver="rosenbrock")
+    experiment: ClassVar[Experiment] = Experiment(stop_time=1000.0, tolerance=1e-8, solver="idas")
     figure: ClassVar[tuple[Panel, ...]] = (Panel(("particles[0].p[0]", "particles[0].p[1]", "particles[0].p[2]")),)
 
     def build(self) -> None:
