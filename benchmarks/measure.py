@@ -1,0 +1,68 @@
+"""What the benchmarks share: alternated repetitions, medians, a line for a person and a JSON record for a machine."""
+
+from __future__ import annotations
+
+import gc
+import json
+import os
+import platform
+import statistics
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+
+def alternated(jobs: Mapping[str, Callable[[], Any]], repetitions: int) -> dict[str, list[float]]:
+    """Seconds of every job, one of each in turn, so that a slow moment of the machine meets all of them.
+
+    Each job runs once before, unmeasured.
+    """
+    for job in jobs.values():
+        job()
+    seconds: dict[str, list[float]] = {name: [] for name in jobs}
+    gc.disable()
+    for _ in range(repetitions):
+        for name, job in jobs.items():
+            gc.collect()
+            began = time.perf_counter()
+            job()
+            seconds[name].append(time.perf_counter() - began)
+    gc.enable()
+    return seconds
+
+
+def medians(seconds: Mapping[str, list[float]]) -> dict[str, float]:
+    """Median of each list."""
+    return {name: statistics.median(values) for name, values in seconds.items()}
+
+
+def ratios(seconds: Mapping[str, list[float]], name: str) -> dict[str, float]:
+    """Median over the rounds of the time of `name` divided by that of each other job in the same round."""
+    return {
+        other: statistics.median(a / b for a, b in zip(seconds[name], values, strict=True))
+        for other, values in seconds.items()
+        if other != name
+    }
+
+
+def report(claim: str, line: str, record: Mapping[str, Any]) -> None:
+    """Print the line for a person and the record as JSON."""
+    import casadi
+
+    machine = {
+        "python": platform.python_version(),
+        "casadi": casadi.CasadiMeta.version(),
+        "cores": os.cpu_count(),
+        "load": round(os.getloadavg()[0], 2) if hasattr(os, "getloadavg") else None,
+    }
+    print(json.dumps({"claim": claim, **record, "machine": machine}, indent=1))
+    print(line)
+
+
+def rounded(value: Any, digits: int = 4) -> Any:
+    """Numbers to a few significant digits, through dictionaries and lists."""
+    if isinstance(value, float):
+        return float(f"{value:.{digits}g}")
+    if isinstance(value, Mapping):
+        return {k: rounded(v, digits) for k, v in value.items()}
+    return [rounded(v, digits) for v in value] if isinstance(value, list | tuple) else value
