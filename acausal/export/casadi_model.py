@@ -103,8 +103,9 @@ class CasadiModel:
         `(p) -> (x0, z0)`: the start conditions. States given outright are expressions of p; where others, or z, have
         to be solved for, a rootfinder is inside (MX). Inputs have their start values in it.
     instants
-        `(p) -> times`: when sources of the model switch, in no order, some twice. Between them the functions are as smooth as the model's own
-        equations; put mesh points there. At such a time the functions take the value after it.
+        `(p) -> times`: when sources of the model switch, in no order, some twice. Between them the functions are as
+        smooth as the model's own equations; put mesh points there. At such a time the functions take the value after
+        it.
     start_time
         Time [s] of `init`.
     notes
