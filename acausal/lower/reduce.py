@@ -134,8 +134,9 @@ class _Aliases:
         self.link, self.integral = {}, {}
         for x, (v, k) in links.items():
             rx, rv = self.representative[x], self.representative[v]
-            fits = self.sign[x] > 0 and self.sign[v] > 0 and rx not in self.link
-            if fits and rx not in self.constant and rv not in self.constant:
+            fits = self.sign[x] > 0 and self.sign[v] > 0 and rx not in self.constant and rv not in self.constant
+            # Aliases found after the links may have joined two derivatives, or a variable with one of its own.
+            if fits and self._linkable(rx, rv):
                 self.link[rx] = (rv, k)
                 self.integral[rv] = rx
             else:
@@ -263,17 +264,22 @@ class _Aliases:
         x = pool.integral_of.get(dx)
         if x is None or v in pool.integral_of or v in self.inputs or x in self.inputs:
             return False
-        integral = self.integral
-        if v in integral or x in self.link:
+        if not self._linkable(x, v):
+            return False
+        touched.update((x, v))
+        self.integral[v] = x
+        self.link[x] = (v, k)
+        return True
+
+    def _linkable(self, x: int, v: int) -> bool:
+        """Whether v can be the derivative of x by name: each of them once, and no circle."""
+        if v in self.integral or x in self.link:
             return False
         above: int | None = x
         while above is not None:
             if above == v:
                 return False  # x' = y, y' = x: one of the two stays an equation
-            above = integral.get(above)
-        touched.update((x, v))
-        integral[v] = x
-        self.link[x] = (v, k)
+            above = self.integral.get(above)
         return True
 
     def _trivial(self, k: int, value: float) -> bool:
