@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from fractions import Fraction
 
@@ -41,14 +42,24 @@ def check_dimensions(equation: Equation, where: Sequence[Span]) -> None:
 
 
 def dimension(e: Expr, known: dict[int, Dimension | None]) -> Dimension | None:
-    """Dimension of an expression; None where a literal or an undeclared unit adapts."""
-    key = id(e)
-    if key not in known:
-        known[key] = _dimension(e, known)
-    return known[key]
+    """Dimension of an expression; None where a literal or an undeclared unit adapts.
+
+    Without recursion: a sum over a thousand parts is a thousand nodes deep.
+    """
+    stack = [e]
+    while stack:
+        here = stack[-1]
+        missing = [a for a in here.args if id(a) not in known]
+        if missing:
+            stack.extend(missing)
+            continue
+        stack.pop()
+        if id(here) not in known:
+            known[id(here)] = _dimension(here, [known[id(a)] for a in here.args])
+    return known[id(e)]
 
 
-def _dimension(e: Expr, known: dict[int, Dimension | None]) -> Dimension | None:
+def _dimension(e: Expr, parts: list[Dimension | None]) -> Dimension | None:
     op = e.op
     if isinstance(e, Symbol):
         return parse(e.declaration.unit).dimension if e.declaration.unit else None
@@ -56,7 +67,6 @@ def _dimension(e: Expr, known: dict[int, Dimension | None]) -> Dimension | None:
         return _SECOND
     if op == "const":
         return None
-    parts = [dimension(a, known) for a in e.args]
     if op in _SUMS or op == "stack":
         return _sum(e, parts[1:] if op == "where" else parts)
     if op in _SAME:
@@ -93,7 +103,7 @@ def _pow(e: Expr, parts: list[Dimension | None]) -> Dimension | None:
         raise _Mismatch(f"`{e}`: an exponent has no unit, this one is in {format_dimension(parts[1])}")
     if parts[0] is None:
         return None
-    if exponent.op == "const":
+    if exponent.op == "const" and math.isfinite(exponent.payload):
         return power(parts[0], Fraction(exponent.payload).limit_denominator(1000))
     if parts[0] != DIMENSIONLESS:
         raise _Mismatch(f"`{e}`: `{base}` is in {format_dimension(parts[0])}; with a symbolic exponent divide it by a reference")

@@ -139,6 +139,8 @@ class Expr:
         return _scalar_binary("or", self, as_expr(other))
 
     def __invert__(self) -> Expr:
+        if self.shape != ():
+            raise shape_error("~", self)
         return Expr("not", (self,), ())
 
     def __getitem__(self, index: int | tuple[int, int]) -> Expr:
@@ -266,7 +268,10 @@ def as_expr(value: Any) -> Expr:
     if isinstance(value, Expr):
         return value
     if isinstance(value, bool | int | float):
-        return Expr("const", (), (), float(value))
+        try:
+            return Expr("const", (), (), float(value))
+        except OverflowError:
+            raise DeclarationError("AC106", f"an integer of {len(str(value))} digits is too large to compute with") from None
     if hasattr(value, "tolist"):  # numpy scalars and arrays, without importing numpy
         return as_expr(value.tolist())
     if isinstance(value, tuple | list) and value:
@@ -318,14 +323,18 @@ def shape_text(shape: Shape) -> str:
 
 def symbols_in(*roots: Expr) -> list[Symbol]:
     """Symbols of expressions, each once, from left to right."""
-    found: dict[int, Symbol] = {}
+    found: list[Symbol] = []
+    seen: set[int] = set()
     stack = list(reversed(roots))
     while stack:
         e = stack.pop()
+        if id(e) in seen:
+            continue
+        seen.add(id(e))
         if isinstance(e, Symbol):
-            found.setdefault(id(e), e)
+            found.append(e)
         stack.extend(reversed(e.args))
-    return list(found.values())
+    return found
 
 
 def shape_error(what: str, *args: Expr) -> DeclarationError:

@@ -211,4 +211,4 @@ def identity(n: int = 3) -> Expr:
 def zeros(*shape: int) -> Expr:
     """A vector or matrix of zeros."""
     size = math.prod(shape)
-    return Expr("const", (), tuple(shape), (0.0,) * size)
+    return Expr("const", (), tuple(shape), (0.0,) * size if shape else 0.0)
