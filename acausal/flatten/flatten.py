@@ -165,17 +165,20 @@ class _Builder:
         ]
 
     def leaf_equations(self, leaves: _LeafStatements) -> list[FlatEquation]:
-        made: dict[object, Template] = {}
+        made: dict[object, Template | None] = {}
         equations: list[FlatEquation] = []
         for leaf in leaves.leaves:
             key = None if leaves.is_connecting(leaf) else template_key(leaf)
             if key is None:
                 equations += self.direct(leaf, leaves.of(leaf))
                 continue
-            template = made.get(key)
+            if key not in made:
+                made[key] = make_template(leaf, leaves.of(leaf))
+            template = made[key]
             if template is None:
-                template = made[key] = make_template(leaf, leaves.of(leaf))
-            equations += replay(template, leaf, self.pool, self.table)
+                equations += self.direct(leaf, leaves.of(leaf))
+            else:
+                equations += replay(template, leaf, self.pool, self.table)
         return equations
 
     def slopes(self) -> None:

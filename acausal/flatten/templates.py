@@ -14,12 +14,12 @@ from acausal.flatten.allocate import layout
 from acausal.flatten.differentiate import differentiate
 from acausal.flatten.flat import FlatEquation
 from acausal.flatten.instances import Instance
-from acausal.flatten.parameters import ParameterTable, foreign
+from acausal.flatten.parameters import ParameterTable
 from acausal.flatten.pool import Pool
 from acausal.flatten.scalarise import Scalars, scalars
 from acausal.flatten.statements import Statement
 from acausal.language.declare import Kind
-from acausal.language.expression import Equation, Symbol
+from acausal.language.expression import Equation, Symbol, symbols_in
 from acausal.language.origin import Origin
 
 
@@ -39,7 +39,9 @@ def template_key(instance: Instance) -> object:
     values = component.__dict__
     names = [n for n, d in component._declarations.items() if d.kind is Kind.STRUCTURAL]
     roles = tuple(tuple(p.component.__dict__["_roles"].items()) for p in instance.parts if "_roles" in p.component.__dict__)
-    key = (type(component), tuple(values[n] for n in names), roles)
+    parts = tuple(type(p.component) for p in instance.parts)
+    lengths = tuple(len(p) for p in component._parts.values() if isinstance(p, list))
+    key = (type(component), tuple(values[n] for n in names), roles, parts, lengths)
     try:
         hash(key)
     except TypeError:
@@ -47,8 +49,16 @@ def template_key(instance: Instance) -> object:
     return key
 
 
-def make_template(instance: Instance, found: Sequence[Statement]) -> Template:
-    """The template of a leaf component from the statements of one instance."""
+def make_template(instance: Instance, found: Sequence[Statement]) -> Template | None:
+    """The template of a leaf component from the statements of one instance.
+
+    None when they hold what belongs to another component: a function given as structural value may close over the
+    parameters of the owner.
+    """
+    own = {id(part.component) for part in (instance, *instance.parts)}
+    equations_ = [item for item, _ in found if isinstance(item, Equation)]
+    if any(id(symbol.owner) not in own for item in equations_ for symbol in symbols_in(item.left, item.right)):
+        return None
     pool = Pool()
     first: dict[tuple[int, str], int] = {}
     for part in (instance, *instance.parts):
@@ -65,8 +75,6 @@ def make_template(instance: Instance, found: Sequence[Statement]) -> Template:
         if start is not None:
             size = max(1, _size(symbol))
             return tuple(pool.var(start + k) for k in range(size))
-        if symbol.owner is not instance.component:
-            raise foreign(symbol)
         if symbol.name not in position:
             parameters.append(symbol.name)
             position[symbol.name] = tuple(pool.par(count + k) for k in range(_size(symbol)))
