@@ -127,7 +127,18 @@ class _LeafStatements:
     def of(self, leaf: Instance) -> list[Statement]:
         """Statements of one leaf."""
         early = self._early.get(leaf.number)
-        return early if early is not None else list(statements(leaf.component))
+        if early is not None:
+            return early
+        items = list(statements(leaf.component))
+        for item, origin in items:
+            if isinstance(item, Connection) and hasattr(type(leaf.component), "ties"):
+                raise DeclarationError(
+                    "AC130",
+                    f"{leaf.path or type(leaf.component).__name__} has `ties` and connects its own connectors",
+                    where=(origin.span(),),
+                    help="make the connection in the component that owns it",
+                )
+        return items
 
     def is_connecting(self, leaf: Instance) -> bool:
         """True when the leaf holds connections, and so cannot be a template."""

@@ -10,12 +10,13 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from acausal.errors import StructureError
+from acausal.errors import DeclarationError, StructureError
 from acausal.flatten.connections import Joint, UnionFind
 from acausal.flatten.flat import FlatLoop
 from acausal.flatten.instances import Instance
 from acausal.flatten.statements import statements
 from acausal.language.component import Connector
+from acausal.language.origin import Origin
 from acausal.language.overconstrained import Branch, PotentialRoot, Root
 
 
@@ -100,14 +101,36 @@ def _ties(
     for instance in all_instances:
         if not hasattr(type(instance.component), "ties"):
             continue
-        for tie, _ in statements(instance.component, "ties"):
+        for tie, origin in statements(instance.component, "ties"):
+            if not isinstance(tie, Branch | Root | PotentialRoot):
+                raise DeclarationError(
+                    "AC130",
+                    f"{type(instance.component).__name__}.ties yields `{tie}` ({type(tie).__name__})",
+                    where=(origin.span(),),
+                    help="yield branch(a, b), root(a) or potential_root(a)",
+                )
+            a = _frame(tie.a, number_of, origin)
             if isinstance(tie, Branch):
-                branches.append((number_of[id(tie.a)], number_of[id(tie.b)]))
+                branches.append((a, _frame(tie.b, number_of, origin)))
             elif isinstance(tie, Root):
-                roots.append(number_of[id(tie.a)])
-            elif isinstance(tie, PotentialRoot):
-                potential.append((tie.priority, number_of[id(tie.a)]))
+                roots.append(a)
+            else:
+                potential.append((tie.priority, a))
     return branches, roots, potential
+
+
+def _frame(connector: Connector, number_of: dict[int, int], origin: Origin) -> int:
+    """Number of a connector that is declared to be tied; AC130 when it is no frame of the model."""
+    number = number_of.get(id(connector))
+    if number is None or not is_overconstrained(connector):
+        raise DeclarationError(
+            "AC130",
+            f"{connector._path_to('').rstrip('.')} ({type(connector).__name__}) cannot be tied",
+            where=(origin.span(),),
+            cause="it is no part of the model" if number is None else "it has no overconstrained variable",
+            help="branch, root and potential_root are for frames of the component itself",
+        )
+    return number
 
 
 def _choose_roots(
