@@ -12,7 +12,7 @@ from acausal.flatten.connections import FlowSet, Joint, check_signals, flow_sets
 from acausal.flatten.flat import FlatComponent, FlatEquation, FlatStart, FlatSystem
 from acausal.flatten.instances import Instance, instances
 from acausal.flatten.orientation import spanning_tree
-from acausal.flatten.parameters import ParameterTable, check_overrides, foreign
+from acausal.flatten.parameters import ParameterTable, check_overrides, foreign, refuse_time
 from acausal.flatten.pool import Pool
 from acausal.flatten.scalarise import Scalars, scalars
 from acausal.flatten.statements import Statement, run, statements
@@ -74,6 +74,8 @@ def flatten(model: Component, parameters: Mapping[str, object] | None = None) ->
         if hasattr(type(i.component), "initial_equations")
         for e in builder.direct(i, list(statements(i.component, "initial_equations")))
     ]
+    starts, surplus = builder.starts()
+    initial += surplus
     experiment = getattr(type(model), "experiment", None)
     return FlatSystem(
         name=type(model).__name__,
@@ -85,7 +87,7 @@ def flatten(model: Component, parameters: Mapping[str, object] | None = None) ->
         initial_equations=tuple(initial),
         inputs=builder.free_inputs(found[0]),
         parameter_values=tuple(builder.table.values),
-        starts=builder.starts(),
+        starts=starts,
         experiment=experiment if isinstance(experiment, Experiment) else Experiment(),
         components={i.path: FlatComponent(type(i.component), i.origin) for i in found},
         loops=tree.loops,
@@ -272,22 +274,32 @@ class _Builder:
                     equations.append(FlatEquation(total, pool.zero, origin, component, text))
         return equations
 
-    def starts(self) -> dict[int, FlatStart]:
-        """Declared starts by scalar; a fixed one wins over guesses of connected potentials."""
+    def starts(self) -> tuple[dict[int, FlatStart], list[FlatEquation]]:
+        """Declared starts by scalar; a fixed one wins over guesses of connected potentials.
+
+        Where connected potentials are fixed twice, the second is an initial equation: it must agree with the first.
+        """
         starts: dict[int, FlatStart] = {}
+        surplus: list[FlatEquation] = []
         for instance in self.found:
             for name, value in instance.component.__dict__["_values"].items():
                 if not isinstance(value, Fixed | Guess):
                     continue
                 expr: Expr = value.value
                 resolve = partial(self.table.symbol, user=f"the start of {instance.prefix}{name}")
+                refuse_time(f"the start of {instance.prefix}{name}", expr, instance)
                 nodes = scalars(self.pool, expr, resolve, {})
                 for k, node in enumerate(nodes):
                     scalar = instance.first[name] + k
-                    is_fixed = isinstance(value, Fixed)
-                    if scalar not in starts or is_fixed:
-                        starts[scalar] = FlatStart(node, is_fixed, instance.origin, instance.prefix + name)
-        return starts
+                    start = FlatStart(node, isinstance(value, Fixed), instance.origin, instance.prefix + name)
+                    other = starts.get(scalar)
+                    if other is not None and other.is_fixed and start.is_fixed:
+                        text = f"{start.path} == {expr}"
+                        left = self.pool.var(scalar)
+                        surplus.append(FlatEquation(left, node, instance.origin, instance.path, text))
+                    elif other is None or start.is_fixed:
+                        starts[scalar] = start
+        return starts, surplus
 
     def free_inputs(self, model: Instance) -> tuple[int, ...]:
         """Scalars of the model's own inputs that nothing binds."""
@@ -295,9 +307,12 @@ class _Builder:
         return tuple(
             model.first[name] + k
             for name, d in model.component._declarations.items()
-            if d.kind is Kind.INPUT and name not in values
+            if d.kind is Kind.INPUT and isinstance(values.get(name, _FREE), Fixed | Guess)
             for k in range(max(1, _count(d.shape)))
         )
+
+
+_FREE = Guess(0.0)
 
 
 def _count(shape: tuple[int, ...]) -> int:

@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from acausal.errors import DeclarationError, UsageError, nearest
+from acausal.errors import DeclarationError, Span, UsageError, nearest
 from acausal.flatten.flat import FlatParameter, suffixes
 from acausal.flatten.instances import Instance
 from acausal.flatten.pool import Pool
 from acausal.flatten.scalarise import Scalars, scalars
 from acausal.language.component import Component
 from acausal.language.declare import Declaration, Kind
-from acausal.language.expression import Expr, Symbol
+from acausal.language.expression import Expr, Shape, Symbol
 
 
 class ParameterTable:
@@ -61,7 +61,7 @@ class ParameterTable:
         path = instance.prefix + name
         declaration = instance.component._declarations[name]
         if path in self.overrides:
-            return self._free(path, declaration, _flatten_value(self.overrides[path]))
+            return self._free(path, declaration, entries(path, declaration.shape, self.overrides[path]))
         value: Expr | None = instance.component.__dict__["_values"].get(name)
         if value is None:
             raise _missing([(instance, name, declaration)])
@@ -77,10 +77,14 @@ class ParameterTable:
                 evidence=[f"{path} = {value}"],
                 help="give one of them a number",
             )
+        refuse_time(path, value, instance)
         self._open.append(path)
         result = scalars(self.pool, value, lambda s: self.symbol(s, path), {})
         self._open.pop()
-        return result
+        numbers = [self.pool.value(node) for node in result]
+        known = [v for v in numbers if v is not None]
+        # 2 * sqrt(2) is a number too: the parameter stays free.
+        return self._free(path, declaration, known, instance) if len(known) == len(numbers) else result
 
     def symbol(self, symbol: Symbol, user: str) -> Scalars:
         """Nodes of a symbol that must be a parameter."""
@@ -113,15 +117,21 @@ def check_limits(
 ) -> None:
     """Refuse values outside the declared limits (AC136)."""
     for suffix, value in zip(suffixes(declaration.shape), values, strict=True):
-        if not declaration.min <= value <= declaration.max or math.isnan(value):
-            unit = f" {declaration.unit}" if declaration.unit else ""
-            raise DeclarationError(
-                "AC136",
-                f"{path}{suffix} = {value:g}{unit} is outside its limits",
-                where=(instance.origin.span(),) if instance else (),
-                evidence=[f"{path}   {declaration.doc}"] if declaration.doc else [],
-                help=f"give a value {_limits(declaration)}{unit}",
-            )
+        check_limit(path, suffix, declaration, value, (instance.origin.span(),) if instance else ())
+
+
+def check_limit(path: str, suffix: str, declaration: Declaration, value: float, where: tuple[Span, ...] = ()) -> None:
+    """Refuse one entry outside the declared limits (AC136); `suffix` is its index, "" for a scalar."""
+    if declaration.min <= value <= declaration.max and not math.isnan(value):
+        return
+    unit = f" {declaration.unit}" if declaration.unit else ""
+    raise DeclarationError(
+        "AC136",
+        f"{path}{suffix} = {value:g}{unit} is outside its limits",
+        where=where,
+        evidence=[f"{path}   {declaration.doc}"] if declaration.doc else [],
+        help=f"give a value {_limits(declaration)}{unit}",
+    )
 
 
 def _limits(declaration: Declaration) -> str:
@@ -174,12 +184,48 @@ def _missing(found: Sequence[tuple[Instance, str, Declaration]]) -> DeclarationE
     )
 
 
-def _flatten_value(value: object) -> tuple[float, ...]:
+def refuse_time(user: str, value: Expr, instance: Instance) -> None:
+    """Raise AC135 when a value that must be constant is written with `time`."""
+    stack, seen = [value], {id(value)}
+    while stack:
+        e = stack.pop()
+        if e.op == "time":
+            raise DeclarationError(
+                "AC135",
+                f"{user} is bound to `{value}`, which varies in time",
+                where=(instance.origin.span(),),
+                help="bind parameters and starts to numbers and parameters; a signal_input takes what varies",
+            )
+        for a in e.args:
+            if id(a) not in seen:
+                seen.add(id(a))
+                stack.append(a)
+
+
+def entries(path: str, shape: Shape, value: object) -> tuple[float, ...]:
+    """Numbers of a parameter's entries, row-major; one number fills a vector or a matrix. AC023 for anything else."""
+    try:
+        given = _numbers(value)
+    except (TypeError, ValueError):
+        raise UsageError("AC023", f"{path} cannot be {value!r}", help=f"give {_wanted(shape)}") from None
+    size = math.prod(shape)
+    if len(given) == size or len(given) == 1:
+        return given if len(given) == size else given * size
+    raise UsageError("AC023", f"{path} takes {_wanted(shape)}, {len(given)} were given")
+
+
+def _numbers(value: object) -> tuple[float, ...]:
     if hasattr(value, "tolist"):
         value = value.tolist()
     if isinstance(value, list | tuple):
-        return tuple(x for v in value for x in _flatten_value(v))
-    return (float(value),)  # type: ignore[arg-type]
+        return tuple(x for v in value for x in _numbers(v))
+    if isinstance(value, int | float):
+        return (float(value),)
+    raise TypeError
+
+
+def _wanted(shape: Shape) -> str:
+    return f"{math.prod(shape)} numbers" if shape else "one number"
 
 
 def foreign(symbol: Symbol) -> DeclarationError:

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.errors import IntegrationError, UsageError, nearest
-from acausal.flatten.parameters import check_limits
+from acausal.flatten.flat import suffixes
+from acausal.flatten.parameters import check_limit, entries
 from acausal.language.component import Component
 from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
@@ -100,7 +101,8 @@ def parameter_vector(compiled: CompiledModel, given: Mapping[str, float]) -> Vec
     Raises
     ------
     UsageError
-        AC020 for an unknown name, AC022 for a parameter that is bound to others in this compiled model.
+        AC020 for an unknown name, AC022 for a parameter that is bound to others in this compiled model, AC023 for a
+        value that is no number or has another shape.
     DeclarationError
         AC136 for a value outside its limits.
     """
@@ -108,26 +110,25 @@ def parameter_vector(compiled: CompiledModel, given: Mapping[str, float]) -> Vec
     index = {name: k for k, name in enumerate(compiled.parameters)}
     declared = {f.path: f for f in compiled.flat.parameters}
     for path, value in given.items():
-        names = [path] if path in index else [n for n in index if n.startswith(path + "[")]
-        entries = np.ravel(np.asarray(value, dtype=float))
-        if path in declared and not names:
+        base = declared.get(path)
+        names = [path + s for s in suffixes(base.declaration.shape)] if base is not None else [path]
+        if base is not None and not base.free:
             raise UsageError(
                 "AC022",
                 f"{path} follows from other parameters in this compiled model",
                 help=f"set those, or compile anew: acausal.compile(model, parameters={{{path!r}: ...}})",
             )
-        if not names:
+        if names[0] not in index:
             close = nearest(path, list(index))
             raise UsageError(
                 "AC020", f"there is no parameter '{path}'", evidence=[f"did you mean {', '.join(close)}?"] if close else []
             )
-        if len(names) != len(entries):
-            raise UsageError("AC023", f"{path} has {len(names)} entries, {len(entries)} were given")
-        base = declared.get(path)
-        if base is not None:
-            check_limits(path, base.declaration, entries.tolist())
-        for name, entry in zip(names, entries, strict=True):
-            p[index[name]] = entry
+        numbers = entries(path, base.declaration.shape if base is not None else (), value)
+        whole = declared.get(path if base is not None else path.rpartition("[")[0])
+        for name, number in zip(names, numbers, strict=True):
+            if whole is not None:
+                check_limit(whole.path, name.removeprefix(whole.path), whole.declaration, number)
+            p[index[name]] = number
     return p
 
 
