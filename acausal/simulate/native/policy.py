@@ -1,11 +1,14 @@
 """When compiling pays.
 
-An evaluation is interpreted at a cost proportional to its instructions, plus a call; a compiler takes a time
-proportional to the same instructions, plus its start. So a library pays from a number of evaluations on that is known
-beforehand: `EVALUATIONS + START / instructions`. A run asks for one when that many lie behind or, judged by the pace
-so far, before it. A library that is on disk is always used, `native=True` always makes one, `native=False` uses none.
+Compiled, an evaluation of the equations saves a call and a part of the cost of each instruction; a compiler costs its
+start and a time per instruction. Both are known beforehand, so a library is made when the evaluations that were
+interpreted so far have cost more than it: then no run takes more than about twice its time for it, a short first run
+takes nothing, and repeated runs of one model become fast by themselves. With fixed steps the evaluations to come are
+known, and count as well. A library that is on disk is always used, `native=True` makes one at once, `native=False`
+uses none.
 
-Evaluations are counted, not seconds, so that a run does the same every time.
+Evaluations are counted, not seconds, so that a run does the same every time. The constants are measured
+(docs/devdocs/native.md).
 """
 
 from __future__ import annotations
@@ -30,13 +33,15 @@ from acausal.simulate.native.program import HeunProgram, Program
 Vector = NDArray[np.float64]
 T = TypeVar("T")
 
-EVALUATIONS = 50_000.0
-START = 3e7
+# Saved by one evaluation, in seconds: its call, and each instruction.
+_CALL, _INSTRUCTION = 1.5e-6, 4e-9
+# Cost of a library, in seconds: the integrator itself, and each instruction of the equations.
+_START, _COMPILED_INSTRUCTION = 0.5, 3e-4
 
 
 def pays(evaluations: float, size: int) -> bool:
-    """Whether so many evaluations of a function of `size` instructions cost more than twice its compilation."""
-    return evaluations > EVALUATIONS + START / max(size, 1)
+    """Whether compiling equations of `size` instructions costs less than this number of evaluations has cost."""
+    return evaluations * (_CALL + _INSTRUCTION * size) > _START + _COMPILED_INSTRUCTION * size
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +64,6 @@ class Memory:
     absent: set[str] = field(default_factory=set)
     failed: set[str] = field(default_factory=set)
     evaluations: dict[str, float] = field(default_factory=dict)
-    pace: dict[str, float] = field(default_factory=dict)
 
 
 # Models are compared by identity, and forgotten when nobody else holds them.
@@ -75,8 +79,8 @@ class Native:
         self.memory = _MEMORIES.setdefault(compiled, Memory())
         self.used: set[str] = set()
 
-    def integrator(self, plugin: str, settings: Mapping[str, Any], span: float) -> Library[Program] | None:
-        """A whole integrator, "rosenbrock" or "erk"; `span` is the time it has to go.
+    def integrator(self, plugin: str, settings: Mapping[str, Any]) -> Library[Program] | None:
+        """A whole integrator, "rosenbrock" or "erk".
 
         Tolerances and step are arguments of the program: all values of them use the same library.
         """
@@ -90,10 +94,15 @@ class Native:
         def load(path: Path) -> Program:
             return Program(path, self._nx, len(self.compiled.algebraic))
 
-        return self._library(kind, repr(sorted(neutral.items())), self._expected(kind, span), text, load)
+        return self._library(kind, repr(sorted(neutral.items())), self._spent(plugin), text, load)
 
-    def oracle(self, plugin: str, settings: Mapping[str, Any], span: float) -> Library[Any] | None:
-        """Right-hand side and Jacobian for one of CasADi's integrators, as the oracle to give it."""
+    def oracle(self, plugin: str, settings: Mapping[str, Any]) -> Library[Any] | None:
+        """Right-hand side and Jacobian for one of CasADi's integrators, as the oracle to give it.
+
+        Only on request: most of the time of a multistep method is spent elsewhere.
+        """
+        if not self.wanted:
+            return None
 
         def text() -> str:
             dae, constants = self.equations
@@ -101,24 +110,24 @@ class Native:
             derived = (inside.get_function(name) for name in inside.get_function() if name != dae.name())
             return source.functions(dae, constants, *derived)
 
-        return self._library(
-            plugin, "", self._expected(plugin, span), text, lambda path: ca.external("dae", str(path))
-        )
+        return self._library(plugin, "", 0.0, text, lambda path: ca.external("dae", str(path)))
 
     def heun(self, step: Callable[[Any], Any], evaluations: float) -> Library[HeunProgram] | None:
-        """Heun's method; `step` makes the function `(x, [t, h], p) -> x` of a DAE without algebraic variables."""
+        """Heun's method; `step` makes the function `(x, [t, h], p) -> x` of a DAE without algebraic variables.
+
+        `evaluations` is the number of those to come.
+        """
 
         def text() -> str:
             dae, constants = self.equations
             return source.heun(step(dae), constants)
 
-        return self._library("heun", "", evaluations, text, lambda path: HeunProgram(path, self._nx))
+        expected = self._spent("heun") + evaluations
+        return self._library("heun", "", expected, text, lambda path: HeunProgram(path, self._nx))
 
-    def interpreted(self, kind: str, evaluations: float, span: float) -> None:
+    def interpreted(self, kind: str, evaluations: float) -> None:
         """Remember what an interpreted stretch of time has cost."""
-        spent = self.memory.evaluations
-        spent[kind] = spent.get(kind, 0.0) + evaluations
-        self.memory.pace[kind] = evaluations / span
+        self.memory.evaluations[kind] = self._spent(kind) + evaluations
 
     @cached_property
     def equations(self) -> tuple[Any, Any]:
@@ -129,8 +138,8 @@ class Native:
     def _nx(self) -> int:
         return len(self.compiled.states) - self.compiled.quadratures
 
-    def _expected(self, kind: str, span: float) -> float:
-        return self.memory.evaluations.get(kind, 0.0) + self.memory.pace.get(kind, 0.0) * span
+    def _spent(self, kind: str) -> float:
+        return self.memory.evaluations.get(kind, 0.0)
 
     def _library(
         self,

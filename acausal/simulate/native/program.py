@@ -91,7 +91,7 @@ class HeunProgram:
         run = _prepared(spans, 0.0, 0.0, step)
         start, parameters = (np.ascontiguousarray(v, dtype=float) for v in (x0, p))
         arg, res = _pointers(self.sizes[0], []), _pointers(self.sizes[1], [])
-        iw, w = np.empty(self.sizes[2] + 1, dtype=np.int64), np.empty(self.sizes[3] + self.nx + 1)
+        iw, w = np.empty(self.sizes[2] + 1, dtype=np.int64), np.empty(self.sizes[3] + 2 * self.nx + 1)
         pointer = ctypes.c_void_p
         _check(
             self.call(

@@ -42,9 +42,10 @@ _HEUN = """
 CASADI_SYMBOL_EXPORT int acausal_heun(const double* x0, const double* p, double* out, casadi_int nx,
                                       const double** arg, double** res, casadi_int* iw, double* w,
                                       struct acausal_run* run) {
-  double th[2], *x = w;
+  /* a function may read an input after it has written an output: never the same memory */
+  double th[2], *x = w, *next = w + nx, *other;
   casadi_int k, i, j, count;
-  w += nx;
+  w += 2 * nx;
   th[0] = 0;
   for (i = 0; i < nx; ++i) x[i] = x0[i];
   for (k = 0; k < run->n; ++k) {
@@ -52,8 +53,9 @@ CASADI_SYMBOL_EXPORT int acausal_heun(const double* x0, const double* p, double*
     if (count < 1) count = 1;
     th[1] = run->grid[k] / count;
     for (j = 0; j < count; ++j) {
-      arg[0] = x; arg[1] = th; arg[2] = p; res[0] = x;
+      arg[0] = x; arg[1] = th; arg[2] = p; res[0] = next;
       if (heun(arg, res, iw, w, 0)) return 4;
+      other = x; x = next; next = other;
       th[0] += th[1];
       if (!(++run->steps & 255) && acausal_stopped(run)) return 100;
     }
@@ -116,12 +118,33 @@ def integrator(plugin: str, dae: Any, companion: Any, settings: Mapping[str, Any
         source, count = re.subn(pattern, text, source)
         if count != 1:
             return None
-    return _with_run(source)
+    return _with_run(_direct(source))
 
 
 def heun(step: Any, companion: Any) -> str:
     """C of Heun's method over a grid; `step` is `(x, [t, h], p) -> x`, called "heun"."""
-    return _with_run(functions(step, companion)) + _HEUN
+    return _with_run(_direct(functions(step, companion))) + _HEUN
+
+
+def _direct(source: str) -> str:
+    """The same without CasADi's test, at each access, whether an argument or a result is there: here they all are.
+
+    Without these branches a right-hand side of 6400 instructions compiles in 1 s instead of 4 s.
+    """
+    source = re.sub(r"arg\[(\d+)\]\? arg\[\1\]\[(\d+)\] : 0", r"in\1[\2]", source)
+    source = re.sub(r"if \(res\[(\d+)\]!=0\) res\[\1\]\[(\d+)\]=", r"out\1[\2]=", source)
+    parts = re.split(r"(?m)^(?=static int casadi_f\d+\()", source)
+    return "".join(_with_pointers(part) for part in parts)
+
+
+def _with_pointers(function: str) -> str:
+    head = re.match(r"static int casadi_f\d+\([^)]*\) \{\n", function)
+    if head is None:
+        return function
+    inputs, outputs = (sorted(set(re.findall(rf"\b{name}(\d+)\[", function))) for name in ("in", "out"))
+    lines = [f"  const casadi_real* in{k} = arg[{k}];\n" for k in inputs]
+    lines += [f"  casadi_real* restrict out{k} = res[{k}];\n" for k in outputs]
+    return head.group() + "".join(lines) + function[head.end() :]
 
 
 def _with_run(source: str) -> str:

@@ -93,26 +93,26 @@ class CasadiSolver:
     def _solved(self, problem: Problem, segment: Segment) -> tuple[Vector, Vector, dict[str, Any]]:
         """Scaled states, shape (n, nx), and algebraic variables at the output times, and the solver's statistics."""
         settings = self.settings(problem, segment)
-        grid, span = segment.times - segment.start, float(segment.times[-1] - segment.start)
+        grid = segment.times - segment.start
         x0, z0 = segment.x[: problem.n_dynamic] / problem.scale_x, segment.z / problem.scale_z
         native, p = problem.native, np.append(segment.p, segment.start)
         dae = problem.dae if self.algebraic else problem.ode
         # a rootfinder inside the right-hand side stays interpreted
         kind = self.native if self.algebraic or not problem.compiled.algebraic else "nothing"
         if kind == "integrator":
-            whole = native.integrator(self.plugin, settings, span)
+            whole = native.integrator(self.plugin, settings)
             if whole is not None:
                 p = whole.vector(problem.p, problem.u, segment.p, segment.start)
                 sizes = settings["reltol"], settings["abstol"], settings.get("step_size", 0.0)
                 return whole.run(x0, z0, p, grid, *sizes)
         elif kind == "equations":
-            library = native.oracle(self.plugin, settings, span)
+            library = native.oracle(self.plugin, settings)
             if library is not None:
                 dae, p = library.run, library.vector(problem.p, problem.u, segment.p, segment.start)
         integrator = ca.integrator("segment", self.plugin, dae, 0.0, grid.tolist(), settings)
         arguments = {"x0": x0, "z0": z0, "p": p} if self.algebraic else {"x0": x0, "p": np.concatenate([p, z0])}
         (x, z), stats = called(integrator, arguments, ("xf", "zf"))
-        native.interpreted(self.plugin, counted(stats).get("rhs_evaluations", 0.0), span)
+        native.interpreted(self.plugin, counted(stats).get("rhs_evaluations", 0.0))
         return x, z, stats
 
 

@@ -78,13 +78,14 @@ class Rk2:
         """Scaled states at the output times and the number of steps: compiled or interpreted."""
         x = segment.x[: problem.n_dynamic] / problem.scale_x
         counts = np.maximum(1, np.ceil(spans / step - 1e-9)).astype(int)
+        evaluations = 2.0 * float(counts.sum())
+        program = None if problem.compiled.algebraic else problem.native.heun(heun, evaluations)
+        if program is not None:
+            p = program.vector(problem.p, problem.u, segment.p, segment.start)
+            return program.run(x, p, spans, step)
+        problem.native.interpreted("heun", evaluations)
         sizes = np.repeat(spans / counts, counts)
         steps = np.vstack([np.concatenate([[0.0], np.cumsum(sizes)[:-1]]), sizes])
-        if not problem.compiled.algebraic:
-            program = problem.native.heun(heun, 2.0 * len(sizes))
-            if program is not None:
-                p = program.vector(problem.p, problem.u, segment.p, segment.start)
-                return program.run(x, p, spans, step)
         p = np.concatenate([segment.p, [segment.start]])
         if problem.compiled.algebraic:
             p = np.concatenate([p, segment.z / problem.scale_z])
