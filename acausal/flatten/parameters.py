@@ -127,7 +127,7 @@ def check_limit(path: str, suffix: str, declaration: Declaration, value: float, 
     unit = f" {declaration.unit}" if declaration.unit else ""
     raise DeclarationError(
         "AC136",
-        f"{path}{suffix} = {value:g}{unit} is outside its limits",
+        f"{path}{suffix} = {value:g}{unit} is outside its limits {declaration.min:g} ... {declaration.max:g}",
         where=where,
         evidence=[f"{path}   {declaration.doc}"] if declaration.doc else [],
         help=f"give a value {_limits(declaration)}{unit}",

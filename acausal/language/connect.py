@@ -46,7 +46,7 @@ def connect(first: Connectable, second: Connectable, *more: Connectable) -> Conn
         shown = " and ".join(f"{_name(e)} ({_type_name(e, kinds)})" for e in ends)
         raise DeclarationError(
             "AC120",
-            f"cannot connect different types: {shown}",
+            f"cannot connect {shown}",
             cause="a connection joins connectors of one type",
             help="look for a component that has both connectors and put it between",
         )

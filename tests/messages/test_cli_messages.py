@@ -116,7 +116,7 @@ MODELS: dict[str, tuple[str, str, int | None, tuple[str, ...]]] = {
         2,
         ("NameError", "lenght"),
     ),
-    "field without annotation": ("    x = variable()\n", "AC112", -1, ("M.x",)),
+    "field without annotation": ("    x = variable()\n", "AC112", 0, ("M.x",)),
     "no Python": ("    x: Real = variable(\n", "AC002", 0, ("Python",)),
     "a package that is not there": ("    import nowhere_to_be_found\n", "AC002", 0, ("nowhere_to_be_found",)),
 }
