@@ -180,7 +180,7 @@ class Expr:
         symbols = symbols_in(self)
         if symbols and all(s.declaration.kind.value == "parameter" for s in symbols):
             names = ", ".join(dict.fromkeys(s.name for s in symbols))
-            advice = f"if it decides which equations there are, declare {names} with structural(...); else " + advice
+            advice = f"declare {names} with structural(...) if it decides the equations; for a value write where(...)"
         raise _no_truth(str(self), "symbolic", advice)
 
     def _no_number(self, what: str) -> NoReturn:
