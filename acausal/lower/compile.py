@@ -14,6 +14,7 @@ from acausal.flatten.flatten import flatten
 from acausal.language.component import Component
 from acausal.lower.analyse import analyse
 from acausal.lower.build import Builder
+from acausal.lower.cache import recall, remember, signature
 from acausal.lower.compiled import CompiledModel, Symbols, _column
 from acausal.lower.invariants import use_invariants
 from acausal.lower.reduce import reduce
@@ -23,7 +24,11 @@ from acausal.lower.time_events import TimeEvents, find_time_events
 
 
 def compile(
-    model: Component, *, parameters: Mapping[str, object] | None = None, formulation: str = "torn"
+    model: Component,
+    *,
+    parameters: Mapping[str, object] | None = None,
+    formulation: str = "torn",
+    cache: bool = True,
 ) -> CompiledModel:
     """The compiled model of a component.
 
@@ -35,6 +40,9 @@ def compile(
         Values by path in SI; here they may also replace parameters that the model binds to others.
     formulation
         "torn" (default) or "dae": see `acausal.lower.solve.solve`.
+    cache
+        Take what this process has compiled already of a model with the same structure and other values of parameters;
+        `timings` then has an entry "recall".
 
     Raises
     ------
@@ -45,6 +53,12 @@ def compile(
     with _collector_paused():
         flat = flatten(model, parameters)
         clock.lap("flatten")
+        key = signature(flat, formulation) if cache else None
+        known = recall(key, flat) if key is not None else None
+        if known is not None:
+            clock.lap("recall")
+            known.timings.update(clock.laps)
+            return known
         reduced = use_invariants(reduce(flat))
         clock.lap("reduce")
         structure = analyse(reduced)
@@ -54,6 +68,8 @@ def compile(
         compiled = lower(solution)
         clock.lap("lower")
     compiled.timings.update(clock.laps)
+    if key is not None:
+        remember(key, compiled)
     return compiled
 
 

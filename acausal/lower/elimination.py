@@ -55,10 +55,11 @@ def safety(points: SamplePoints, coefficient: int) -> int | None:
     found = points.everywhere(coefficient)
     if not varies:
         return 2 if np.isfinite(found[0]) and found[0] != 0.0 else None
-    return 3 if _keeps_sign(found) else None
+    return 3 if keeps_sign(found) else None
 
 
-def _keeps_sign(found: Samples) -> bool:
+def keeps_sign(found: Samples) -> bool:
+    """Whether a sampled quantity keeps away from zero."""
     found = found[np.isfinite(found)]
     if len(found) < 4:
         return False
@@ -134,7 +135,7 @@ class _Work:
             a, b, c, d = (self.points.everywhere(self.rows[k][x]) for k in (i, j) for x in (v, w))
             determinant = a * d - b * c
             size = np.abs(a * d) + np.abs(b * c)
-            if _keeps_sign(determinant) and np.nanmin(np.abs(determinant) / size) > 1e-6:
+            if keeps_sign(determinant) and np.nanmin(np.abs(determinant) / size) > 1e-6:
                 return (i, j), (v, w)
         return None
 
