@@ -129,25 +129,29 @@ def flow_sets(all_instances: Sequence[Instance], physical: Sequence[Joint]) -> l
 
 
 def check_signals(all_instances: Sequence[Instance], signals: Sequence[SignalJoint]) -> None:
-    """Refuse a signal driven by two sources (AC202)."""
-    index: dict[tuple[int, str], int] = {}
-    for joint in signals:
-        for end in (joint.a, joint.b):
-            index.setdefault(end, len(index))
+    """Refuse a signal driven by two sources (AC132).
+
+    A signal of a component has two faces: connected by its owner it is seen from outside, connected by itself from
+    inside, where an input is a source and an output is not.
+    """
+    faces = [
+        tuple((*end, all_instances[end[0]].number == joint.by) for end in (joint.a, joint.b)) for joint in signals
+    ]
+    index = {face: k for k, face in enumerate(dict.fromkeys(face for pair in faces for face in pair))}
     sets = UnionFind(len(index))
-    for joint in signals:
-        sets.union(index[joint.a], index[joint.b])
+    for a, b in faces:
+        sets.union(index[a], index[b])
     by_root: dict[int, tuple[str, Origin]] = {}
-    for joint in signals:
-        for end in (joint.a, joint.b):
-            instance = all_instances[end[0]]
-            kind = instance.component._declarations[end[1]].kind
-            own = instance.number == joint.by
+    for joint, pair in zip(signals, faces, strict=True):
+        for face in pair:
+            number, signal, own = face
+            instance = all_instances[number]
+            kind = instance.component._declarations[signal].kind
             is_source = (kind is Kind.OUTPUT and not own) or (kind is Kind.INPUT and own)
-            name = instance.prefix + end[1]
+            name = instance.prefix + signal
             if not is_source:
                 continue
-            root = sets.find(index[end])
+            root = sets.find(index[face])
             previous = by_root.setdefault(root, (name, joint.origin))
             if previous[0] != name:
                 raise DeclarationError(

@@ -65,7 +65,7 @@ def flatten(model: Component, parameters: Mapping[str, object] | None = None) ->
     equations = builder.leaf_equations(leaves)
     for number, items in composites.items():
         equations += builder.direct(found[number], items)
-    equations += builder.bindings({j.b for j in signals} | {j.a for j in signals})
+    equations += builder.bindings({end for j in signals for end in (j.a, j.b) if end[0] != j.by})
     equations += builder.flow_equations(flow_sets(found, physical))
     equations += builder.residuals([physical[k] for k in sorted(tree.cut)])
     initial = [
@@ -222,7 +222,10 @@ class _Builder:
         return equations
 
     def bindings(self, connected: set[tuple[int, str]]) -> list[FlatEquation]:
-        """Equations from expressions given to variables and inputs in constructors."""
+        """Equations from expressions given to variables and inputs in constructors.
+
+        `connected` holds the signals that their owners connect; what a component connects its own input to reads it.
+        """
         equations: list[FlatEquation] = []
         for instance in self.found:
             for name, value in instance.component.__dict__["_values"].items():

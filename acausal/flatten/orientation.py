@@ -58,9 +58,12 @@ def spanning_tree(
         neighbours[a].append(b)
         neighbours[b].append(a)
     cut: set[int] = set()
+    connected = UnionFind(n)
     for k, joint in enumerate(physical):
-        if joint.a in neighbours:
+        # What earlier connections say already is not said twice: it would close a loop around nothing.
+        if joint.a in neighbours and connected.find(joint.a) != connected.find(joint.b):
             if sets.union(joint.a, joint.b):
+                connected.union(joint.a, joint.b)
                 neighbours[joint.a].append(joint.b)
                 neighbours[joint.b].append(joint.a)
             else:
