@@ -28,7 +28,7 @@ FLAGS = ("-O2", "-fPIC", "-shared", "-ffp-contract=off")
 # Instructions from which on a compiler optimises less: twice as fast then, and what it makes hardly slower.
 _LARGE = 1_500
 # Goes into every key: raised when the sources that `source.py` writes change their meaning.
-_FORMAT = "2"
+_FORMAT = "3"
 _SUFFIX = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
 
 
@@ -44,6 +44,11 @@ def folder() -> Path:
     else:
         base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     return base / "acausal" / "native"
+
+
+def is_empty() -> bool:
+    """Whether nothing was ever kept, so that no key has to be computed."""
+    return not folder().is_dir()
 
 
 def compiler() -> str | None:

@@ -37,6 +37,9 @@ T = TypeVar("T")
 _CALL, _INSTRUCTION = 1.5e-6, 4e-9
 # Cost of a library, in seconds: the integrator itself, and each instruction of the equations.
 _START, _COMPILED_INSTRUCTION = 0.5, 3e-4
+# Instructions from which on a multistep method is slower with compiled equations: interpreted ones have the parameters
+# as numbers, and their Jacobian is then partly constant.
+_LARGEST_ORACLE = 2000
 
 
 def pays(evaluations: float, size: int) -> bool:
@@ -99,9 +102,9 @@ class Native:
     def oracle(self, plugin: str, settings: Mapping[str, Any]) -> Library[Any] | None:
         """Right-hand side and Jacobian for one of CasADi's integrators, as the oracle to give it.
 
-        Only on request: most of the time of a multistep method is spent elsewhere.
+        Only on request, and not for large models: most of the time of a multistep method is spent elsewhere.
         """
-        if not self.wanted:
+        if not self.wanted or self._size > _LARGEST_ORACLE:
             return None
 
         def text() -> str:
@@ -138,6 +141,10 @@ class Native:
     def _nx(self) -> int:
         return len(self.compiled.states) - self.compiled.quadratures
 
+    @property
+    def _size(self) -> int:
+        return int(self.compiled.rhs.n_instructions())
+
     def _spent(self, kind: str) -> float:
         return self.memory.evaluations.get(kind, 0.0)
 
@@ -153,7 +160,7 @@ class Native:
         if self.wanted is False:
             return None
         if kind not in memory.ready:
-            allowed = self.wanted is True or pays(evaluations, int(self.compiled.rhs.n_instructions()))
+            allowed = self.wanted is True or pays(evaluations, self._size)
             tried = memory.failed if allowed else memory.absent
             if kind in tried:
                 return None
@@ -168,9 +175,10 @@ class Native:
     def _made(
         self, kind: str, details: str, text: Callable[[], str | None] | None, load: Callable[[Path], T]
     ) -> Library[T] | None:
+        if text is None and cache.is_empty():
+            return None
         compiled = self.compiled
         scales = compiled.quadratures, compiled.nominal_x.tolist(), compiled.nominal_z.tolist()
         # What the equations are made from rather than they: a hit needs nothing that is symbolic.
         key = cache.key(kind, details, compiled.rhs.serialize(), repr(scales))
-        size = int(compiled.rhs.n_instructions())
-        return made(key, text, size, lambda path: Library(load(path), ca.external(CONSTANTS, str(path))))
+        return made(key, text, self._size, lambda path: Library(load(path), ca.external(CONSTANTS, str(path))))

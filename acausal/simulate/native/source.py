@@ -93,7 +93,7 @@ def functions(*parts: Any) -> str:
     generator = ca.CodeGenerator("acausal.c")
     for part in parts:
         generator.add(part)
-    return str(generator.dump())
+    return _direct(str(generator.dump()))
 
 
 def integrator(plugin: str, dae: Any, companion: Any, settings: Mapping[str, Any]) -> str | None:
@@ -118,33 +118,50 @@ def integrator(plugin: str, dae: Any, companion: Any, settings: Mapping[str, Any
         source, count = re.subn(pattern, text, source)
         if count != 1:
             return None
-    return _with_run(_direct(source))
+    return _with_run(source)
 
 
 def heun(step: Any, companion: Any) -> str:
     """C of Heun's method over a grid; `step` is `(x, [t, h], p) -> x`, called "heun"."""
-    return _with_run(_direct(functions(step, companion))) + _HEUN
+    return _with_run(functions(step, companion)) + _HEUN
 
 
 def _direct(source: str) -> str:
-    """The same without CasADi's test, at each access, whether an argument or a result is there: here they all are.
+    """The same with CasADi's test whether an argument or a result is there made once, and not at each access.
 
     Without these branches a right-hand side of 6400 instructions compiles in 1 s instead of 4 s.
     """
-    source = re.sub(r"arg\[(\d+)\]\? arg\[\1\]\[(\d+)\] : 0", r"in\1[\2]", source)
-    source = re.sub(r"if \(res\[(\d+)\]!=0\) res\[\1\]\[(\d+)\]=", r"out\1[\2]=", source)
     parts = re.split(r"(?m)^(?=static int casadi_f\d+\()", source)
     return "".join(_with_pointers(part) for part in parts)
+
+
+_INPUT = re.compile(r"arg\[(\d+)\]\? arg\[\1\]\[(\d+)\] : 0")
+_OUTPUT = re.compile(r"if \(res\[(\d+)\]!=0\) res\[\1\]\[(\d+)\]=")
+# What is not asked for is written to the stack.
+_LARGEST_STACK = 10_000
 
 
 def _with_pointers(function: str) -> str:
     head = re.match(r"static int casadi_f\d+\([^)]*\) \{\n", function)
     if head is None:
         return function
-    inputs, outputs = (sorted(set(re.findall(rf"\b{name}(\d+)\[", function))) for name in ("in", "out"))
-    lines = [f"  const casadi_real* in{k} = arg[{k}];\n" for k in inputs]
-    lines += [f"  casadi_real* restrict out{k} = res[{k}];\n" for k in outputs]
-    return head.group() + "".join(lines) + function[head.end() :]
+    lengths = [_lengths(pattern, function) for pattern in (_INPUT, _OUTPUT)]
+    if sum(lengths[1].values()) > _LARGEST_STACK:
+        return function
+    lines = [f"  static const casadi_real absent[{max(lengths[0].values(), default=1)}] = {{0}};\n"]
+    lines += [f"  const casadi_real* in{k} = arg[{k}] ? arg[{k}] : absent;\n" for k in lengths[0]]
+    for k, length in lengths[1].items():
+        lines.append(f"  casadi_real lost{k}[{length}], *restrict out{k} = res[{k}] ? res[{k}] : lost{k};\n")
+    body = _OUTPUT.sub(r"out\1[\2]=", _INPUT.sub(r"in\1[\2]", function[head.end() :]))
+    return head.group() + "".join(lines) + body
+
+
+def _lengths(pattern: re.Pattern[str], function: str) -> dict[str, int]:
+    """Entries that are used of each argument or result."""
+    found: dict[str, int] = {}
+    for place, index in pattern.findall(function):
+        found[place] = max(found.get(place, 0), int(index) + 1)
+    return found
 
 
 def _with_run(source: str) -> str:

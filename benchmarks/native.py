@@ -1,0 +1,115 @@
+"""Claim: compiled C takes a run from 1.2 (multistep) to ten times (one-step methods) faster, for the same numbers.
+
+For each model and solver: the integration interpreted and compiled, in turn; what making the library costs, and what
+finding it again on disk costs (a hit); and the largest difference of the two results, relative to the largest value of
+each signal. The numbers in docs/devdocs/native.md are from here.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import statistics
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+from measure import alternated, medians, report, rounded
+
+import acausal
+from acausal.lower.compiled import CompiledModel
+from acausal.models.drilling_dynamic import ThickBlock
+from acausal.models.drilling_kinematic import ThinPlate
+from acausal.models.mass_chain import MassSpringDamperChain
+from acausal.simulate.native import policy
+
+HITS = 7
+
+
+def cases(longest: int) -> Iterator[tuple[str, Any, tuple[tuple[str, dict[str, Any]], ...]]]:
+    """(name, model, solvers with their options)."""
+    fine = {"tolerance": 1e-8}
+    yield "ThickBlock", ThickBlock(), (("idas", fine), ("rosenbrock", fine))
+    yield "ThinPlate", ThinPlate(), (("rk2", {"step": 1e-3}),)
+    for n in (n for n in (10, 100, 400) if n <= longest):
+        solvers = ("erk", "rosenbrock", "idas", "cvodes")
+        yield f"chain of {n}", MassSpringDamperChain(n=n), tuple((solver, {}) for solver in solvers)
+
+
+@contextmanager
+def time_of_libraries() -> Iterator[list[float]]:
+    """Seconds spent in each making or finding of a library."""
+    original, seconds = policy.Native._made, []
+
+    def timed(*arguments: Any) -> Any:
+        began = time.perf_counter()
+        found = original(*arguments)
+        seconds.append(time.perf_counter() - began)
+        return found
+
+    policy.Native._made = timed  # type: ignore[method-assign]
+    try:
+        yield seconds
+    finally:
+        policy.Native._made = original  # type: ignore[method-assign]
+
+
+def measured(compiled: CompiledModel, solver: str, options: dict[str, Any], repetitions: int) -> dict[str, Any]:
+    """Everything about one model and solver."""
+    integrations: dict[bool, list[float]] = {True: [], False: []}
+
+    def run(native: bool) -> acausal.Result:
+        found = acausal.simulate(compiled, solver=solver, native=native, **options)
+        integrations[native].append(found.stats["time"]["integrate"])  # type: ignore[index]
+        return found
+
+    with time_of_libraries() as libraries:
+        there = run(True)
+        for _ in range(HITS):
+            policy._MEMORIES.pop(compiled)  # as in a new process
+            run(True)
+    here = run(False)
+    integrations[True].clear(), integrations[False].clear()
+    alternated({"native": lambda: run(True), "interpreted": lambda: run(False)}, repetitions)
+    middle = medians({"native": integrations[True], "interpreted": integrations[False]})
+    size = np.abs(here.matrix).max(axis=0)
+    return {
+        "interpreted": middle["interpreted"],
+        "native": middle["native"],
+        "ratio": middle["interpreted"] / middle["native"],
+        "fastest": {"interpreted": min(integrations[False]), "native": min(integrations[True])},
+        "compile": libraries[0],
+        "hit": statistics.median(libraries[1:]),
+        "difference": float(np.max(np.abs(there.matrix - here.matrix) / np.where(size > 0, size, 1.0))),
+        "steps": there.stats["steps"],
+        "instructions": compiled.rhs.n_instructions(),
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0] if __doc__ else None)
+    parser.add_argument("--repetitions", type=int, default=11)
+    parser.add_argument("--longest", type=int, default=400, help="masses of the longest chain")
+    args = parser.parse_args()
+    found: dict[str, dict[str, Any]] = {}
+    with tempfile.TemporaryDirectory() as folder:
+        os.environ["ACAUSAL_CACHE"] = folder
+        for name, model, solvers in cases(args.longest):
+            compiled = acausal.compile(model)
+            for solver, options in solvers:
+                found[f"{name}, {solver}"] = measured(compiled, solver, options, args.repetitions)
+    lines = ["interpreted     native   ratio  compile      hit  difference"]
+    for name, one in found.items():
+        lines.append(
+            f"{1e3 * one['interpreted']:8.2f} ms {1e3 * one['native']:7.2f} ms {one['ratio']:6.1f} "
+            f"{one['compile']:6.2f} s {1e3 * one['hit']:5.1f} ms {one['difference']:10.1e}  {name}"
+        )
+    record = {"cases": found, "repetitions": args.repetitions}
+    report("compiled C, the same numbers faster", "\n".join(lines), rounded(record))
+
+
+if __name__ == "__main__":
+    main()
