@@ -97,10 +97,10 @@ def lower(solution: Solution) -> CompiledModel:
     symbols = Symbols(shell)
     builder = symbols.builder(shell)
     builder.define([d for d in solution.definitions if d[0] in solution.needed], events.rewritten)
-    ode = [builder.variables[solution.structure.derivative(x)] for x in states]
+    ode = builder.column([reduced.pool.var(solution.structure.derivative(x)) for x in states])
     alg = builder.lower([builder.replaced(r) for r in solution.residuals])
     names = ["t", "x", "z", "u", "p", "m"]
-    rhs = ca.Function("rhs", symbols.inputs, [_column(ode), _column(alg)], names, ["ode", "alg"])
+    rhs = ca.Function("rhs", symbols.inputs, [ode, _column(alg)], names, ["ode", "alg"])
     modes, instants = _event_functions(shell, events)
     return CompiledModel(shell.name, solution, states, quadratures, shell.start, events, rhs, modes, instants)
 

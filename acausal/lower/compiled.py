@@ -136,8 +136,8 @@ class CompiledModel:
         symbols = Symbols(self)
         builder = symbols.builder(self)
         builder.define(self.solution.definitions, self.time_events.rewritten)
-        y = builder.lower([builder.replaced(n) for n in self.columns])
-        return ca.Function("observe", symbols.inputs, [ca.densify(_column(y))], _INPUTS, ["y"])
+        y = builder.column([builder.replaced(n) for n in self.columns])
+        return ca.Function("observe", symbols.inputs, [ca.densify(y)], _INPUTS, ["y"])
 
     @cached_property
     def guess(self) -> Any:
@@ -251,8 +251,7 @@ class Symbols:
             (self.z, solution.algebraic),
             (self.u, solution.structure.reduced.inputs),
         ):
-            for k, v in enumerate(variables):
-                builder.variables[v] = symbols[k]
+            builder.know(variables, symbols)
         return builder
 
 
@@ -260,10 +259,10 @@ class DefiningBuilder(Builder):
     """A builder that also evaluates definitions."""
 
     def define(self, definitions: Sequence[tuple[int, int]], rewritten: dict[int, int]) -> None:
-        """Lower definitions in order; relations and kinks in time are replaced by their modes."""
+        """Take definitions as known; relations and kinks in time are replaced by their modes."""
         self.rewritten = rewritten
         for variable, node in definitions:
-            self.variables[variable] = self.lower([self.replaced(node)])[0]
+            self.definitions[variable] = self.replaced(node)
 
     def replaced(self, node: int) -> int:
         """The node with its kinks in time replaced by branches on modes."""
