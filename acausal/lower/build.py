@@ -56,7 +56,8 @@ class Builder:
         self.definitions: dict[int, int] = {}
         self.done: dict[int, Any] = dict(modes)
         self.homotopy: Any = None  # 0 at the simplified, 1 at the actual side of homotopy(...); None means 1
-        self._values: Any = ca.SX(0, 1)
+        self._values: Any = ca.SX(0, 1)  # with room to grow, else each column would copy all before it
+        self._filled = 0
         self._place: dict[int, int] = {}  # of nodes in `_values`; a node may be in `done`, or here, or in both
 
     def know(self, variables: Sequence[int], values: Any) -> None:
@@ -142,9 +143,13 @@ class Builder:
         return actual if self.homotopy is None else self.homotopy * actual + (1 - self.homotopy) * simplified
 
     def _append(self, members: Sequence[int], values: Any) -> None:
-        first = self._values.numel()
-        self._values = ca.vertcat(self._values, values)
-        self._place.update(zip(members, range(first, first + len(members)), strict=True))
+        first, room = self._filled, self._values.numel()
+        self._filled += len(members)
+        if self._filled > room:
+            self._values = ca.vertcat(self._values, ca.SX.zeros(max(room, self._filled - room)))
+        if members:
+            self._values[first : self._filled] = values
+        self._place.update(zip(members, range(first, self._filled), strict=True))
 
     def _scalar(self, number: int) -> Any:
         if number not in self.done:
