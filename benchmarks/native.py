@@ -2,7 +2,7 @@
 
 For each model and solver: the integration interpreted and compiled, in turn; what making the library costs, and what
 finding it again on disk costs (a hit); and the largest difference of the two results, relative to the largest value of
-each signal. The numbers in docs/devdocs/native.md are from here.
+each state. The numbers in docs/devdocs/native.md are from here.
 """
 
 from __future__ import annotations
@@ -35,7 +35,8 @@ def cases(longest: int) -> Iterator[tuple[str, Any, tuple[tuple[str, dict[str, A
     yield "ThickBlock", ThickBlock(), (("idas", fine), ("rosenbrock", fine))
     yield "ThinPlate", ThinPlate(), (("rk2", {"step": 1e-3}),)
     for n in (n for n in (10, 100, 400) if n <= longest):
-        solvers = ("erk", "rosenbrock", "idas", "cvodes")
+        # multistep methods leave large models interpreted
+        solvers = ("erk", "rosenbrock", *(("idas", "cvodes") if n < 200 else ()))
         yield f"chain of {n}", MassSpringDamperChain(n=n), tuple((solver, {}) for solver in solvers)
 
 
@@ -72,10 +73,10 @@ def measured(compiled: CompiledModel, solver: str, options: dict[str, Any], repe
             policy._MEMORIES.pop(compiled)  # as in a new process
             run(True)
     here = run(False)
-    integrations[True].clear(), integrations[False].clear()
+    for seconds in integrations.values():
+        seconds.clear()
     alternated({"native": lambda: run(True), "interpreted": lambda: run(False)}, repetitions)
     middle = medians({"native": integrations[True], "interpreted": integrations[False]})
-    size = np.abs(here.matrix).max(axis=0)
     return {
         "interpreted": middle["interpreted"],
         "native": middle["native"],
@@ -83,7 +84,7 @@ def measured(compiled: CompiledModel, solver: str, options: dict[str, Any], repe
         "fastest": {"interpreted": min(integrations[False]), "native": min(integrations[True])},
         "compile": libraries[0],
         "hit": statistics.median(libraries[1:]),
-        "difference": float(np.max(np.abs(there.matrix - here.matrix) / np.where(size > 0, size, 1.0))),
+        "difference": max(float(np.abs(there[n] - here[n]).max() / np.abs(here[n]).max()) for n in compiled.states),
         "steps": there.stats["steps"],
         "instructions": compiled.rhs.n_instructions(),
     }

@@ -24,21 +24,20 @@ def native(function: Any, *companions: Any) -> Any | None:
     """
     parts = (function, *companions)
     key = cache.key("functions", *(part.serialize() for part in parts))
-    size = sum(int(part.n_instructions()) for part in parts)
-    return made(key, lambda: source.functions(*parts), size, lambda path: ca.external(function.name(), str(path)))
+    return made(key, lambda: source.functions(*parts), lambda path: ca.external(function.name(), str(path)))
 
 
-def made(key: str, text: Callable[[], str | None] | None, size: int, load: Callable[[Path], Any]) -> Any | None:
+def made(key: str, text: Callable[[], str | None] | None, load: Callable[[Path], Any]) -> Any | None:
     """What `load` makes of the library of this key; without `text` only when it is there already.
 
-    A library that does not load is removed and made again, once. `size` is that of the functions, in instructions.
+    A library that does not load is removed and made again, once.
     """
     path = cache.find(key)
     found = _loaded(path, load)
     if found is not None or text is None or cache.compiler() is None:
         return found
     written = text()
-    return None if written is None else _loaded(cache.build(key, written, size), load)
+    return None if written is None else _loaded(cache.build(key, written), load)
 
 
 def _loaded(path: Path | None, load: Callable[[Path], Any]) -> Any | None:

@@ -181,4 +181,4 @@ class Native:
         scales = compiled.quadratures, compiled.nominal_x.tolist(), compiled.nominal_z.tolist()
         # What the equations are made from rather than they: a hit needs nothing that is symbolic.
         key = cache.key(kind, details, compiled.rhs.serialize(), repr(scales))
-        return made(key, text, self._size, lambda path: Library(load(path), ca.external(CONSTANTS, str(path))))
+        return made(key, text, lambda path: Library(load(path), ca.external(CONSTANTS, str(path))))

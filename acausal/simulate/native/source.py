@@ -129,7 +129,8 @@ def heun(step: Any, companion: Any) -> str:
 def _direct(source: str) -> str:
     """The same with CasADi's test whether an argument or a result is there made once, and not at each access.
 
-    Without these branches a right-hand side of 6400 instructions compiles in 1 s instead of 4 s.
+    Without these branches a right-hand side of 6400 instructions compiles in 1 s instead of 4 s. Long functions, which
+    have no loops, get less optimisation: half of the time again, and no slower.
     """
     parts = re.split(r"(?m)^(?=static int casadi_f\d+\()", source)
     return "".join(_with_pointers(part) for part in parts)
@@ -137,6 +138,9 @@ def _direct(source: str) -> str:
 
 _INPUT = re.compile(r"arg\[(\d+)\]\? arg\[\1\]\[(\d+)\] : 0")
 _OUTPUT = re.compile(r"if \(res\[(\d+)\]!=0\) res\[\1\]\[(\d+)\]=")
+_QUICKLY = '#pragma GCC push_options\n#pragma GCC optimize ("O1")\n{}#pragma GCC pop_options\n'
+# Lines of a long function.
+_LONG = 1500
 # What is not asked for is written to the stack.
 _LARGEST_STACK = 10_000
 
@@ -152,8 +156,9 @@ def _with_pointers(function: str) -> str:
     lines += [f"  const casadi_real* in{k} = arg[{k}] ? arg[{k}] : absent;\n" for k in lengths[0]]
     for k, length in lengths[1].items():
         lines.append(f"  casadi_real lost{k}[{length}], *restrict out{k} = res[{k}] ? res[{k}] : lost{k};\n")
-    body = _OUTPUT.sub(r"out\1[\2]=", _INPUT.sub(r"in\1[\2]", function[head.end() :]))
-    return head.group() + "".join(lines) + body
+    body, end, rest = _OUTPUT.sub(r"out\1[\2]=", _INPUT.sub(r"in\1[\2]", function[head.end() :])).partition("\n}\n")
+    whole = head.group() + "".join(lines) + body + end
+    return (_QUICKLY.format(whole) if body.count("\n") > _LONG else whole) + rest
 
 
 def _lengths(pattern: re.Pattern[str], function: str) -> dict[str, int]:
