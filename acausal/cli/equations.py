@@ -130,7 +130,7 @@ def reduced_sections(reduced: ReducedSystem) -> Sections:
         if pool.nodes[inner][0] != "var":
             known.append({"text": f"{flat.scalar_name(scalar)} = {to_text(pool, node, names, 200)}"})
     redundant = [
-        _entry(f"{flat.equations[k].source}", flat.equations[k]) for k in reduced.redundant if k < len(flat.equations)
+        _entry(flat.text(flat.equations[k]), flat.equations[k]) for k in reduced.redundant if k < len(flat.equations)
     ]
     sections = {
         "remaining equations": remaining,

@@ -12,12 +12,15 @@ import numpy as np
 from acausal.flatten.connections import UnionFind
 from acausal.flatten.differentiate import differentiate
 from acausal.lower.diagnosis.balance import balance
-from acausal.lower.diagnosis.differentiated import differentiated_input, undetermined
+from acausal.lower.diagnosis.differentiated import differentiated_input, refuse_if_singular, undetermined
 from acausal.lower.diagnosis.loops import redundant_constraints
 from acausal.lower.evaluate import Samples, gradients
 from acausal.lower.reduce import ReducedSystem
 from acausal.lower.samples import COUNT, SamplePoints
 from acausal.structure import Block, Choice, Incidence, blocks, match, pantelides, select_dummies
+
+_SUSPICIOUS = (5, 20)
+"""Levels of differentiation at which a model is looked at for singularity: published problems have index 3 or less."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,6 +171,7 @@ class _System:
         self.pool = reduced.pool
         self.residuals = list(reduced.residuals)
         self.source = list(reduced.equation)  # flat equation that each residual comes from
+        self.level = [0] * len(self.residuals)  # how often it was differentiated
         self.inputs = set(reduced.inputs)
         self._rows: dict[int, list[int]] = {}
 
@@ -188,6 +192,10 @@ class _System:
         return self.pool.derivative(variable)
 
     def differentiate_equation(self, equation: int) -> int:
+        level = self.level[equation] + 1
+        if level in _SUSPICIOUS:
+            refuse_if_singular(self.reduced, self.source[equation], level == _SUSPICIOUS[-1])
+        self.level.append(level)
         self.residuals.append(differentiate(self.pool, self.residuals[equation]))
         self.source.append(self.source[equation])
         return len(self.residuals) - 1

@@ -190,7 +190,8 @@ class _Work:
 
     def _dependent(self, rows: Sequence[int], unknowns: Sequence[int], rest: int) -> StructureError:
         flat_rows = [self.structure.flat_equation(r) for r in rows]
-        return dependent(self.structure.reduced, flat_rows, unknowns, float(self.points.of(rest)[0]))
+        held = sorted(self.pool.variables_in(rest))
+        return dependent(self.structure.reduced, flat_rows, unknowns, float(self.points.of(rest)[0]), held)
 
 
 def _needed(structure: Structure, work: _Work) -> frozenset[int]:

@@ -8,7 +8,7 @@ from acausal.lower.diagnosis.combinations import dependent_equations, empty_equa
 from acausal.lower.diagnosis.components import unbalanced_component
 from acausal.lower.diagnosis.inputs import open_inputs
 from acausal.lower.diagnosis.pencil import pencil
-from acausal.lower.diagnosis.references import prescribed_twice, without_reference
+from acausal.lower.diagnosis.references import flow_twice, potential_twice, without_reference
 from acausal.lower.diagnosis.words import label, line, made_at
 
 
@@ -30,7 +30,7 @@ def probable(flat: FlatSystem, *, by_structure: bool = False) -> StructureError 
         return found
     numbers = pencil(flat)
     last = empty_equation if by_structure else dependent_equations
-    for finder in (special_values, without_reference, prescribed_twice, open_motion, last):
+    for finder in (potential_twice, special_values, without_reference, flow_twice, open_motion, last):
         found = finder(numbers)
         if found is not None:
             return found

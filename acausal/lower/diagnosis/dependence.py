@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from acausal.errors import StructureError
+from acausal.flatten.flat import FlatEquation
 from acausal.lower.diagnosis.causes import probable
 from acausal.lower.diagnosis.words import equations_of, lines, listed, made_at, names_of, places
 from acausal.lower.evaluate import gradients
@@ -17,7 +18,7 @@ _LARGEST = 200
 
 
 def dependent(
-    reduced: ReducedSystem, rows: Sequence[int], unknowns: Sequence[int], demand: float = 0.0
+    reduced: ReducedSystem, rows: Sequence[int], unknowns: Sequence[int], demand: float = 0.0, held: Sequence[int] = ()
 ) -> StructureError:
     """The error for equations in which the unknowns cancel: the probable cause, or else AC204.
 
@@ -29,12 +30,16 @@ def dependent(
         Reduced variables that stay open.
     demand
         What is left when the unknowns have cancelled; not zero when the equations contradict each other.
+    held
+        Reduced variables in what is left: the combination is a constraint on them.
     """
     flat = reduced.flat
     found = probable(flat)
     if found is not None:
         return found
     equations = [flat.equations[k] for k in dict.fromkeys(rows)]
+    if held:
+        return _hidden_constraint(reduced, equations, held)
     names = names_of(flat, (reduced.scalar[v] for v in unknowns if v < len(reduced.scalar)))
     contradict = bool(np.isfinite(demand)) and abs(demand) > 1e-9
     return StructureError(
@@ -45,8 +50,24 @@ def dependent(
         evidence=["their unknowns cancel:", *lines(flat, equations, 8)]
         + ([f"together they demand 0 == {abs(demand):g}"] if contradict else [])
         + ([f"they leave open: {listed(names)}"] if names else []),
-        cause="one of these equations follows from the others, perhaps with another number",
+        cause="one of them follows from the others, or together they constrain states, which only the numbers show",
         help="replace one of these equations by one that fixes what is left open",
+    )
+
+
+def _hidden_constraint(
+    reduced: ReducedSystem, equations: Sequence[FlatEquation], held: Sequence[int]
+) -> StructureError:
+    flat = reduced.flat
+    names = [reduced.name(v) for v in held]
+    owners = list(dict.fromkeys(e.component for e in equations))
+    return StructureError(
+        "AC204",
+        f"{equations_of(flat, owners)} hide a constraint on {listed(names, 3)}",
+        where=places(flat, equations) or made_at(flat, ""),
+        evidence=["a combination of these with others holds nothing else:", *lines(flat, equations, 4)],
+        cause="only the numbers show this constraint; index reduction looks at the structure and cannot find it",
+        help="put something between these components that gives way, such as a resistance or a compliance",
     )
 
 

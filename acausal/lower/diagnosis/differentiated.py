@@ -58,3 +58,32 @@ def undetermined(reduced: ReducedSystem, left: Sequence[int], open_ones: Sequenc
         cause="a constraint follows from the others, perhaps only for these values of the parameters",
         help="remove one of the constraints, or change the values that make them equal",
     )
+
+
+def refuse_if_singular(reduced: ReducedSystem, equation: int, at_last: bool) -> None:
+    """Stop index reduction that does not end because the equations are singular by their numbers.
+
+    Pantelides' algorithm ends on what is structurally regular, but after as many differentiations as there are
+    equations when the numbers cancel, and every one multiplies the size of a nonlinear expression.
+
+    Parameters
+    ----------
+    equation
+        Flat equation that is about to be differentiated once more.
+    at_last
+        Refuse in any case.
+    """
+    flat = reduced.flat
+    found = probable(flat)
+    if found is None and at_last:
+        e = flat.equations[equation]
+        found = StructureError(
+            "AC208",
+            f"{flat.name}: an equation of {label(flat, e.component)} would have to be differentiated for ever",
+            where=span_of(e) or made_at(flat, e.component),
+            evidence=lines(flat, [e]),
+            cause="this constraint follows from the others, or contradicts them",
+            help="remove it, or replace a rigid component by one that can give way",
+        )
+    if found is not None:
+        raise found

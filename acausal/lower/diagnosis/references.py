@@ -68,24 +68,37 @@ def _described(doc: str) -> str:
     return words[0] if words else "potential"
 
 
-def prescribed_twice(numbers: Pencil) -> StructureError | None:
-    """AC205 when components fix one potential, one difference of potentials or one flow more than once."""
+def potential_twice(numbers: Pencil) -> StructureError | None:
+    """AC205 when components fix one potential, or one difference of potentials, more than once."""
     flat = numbers.flat
     for y in numbers.dependent():
         equations = [flat.equations[i] for i in sorted(y)]
-        moved = [k for d in numbers.free() if touch(flat, y, d) for k in d]
+        moved = {k: 1.0 for d in numbers.free() if touch(flat, y, d) for k in d}
+        circulating = of_connectors(flat, moved, Kind.FLOW)
+        if not circulating and not any(numbers.prescribes[i] for i in y):
+            continue
         across = _owners(flat, equations, Kind.VARIABLE)
-        through = _owners(flat, equations, Kind.FLOW)
-        sources = any(numbers.prescribes[i] for i in y)
-        circulating = of_connectors(flat, dict.fromkeys(moved, 1.0), Kind.FLOW)
-        if len(across) > 1 and (sources or circulating):
+        if len(across) > 1:
             return _potential_twice(numbers, y, across, circulating)
         stated = list(dict.fromkeys(e.component for e in equations if not isinstance(e.source, str)))
-        points = _shorted(flat, stated[0]) if len(stated) == 1 and sources else None
+        points = _shorted(flat, stated[0]) if len(stated) == 1 else None
         if points is not None:
             return _short_circuit(numbers, y, stated[0], points, circulating)
-        if len(through) > 1 and sources:
-            return _flow_twice(numbers, y, through, moved)
+    return None
+
+
+def flow_twice(numbers: Pencil) -> StructureError | None:
+    """AC205 when components fix one flow more than once, or one flow that can go nowhere."""
+    flat = numbers.flat
+    for y in numbers.dependent():
+        if not any(numbers.prescribes[i] for i in y):
+            continue
+        equations = [flat.equations[i] for i in sorted(y)]
+        through = _owners(flat, equations, Kind.FLOW)
+        ends = loose(flat, [n.rpartition(".")[0] for n in _shared(flat, equations, Kind.FLOW)])
+        if len(through) > 1 or (through and ends):
+            moved = [k for d in numbers.free() if touch(flat, y, d) for k in d]
+            return _flow_twice(numbers, y, through, ends, moved)
     return None
 
 
@@ -107,13 +120,13 @@ def _potential_twice(
     )
 
 
-def _flow_twice(numbers: Pencil, y: Vector, components: Sequence[str], moved: Sequence[int]) -> StructureError:
+def _flow_twice(
+    numbers: Pencil, y: Vector, components: Sequence[str], ends: Sequence[str], moved: Sequence[int]
+) -> StructureError:
     flat = numbers.flat
     equations = [flat.equations[i] for i in sorted(y)]
     junctions = [e for e in equations if isinstance(e.source, str)]
     what = _shared(flat, junctions or equations, Kind.FLOW)[:1]
-    names = _shared(flat, equations, Kind.FLOW)
-    ends = loose(flat, [n.rpartition(".")[0] for n in names])
     cause = "what flows into a junction must flow out again; sources in series leave no choice"
     advice = "remove one of them, or connect something that takes up the difference"
     if ends:
@@ -159,6 +172,8 @@ def _shorted(flat: FlatSystem, component: str) -> tuple[str, str] | None:
 
 def _subject(flat: FlatSystem, components: Sequence[str]) -> str:
     names = listed((label(flat, c) for c in components), 4)
+    if len(components) == 1:
+        return f"{names} prescribes"
     return f"{names} both prescribe" if len(components) == 2 else f"{names} together prescribe"
 
 
