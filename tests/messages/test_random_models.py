@@ -70,11 +70,12 @@ def outcome(model: Component) -> str:
     try:
         acausal.compile(model)
     except AcausalError as error:
-        lines = str(error).splitlines()
-        assert lines[1].startswith("  at      "), error
-        assert error.help, error
-        return error.code
-    return ""
+        found = error
+    else:
+        return ""
+    assert str(found).splitlines()[1].startswith("  at      "), found
+    assert found.help, found
+    return found.code
 
 
 @settings(max_examples=150, suppress_health_check=[HealthCheck.too_slow])
