@@ -18,6 +18,7 @@ from acausal.language.component import Connector as Connector
 from acausal.language.component import Equations as Equations
 from acausal.language.connect import connect as connect
 from acausal.language.declare import Real as Real
+from acausal.language.declare import discrete as discrete
 from acausal.language.declare import fixed as fixed
 from acausal.language.declare import flow as flow
 from acausal.language.declare import guess as guess
@@ -27,6 +28,11 @@ from acausal.language.declare import signal_input as signal_input
 from acausal.language.declare import signal_output as signal_output
 from acausal.language.declare import structural as structural
 from acausal.language.declare import variable as variable
+from acausal.language.events import no_event as no_event
+from acausal.language.events import pre as pre
+from acausal.language.events import reset as reset
+from acausal.language.events import sample as sample
+from acausal.language.events import when as when
 from acausal.language.experiment import Experiment as Experiment
 from acausal.language.expression import Expr as Expr
 from acausal.language.expression import as_expr as as_expr

@@ -105,7 +105,7 @@ def dae_function(compiled: CompiledModel, outputs: Sequence[Output]) -> Any:
     observed = builder.lower([builder.replaced(n) for n in nodes])
     y = ca.Function("y", s.inputs, [ca.vertcat(*observed) if observed else ca.SX(0, 1)])
     arguments = [s.t, s.x, s.z, s.u, s.p]
-    modes = compiled.modes(s.t, s.p)
+    modes = compiled.all_modes(*arguments)
     found = [*compiled.rhs(*arguments, modes), y(*arguments, modes)]
     return ca.Function("dae", arguments, [ca.densify(v) for v in found], ["t", "x", "z", "u", "p"], ["ode", "alg", "y"])
 
@@ -173,7 +173,8 @@ def _start_root(compiled: CompiledModel, begin: Begin, free: list[int], scale: V
     x = compiled.guess(p)[0]
     for k, i in enumerate(free):
         x[i] = unknown[k]
-    arguments = (begin.t, x, unknown[len(free) :], begin.u, p, compiled.modes(begin.t, p))
+    point = (begin.t, x, unknown[len(free) :], begin.u, p)
+    arguments = (*point, compiled.all_modes(*point))
     residual = compiled.rhs(*arguments)[1]
     if free:
         residual = ca.vertcat(compiled.conditions(*arguments)[0], residual)

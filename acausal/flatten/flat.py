@@ -12,6 +12,7 @@ from acausal.errors import Span
 from acausal.flatten.pool import Pool
 from acausal.language.component import Component, Connector
 from acausal.language.declare import Declaration
+from acausal.language.events import When
 from acausal.language.experiment import Experiment
 from acausal.language.expression import Equation, Symbol, to_text
 from acausal.language.origin import Origin
@@ -71,6 +72,16 @@ class FlatLoop(NamedTuple):
     components: tuple[str, ...]
 
 
+class FlatWhen(NamedTuple):
+    """Actions `(scalar, node of its new value)` at the instants at which the node `condition` becomes true."""
+
+    condition: int
+    actions: tuple[tuple[int, int], ...]
+    origin: Origin
+    component: str
+    source: When
+
+
 class FlatStart(NamedTuple):
     """A declared start of one scalar: an initial equation when `is_fixed`, else a guess."""
 
@@ -94,6 +105,8 @@ class FlatSystem:
         In the order of declaration, depth first.
     equations, initial_equations
         Scalar equations with their origin.
+    whens
+        What happens at events.
     inputs
         Scalar variables of the model's own unconnected inputs.
     parameter_values
@@ -115,6 +128,7 @@ class FlatSystem:
     parameters: tuple[FlatParameter, ...]
     equations: tuple[FlatEquation, ...]
     initial_equations: tuple[FlatEquation, ...]
+    whens: tuple[FlatWhen, ...]
     inputs: tuple[int, ...]
     parameter_values: tuple[float, ...]
     starts: Mapping[int, FlatStart]

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from functools import partial
 
 from acausal.errors import DeclarationError
-from acausal.flatten.allocate import allocate
+from acausal.flatten.allocate import allocate, layout
 from acausal.flatten.connections import FlowSet, Joint, check_signals, flow_sets, joints
-from acausal.flatten.flat import FlatComponent, FlatEquation, FlatStart, FlatSystem
+from acausal.flatten.differentiate import differentiate
+from acausal.flatten.flat import FlatWhen, FlatComponent, FlatEquation, FlatStart, FlatSystem
 from acausal.flatten.instances import Instance, instances
 from acausal.flatten.orientation import spanning_tree
 from acausal.flatten.parameters import ParameterTable, check_overrides, foreign, refuse_time
@@ -20,6 +21,7 @@ from acausal.flatten.templates import Template, make_template, replay, sides, te
 from acausal.language.component import Component
 from acausal.language.connect import Connection
 from acausal.language.declare import Fixed, Guess, Kind
+from acausal.language.events import When
 from acausal.language.experiment import Experiment
 from acausal.language.expression import Equation, Expr, Symbol
 from acausal.language.origin import Origin
@@ -65,6 +67,7 @@ def flatten(model: Component, parameters: Mapping[str, object] | None = None) ->
     equations = builder.leaf_equations(leaves)
     for number, items in composites.items():
         equations += builder.direct(found[number], items)
+    equations += builder.discretes()
     equations += builder.bindings({end for j in signals for end in (j.a, j.b) if end[0] != j.by})
     equations += builder.flow_equations(flow_sets(found, physical))
     equations += builder.residuals([physical[k] for k in sorted(tree.cut)])
@@ -85,6 +88,7 @@ def flatten(model: Component, parameters: Mapping[str, object] | None = None) ->
         parameters=tuple(table),
         equations=tuple(equations),
         initial_equations=tuple(initial),
+        whens=tuple(w for i, items in {**composites, **leaves.connecting()}.items() for w in builder.whens(found[i], items)),
         inputs=builder.free_inputs(found[0]),
         parameter_values=tuple(builder.table.values),
         starts=starts,
@@ -107,7 +111,7 @@ class _LeafStatements:
         self._with_connections: set[type[Component]] = set()
 
     def connecting(self) -> dict[int, list[Statement]]:
-        """Leaf components that connect their own connectors; those with ties cannot."""
+        """Leaf components that connect their own connectors or act at events, and so cannot be templates."""
         checked: dict[object, bool] = {}
         for leaf in self.leaves:
             cls = type(leaf.component)
@@ -116,7 +120,7 @@ class _LeafStatements:
             key = template_key(leaf)
             if key is None or checked.get(key, True):
                 items = list(statements(leaf.component))
-                connects = any(isinstance(item, Connection) for item, _ in items)
+                connects = any(isinstance(item, Connection | When) for item, _ in items)
                 if key is not None:
                     checked[key] = connects
                     if not connects:
@@ -124,7 +128,8 @@ class _LeafStatements:
                 if connects:
                     self._with_connections.add(cls)
                     self._early[leaf.number] = items
-        return {k: v for k, v in self._early.items() if any(isinstance(item, Connection) for item, _ in v)}
+        own = {n.number: n for n in self.leaves if type(n.component) in self._with_connections}
+        return {k: v for k, v in self._early.items() if k in own}
 
     def of(self, leaf: Instance) -> list[Statement]:
         """Statements of one leaf."""
@@ -175,6 +180,35 @@ class _Builder:
             for item, origin in items
             if isinstance(item, Equation)
             for left, right in sides(self.pool, item, self.resolve, done, origin)
+        ]
+
+    def whens(self, instance: Instance, items: Sequence[Statement]) -> list[FlatWhen]:
+        """What the component does at events."""
+        done: dict[int, Scalars] = {}
+        found = []
+        for item, origin in items:
+            if isinstance(item, When):
+                condition = scalars(self.pool, item.condition, self.resolve, done)[0]
+                actions = tuple(
+                    (
+                        int(self.pool.nodes[self.resolve(a.target)[0]][1]),
+                        scalars(self.pool, a.value, self.resolve, done)[0],
+                    )
+                    for a in item.actions
+                )
+                found.append(FlatWhen(condition, actions, origin, instance.path, item))
+        return found
+
+    def discretes(self) -> list[FlatEquation]:
+        """Discrete variables do not change between events."""
+        return [
+            FlatEquation(
+                differentiate(self.pool, self.pool.var(i.first[name] + k)), self.pool.zero, i.origin, i.path, f"{name} is discrete"
+            )
+            for i in self.found
+            for name, d, size in layout(type(i.component))
+            if d.discrete
+            for k in range(size)
         ]
 
     def leaf_equations(self, leaves: _LeafStatements) -> list[FlatEquation]:

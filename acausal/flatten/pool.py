@@ -31,6 +31,7 @@ _UNARY: dict[str, Callable[[float], float]] = {
     "floor": lambda x: float(math.floor(x)),
     "ceil": lambda x: float(math.ceil(x)),
     "not": lambda x: float(not x),
+    "noevent": lambda x: x,
 }
 _BINARY: dict[str, Callable[[float, float], float]] = {
     "pow": math.pow,
@@ -111,6 +112,8 @@ class Pool:
         """The node `op(args)`, simplified where that is exact for every value of the operands."""
         if op in _MAKE:
             return _MAKE[op](self, *args)
+        if op == "sample":
+            return self.intern((op, *args))
         values = [self.value(a) for a in args]
         if all(v is not None for v in values):
             try:

@@ -64,10 +64,13 @@ def _entries(pool: Pool, e: Expr, resolve: Resolve, args: list[Scalars]) -> Scal
         return tuple(
             pool.sub(pool.mul(a[i], b[j]), pool.mul(a[j], b[i])) for i, j in ((1, 2), (2, 0), (0, 1))
         )
+    if op == "pre":
+        return args[0]
     if op == "where":
+        condition = pool.make("noevent", args[0][0]) if e.payload else args[0][0]
         size = max(len(args[1]), len(args[2]))
         x, y = (_wide(a, size) for a in args[1:])
-        return tuple(pool.where(args[0][0], a, b) for a, b in zip(x, y, strict=True))
+        return tuple(pool.where(condition, a, b) for a, b in zip(x, y, strict=True))
     size = max(len(a) for a in args)
     columns = [_wide(a, size) for a in args]
     return tuple(pool.make(op, *operands) for operands in zip(*columns, strict=True))

@@ -9,10 +9,11 @@ from acausal.errors import DeclarationError, Span
 from acausal.language.component import Component
 from acausal.language.connect import Connection
 from acausal.language.dimensions import check_dimensions
+from acausal.language.events import When
 from acausal.language.expression import Equation
 from acausal.language.origin import Origin, origin_of
 
-Statement = tuple[Equation | Connection | Any, Origin]
+Statement = tuple[Equation | Connection | When | Any, Origin]
 
 
 def statements(component: Component, method: str = "equations") -> Iterator[Statement]:
@@ -37,13 +38,16 @@ def run(component: Component, cls: str, method: str, function: Callable[..., Any
         origin = origin_of(generator)
         if isinstance(item, Equation):
             check_dimensions(item, _Where(origin))  # type: ignore[arg-type]
+        elif isinstance(item, When):
+            for action in item.actions:
+                check_dimensions(Equation(action.target, action.value), _Where(origin))  # type: ignore[arg-type]
         elif method != "ties" and not isinstance(item, Connection):
             raise DeclarationError(
                 "AC130",
                 f"{cls}.{method} yields `{item}` ({type(item).__name__})",
                 where=(origin.span(),),
                 cause="two plain numbers were compared: Python decided it at once" if isinstance(item, bool) else None,
-                help="yield an equation `left == right` or connect(a, b)",
+                help="yield an equation `left == right`, connect(a, b) or when(...)",
             )
         yield item, origin
 

@@ -75,6 +75,7 @@ class Declaration:
     prefer_state: bool | None = None
     hint: str = ""
     overconstrained: bool = False
+    discrete: bool = False
 
 
 def _declare(kind: Kind, *, unit: str, shape: Shape | int = (), **rest: Any) -> Any:
@@ -115,6 +116,17 @@ def variable(
         prefer_state=prefer_state,
         hint=hint,
         overconstrained=overconstrained,
+    )
+
+
+def discrete(
+    *, unit: str = "", doc: str = "", shape: Shape | int = (), default: Any = None, nominal: float = 1.0
+) -> Any:
+    """A variable that keeps its value between events; `when(..., reset(x, value))` changes it. Starts at 0 by default."""
+    start = Fixed(0.0) if default is None else default
+    start = start if isinstance(start, Fixed | Guess) or callable(start) else Fixed(start)
+    return _declare(
+        Kind.VARIABLE, unit=unit, doc=doc, shape=shape, default=start, nominal=nominal, prefer_state=True, discrete=True
     )
 
 

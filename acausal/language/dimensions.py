@@ -13,7 +13,7 @@ from acausal.units import DIMENSIONLESS, Dimension, divide, format_dimension, mu
 _SECOND = parse("s").dimension
 _TRANSCENDENTAL = frozenset("sin cos tan asin acos atan sinh cosh tanh exp log atan2".split())
 _SUMS = frozenset(("add", "sub", "min", "max", "where", "homotopy", *RELATIONS))
-_SAME = frozenset(("neg", "index", "transpose", "fabs", "floor", "ceil"))
+_SAME = frozenset(("neg", "pre", "noevent", "index", "transpose", "fabs", "floor", "ceil"))
 
 
 class _Mismatch(Exception):

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 Shape = tuple[int, ...]
 
 RELATIONS = {"lt": "<", "le": "<=", "gt": ">", "ge": ">="}
+CONDITIONS = frozenset((*RELATIONS, "and", "or", "not", "sample", "noevent"))
+"""Operators whose value is true or false."""
 _INFIX = {"add": "+", "sub": "-", "mul": "*", "div": "/", "pow": "**", "matmul": "@", **RELATIONS, "and": "&", "or": "|"}
 
 

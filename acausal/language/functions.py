@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from acausal.errors import DeclarationError
-from acausal.language.expression import RELATIONS, Expr, Operand, as_expr, is_literal, shape_error
+from acausal.language.expression import CONDITIONS, Expr, Operand, as_expr, is_literal, shape_error
 
 time = Expr("time", (), ())
 """The independent variable [s]."""
@@ -144,7 +144,7 @@ def where(condition: Expr, a: Operand, b: Operand, *, smooth: bool = False) -> E
     crossing has to be located.
     """
     x, y = as_expr(a), as_expr(b)
-    if not isinstance(condition, Expr) or condition.op not in (*RELATIONS, "and", "or", "not", "symbol"):
+    if not isinstance(condition, Expr) or condition.op not in (*CONDITIONS, "symbol"):
         raise DeclarationError(
             "AC108",
             f"`{condition}` ({type(condition).__name__}) is not a condition",

@@ -32,6 +32,8 @@ _BUILD: dict[str, Callable[..., Any]] = {
     "or": ca.logic_or,
     "not": ca.logic_not,
     "where": ca.if_else,
+    "noevent": lambda a: a,
+    "sample": lambda start, interval: ca.SX(0),  # true at instants only: the run sets its mode there
     **{
         n: getattr(ca, n)
         for n in "sin cos tan asin acos atan sinh cosh tanh exp log sqrt fabs sign floor ceil".split()

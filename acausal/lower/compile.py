@@ -6,6 +6,7 @@ import gc
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any
 
 import casadi as ca
@@ -20,6 +21,7 @@ from acausal.lower.invariants import use_invariants
 from acausal.lower.reduce import reduce
 from acausal.lower.solve import Solution, solve
 from acausal.lower.start import Reach, start_problem
+from acausal.lower.state_events import find_state_events
 from acausal.lower.time_events import TimeEvents, find_time_events
 
 
@@ -94,6 +96,7 @@ def lower(solution: Solution) -> CompiledModel:
     shell = CompiledModel(
         reduced.flat.name, solution, states, quadratures, start_problem(solution), events, None, None, None
     )
+    shell = replace(shell, state_events=find_state_events(solution, states, events))
     symbols = Symbols(shell)
     builder = symbols.builder(shell)
     builder.define([d for d in solution.definitions if d[0] in solution.needed], events.rewritten)
@@ -102,7 +105,7 @@ def lower(solution: Solution) -> CompiledModel:
     names = ["t", "x", "z", "u", "p", "m"]
     rhs = ca.Function("rhs", symbols.inputs, [ode, _column(alg)], names, ["ode", "alg"])
     modes, instants = _event_functions(shell, events)
-    return CompiledModel(shell.name, solution, states, quadratures, shell.start, events, rhs, modes, instants)
+    return replace(shell, rhs=rhs, modes=modes, instants=instants)
 
 
 def _sort_states(solution: Solution) -> tuple[tuple[int, ...], int]:
@@ -113,7 +116,8 @@ def _sort_states(solution: Solution) -> tuple[tuple[int, ...], int]:
     """
     reach = Reach(solution)
     acting: set[int] = set()
-    for node in [n for v, n in solution.definitions if v in solution.needed] + list(solution.residuals):
+    clauses = [n for c, values in solution.structure.reduced.whens for n in (c, *values)]
+    for node in [n for v, n in solution.definitions if v in solution.needed] + list(solution.residuals) + clauses:
         acting |= reach.pool.variables_in(node)
     acting |= {solution.structure.derivative(x) for x in solution.structure.states}
     states = solution.structure.states
@@ -130,7 +134,9 @@ def _sort_states(solution: Solution) -> tuple[tuple[int, ...], int]:
 def _event_functions(shell: CompiledModel, events: TimeEvents) -> tuple[Any, Any]:
     t, p = ca.SX.sym("t"), ca.SX.sym("p", len(shell.parameters))
     builder = Builder(shell.solution.structure.reduced.pool, t, p, {})
-    modes = ca.Function("modes", [t, p], [_column(builder.lower(events.relations))], ["t", "p"], ["m"])
+    undecided = ca.SX(shell.n_modes - len(events.relations), 1)
+    m = ca.vertcat(_column(builder.lower(events.relations)), undecided)
+    modes = ca.Function("modes", [t, p], [ca.densify(m)], ["t", "p"], ["m"])
     instants = ca.Function("instants", [p], [_column(builder.lower(events.instants))], ["p"], ["t"])
     return modes, instants
 

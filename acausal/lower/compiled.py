@@ -16,6 +16,7 @@ from acausal.lower.build import Builder
 from acausal.lower.samples import STABILISATION_RATE
 from acausal.lower.solve import Solution
 from acausal.lower.start import StartProblem
+from acausal.lower.state_events import StateEvents
 from acausal.lower.time_events import TimeEvents
 
 if TYPE_CHECKING:
@@ -39,7 +40,7 @@ class CompiledModel:
     instants
         `(p) -> times[nm]` at which the modes change.
     modes
-        `(t, p) -> m[nm]`, 0 or 1.
+        `(t, p) -> m[nm]`, 0 or 1: relations of time, then samples and relations of variables, undecided as 0.
     timings
         Seconds per stage of the compilation.
     """
@@ -53,6 +54,7 @@ class CompiledModel:
     rhs: Any
     modes: Any
     instants: Any
+    state_events: StateEvents = StateEvents()
     timings: dict[str, float] = field(default_factory=dict)
 
     def __repr__(self) -> str:
@@ -163,6 +165,63 @@ class CompiledModel:
         ]
         return ca.Function("conditions", symbols.inputs, parts, _INPUTS, ["used", "surplus"])
 
+    @property
+    def mode_nodes(self) -> tuple[int, ...]:
+        """Nodes behind the modes, in the order of m."""
+        return (*self.time_events.relations, *self.state_events.samples, *self.state_events.relations)
+
+    @property
+    def n_modes(self) -> int:
+        """Number of modes."""
+        return len(self.mode_nodes)
+
+    @cached_property
+    def all_modes(self) -> Any:
+        """`(t, x, z, u, p) -> m[nm]`: all relations as they hold at a point, for use outside a run; samples are 0."""
+        symbols = Symbols(self)
+        builder = symbols.builder(self)
+        builder.done = {n: ca.SX(0) for n in self.state_events.samples}
+        builder.define(self.solution.definitions, self.time_events.rewritten)
+        m = _column(builder.lower(self.mode_nodes))
+        return ca.Function("all_modes", symbols.inputs[:-1], [m], _INPUTS[:-1], ["m"])
+
+    @cached_property
+    def indicators(self) -> Any:
+        """`(t, x, z, u, p, m) -> (v, true)` of the relations of variables under given modes: v > 0 where one holds."""
+        symbols = Symbols(self)
+        builder = symbols.builder(self)
+        builder.define(self.solution.definitions, self.time_events.rewritten)
+        nodes = self.solution.structure.reduced.pool.nodes
+        found, true = [], []
+        for number in self.state_events.relations:
+            op, a, b = nodes[number]
+            left, right = builder.lower([a, b])
+            found.append(right - left if op in ("lt", "le") else left - right)
+            true.append(found[-1] > 0 if op in ("lt", "gt") else found[-1] >= 0)
+        return ca.Function("indicators", symbols.inputs, [_column(found), _column(true)], _INPUTS, ["v", "true"])
+
+    @cached_property
+    def indicator_rates(self) -> Any:
+        """`(t, x, z, u, p, m) -> (dv/dt without z, dv/dz, dalg/dt without z, dalg/dz, dv/dx)` along the solution."""
+        s = Symbols(self)
+        ode, alg = self.rhs(*s.inputs)
+        v = self.indicators(*s.inputs)[0]
+        tx, rate = ca.vertcat(s.t, s.x), ca.vertcat(1, ode)
+        parts = [ca.jtimes(v, tx, rate), ca.jacobian(v, s.z), ca.jtimes(alg, tx, rate), ca.jacobian(alg, s.z)]
+        parts.append(ca.jacobian(v, s.x))
+        return ca.Function("indicator_rates", s.inputs, [ca.densify(q) for q in parts])
+
+    @cached_property
+    def clauses(self) -> Any:
+        """`(t, x, z, u, p, m) -> (conditions, values)` of all `when` clauses; values in the order of their actions."""
+        symbols = Symbols(self)
+        builder = symbols.builder(self)
+        builder.define(self.solution.definitions, self.time_events.rewritten)
+        clauses = self.state_events.clauses
+        conditions = builder.lower([builder.replaced(c.condition) for c in clauses])
+        new = builder.lower([builder.replaced(n) for c in clauses for _, n in c.actions])
+        return ca.Function("clauses", symbols.inputs, [_column(conditions), _column(new)], _INPUTS, ["c", "values"])
+
     @cached_property
     def homotopy(self) -> Any:
         """`(t, x, z, u, p, m, s) -> (used, alg)`: the start system on its way from simplified (s = 0) to actual (s = 1).
@@ -234,7 +293,7 @@ class Symbols:
         self.z = ca.SX.sym("z", len(compiled.algebraic))
         self.u = ca.SX.sym("u", len(compiled.inputs))
         self.p = ca.SX.sym("p", len(compiled.parameters))
-        self.m = ca.SX.sym("m", len(compiled.time_events.relations))
+        self.m = ca.SX.sym("m", compiled.n_modes)
 
     @property
     def inputs(self) -> list[Any]:
@@ -244,7 +303,7 @@ class Symbols:
     def builder(self, compiled: CompiledModel) -> DefiningBuilder:
         """A builder that knows states, algebraic variables, inputs and modes."""
         solution = compiled.solution
-        modes = {n: self.m[k] for k, n in enumerate(compiled.time_events.relations)}
+        modes = {n: self.m[k] for k, n in enumerate(compiled.mode_nodes)}
         builder = DefiningBuilder(solution.structure.reduced.pool, self.t, self.p, modes)
         for symbols, variables in (
             (self.x, compiled.state_variables),

@@ -25,6 +25,8 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "pow": np.power,
     "atan2": np.arctan2,
     "homotopy": lambda a, s: a,
+    "noevent": lambda a: a,
+    "sample": lambda a, b: 0.0,
     "min": np.minimum,
     "max": np.maximum,
     "lt": np.less,

@@ -40,6 +40,8 @@ class ReducedSystem:
         Flat equations that follow from others.
     initial
         Nodes of the initial equations that must be zero at the start, in the order of `flat.initial_equations`.
+    whens
+        Nodes of `flat.whens`: the condition and the new values.
     """
 
     flat: FlatSystem
@@ -51,6 +53,7 @@ class ReducedSystem:
     inputs: tuple[int, ...]
     redundant: tuple[int, ...]
     initial: tuple[int, ...]
+    whens: tuple[tuple[int, tuple[int, ...]], ...]
 
     def __repr__(self) -> str:
         return f"ReducedSystem({self.flat.name}: {len(self.residuals)} equations, {self.pool.n_variables} variables)"
@@ -341,7 +344,11 @@ class _Aliases:
         initial_old = [old.sub(e.left, e.right) for e in self.flat.initial_equations]
         old.rewrite(initial_old, self.leaf, self.done)
         initial_old = [self.done[n] for n in initial_old]
+        whens_old = [[w.condition, *(value for _, value in w.actions)] for w in self.flat.whens]
+        old.rewrite([n for nodes in whens_old for n in nodes], self.leaf, self.done)
+        whens_old = [[self.done[n] for n in nodes] for nodes in whens_old]
         roots = list(self.residual.values()) + image_old + [n for pair in slopes_old for n in pair] + initial_old
+        roots += [n for nodes in whens_old for n in nodes]
         for variable in sorted(old.variables_in(*roots)):
             fresh(variable)
         for x, (v, _) in self.link.items():
@@ -363,6 +370,7 @@ class _Aliases:
             inputs=tuple(number[s] for s in self.flat.inputs if s in number),
             redundant=(*self.redundant, *self.trivial),
             initial=tuple(done[n] for n in initial_old),
+            whens=tuple((done[nodes[0]], tuple(done[n] for n in nodes[1:])) for nodes in whens_old),
         )
 
     def _slopes(self) -> list[tuple[int, int]]:

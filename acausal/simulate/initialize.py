@@ -31,7 +31,7 @@ class Start:
 
 
 def initialize(compiled: CompiledModel, t: float, p: Vector, u: Vector, m: Vector) -> Start:
-    """Solve the start conditions together with the algebraic equations.
+    """Solve the start conditions together with the algebraic equations; decides relations of variables within `m`.
 
     Raises
     ------
@@ -39,6 +39,23 @@ def initialize(compiled: CompiledModel, t: float, p: Vector, u: Vector, m: Vecto
         AC301 when Newton's method and continuation both fail, AC304 when that is because conditions depend on each
         other, AC302 when conditions contradict each other, AC303 when the equations are not defined at the start (division by zero, root of a negative number).
     """
+    x, z = (np.array(v, dtype=float).ravel() for v in compiled.guess(p))
+    start = Start(x, z, ())
+    seen: list[bytes] = []
+    while compiled.state_events.relations:  # modes are decided by the solution they lead to
+        decided = np.array(compiled.indicators(t, start.x, start.z, u, p, m)[1]).ravel()
+        if decided.tobytes() in seen:
+            break
+        seen.append(decided.tobytes())
+        m[len(m) - len(decided) :] = decided
+        start = _initialized(compiled, t, p, u, m)
+    if not compiled.state_events.relations:
+        start = _initialized(compiled, t, p, u, m)
+    _check_surplus(compiled, t, start.x, start.z, u, p, m)
+    return start
+
+
+def _initialized(compiled: CompiledModel, t: float, p: Vector, u: Vector, m: Vector) -> Start:
     x, z = (np.array(v, dtype=float).ravel() for v in compiled.guess(p))
     free = [k for k, v in enumerate(compiled.state_variables) if v not in compiled.start.direct]
     free = [k for k in free if compiled.state_variables[k] not in compiled.start.defaulted]
@@ -49,7 +66,6 @@ def initialize(compiled: CompiledModel, t: float, p: Vector, u: Vector, m: Vecto
         x, z = system.solve()
         notes += system.left_open(x, z)
     _check_defined(compiled, t, x, z, u, p, m)
-    _check_surplus(compiled, t, x, z, u, p, m)
     return Start(x, z, notes)
 
 

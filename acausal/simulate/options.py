@@ -26,6 +26,7 @@ class Options:
     tolerance: float
     solver: str
     step: float | None
+    max_step: float | None = None
     absolute_factor: float = 1e-3
     native: bool | None = None
 
@@ -67,6 +68,7 @@ def options(
         tolerance=experiment.tolerance if tolerance is None else float(tolerance),
         solver=experiment.solver if solver is None else solver,
         step=experiment.step if step is None else float(step),
+        max_step=experiment.max_step,
         native=native,
     )
     checks = (

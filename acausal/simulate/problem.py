@@ -58,21 +58,21 @@ class Problem:
     @cached_property
     def dae(self) -> Any:
         """`(t, x, z, p, u) -> (ode, alg, quad, zero)`, SX, for integrators that take algebraic variables."""
-        t, x, z, p, ode, alg, _ = self._scaled
+        t, x, z, p, ode, alg, _ = self.scaled
         none = ca.SX(0, 1)
         return ca.Function("dae", [t, x, z, p, ca.SX.sym("u", 0)], [ode, alg, none, none], _DAE_IN, _DAE_OUT)
 
     @cached_property
     def islands(self) -> Any:
         """`(t, [p, shift]) -> rate`, scaled, of the integrals of time that are solved apart."""
-        t, _, _, p, _, _, rate = self._scaled
+        t, _, _, p, _, _, rate = self.scaled
         return ca.Function("islands", [t, p], [rate / ca.DM(self.compiled.nominal_x[self.n_dynamic :])])
 
     @cached_property
     def ode(self) -> Any:
         """The same without algebraic variables: a rootfinder solves for them; its start is appended to `p`."""
         nz = len(self.compiled.algebraic)
-        t, x, z, p, ode, alg, _ = self._scaled
+        t, x, z, p, ode, alg, _ = self.scaled
         if nz == 0:
             none = ca.SX(0, 1)
             return ca.Function("ode", [t, x, z, p, ca.SX.sym("u", 0)], [ode, none, none, none], _DAE_IN, _DAE_OUT)
@@ -90,13 +90,13 @@ class Problem:
         return ca.rootfinder("algebraic", "newton", residual, {"abstol": 1e-13, "abstolStep": 1e-10, "error_on_fail": False})
 
     @cached_property
-    def _scaled(self) -> tuple[Any, ...]:
+    def scaled(self) -> tuple[Any, ...]:
         """Symbols t, x, z, [m, shift], and the scaled expressions ode, alg and rates of the islands."""
         compiled = self.compiled
         n, nq = self.n_dynamic, compiled.quadratures
         t = ca.SX.sym("t")
         x, z = ca.SX.sym("x", n), ca.SX.sym("z", len(compiled.algebraic))
-        p = ca.SX.sym("p", len(compiled.time_events.relations) + 1)
+        p = ca.SX.sym("p", compiled.n_modes + 1)
         m, shift = p[:-1], p[-1]
         full_x = ca.vertcat(x * ca.DM(self.scale_x), ca.SX(nq, 1))
         ode, alg = compiled.rhs(t + shift, full_x, z * ca.DM(self.scale_z), self.u, self.p, m)
@@ -139,11 +139,11 @@ class Problem:
     @cached_property
     def algebraic_slope(self) -> Any:
         """`(t, x, z, [p, shift]) -> (alg, d alg / d z)`, scaled."""
-        t, x, z, p, _, alg, _ = self._scaled
+        t, x, z, p, _, alg, _ = self.scaled
         return ca.Function("algebraic_slope", [t, x, z, p], [alg, ca.jacobian(alg, z)])
 
     @cached_property
     def algebraic_root(self) -> Any:
         """Rootfinder for consistent algebraic variables: `(z, [t, x, p, shift]) -> z`, all scaled."""
-        t, x, z, p, _, alg, _ = self._scaled
+        t, x, z, p, _, alg, _ = self.scaled
         return self._root(t, x, z, p, alg)

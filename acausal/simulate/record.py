@@ -25,7 +25,7 @@ class Recorder:
         self.compiled = compiled
         self.p, self.u = p, u
         self.counters: dict[str, float] = {}
-        self.boundaries: list[float] = []
+        self.boundaries: list[tuple[float, tuple[str, ...], tuple[str, ...]]] = []
         self.segments = 0
         self._times: list[Vector] = []
         self._x: list[Vector] = []
@@ -37,10 +37,12 @@ class Recorder:
         """The time reached."""
         return float(self._times[-1][-1])
 
-    def begin(self, t: float, x: Vector, z: Vector, m: Vector) -> None:
-        """The first row of a segment: the values after the event, or at the start."""
+    def begin(
+        self, t: float, x: Vector, z: Vector, m: Vector, texts: tuple[str, ...] = (), changed: tuple[str, ...] = ()
+    ) -> None:
+        """The first row of a segment: the values after the event, what happened in it, or the values at the start."""
         if self._times:
-            self.boundaries.append(t)
+            self.boundaries.append((t, texts, changed))
         self.segments += 1
         self._append(np.array([t]), x[:, None], z[:, None], m)
 

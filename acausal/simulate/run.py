@@ -19,6 +19,7 @@ from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.samples import STABILISATION_RATE
 from acausal.result import Event, Result
+from acausal.simulate.hybrid import Hybrid, sample_times
 from acausal.simulate.initialize import Start, consistent, initialize
 from acausal.simulate.interrupt import Interruptible
 from acausal.simulate.options import Options, options
@@ -67,7 +68,7 @@ def simulate(
         Constant values of the model's own inputs.
     native
         True compiles the equations to C, False interprets them; None uses what is compiled already, and compiles when
-        a run is long (docs/devdocs/native.md). Without a C compiler everything is interpreted. The results are the same.
+        a run is long (docs/devdocs/native.md). Without a C compiler everything is interpreted; results are the same.
     progress
         Called with the fraction done and the time reached.
 
@@ -158,6 +159,7 @@ class _Run:
     progress: Progress | None
     timings: dict[str, float] = field(default_factory=dict)
     interrupt: Interruptible = field(default_factory=Interruptible)
+    hybrid: Hybrid | None = None
 
     def result(self) -> Result:
         opts = self.options
@@ -165,13 +167,17 @@ class _Run:
         began = clock.perf_counter()
         instants = self.instants()
         boundaries = [opts.start_time, *instants, opts.stop_time]
-        start = initialize(self.compiled, opts.start_time, self.p, self.u, self.modes(boundaries[0], boundaries[1]))
+        m = self.modes(boundaries[0], boundaries[1])
+        start = initialize(self.compiled, opts.start_time, self.p, self.u, m)
         for note in start.notes:
             _log.warning("%s: %s", self.compiled.name, note)
         self.timings["initialize"] = clock.perf_counter() - began
-        self.stabilise(start, self.modes(boundaries[0], boundaries[1]))
+        self.stabilise(start, m)
         problem = Problem(self.compiled, self.p, self.u, opts.native)
         recorder = Recorder(self.compiled, self.p, self.u)
+        self.hybrid = Hybrid(
+            problem, solver, recorder, lambda segment, m: self.integrate(problem, solver, recorder, segment, m)
+        )
         began = clock.perf_counter()
         grid = opts.grid()
         try:
@@ -211,13 +217,17 @@ class _Run:
             "time": {**self.compiled.timings, **self.timings},
         }
         relations = np.array(self.compiled.instants(self.p)).ravel()
-        events = tuple(Event(t, _event_text(t, relations)) for t in recorder.boundaries)
+        events = tuple(
+            Event(t, "; ".join(texts) or _event_text(t, relations), changed=changed)
+            for t, texts, changed in recorder.boundaries
+        )
         return make_result(recorder, events, stats, self.dense(problem, solver, recorder))
 
     def instants(self) -> list[float]:
         """Time events inside the run, ascending, each once."""
-        found = np.unique(np.array(self.compiled.instants(self.p)).ravel())
         span = self.options.stop_time - self.options.start_time
+        samples = sample_times(self.compiled, self.p, self.options.start_time, self.options.stop_time)
+        found = np.unique(np.append(np.array(self.compiled.instants(self.p)).ravel(), samples))
         inside = [
             float(t)
             for t in found
@@ -243,23 +253,15 @@ class _Run:
     ) -> Start:
         """Integrate from a to b and record; returns the values at b."""
         m = self.modes(a, b)
+        span = b - a
+        times = np.append(grid[(grid > a + 1e-12 * span) & (grid < b - 1e-12 * span)], b)
+        if self.compiled.state_events.relations or self.compiled.state_events.clauses:
+            return self.hybrid.segment(start, m, self.stretch(a, times, start, m), times)
         z = problem.restarted(a, start.x, start.z, m) if len(start.z) else start.z
         start = consistent(self.compiled, a, start, self.p, self.u, m) if z is None else Start(start.x, z, start.notes)
         recorder.begin(a, start.x, start.z, m)
-        span = b - a
-        times = np.append(grid[(grid > a + 1e-12 * span) & (grid < b - 1e-12 * span)], b)
         for part in self.parts(times, recorder):
-            here = float(recorder.time)
-            segment = Segment(
-                start=here,
-                times=part,
-                x=start.x,
-                z=start.z,
-                p=m,
-                tolerance=TOLERANCE_SHARE * self.options.tolerance,
-                absolute=TOLERANCE_SHARE * self.options.tolerance * self.options.absolute_factor,
-                step=self.options.step,
-            )
+            segment = self.stretch(float(recorder.time), part, start, m)
             piece = self.integrate(problem, solver, recorder, segment, m)
             piece = recorder.add(part[-piece.x.shape[1] :], piece, m)
             start = Start(piece.x[:, -1], piece.z[:, -1], start.notes)
@@ -267,6 +269,20 @@ class _Run:
                 whole = self.options.stop_time - self.options.start_time
                 self.progress((part[-1] - self.options.start_time) / whole, float(part[-1]))
         return start
+
+    def stretch(self, here: float, times: Vector, start: Start, m: Vector) -> Segment:
+        """The segment from `here` over the output times `times`."""
+        return Segment(
+            start=here,
+            times=times,
+            x=start.x,
+            z=start.z,
+            p=m,
+            tolerance=TOLERANCE_SHARE * self.options.tolerance,
+            absolute=TOLERANCE_SHARE * self.options.tolerance * self.options.absolute_factor,
+            step=self.options.step,
+            max_step=self.options.max_step,
+        )
 
     def parts(self, times: Vector, recorder: Recorder) -> Iterator[Vector]:
         """Output times in chunks, after each of which progress is reported and the run can be stopped.
@@ -341,6 +357,7 @@ class _Run:
                 tolerance=TOLERANCE_SHARE * self.options.tolerance,
                 absolute=TOLERANCE_SHARE * self.options.tolerance * self.options.absolute_factor,
                 step=self.options.step,
+            max_step=self.options.max_step,
             )
             piece = solver.integrate(problem, segment)
             on = projected(self.compiled, segment.times, piece.x, piece.z, self.u, self.p, m)

@@ -35,7 +35,7 @@ class PartialRigid(PartialTwoFlanges):
     """Rigid body of length L between two flanges; `s` is its middle."""
 
     L: Real = parameter(default=0.0, unit="m", doc="Length, from flange_a to flange_b")
-    s: Real = variable(unit="m", prefer_state=True, doc="Absolute position of the middle: flange_a.s + L/2")
+    s: Real = variable(unit="m", prefer_state=True, doc="Position of the middle")
 
     def equations(self) -> Equations:
         yield self.flange_a.s == self.s - self.L / 2.0

@@ -49,6 +49,7 @@ class Segment:
     tolerance: float
     absolute: float
     step: float | None
+    max_step: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,6 +129,11 @@ def islands(problem: Problem, segment: Segment) -> Vector:
 
     grown = integrals(rates, segment.start, segment.times, segment.tolerance, segment.absolute)
     return np.asarray(segment.x[problem.n_dynamic :, None] + scale[:, None] * grown)
+
+
+def bounded(segment: Segment) -> dict[str, float]:
+    """The option that bounds the step, where a bound is wanted."""
+    return {} if segment.max_step is None else {"max_step_size": segment.max_step}
 
 
 def counted(stats: dict[str, Any]) -> dict[str, float]:

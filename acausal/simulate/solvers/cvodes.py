@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from acausal.simulate.problem import Problem
-from acausal.simulate.solvers.base import CasadiSolver, Segment
+from acausal.simulate.solvers.base import CasadiSolver, Segment, bounded
 
 
 class Cvodes(CasadiSolver):
@@ -20,5 +20,6 @@ class Cvodes(CasadiSolver):
             "reltol": segment.tolerance,
             "abstol": segment.absolute,
             "max_num_steps": 10**6,
+            **bounded(segment),
             "linear_solver": "qr" if problem.n_dynamic < 400 else "csparse",
         }

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from acausal.simulate.problem import Problem
-from acausal.simulate.solvers.base import CasadiSolver, Segment
+from acausal.simulate.solvers.base import CasadiSolver, Segment, bounded
 
 
 class Rosenbrock(CasadiSolver):
@@ -23,5 +23,6 @@ class Rosenbrock(CasadiSolver):
             "reltol": segment.tolerance,
             "abstol": segment.absolute,
             "max_num_steps": 10**6,
+            **bounded(segment),
             **fixed,
         }
