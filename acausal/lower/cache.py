@@ -175,6 +175,8 @@ def _choices_stand(structure: Structure) -> bool:
         for i, gradient in enumerate(gradients(pool, rows, place, structure.points.leaves)):
             for v, g in gradient.items():
                 jacobian[:, i, place[v]] = g
+        if not np.isfinite(jacobian).all():
+            return False
         sign, size = np.linalg.slogdet(jacobian)
         if len(rows) and not ((sign == sign[0]).all() and sign[0] != 0 and np.ptp(size) < _SPREAD):
             return False
