@@ -38,7 +38,14 @@ ALLOWED: dict[str, set[str]] = {
 EVERYBODY_MAY = {"errors", "units"}
 # Modules directly under acausal/ that are one concept in several files. `panel` is the description of a figure, which
 # a model carries, without the drawing.
-MEMBER_OF = {"result": "result", "signals": "result", "files": "result", "matfile": "result", "scale": "plot", "plot_structure": "plot"}
+MEMBER_OF = {
+    "result": "result",
+    "signals": "result",
+    "files": "result",
+    "matfile": "result",
+    "scale": "plot",
+    "plot_structure": "plot",
+}
 # An edge outside the table, by module, with its reason.
 EXCEPTIONS = {
     ("acausal.result", "plot"): "Result.plot is a shorthand for acausal.plot, loaded when called",

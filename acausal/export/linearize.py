@@ -127,9 +127,7 @@ def linearize(
     )
     found = {name: np.array(m) for name, m in zip(jacobian.name_out(), jacobian(*values.values()), strict=True)}
     slope = _algebraic_slopes(compiled, t, found)
-    A, B, C, D = (
-        found[f"jac_{f}_{v}"] + found[f"jac_{f}_z"] @ slope[v] for f in ("ode", "y") for v in ("x", "u")
-    )
+    A, B, C, D = (found[f"jac_{f}_{v}"] + found[f"jac_{f}_z"] @ slope[v] for f in ("ode", "y") for v in ("x", "u"))
     return Linearization(
         compiled.name,
         t,
@@ -155,9 +153,7 @@ def _recorded(compiled: CompiledModel, result: Result | None) -> dict[str, float
     return {n: signals[n].value for n in compiled.parameters if n in signals and signals[n].parameter}
 
 
-def _inputs(
-    compiled: CompiledModel, t: float, p: Vector, result: Result | None, given: Mapping[str, float]
-) -> Vector:
+def _inputs(compiled: CompiledModel, t: float, p: Vector, result: Result | None, given: Mapping[str, float]) -> Vector:
     if result is None:
         known = {n: input_start(compiled, s, p) for n, s in zip(compiled.inputs, compiled.flat.inputs, strict=True)}
     else:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import lru_cache
+from functools import cache
 
 from acausal.flatten.connections import Joint, SignalJoint, UnionFind
 from acausal.flatten.flat import FlatVariable
@@ -16,7 +16,7 @@ from acausal.language.declare import Declaration, Kind
 _UNKNOWNS = (Kind.VARIABLE, Kind.FLOW, Kind.INPUT, Kind.OUTPUT)
 
 
-@lru_cache(maxsize=None)
+@cache
 def layout(cls: type[Component]) -> tuple[tuple[str, Declaration, int], ...]:
     """Declared unknowns of a class with their number of scalars, in order."""
     return tuple((n, d, math.prod(d.shape)) for n, d in cls._declarations.items() if d.kind in _UNKNOWNS)

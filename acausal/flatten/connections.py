@@ -134,9 +134,7 @@ def check_signals(all_instances: Sequence[Instance], signals: Sequence[SignalJoi
     A signal of a component has two faces: connected by its owner it is seen from outside, connected by itself from
     inside, where an input is a source and an output is not.
     """
-    faces = [
-        tuple((*end, all_instances[end[0]].number == joint.by) for end in (joint.a, joint.b)) for joint in signals
-    ]
+    faces = [tuple((*end, all_instances[end[0]].number == joint.by) for end in (joint.a, joint.b)) for joint in signals]
     index = {face: k for k, face in enumerate(dict.fromkeys(face for pair in faces for face in pair))}
     sets = UnionFind(len(index))
     for a, b in faces:

@@ -10,7 +10,7 @@ from acausal.errors import DeclarationError
 from acausal.flatten.allocate import allocate, layout
 from acausal.flatten.connections import FlowSet, Joint, check_signals, flow_sets, joints
 from acausal.flatten.differentiate import differentiate
-from acausal.flatten.flat import FlatWhen, FlatComponent, FlatEquation, FlatStart, FlatSystem
+from acausal.flatten.flat import FlatComponent, FlatEquation, FlatStart, FlatSystem, FlatWhen
 from acausal.flatten.instances import Instance, instances
 from acausal.flatten.orientation import spanning_tree
 from acausal.flatten.parameters import ParameterTable, check_overrides, foreign, refuse_time
@@ -88,7 +88,9 @@ def flatten(model: Component, parameters: Mapping[str, object] | None = None) ->
         parameters=tuple(table),
         equations=tuple(equations),
         initial_equations=tuple(initial),
-        whens=tuple(w for i, items in {**composites, **leaves.connecting()}.items() for w in builder.whens(found[i], items)),
+        whens=tuple(
+            w for i, items in {**composites, **leaves.connecting()}.items() for w in builder.whens(found[i], items)
+        ),
         inputs=builder.free_inputs(found[0]),
         parameter_values=tuple(builder.table.values),
         starts=starts,
@@ -203,7 +205,11 @@ class _Builder:
         """Discrete variables do not change between events."""
         return [
             FlatEquation(
-                differentiate(self.pool, self.pool.var(i.first[name] + k)), self.pool.zero, i.origin, i.path, f"{name} is discrete"
+                differentiate(self.pool, self.pool.var(i.first[name] + k)),
+                self.pool.zero,
+                i.origin,
+                i.path,
+                f"{name} is discrete",
             )
             for i in self.found
             for name, d, size in layout(type(i.component))
@@ -288,9 +294,7 @@ class _Builder:
         equations: list[FlatEquation] = []
         for flow_set in sets:
             first = self.found[flow_set.members[0][0]]
-            names = [
-                (n, d, d.shape) for n, d in first.component._declarations.items() if d.kind is Kind.FLOW
-            ]
+            names = [(n, d, d.shape) for n, d in first.component._declarations.items() if d.kind is Kind.FLOW]
             shown = [self.found[m].path for m, _ in flow_set.members[:4]]
             more = f" and {len(flow_set.members) - 4} more" if len(flow_set.members) > 4 else ""
             owner = first.owner

@@ -40,11 +40,7 @@ def spanning_tree(
     all_instances: Sequence[Instance], physical: Sequence[Joint], number_of: dict[int, int]
 ) -> SpanningTree:
     """Cut the loops and tell every frame its role (read by `rooted` and `is_root`)."""
-    frames = [
-        i.number
-        for i in all_instances
-        if isinstance(i.component, Connector) and is_overconstrained(i.component)
-    ]
+    frames = [i.number for i in all_instances if isinstance(i.component, Connector) and is_overconstrained(i.component)]
     if not frames:
         return SpanningTree(frozenset())
     branches, roots, potential = _ties(all_instances, number_of)

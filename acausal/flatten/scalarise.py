@@ -61,9 +61,7 @@ def _entries(pool: Pool, e: Expr, resolve: Resolve, args: list[Scalars]) -> Scal
         return _matmul(pool, e, args)
     if op == "cross":
         a, b = args
-        return tuple(
-            pool.sub(pool.mul(a[i], b[j]), pool.mul(a[j], b[i])) for i, j in ((1, 2), (2, 0), (0, 1))
-        )
+        return tuple(pool.sub(pool.mul(a[i], b[j]), pool.mul(a[j], b[i])) for i, j in ((1, 2), (2, 0), (0, 1)))
     if op == "pre":
         return args[0]
     if op == "where":

@@ -38,7 +38,9 @@ def template_key(instance: Instance) -> object:
     component = instance.component
     values = component.__dict__
     names = [n for n, d in component._declarations.items() if d.kind is Kind.STRUCTURAL]
-    roles = tuple(tuple(p.component.__dict__["_roles"].items()) for p in instance.parts if "_roles" in p.component.__dict__)
+    roles = tuple(
+        tuple(p.component.__dict__["_roles"].items()) for p in instance.parts if "_roles" in p.component.__dict__
+    )
     parts = tuple(type(p.component) for p in instance.parts)
     lengths = tuple(len(p) for p in component._parts.values() if isinstance(p, list))
     key = (type(component), tuple(values[n] for n in names), roles, parts, lengths)

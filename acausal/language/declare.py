@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 from typing import TYPE_CHECKING, Any, overload
@@ -159,9 +158,7 @@ def parameter(
 
     `default` may be a function of the instance: `parameter(default=lambda self: self.d / 2)`.
     """
-    return _declare(
-        Kind.PARAMETER, unit=unit, doc=doc, shape=shape, default=default, nominal=nominal, min=min, max=max
-    )
+    return _declare(Kind.PARAMETER, unit=unit, doc=doc, shape=shape, default=default, nominal=nominal, min=min, max=max)
 
 
 def structural(*, default: Any = None, doc: str = "") -> Any:
@@ -195,7 +192,9 @@ class Real:
         return found
 
     def __set__(self, instance: Component, value: float | Expr | Fixed | Guess | tuple[Any, ...] | list[Any]) -> None:
-        instance.__dict__["_values"][self.name] = checked_value(type(instance).__name__, self.name, self.declaration, value)
+        instance.__dict__["_values"][self.name] = checked_value(
+            type(instance).__name__, self.name, self.declaration, value
+        )
 
 
 def checked_value(owner: str, name: str, declaration: Declaration, value: Any) -> Any:

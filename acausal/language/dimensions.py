@@ -11,7 +11,9 @@ from acausal.language.expression import RELATIONS, Equation, Expr, Symbol, symbo
 from acausal.units import DIMENSIONLESS, Dimension, divide, format_dimension, multiply, parse, power
 
 _SECOND = parse("s").dimension
-_TRANSCENDENTAL = frozenset("sin cos tan asin acos atan sinh cosh tanh exp log atan2".split())
+_TRANSCENDENTAL = frozenset(
+    ["sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "exp", "log", "atan2"]
+)
 _SUMS = frozenset(("add", "sub", "min", "max", "where", "homotopy", *RELATIONS))
 _SAME = frozenset(("neg", "pre", "noevent", "index", "transpose", "fabs", "floor", "ceil"))
 
@@ -35,7 +37,10 @@ def check_dimensions(equation: Equation, where: Sequence[Span]) -> None:
             "AC155",
             mismatch.fact,
             where=where,
-            evidence=[f"{symbol}  [{symbol.declaration.unit or 'adapts'}]" for symbol in symbols_in(equation.left, equation.right)],
+            evidence=[
+                f"{symbol}  [{symbol.declaration.unit or 'adapts'}]"
+                for symbol in symbols_in(equation.left, equation.right)
+            ],
             cause="a factor is missing or two quantities are mixed up",
             help="check the declared units; a plain number adapts to any unit",
         ) from None
@@ -106,7 +111,9 @@ def _pow(e: Expr, parts: list[Dimension | None]) -> Dimension | None:
     if exponent.op == "const" and math.isfinite(exponent.payload):
         return power(parts[0], Fraction(exponent.payload).limit_denominator(1000))
     if parts[0] != DIMENSIONLESS:
-        raise _Mismatch(f"`{e}`: `{base}` is in {format_dimension(parts[0])}; with a symbolic exponent divide it by a reference")
+        raise _Mismatch(
+            f"`{e}`: `{base}` is in {format_dimension(parts[0])}; with a symbolic exponent divide it by a reference"
+        )
     return DIMENSIONLESS
 
 

@@ -23,7 +23,17 @@ Shape = tuple[int, ...]
 RELATIONS = {"lt": "<", "le": "<=", "gt": ">", "ge": ">="}
 CONDITIONS = frozenset((*RELATIONS, "and", "or", "not", "sample", "noevent"))
 """Operators whose value is true or false."""
-_INFIX = {"add": "+", "sub": "-", "mul": "*", "div": "/", "pow": "**", "matmul": "@", **RELATIONS, "and": "&", "or": "|"}
+_INFIX = {
+    "add": "+",
+    "sub": "-",
+    "mul": "*",
+    "div": "/",
+    "pow": "**",
+    "matmul": "@",
+    **RELATIONS,
+    "and": "&",
+    "or": "|",
+}
 
 
 _UFUNCS = {
@@ -120,7 +130,9 @@ class Expr:
         return Equation(self, as_expr(other))
 
     def __ne__(self, other: object) -> NoReturn:
-        raise DeclarationError("AC102", f"`{self} != ...` has no meaning for equations", help="use < and >, or where(...)")
+        raise DeclarationError(
+            "AC102", f"`{self} != ...` has no meaning for equations", help="use < and >, or where(...)"
+        )
 
     def __lt__(self, other: Operand) -> Expr:
         return _scalar_binary("lt", self, as_expr(other))
@@ -273,7 +285,9 @@ def as_expr(value: Any) -> Expr:
         try:
             return Expr("const", (), (), float(value))
         except OverflowError:
-            raise DeclarationError("AC106", f"an integer of {len(str(value))} digits is too large to compute with") from None
+            raise DeclarationError(
+                "AC106", f"an integer of {len(str(value))} digits is too large to compute with"
+            ) from None
     if hasattr(value, "tolist"):  # numpy scalars and arrays, without importing numpy
         return as_expr(value.tolist())
     if isinstance(value, tuple | list) and value:
@@ -379,9 +393,7 @@ def _matmul(a: Expr, b: Expr) -> Expr:
     return Expr("matmul", (a, b), (*a.shape[:-1], *b.shape[1:]))
 
 
-def to_text(
-    e: Expr, depth: int = 0, *, name_of: Callable[[Symbol], str] | None = None, binding: int = 0
-) -> str:
+def to_text(e: Expr, depth: int = 0, *, name_of: Callable[[Symbol], str] | None = None, binding: int = 0) -> str:
     """Python-like text of an expression with no more parentheses than needed.
 
     Parameters

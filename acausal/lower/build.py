@@ -36,7 +36,24 @@ _BUILD: dict[str, Callable[..., Any]] = {
     "sample": lambda start, interval: ca.SX(0),  # true at instants only: the run sets its mode there
     **{
         n: getattr(ca, n)
-        for n in "sin cos tan asin acos atan sinh cosh tanh exp log sqrt fabs sign floor ceil".split()
+        for n in [
+            "sin",
+            "cos",
+            "tan",
+            "asin",
+            "acos",
+            "atan",
+            "sinh",
+            "cosh",
+            "tanh",
+            "exp",
+            "log",
+            "sqrt",
+            "fabs",
+            "sign",
+            "floor",
+            "ceil",
+        ]
     },
 }
 

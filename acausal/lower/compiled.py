@@ -238,9 +238,12 @@ class CompiledModel:
         builder.homotopy = ca.SX.sym("s")
         builder.define(self.solution.definitions, self.time_events.rewritten)
         used, alg = (
-            _column(builder.lower([builder.replaced(n) for n in group])) for group in (conditions, self.solution.residuals)
+            _column(builder.lower([builder.replaced(n) for n in group]))
+            for group in (conditions, self.solution.residuals)
         )
-        return ca.Function("homotopy", [*symbols.inputs, builder.homotopy], [used, alg], [*_INPUTS, "s"], ["used", "alg"])
+        return ca.Function(
+            "homotopy", [*symbols.inputs, builder.homotopy], [used, alg], [*_INPUTS, "s"], ["used", "alg"]
+        )
 
     @cached_property
     def constraints(self) -> Any:

@@ -97,8 +97,10 @@ def _import(reduced: ReducedSystem, node: int) -> int:
     done: dict[int, int] = {}
     for number in old.reachable([node]):
         entry = old.nodes[number]
-        done[number] = new.intern(entry) if entry[0] in ("const", "par", "time") else new.make(
-            entry[0], *[done[c] for c in entry[1:]]
+        done[number] = (
+            new.intern(entry)
+            if entry[0] in ("const", "par", "time")
+            else new.make(entry[0], *[done[c] for c in entry[1:]])
         )
     return done[node]
 

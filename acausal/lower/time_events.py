@@ -73,7 +73,6 @@ def _timely(pool: Pool, wanted: list[int]) -> set[int]:
     return {n for n, (t, v) in depends.items() if t and not v}
 
 
-
 def _instant(pool: Pool, difference: int) -> int | None:
     stand_in = -1  # a variable number no model has
     done: dict[int, int] = {pool.time: pool.intern(("var", stand_in))}

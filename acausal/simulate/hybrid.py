@@ -42,7 +42,9 @@ def sample_times(compiled: CompiledModel, p: Vector, start: float, stop: float) 
     """All instants of samples between two times."""
     found = [np.zeros(0)]
     for first, interval in clocks(compiled, p):
-        k = np.arange(max(0.0, np.ceil((start - first) / interval - 1e-9)), np.floor((stop - first) / interval + 1e-9) + 1)
+        k = np.arange(
+            max(0.0, np.ceil((start - first) / interval - 1e-9)), np.floor((stop - first) / interval + 1e-9) + 1
+        )
         found.append(first + interval * k)
     return np.concatenate(found)
 
@@ -79,7 +81,9 @@ class Hybrid:
             self.recorder.begin(here, start.x, start.z, m, happened.texts, happened.changed)
             if not len(times):
                 break
-            stop = self.stretch(guards, here == a, replace(template, start=here, times=times, x=start.x, z=start.z, p=m))
+            stop = self.stretch(
+                guards, here == a, replace(template, start=here, times=times, x=start.x, z=start.z, p=m)
+            )
             if stop is None or stop.time is None:
                 _, x, z, _ = self.recorder.point(-1)
                 start = Start(x, z, start.notes)
@@ -144,7 +148,6 @@ class Hybrid:
             size *= 2
         return None
 
-
     def locate(self, guards: Guards, segment: Segment) -> Stop:
         """Cross the output interval in which the modes cease to hold.
 
@@ -157,7 +160,9 @@ class Hybrid:
         none = Piece(np.zeros((len(segment.x), 0)), np.zeros((len(segment.z), 0)), {})
         m, end = segment.p, float(segment.times[0])
         whole = span = end - segment.start
-        for _ in range(_MOST_LOOKS):  # of several crossings the first: where one is seen, the next look is at the sixteenth before it
+        for _ in range(
+            _MOST_LOOKS
+        ):  # of several crossings the first: where one is seen, the next look is at the sixteenth before it
             stop = min(segment.start + span, end)
             times = np.append(segment.start + (stop - segment.start) * np.arange(1, _PARTS) / _PARTS, stop)
             piece = self.integrate(replace(segment, times=times), m)

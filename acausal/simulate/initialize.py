@@ -208,9 +208,7 @@ class _System:
         return not_found(self.compiled, self.free, y0 * self.scale, residuals, [slope(y0), slope(near)])
 
 
-def _check_surplus(
-    compiled: CompiledModel, t: float, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector
-) -> None:
+def _check_surplus(compiled: CompiledModel, t: float, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector) -> None:
     if not compiled.start.surplus:
         return
     off = np.array(compiled.conditions(t, x, z, u, p, m)[1]).ravel()
@@ -219,9 +217,7 @@ def _check_surplus(
             raise contradicting(compiled, condition, float(residual), x, p)
 
 
-def _check_defined(
-    compiled: CompiledModel, t: float, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector
-) -> None:
+def _check_defined(compiled: CompiledModel, t: float, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector) -> None:
     """Refuse a start at which an equation has no finite value, naming the first one.
 
     In large models only the rates are looked at: the function of all variables costs more than the run.
@@ -248,7 +244,9 @@ def _check_defined(
             raise undefined(compiled, t, reduced.name(variable), equation, inside)
     if is_finite:
         return
-    names = [n for n, v in zip((*compiled.states, *compiled.algebraic), (*ode, *alg), strict=True) if not np.isfinite(v)]
+    names = [
+        n for n, v in zip((*compiled.states, *compiled.algebraic), (*ode, *alg), strict=True) if not np.isfinite(v)
+    ]
     raise InitializationError(
         "AC303",
         f"{compiled.name}: the equations for {listed(names, 4)} have no finite value at the start (t = {t:g} s)",

@@ -72,9 +72,15 @@ def options(
         native=native,
     )
     checks = (
-        (math.isfinite(start) and math.isfinite(stop) and stop > start, f"stop_time {stop:g} s is not after start_time {start:g} s"),
+        (
+            math.isfinite(start) and math.isfinite(stop) and stop > start,
+            f"stop_time {stop:g} s is not after start_time {start:g} s",
+        ),
         (chosen.output_interval > 0, f"output_interval {chosen.output_interval:g} s is not positive"),
-        (chosen.output_interval * 2e7 > stop - start, f"output_interval {chosen.output_interval:g} s gives too many rows"),
+        (
+            chosen.output_interval * 2e7 > stop - start,
+            f"output_interval {chosen.output_interval:g} s gives too many rows",
+        ),
         (0 < chosen.tolerance < 1, f"tolerance {chosen.tolerance:g} is not between 0 and 1"),
         (chosen.step is None or chosen.step > 0, f"step {chosen.step} s is not positive"),
     )

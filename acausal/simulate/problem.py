@@ -87,7 +87,9 @@ class Problem:
     def _root(self, t: Any, x: Any, z: Any, p: Any, alg: Any) -> Any:
         """Rootfinder `(z0, [t, x, p]) -> z` for the scaled algebraic equations."""
         residual = ca.Function("residual", [z, ca.vertcat(t, x, p)], [alg], ["z", "q"], ["r"])
-        return ca.rootfinder("algebraic", "newton", residual, {"abstol": 1e-13, "abstolStep": 1e-10, "error_on_fail": False})
+        return ca.rootfinder(
+            "algebraic", "newton", residual, {"abstol": 1e-13, "abstolStep": 1e-10, "error_on_fail": False}
+        )
 
     @cached_property
     def scaled(self) -> tuple[Any, ...]:

@@ -15,9 +15,7 @@ from acausal.lower.compiled import CompiledModel
 Vector = NDArray[np.float64]
 
 
-def projected(
-    compiled: CompiledModel, times: Vector, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector
-) -> Vector:
+def projected(compiled: CompiledModel, times: Vector, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector) -> Vector:
     """States nearest to `x`, shape (nx, n), that satisfy all stabilised constraints; `x` itself without any."""
     if not compiled.solution.structure.invariants or not len(times):
         return x
@@ -44,7 +42,9 @@ def constraints(
     function = compiled.constraints.map(n)
     g, slope = function(times[None, :], x, z, *wide)
     count = g.shape[0]
-    return np.array(g).T, np.array(slope.full() if hasattr(slope, "full") else slope).reshape(count, n, -1).transpose(1, 0, 2)
+    return np.array(g).T, np.array(slope.full() if hasattr(slope, "full") else slope).reshape(count, n, -1).transpose(
+        1, 0, 2
+    )
 
 
 def _solved(matrices: Vector, right: Vector) -> Vector:

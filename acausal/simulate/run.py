@@ -6,7 +6,6 @@ import logging
 import time as clock
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -122,7 +121,9 @@ def parameter_vector(compiled: CompiledModel, given: Mapping[str, float]) -> Vec
         if names[0] not in index:
             close = nearest(path, list(index))
             raise UsageError(
-                "AC020", f"there is no parameter '{path}'", evidence=[f"did you mean {', '.join(close)}?"] if close else []
+                "AC020",
+                f"there is no parameter '{path}'",
+                evidence=[f"did you mean {', '.join(close)}?"] if close else [],
             )
         numbers = entries(path, base.declaration.shape if base is not None else (), value)
         whole = declared.get(path if base is not None else path.rpartition("[")[0])
@@ -301,9 +302,7 @@ class _Run:
         work = steps * (10 + len(self.compiled.states) + len(self.compiled.algebraic)) / _LONG
         yield from np.array_split(times[few:], int(np.clip(12 * work, 12, 50)) if work > 1.0 else 1)
 
-    def integrate(
-        self, problem: Problem, solver: Solver, recorder: Recorder, segment: Segment, m: Vector
-    ) -> Piece:
+    def integrate(self, problem: Problem, solver: Solver, recorder: Recorder, segment: Segment, m: Vector) -> Piece:
         try:
             return solver.integrate(problem, segment)
         except RuntimeError as error:
@@ -357,7 +356,7 @@ class _Run:
                 tolerance=TOLERANCE_SHARE * self.options.tolerance,
                 absolute=TOLERANCE_SHARE * self.options.tolerance * self.options.absolute_factor,
                 step=self.options.step,
-            max_step=self.options.max_step,
+                max_step=self.options.max_step,
             )
             piece = solver.integrate(problem, segment)
             on = projected(self.compiled, segment.times, piece.x, piece.z, self.u, self.p, m)

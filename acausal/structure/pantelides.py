@@ -55,7 +55,9 @@ def pantelides(system: Differentiable, n_equations: int) -> tuple[dict[int, int]
             coloured_equations, coloured_variables = _augment(system, incidence, assigned, equation)
             if coloured_equations is None:
                 break
-            equation = _differentiate(system, incidence, assigned, derivative, coloured_equations, coloured_variables, equation)
+            equation = _differentiate(
+                system, incidence, assigned, derivative, coloured_equations, coloured_variables, equation
+            )
     return {v: e for v, e in assigned.items() if system.derivative(v) is None}, derivative
 
 

@@ -115,9 +115,7 @@ def _newer_casadi(path: Path) -> None:
     )
 
 
-def _rewritten(
-    path: Path, metadata: Callable[[str], str] = str, functions: Callable[[str], str] = str
-) -> None:
+def _rewritten(path: Path, metadata: Callable[[str], str] = str, functions: Callable[[str], str] = str) -> None:
     acausal.compile(Slider()).casadi().save(path)
     with zipfile.ZipFile(path) as archive:
         old = {name: archive.read(name).decode() for name in archive.namelist()}

@@ -24,10 +24,7 @@ COMPOSED = ("Universal", "GearConstraint")
 LEAVES = [
     cls
     for name, cls in vars(multibody).items()
-    if inspect.isclass(cls)
-    and issubclass(cls, Component)
-    and not issubclass(cls, Connector)
-    and name not in COMPOSED
+    if inspect.isclass(cls) and issubclass(cls, Component) and not issubclass(cls, Connector) and name not in COMPOSED
 ]
 GIVEN = {"width_direction": (0.0, 0.0, 1.0)}
 

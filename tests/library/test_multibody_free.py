@@ -45,9 +45,7 @@ def run(model: Component, stop_time: float) -> Result:
 
 def spin_of(result: Result, body: str, tensor: Any) -> np.ndarray:
     """Angular momentum about the centre of mass, in world axes."""
-    return np.asarray(
-        np.einsum("tij,jk,tk->ti", result[f"{body}.frame_a.R"], np.array(tensor), result[f"{body}.w_a"])
-    )
+    return np.asarray(np.einsum("tij,jk,tk->ti", result[f"{body}.frame_a.R"], np.array(tensor), result[f"{body}.w_a"]))
 
 
 def test_a_thrown_body_flies_a_parabola_whatever_its_spin() -> None:

@@ -38,13 +38,17 @@ class Two(Component):
         self.right = Mass(m=1.0)
 
 
-@corpus.broken("AC120", "left.flange_a", """
+@corpus.broken(
+    "AC120",
+    "left.flange_a",
+    """
 error[AC120]: cannot connect left.flange_a (Flange) and ground.p (Pin)
   at      test_connection_messages.py:N
               yield join(self.left.flange_a, self.ground.p)
   cause   a connection joins connectors of one type
   help    look for a component that has both connectors and put it between
-""")
+""",
+)
 class DifferentConnectors(Two):
     ground: electrical.Ground = part()
 
@@ -56,13 +60,17 @@ class DifferentConnectors(Two):
         yield join(self.left.flange_a, self.ground.p)
 
 
-@corpus.broken("AC120", "rotational.Flange", """
+@corpus.broken(
+    "AC120",
+    "rotational.Flange",
+    """
 error[AC120]: cannot connect left.flange_a (translational.Flange) and shaft.flange_a (rotational.Flange)
   at      test_connection_messages.py:N
               yield join(self.left.flange_a, self.shaft.flange_a)
   cause   a connection joins connectors of one type
   help    look for a component that has both connectors and put it between
-""")
+""",
+)
 class FlangesOfTwoLibraries(Two):
     shaft: rotational.Inertia = part()
 
@@ -74,23 +82,31 @@ class FlangesOfTwoLibraries(Two):
         yield join(self.left.flange_a, self.shaft.flange_a)
 
 
-@corpus.broken("AC121", "left (Mass)", """
+@corpus.broken(
+    "AC121",
+    "left (Mass)",
+    """
 error[AC121]: left (Mass) is neither a connector nor a signal
   at      test_connection_messages.py:N
               yield join(self.left, self.right)
   help    connect one of its connectors: flange_a, flange_b
-""")
+""",
+)
 class ConnectedComponents(Two):
     def equations(self) -> Equations:
         yield join(self.left, self.right)
 
 
-@corpus.broken("AC121", "left.s", """
+@corpus.broken(
+    "AC121",
+    "left.s",
+    """
 error[AC121]: `left.s` is a variable, not a signal
   at      test_connection_messages.py:N
               yield join(self.left.s, self.right.s)
   help    only signal_input and signal_output are connected; write an equation for anything else
-""")
+""",
+)
 class ConnectedVariables(Two):
     def equations(self) -> Equations:
         yield join(self.left.s, self.right.s)
@@ -104,12 +120,16 @@ class Signals(Component):
     r: Real = signal_input(unit="m", shape=3)
 
 
-@corpus.broken("AC105", "b.r", """
+@corpus.broken(
+    "AC105",
+    "b.r",
+    """
 error[AC105]: `a.x` (scalar) and `b.r` (vector of 3) cannot be connected
   at      test_connection_messages.py:N
               yield connect(self.a.x, self.b.r)
   help    signals that are connected have one shape
-""")
+""",
+)
 class SignalsOfDifferentShape(Component):
     a: Signals = part()
     b: Signals = part()
@@ -122,12 +142,16 @@ class SignalsOfDifferentShape(Component):
         yield connect(self.a.x, self.b.r)
 
 
-@corpus.broken("AC154", "b.f", """
+@corpus.broken(
+    "AC154",
+    "b.f",
+    """
 error[AC154]: `a.x` [m] and `b.f` [N] cannot be connected: their dimensions differ
   at      test_connection_messages.py:N
               yield connect(self.a.x, self.b.f)
   help    put a Gain that states the conversion between them
-""")
+""",
+)
 class SignalsOfDifferentUnit(Component):
     a: Signals = part()
     b: Signals = part()
@@ -140,13 +164,17 @@ class SignalsOfDifferentUnit(Component):
         yield connect(self.a.x, self.b.f)
 
 
-@corpus.broken("AC128", "a > b", """
+@corpus.broken(
+    "AC128",
+    "a > b",
+    """
 error[AC128]: the time derivative of a > b is needed and does not exist
   at      test_connection_messages.py:N
               yield self.y == der(floor(self.x) < self.x)
           y == der(x > floor(x))
   help    it jumps, or is true or false: keep it out of der(...) and of prescribed positions
-""")
+""",
+)
 class DerivativeOfARelation(Component):
     x: Real = variable()
     y: Real = variable()
@@ -156,12 +184,16 @@ class DerivativeOfARelation(Component):
         yield self.y == der(floor(self.x) < self.x)
 
 
-@corpus.broken("AC129", "Silent.equations", """
+@corpus.broken(
+    "AC129",
+    "Silent.equations",
+    """
 error[AC129]: Silent.equations yields nothing
   at      test_connection_messages.py:N
               def equations(self) -> Any:
   help    every equation needs a `yield`: yield left == right
-""")
+""",
+)
 class Silent(Component):
     x: Real = variable()
 
@@ -169,12 +201,16 @@ class Silent(Component):
         self.x == 1.0  # noqa: B015
 
 
-@corpus.broken("AC130", "Half.equations", """
+@corpus.broken(
+    "AC130",
+    "Half.equations",
+    """
 error[AC130]: Half.equations yields `x` (Symbol)
   at      test_connection_messages.py:N
               yield self.x
   help    yield an equation `left == right`, connect(a, b) or when(...)
-""")
+""",
+)
 class Half(Component):
     x: Real = variable()
 
@@ -182,13 +218,17 @@ class Half(Component):
         yield self.x
 
 
-@corpus.broken("AC130", "Numbers.equations", """
+@corpus.broken(
+    "AC130",
+    "Numbers.equations",
+    """
 error[AC130]: Numbers.equations yields `False` (bool)
   at      test_connection_messages.py:N
               yield 1.0 == 2.0
   cause   two plain numbers were compared: Python decided it at once
   help    yield an equation `left == right`, connect(a, b) or when(...)
-""")
+""",
+)
 class Numbers(Component):
     x: Real = variable()
 
@@ -196,12 +236,16 @@ class Numbers(Component):
         yield 1.0 == 2.0
 
 
-@corpus.broken("AC131", "Fixed", """
+@corpus.broken(
+    "AC131",
+    "Fixed",
+    """
 error[AC131]: flange of a Fixed is connected, but that Fixed is no part of the model
   at      test_connection_messages.py:N
               yield connect(self.left.flange_a, translational.Fixed().flange)
   help    declare it with part(), set it in `build`, and write self.<part>
-""")
+""",
+)
 class ConnectedToAStranger(Two):
     def equations(self) -> Equations:
         yield connect(self.left.flange_a, translational.Fixed().flange)
@@ -210,7 +254,10 @@ class ConnectedToAStranger(Two):
 stranger = Mass(m=1.0)
 
 
-@corpus.broken("AC131", "`s`", """
+@corpus.broken(
+    "AC131",
+    "`s`",
+    """
 error[AC131]: `s` belongs to a Mass that is not part of the model
   at      test_connection_messages.py:N
               yield self.x == stranger.s
@@ -219,7 +266,8 @@ error[AC131]: `s` belongs to a Mass that is not part of the model
                          ^^^^^^^^^^^
           x == s
   help    declare it with part(), set it in `build`, and write self.<part>
-""")
+""",
+)
 class EquationWithAStranger(Component):
     x: Real = variable(unit="m")
 
@@ -227,14 +275,18 @@ class EquationWithAStranger(Component):
         yield self.x == stranger.s
 
 
-@corpus.broken("AC132", "one.y and two.y", """
+@corpus.broken(
+    "AC132",
+    "one.y and two.y",
+    """
 error[AC132]: two sources drive one signal: one.y and two.y
   at      test_connection_messages.py:N
               yield connect(self.one.y, self.gain.u)
   at      test_connection_messages.py:N
               yield connect(self.two.y, self.gain.u)
   help    connect each input to one output
-""")
+""",
+)
 class TwoSources(Component):
     one: blocks.Constant = part()
     two: blocks.Constant = part()
@@ -250,13 +302,17 @@ class TwoSources(Component):
         yield connect(self.two.y, self.gain.u)
 
 
-@corpus.broken("AC137", "force.u", """
+@corpus.broken(
+    "AC137",
+    "force.u",
+    """
 error[AC137]: input force.u is both bound to `1` and connected
   at      test_connection_messages.py:N
               self.force = translational.Force(u=1.0)
                            ^^^^^^^^^^^^^^^^^^^^^^^^^^
   help    remove one of the two
-""")
+""",
+)
 class BoundAndConnected(Component):
     signal: blocks.Constant = part()
     force: translational.Force = part()

@@ -18,7 +18,10 @@ class Pair(Component):
     y: Real = variable()
 
 
-@corpus.broken("AC204", "Contradiction", """
+@corpus.broken(
+    "AC204",
+    "Contradiction",
+    """
 error[AC204]: equations of Contradiction contradict each other
   at      test_dependent.py:N
               yield self.x + self.y == 1.0
@@ -31,7 +34,8 @@ error[AC204]: equations of Contradiction contradict each other
           and leave open: x and y
   cause   two equations state the same about these unknowns, perhaps with different numbers
   help    replace one of these equations by one that fixes what is left open
-""")
+""",
+)
 class Contradiction(Pair):
     """The textbook case: structurally regular, and no solution."""
 
@@ -40,7 +44,10 @@ class Contradiction(Pair):
         yield self.x + self.y == 2.0
 
 
-@corpus.broken("AC204", "Repetition", """
+@corpus.broken(
+    "AC204",
+    "Repetition",
+    """
 error[AC204]: equations of Repetition say the same twice
   at      test_dependent.py:N
               yield self.x + self.y == 1.0
@@ -53,7 +60,8 @@ error[AC204]: equations of Repetition say the same twice
           and leave open: x and y
   cause   two equations state the same about these unknowns, perhaps with different numbers
   help    replace one of these equations by one that fixes what is left open
-""")
+""",
+)
 class Repetition(Pair):
     """The same without a contradiction: infinitely many solutions."""
 
@@ -62,7 +70,10 @@ class Repetition(Pair):
         yield 2.0 * self.x + 2.0 * self.y == 2.0
 
 
-@corpus.broken("AC204", "Circle", """
+@corpus.broken(
+    "AC204",
+    "Circle",
+    """
 error[AC204]: equations of Circle depend on each other
   at      test_dependent.py:N
               yield self.x**2 + self.y**2 == 1.0
@@ -75,7 +86,8 @@ error[AC204]: equations of Circle depend on each other
           and leave open: x and y
   cause   two equations state the same about these unknowns, perhaps with different numbers
   help    replace one of these equations by one that fixes what is left open
-""")
+""",
+)
 class Circle(Pair):
     """A nonlinear block: the Jacobian is singular wherever one looks."""
 
@@ -84,7 +96,10 @@ class Circle(Pair):
         yield 2.0 * self.x**2 + 2.0 * self.y**2 == 2.0
 
 
-@corpus.broken("AC204", "Exponential", """
+@corpus.broken(
+    "AC204",
+    "Exponential",
+    """
 error[AC204]: equations of Exponential depend on each other
   at      test_dependent.py:N
               yield exp(self.x + self.y) == 2.0
@@ -97,7 +112,8 @@ error[AC204]: equations of Exponential depend on each other
           and leave open: x and y
   cause   two equations state the same about these unknowns, perhaps with different numbers
   help    replace one of these equations by one that fixes what is left open
-""")
+""",
+)
 class Exponential(Pair):
     """A linear and a nonlinear equation for one and the same sum."""
 
@@ -106,7 +122,10 @@ class Exponential(Pair):
         yield self.x + self.y == 2.0
 
 
-@corpus.broken("AC204", "Pendulum", """
+@corpus.broken(
+    "AC204",
+    "Pendulum",
+    """
 error[AC204]: equations of Pendulum depend on each other
   at      test_dependent.py:N
               yield self.x**2 + self.y**2 == 1.0
@@ -119,7 +138,8 @@ error[AC204]: equations of Pendulum depend on each other
           and leave open: force and other
   cause   two equations state the same about these unknowns, perhaps with different numbers
   help    replace one of these equations by one that fixes what is left open
-""")
+""",
+)
 class Pendulum(Component):
     """The length of a pendulum is stated twice, with a force for each."""
 
@@ -135,7 +155,10 @@ class Pendulum(Component):
         yield 3.0 * self.x**2 + 3.0 * self.y**2 == 3.0
 
 
-@corpus.broken("AC204", "gain.k = 1", """
+@corpus.broken(
+    "AC204",
+    "gain.k = 1",
+    """
 error[AC204]: UnitFeedback: equations of sum, gain and constant contradict each other for sum.k2 = 1 and gain.k = 1
   at      test_dependent.py:N
               self.sum = blocks.Add()
@@ -154,7 +177,8 @@ error[AC204]: UnitFeedback: equations of sum, gain and constant contradict each 
           and leave open: sum.u2, sum.y, gain.u and gain.y
   cause   with other values of these parameters the equations would determine their unknowns
   help    change sum.k2 and gain.k, or model what is idealised away
-""")
+""",
+)
 class UnitFeedback(Component):
     """y = u + k*y determines y for every gain but 1."""
 
@@ -173,7 +197,10 @@ class UnitFeedback(Component):
         yield connect(self.gain.y, self.sum.u2)
 
 
-@corpus.broken("AC204", "mass.m = 0", """
+@corpus.broken(
+    "AC204",
+    "mass.m = 0",
+    """
 error[AC204]: MasslessMass: equations of mass and force contradict each other for mass.m = 0
   at      test_dependent.py:N
               self.mass = translational.Mass(m=0.0)
@@ -190,7 +217,8 @@ error[AC204]: MasslessMass: equations of mass and force contradict each other fo
           and leave open: mass.s, mass.v, mass.a, mass.flange_a.s and 2 more
   cause   with other values of these parameters the equations would determine their unknowns
   help    change mass.m, or model what is idealised away
-""")
+""",
+)
 class MasslessMass(Component):
     """A force on nothing."""
 
@@ -212,14 +240,18 @@ class Empty(translational.PartialCompliant):
         yield self.f - self.f == 0.0
 
 
-@corpus.broken("AC204", "spring", """
+@corpus.broken(
+    "AC204",
+    "spring",
+    """
 error[AC204]: Tautology: `spring.f - spring.f == 0` of spring determines no unknown
   at      test_dependent.py:N
               yield self.f - self.f == 0.0
             spring.f - spring.f == 0   (Empty, test_dependent.py:N)
   cause   its unknowns cancel, or it holds parameters only
   help    replace it by an equation for an unknown
-""")
+""",
+)
 class Tautology(Component):
     """The unknown of an equation cancels in the equation itself."""
 

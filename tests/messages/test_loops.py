@@ -13,7 +13,10 @@ corpus = Corpus()
 X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
 
-@corpus.broken("AC206", "joints[0]", """
+@corpus.broken(
+    "AC206",
+    "joints[0]",
+    """
 error[AC206]: FourBar: the closed loop of joints[0], joints[1], joints[2] and joints[3] is overconstrained
   at      test_loops.py:N
               yield connect(self.bars[3].frame_b, self.world.frame_b)
@@ -22,7 +25,8 @@ error[AC206]: FourBar: the closed loop of joints[0], joints[1], joints[2] and jo
           not determined: world.frame_b.f[2], world.frame_b.t[0], world.frame_b.t[1], joints[0].frame_a.f[2] and 47 more
   cause   the cut forces and torques cannot all be determined: a planar loop, or joints that constrain the same motion
   help    in a planar loop make one joint a RevolutePlanarLoopConstraint
-""")
+""",
+)
 class FourBar(Component):
     """Four hinges with parallel axes: three of the cut torques and forces are not determined."""
 
@@ -48,7 +52,10 @@ class FourBar(Component):
         yield connect(self.bars[3].frame_b, self.world.frame_b)
 
 
-@corpus.broken("AC206", "upper", """
+@corpus.broken(
+    "AC206",
+    "upper",
+    """
 error[AC206]: ParallelGuides: the closed loop of upper and lower is overconstrained
   at      test_loops.py:N
               yield connect(self.bridge.frame_b, self.upper.frame_b)
@@ -57,7 +64,8 @@ error[AC206]: ParallelGuides: the closed loop of upper and lower is overconstrai
           not determined: world.frame_b.f[1], world.frame_b.f[2], world.frame_b.t[0], world.frame_b.t[1] and 41 more
   cause   the cut forces and torques cannot all be determined: a planar loop, or joints that constrain the same motion
   help    in a planar loop make one joint a RevolutePlanarLoopConstraint
-""")
+""",
+)
 class ParallelGuides(Component):
     """A slide on two parallel guides."""
 
@@ -83,7 +91,10 @@ class ParallelGuides(Component):
         yield connect(self.bridge.frame_b, self.upper.frame_b)
 
 
-@corpus.broken("AC206", "beam", """
+@corpus.broken(
+    "AC206",
+    "beam",
+    """
 error[AC206]: ClampedBeam: the closed loop of wall, world and beam is overconstrained
   at      test_loops.py:N
               yield connect(self.beam.frame_b, self.wall.frame_b)
@@ -92,7 +103,8 @@ error[AC206]: ClampedBeam: the closed loop of wall, world and beam is overconstr
           not determined: world.frame_b.f[0], beam.frame_a.f[0], beam.frame_b.f[0], wall.frame_b.f[0] and 20 more
   cause   the cut forces and torques cannot all be determined: a planar loop, or joints that constrain the same motion
   help    in a planar loop make one joint a RevolutePlanarLoopConstraint
-""")
+""",
+)
 class ClampedBeam(Component):
     """A rigid beam clamped at both ends."""
 

@@ -11,7 +11,10 @@ from tests.messages.cases import Case, Corpus
 corpus = Corpus()
 
 
-@corpus.broken("AC205", "first and second", """
+@corpus.broken(
+    "AC205",
+    "first and second",
+    """
 error[AC205]: SourcesInSeries: first and second both prescribe first.n.i
   at      test_prescribed_flows.py:N
               self.first = electrical.ConstantCurrent(I=1.0)
@@ -30,7 +33,8 @@ error[AC205]: SourcesInSeries: first and second both prescribe first.n.i
           and leave open: first.v, first.n.v, second.v and second.p.v
   cause   what flows into a junction must flow out again; sources in series leave no choice
   help    remove one of them, or connect something that takes up the difference
-""")
+""",
+)
 class SourcesInSeries(Component):
     """Two current sources in series."""
 
@@ -51,7 +55,10 @@ class SourcesInSeries(Component):
         yield connect(self.load.n, self.first.p, self.ground.p)
 
 
-@corpus.broken("AC205", "force and spring", """
+@corpus.broken(
+    "AC205",
+    "force and spring",
+    """
 error[AC205]: ForceOnLooseSpring: force and spring both prescribe force.flange.f
   at      test_prescribed_flows.py:N
               self.force = translational.ConstantForce(f_constant=1.0)
@@ -69,7 +76,8 @@ error[AC205]: ForceOnLooseSpring: force and spring both prescribe force.flange.f
           and leave open: force.flange.s, spring.flange_a.s and spring.flange_b.s
   cause   spring.flange_a is not connected, so the flow there is zero
   help    connect spring.flange_a
-""")
+""",
+)
 class ForceOnLooseSpring(Component):
     """The force has to go through a spring whose other end holds on to nothing."""
 

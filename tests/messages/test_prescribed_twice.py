@@ -11,7 +11,10 @@ from tests.messages.cases import Case, Corpus
 corpus = Corpus()
 
 
-@corpus.broken("AC205", "low and high", """
+@corpus.broken(
+    "AC205",
+    "low and high",
+    """
 error[AC205]: ParallelSources: low and high both prescribe low.p.v - low.n.v
   at      test_prescribed_twice.py:N
               self.low = electrical.ConstantVoltage(V=1.0)
@@ -28,7 +31,8 @@ error[AC205]: ParallelSources: low and high both prescribe low.p.v - low.n.v
           and leave open: low.p.i, low.n.i, high.p.i and high.n.i
   cause   is the voltage here fixed twice: two voltage sources in parallel, or a second Ground?
   help    remove one of them, or put something compliant between them
-""")
+""",
+)
 class ParallelSources(Component):
     """Two voltage sources of different voltage in parallel."""
 
@@ -48,7 +52,10 @@ class ParallelSources(Component):
         yield connect(self.low.n, self.high.n, self.load.n, self.ground.p)
 
 
-@corpus.broken("AC205", "here and there", """
+@corpus.broken(
+    "AC205",
+    "here and there",
+    """
 error[AC205]: TwoGrounds: here and there both prescribe here.p.v
   at      test_prescribed_twice.py:N
               self.here = electrical.Ground()
@@ -63,7 +70,8 @@ error[AC205]: TwoGrounds: here and there both prescribe here.p.v
           and leave open: here.p.i and there.p.i
   cause   is the voltage here fixed twice: two voltage sources in parallel, or a second Ground?
   help    remove one of them, or put something compliant between them
-""")
+""",
+)
 class TwoGrounds(Component):
     """The potential is the same; how the current divides is not known."""
 
@@ -83,7 +91,10 @@ class TwoGrounds(Component):
         yield connect(self.source.n, self.load.n, self.here.p, self.there.p)
 
 
-@corpus.broken("AC205", "source", """
+@corpus.broken(
+    "AC205",
+    "source",
+    """
 error[AC205]: ShortCircuit: source prescribes a difference between source.p and source.n, which are one point
   at      test_prescribed_twice.py:N
               self.source = electrical.ConstantVoltage(V=1.0)
@@ -95,7 +106,8 @@ error[AC205]: ShortCircuit: source prescribes a difference between source.p and 
           and leave open: source.p.i and source.n.i
   cause   source.p and source.n are connected with each other
   help    remove that connection, or put something between them
-""")
+""",
+)
 class ShortCircuit(Component):
     """A voltage source whose pins are one point."""
 
@@ -110,7 +122,10 @@ class ShortCircuit(Component):
         yield connect(self.source.p, self.source.n, self.ground.p)
 
 
-@corpus.broken("AC205", "left, rod and right", """
+@corpus.broken(
+    "AC205",
+    "left, rod and right",
+    """
 error[AC205]: RodBetweenWalls: left, rod and right together prescribe left.flange.s - rod.flange_b.s twice
   at      test_prescribed_twice.py:N
               self.left = translational.Fixed()
@@ -130,7 +145,8 @@ error[AC205]: RodBetweenWalls: left, rod and right together prescribe left.flang
           and leave open: left.flange.f, rod.flange_a.f, rod.flange_b.f and right.flange.f
   cause   is the position of this flange fixed twice, by two components such as Fixed or Position?
   help    remove one of them, or put something compliant between them
-""")
+""",
+)
 class RodBetweenWalls(Component):
     """The rod is 1 m long, the walls are 2 m apart."""
 
@@ -148,7 +164,10 @@ class RodBetweenWalls(Component):
         yield connect(self.rod.flange_b, self.right.flange)
 
 
-@corpus.broken("AC205", "upper and lower", """
+@corpus.broken(
+    "AC205",
+    "upper and lower",
+    """
 error[AC205]: ParallelRods: upper and lower both prescribe upper.flange_a.s - upper.flange_b.s
   at      test_prescribed_twice.py:N
               self.upper = translational.Rod(L=1.0)
@@ -165,7 +184,8 @@ error[AC205]: ParallelRods: upper and lower both prescribe upper.flange_a.s - up
           and leave open: upper.flange_a.f, upper.flange_b.f, lower.flange_a.f and lower.flange_b.f
   cause   is the position of this flange fixed twice, by two components such as Fixed or Position?
   help    remove one of them, or put something compliant between them
-""")
+""",
+)
 class ParallelRods(Component):
     """Two equal rods side by side: who bears which part of the load is not known."""
 
@@ -188,7 +208,10 @@ class ParallelRods(Component):
         yield connect(self.upper.flange_b, self.lower.flange_b, self.mass.flange_a)
 
 
-@corpus.broken("AC205", "drive, brake", """
+@corpus.broken(
+    "AC205",
+    "drive, brake",
+    """
 error[AC205]: TwoSpeeds: drive, brake and inertia together prescribe drive.flange.phi - brake.flange.phi twice
   at      test_prescribed_twice.py:N
               self.drive = rotational.Speed()
@@ -212,7 +235,8 @@ error[AC205]: TwoSpeeds: drive, brake and inertia together prescribe drive.flang
           and leave open: drive.flange.tau, brake.flange.tau, inertia.flange_a.tau and inertia.flange_b.tau
   cause   is the angle of this flange fixed twice, by two components such as Fixed or Position?
   help    remove one of them, or put something compliant between them
-""")
+""",
+)
 class TwoSpeeds(Component):
     """Two speed sources on one shaft."""
 

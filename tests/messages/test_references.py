@@ -11,7 +11,10 @@ from tests.messages.cases import Case, Corpus
 corpus = Corpus()
 
 
-@corpus.broken("AC203", "R.p", """
+@corpus.broken(
+    "AC203",
+    "R.p",
+    """
 error[AC203]: WithoutGround: nothing fixes the potential v of R.p, R.n, C.p and C.n
   at      test_references.py:N
               self.R = electrical.Resistor(R=1.0)
@@ -27,7 +30,8 @@ error[AC203]: WithoutGround: nothing fixes the potential v of R.p, R.n, C.p and 
             the i of R.n, C.n sum to zero   (test_references.py:N)
   cause   no component fixes a potential in this circuit
   help    add Ground and connect it to one pin
-""")
+""",
+)
 class WithoutGround(Component):
     """OpenModelica issue 9944, "underdetermined equation system not detected properly": an internal error there."""
 
@@ -43,7 +47,10 @@ class WithoutGround(Component):
         yield connect(self.C.n, self.R.n)
 
 
-@corpus.broken("AC203", "second", """
+@corpus.broken(
+    "AC203",
+    "second",
+    """
 error[AC203]: SecondCircuit: nothing fixes the potential v of second, loads[0] and loads[1]
   at      test_references.py:N
               self.second = electrical.ConstantVoltage(V=1.0)
@@ -60,7 +67,8 @@ error[AC203]: SecondCircuit: nothing fixes the potential v of second, loads[0] a
             the i of second.n, loads[0].n, loads[1].n sum to zero   (test_references.py:N)
   cause   no component fixes a potential in this circuit
   help    add Ground and connect it to one pin
-""")
+""",
+)
 class SecondCircuit(Component):
     """One circuit is grounded, the other is not; the currents have a junction of three."""
 
@@ -84,7 +92,10 @@ class SecondCircuit(Component):
         yield connect(self.second.n, self.loads[0].n, self.loads[1].n)
 
 
-@corpus.broken("AC203", "transformer.p2", """
+@corpus.broken(
+    "AC203",
+    "transformer.p2",
+    """
 error[AC203]: SecondarySide: nothing fixes the potential v of transformer.p2, transformer.n2, load.p and load.n
   at      test_references.py:N
               self.transformer = electrical.IdealTransformer(n=2.0)
@@ -100,7 +111,8 @@ error[AC203]: SecondarySide: nothing fixes the potential v of transformer.p2, tr
             the i of transformer.n2, load.n sum to zero   (test_references.py:N)
   cause   no component fixes a potential in this circuit
   help    add Ground and connect it to one pin
-""")
+""",
+)
 class SecondarySide(Component):
     """A transformer separates the potentials of its sides: each needs a ground of its own."""
 
@@ -122,7 +134,10 @@ class SecondarySide(Component):
         yield connect(self.transformer.n2, self.load.n)
 
 
-@corpus.broken("AC203", "diode", """
+@corpus.broken(
+    "AC203",
+    "diode",
+    """
 error[AC203]: NonlinearWithoutGround: nothing fixes the potential v of source, resistor and diode
   at      test_references.py:N
               self.source = electrical.ConstantVoltage(V=1.0)
@@ -140,7 +155,8 @@ error[AC203]: NonlinearWithoutGround: nothing fixes the potential v of source, r
             the i of resistor.n, diode.p sum to zero   (test_references.py:N)
   cause   no component fixes a potential in this circuit
   help    add Ground and connect it to one pin
-""")
+""",
+)
 class NonlinearWithoutGround(Component):
     """The same with a nonlinear characteristic, whose block of equations is torn."""
 
@@ -159,7 +175,10 @@ class NonlinearWithoutGround(Component):
         yield connect(self.diode.n, self.source.n)
 
 
-@corpus.broken("AC203", "spring.flange_a", """
+@corpus.broken(
+    "AC203",
+    "spring.flange_a",
+    """
 error[AC203]: LoneSpring: nothing fixes the position s of spring.flange_a and spring.flange_b
   at      test_references.py:N
               self.spring = translational.Spring(c=1.0)
@@ -171,7 +190,8 @@ error[AC203]: LoneSpring: nothing fixes the position s of spring.flange_a and sp
             the f of spring.flange_b is zero: not connected   (test_references.py:N)
   cause   is this flange connected to something with mass, to Fixed or to a Position source?
   help    connect spring.flange_a and spring.flange_b
-""")
+""",
+)
 class LoneSpring(Component):
     """Both ends of a spring hang in the air."""
 
@@ -181,7 +201,10 @@ class LoneSpring(Component):
         self.spring = translational.Spring(c=1.0)
 
 
-@corpus.broken("AC203", "damper and torque", """
+@corpus.broken(
+    "AC203",
+    "damper and torque",
+    """
 error[AC203]: RotationWithoutInertia: nothing fixes the angle phi of damper and torque
   at      test_references.py:N
               self.damper = rotational.SpringDamper(c=1.0, d=1.0)
@@ -196,7 +219,8 @@ error[AC203]: RotationWithoutInertia: nothing fixes the angle phi of damper and 
             the tau of damper.flange_b, torque.flange_b sum to zero   (test_references.py:N)
   cause   is this flange connected to an inertia, to Fixed or to a Position source?
   help    connect one of them to a component that fixes it (a ground, a fixed point, a source)
-""")
+""",
+)
 class RotationWithoutInertia(Component):
     """A torque twists a spring-damper, and nothing holds the pair."""
 
@@ -215,14 +239,18 @@ class RotationWithoutInertia(Component):
         yield connect(self.damper.flange_b, self.torque.flange_b)
 
 
-@corpus.broken("AC203", "joint.frame_a", """
+@corpus.broken(
+    "AC203",
+    "joint.frame_a",
+    """
 error[AC203]: WithoutWorld: nothing fixes the orientation of joint.frame_a
   at      test_references.py:N
               self.joint = multibody.Revolute()
                            ^^^^^^^^^^^^^^^^^^^^
   cause   no World, Fixed or Body is in this island of frames
   help    connect one of its frames to World.frame_b, to Fixed.frame_b or to a Body
-""")
+""",
+)
 class WithoutWorld(Component):
     """Frames that are tied to each other, but neither to the world nor to a body."""
 
@@ -237,7 +265,10 @@ class WithoutWorld(Component):
         yield connect(self.joint.frame_b, self.bar.frame_a)
 
 
-@corpus.broken("AC201", "joint.phi", """
+@corpus.broken(
+    "AC201",
+    "joint.phi",
+    """
 error[AC201]: WithoutMass: nothing determines joint.phi
   at      test_references.py:N
               self.joint = multibody.Revolute()
@@ -251,7 +282,8 @@ error[AC201]: WithoutMass: nothing determines joint.phi
             and 3 more equations
   cause   the angle of the joint cannot be determined: does a body with inertia about the axis turn with frame_b?
   help    connect joint to what determines it
-""")
+""",
+)
 class WithoutMass(Component):
     """A joint that moves nothing: its angle follows from no equation."""
 

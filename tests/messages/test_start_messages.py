@@ -14,7 +14,10 @@ from tests.messages.cases import Case, Corpus
 corpus = Corpus()
 
 
-@corpus.bad_start("AC302", "spring.s_rel", """
+@corpus.bad_start(
+    "AC302",
+    "spring.s_rel",
+    """
 error[AC302]: OverFixed: the start value spring.s_rel = 2 contradicts the others, which make it 1
   at      test_start_messages.py:N
               self.spring = translational.Spring(c=1.0, s_rel=fixed(2.0))
@@ -23,7 +26,8 @@ error[AC302]: OverFixed: the start value spring.s_rel = 2 contradicts the others
             mass.s = 1   (test_start_messages.py:N)
   cause   more is fixed at the start than the 2 states can follow: mass.s and mass.v
   help    remove one of them, or make it a guess: s_rel=guess(2)
-""")
+""",
+)
 class OverFixed(Component):
     """The length of the spring follows from the position of the mass, and both are fixed."""
 
@@ -41,7 +45,10 @@ class OverFixed(Component):
         yield connect(self.spring.flange_b, self.mass.flange_a)
 
 
-@corpus.bad_start("AC302", "y == 5", """
+@corpus.bad_start(
+    "AC302",
+    "y == 5",
+    """
 error[AC302]: OneTooMany: the start equation `y == 5` contradicts the others: it is off by -3
   at      test_start_messages.py:N
               yield self.y == 5.0
@@ -49,7 +56,8 @@ error[AC302]: OneTooMany: the start equation `y == 5` contradicts the others: it
             x = 1
   cause   more is fixed at the start than the 1 state can follow: x
   help    remove it, or make one of the others a guess(...)
-""")
+""",
+)
 class OneTooMany(Component):
     """One state, a start value and a start equation."""
 
@@ -75,7 +83,10 @@ class Decay(Component):
         yield der(self.y) == -self.y
 
 
-@corpus.bad_start("AC304", "x and y", """
+@corpus.bad_start(
+    "AC304",
+    "x and y",
+    """
 error[AC304]: SumTwice: the start conditions do not determine x and y
   at      test_start_messages.py:N
               yield self.x + self.y == 1.0
@@ -86,7 +97,8 @@ error[AC304]: SumTwice: the start conditions do not determine x and y
             start equation x + y == 2   (test_start_messages.py:N)
   cause   two start conditions say the same, perhaps with different numbers
   help    replace one of them by a condition for x, for example x=fixed(...)
-""")
+""",
+)
 class SumTwice(Decay):
     """Two start equations for two states, which say the same with different numbers."""
 
@@ -95,7 +107,10 @@ class SumTwice(Decay):
         yield self.x + self.y == 2.0
 
 
-@corpus.bad_start("AC301", "x", """
+@corpus.bad_start(
+    "AC301",
+    "x",
+    """
 error[AC301]: NoRoot: no start found for x
   at      test_start_messages.py:N
               yield self.x * self.x + 1.0 == 0.0
@@ -104,7 +119,8 @@ error[AC301]: NoRoot: no start found for x
           guesses: x = 0.3
   cause   the guesses are too far from a solution, or there is none
   help    give better guesses: x=guess(...)
-""")
+""",
+)
 class NoRoot(Component):
     """x*x == -1 has no real solution."""
 
@@ -114,7 +130,10 @@ class NoRoot(Component):
         yield self.x * self.x + 1.0 == 0.0
 
 
-@corpus.bad_start("AC303", "y", """
+@corpus.bad_start(
+    "AC303",
+    "y",
+    """
 error[AC303]: DivisionByZero: y has no finite value at the start (t = 0 s)
   at      test_start_messages.py:N
               yield self.y == 1.0 / self.x
@@ -122,7 +141,8 @@ error[AC303]: DivisionByZero: y has no finite value at the start (t = 0 s)
           with x = 0
   cause   a division by zero, or a root or logarithm of a negative number
   help    start elsewhere, or state the equation so that it holds there too
-""")
+""",
+)
 class DivisionByZero(Component):
     """1/x at x = 0; y is only observed."""
 
@@ -134,7 +154,10 @@ class DivisionByZero(Component):
         yield self.y == 1.0 / self.x
 
 
-@corpus.bad_start("AC303", "y", """
+@corpus.bad_start(
+    "AC303",
+    "y",
+    """
 error[AC303]: LogarithmOfZero: y has no finite value at the start (t = 0 s)
   at      test_start_messages.py:N
               yield self.y == log(self.x)
@@ -142,7 +165,8 @@ error[AC303]: LogarithmOfZero: y has no finite value at the start (t = 0 s)
           with x = 0
   cause   a division by zero, or a root or logarithm of a negative number
   help    start elsewhere, or state the equation so that it holds there too
-""")
+""",
+)
 class LogarithmOfZero(Component):
     """The rate would be finite again: 1/log(0) is 0."""
 

@@ -38,7 +38,10 @@ class Scene(Component):
         self.wall = translational.Fixed()
 
 
-@corpus.broken("AC201", "spring", """
+@corpus.broken(
+    "AC201",
+    "spring",
+    """
 error[AC201]: MissingLaw: spring states 3 equations for 4 unknowns
   at      test_unbalanced.py:N
               self.spring = SpringWithoutLaw(c=1.0)
@@ -52,7 +55,8 @@ error[AC201]: MissingLaw: spring states 3 equations for 4 unknowns
             spring.flange_a.f == -spring.f   (SpringWithoutLaw, translational/interfaces.py:N)
   cause   a component needs one equation for each own variable and one for each flow of its connectors
   help    state 1 more equation in SpringWithoutLaw.equations
-""")
+""",
+)
 class MissingLaw(Scene):
     spring: SpringWithoutLaw = part()
 
@@ -65,7 +69,10 @@ class MissingLaw(Scene):
         yield connect(self.spring.flange_b, self.mass.flange_a)
 
 
-@corpus.broken("AC202", "spring", """
+@corpus.broken(
+    "AC202",
+    "spring",
+    """
 error[AC202]: SuperfluousLaw: spring states 5 equations for 4 unknowns
   at      test_unbalanced.py:N
               self.spring = SpringWithTwoLaws(c=1.0)
@@ -80,7 +87,8 @@ error[AC202]: SuperfluousLaw: spring states 5 equations for 4 unknowns
             spring.flange_a.f + spring.flange_b.f == 0   (SpringWithTwoLaws, test_unbalanced.py:N)
   cause   a component needs one equation for each own variable and one for each flow of its connectors, no more
   help    remove 1 equation from SpringWithTwoLaws
-""")
+""",
+)
 class SuperfluousLaw(Scene):
     """The equation too many follows from the others; it would be dropped silently."""
 
@@ -95,7 +103,10 @@ class SuperfluousLaw(Scene):
         yield connect(self.spring.flange_b, self.mass.flange_a)
 
 
-@corpus.broken("AC202", "mass", """
+@corpus.broken(
+    "AC202",
+    "mass",
+    """
 error[AC202]: BoundPosition: mass states 6 equations for 5 unknowns: `mass.s == x` is one too many
   at      test_unbalanced.py:N
               self.mass = translational.Mass(m=1.0, s=self.x)
@@ -109,7 +120,8 @@ error[AC202]: BoundPosition: mass states 6 equations for 5 unknowns: `mass.s == 
             mass.s == x   (test_unbalanced.py:N)
   cause   the constructor binds a variable that the component determines by its own equations
   help    make the Mass without s=..., or with s=fixed(...) for a start value
-""")
+""",
+)
 class BoundPosition(Scene):
     """The constructor of the mass gets an expression for a variable that its equations determine."""
 
@@ -127,7 +139,10 @@ class BoundPosition(Scene):
         yield self.x == 1.0
 
 
-@corpus.broken("AC202", "capacitor.n.v", """
+@corpus.broken(
+    "AC202",
+    "capacitor.n.v",
+    """
 error[AC202]: LooseCapacitor states 1 equation for 0 unknowns: `capacitor.n.v == 1` is one too many
   at      test_unbalanced.py:N
               yield self.capacitor.n.v == 1.0
@@ -135,7 +150,8 @@ error[AC202]: LooseCapacitor states 1 equation for 0 unknowns: `capacitor.n.v ==
             capacitor.n.v == 1   (LooseCapacitor, test_unbalanced.py:N)
   cause   capacitor.n is not connected, so its flow is zero; it cannot be given a potential as well
   help    remove it, or connect a component that enforces it: a constraint needs a force, a voltage a current
-""")
+""",
+)
 class LooseCapacitor(Component):
     """ModelingToolkit issue 1544, "ExtraEquationsSystemException": the list of extra equations is empty there."""
 
@@ -159,7 +175,10 @@ class LooseCapacitor(Component):
         yield self.capacitor.n.v == 1.0
 
 
-@corpus.broken("AC202", "left.s == right.s", """
+@corpus.broken(
+    "AC202",
+    "left.s == right.s",
+    """
 error[AC202]: RigidByEquation states 1 equation for 0 unknowns: `left.s == right.s` is one too many
   at      test_unbalanced.py:N
               yield self.left.s == self.right.s
@@ -167,7 +186,8 @@ error[AC202]: RigidByEquation states 1 equation for 0 unknowns: `left.s == right
             left.s == right.s   (RigidByEquation, test_unbalanced.py:N)
   cause   the variables of its parts are determined by the parts and their connections already
   help    remove it, or connect a component that enforces it: a constraint needs a force, a voltage a current
-""")
+""",
+)
 class RigidByEquation(Component):
     """Two masses are tied by an equation instead of a connection: no force belongs to it."""
 
@@ -182,7 +202,10 @@ class RigidByEquation(Component):
         yield self.left.s == self.right.s
 
 
-@corpus.broken("AC201", "Tank", """
+@corpus.broken(
+    "AC201",
+    "Tank",
+    """
 error[AC201]: Tank states 2 equations for 3 unknowns
   at      test_unbalanced.py:N
               def equations(self) -> Equations:
@@ -192,7 +215,8 @@ error[AC201]: Tank states 2 equations for 3 unknowns
             inflow == 0.1   (Tank, test_unbalanced.py:N)
   cause   the outflow needs a valve law
   help    Torricelli: A * sqrt(2 * g * level)
-""")
+""",
+)
 class Tank(Component):
     """The outflow occurs in the balance, but nothing says how large it is; its author has left a hint."""
 
@@ -206,7 +230,10 @@ class Tank(Component):
         yield self.inflow == 0.1
 
 
-@corpus.broken("AC201", "unused", """
+@corpus.broken(
+    "AC201",
+    "unused",
+    """
 error[AC201]: Forgotten states 1 equation for 2 unknowns; none holds unused
   at      test_unbalanced.py:N
               def equations(self) -> Equations:
@@ -215,7 +242,8 @@ error[AC201]: Forgotten states 1 equation for 2 unknowns; none holds unused
             x == 1   (Forgotten, test_unbalanced.py:N)
   cause   a component needs one equation for each own variable and one for each flow of its connectors
   help    state 1 more equation in Forgotten.equations
-""")
+""",
+)
 class Forgotten(Component):
     """A variable that no equation holds."""
 
@@ -226,7 +254,10 @@ class Forgotten(Component):
         yield self.x == 1.0
 
 
-@corpus.broken("AC202", "Twice", """
+@corpus.broken(
+    "AC202",
+    "Twice",
+    """
 error[AC202]: Twice states 2 equations for 1 unknown
   at      test_unbalanced.py:N
               def equations(self) -> Equations:
@@ -235,7 +266,8 @@ error[AC202]: Twice states 2 equations for 1 unknown
             2 * x == 3   (Twice, test_unbalanced.py:N)
   cause   a component needs one equation for each own variable and one for each flow of its connectors, no more
   help    remove 1 equation from Twice
-""")
+""",
+)
 class Twice(Component):
     """One unknown, two equations, one component."""
 
@@ -246,7 +278,10 @@ class Twice(Component):
         yield 2.0 * self.x == 3.0
 
 
-@corpus.broken("AC201", "x", """
+@corpus.broken(
+    "AC201",
+    "x",
+    """
 error[AC201]: MixedUp: 1 equation too few: x cannot be determined
   at      test_unbalanced.py:N
               def equations(self) -> Equations:
@@ -257,7 +292,8 @@ error[AC201]: MixedUp: 1 equation too few: x cannot be determined
             y * y * y == 8   (MixedUp, test_unbalanced.py:N)
   cause   an equation is missing, or a connector is not connected
   help    state one more equation for these variables, or connect what determines them
-""")
+""",
+)
 class MixedUp(Component):
     """As many equations as unknowns, but all of them about one of the two."""
 

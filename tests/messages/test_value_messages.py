@@ -25,6 +25,7 @@ corpus = Corpus()
 mass: Any = Mass
 spring_damper: Any = translational.SpringDamper
 
+
 class Two(Component):
     """Two masses and what subclasses do with them."""
 
@@ -36,21 +37,28 @@ class Two(Component):
         self.right = Mass(m=1.0)
 
 
-@corpus.broken("AC133", "left.m", """
+@corpus.broken(
+    "AC133",
+    "left.m",
+    """
 error[AC133]: parameter left.m has no value
   at      test_value_messages.py:N
               self.left = mass()
                           ^^^^^^
           left.m [kg]   Mass
   help    give it where the component is made: Mass(m=...)
-""")
+""",
+)
 class MissingValue(Two):
     def build(self) -> None:
         self.left = mass()
         self.right = Mass(m=1.0)
 
 
-@corpus.broken("AC133", "a.c, a.d", """
+@corpus.broken(
+    "AC133",
+    "a.c, a.d",
+    """
 error[AC133]: 2 parameters have no value: a.c, a.d
   at      test_value_messages.py:N
               self.a = spring_damper()
@@ -58,7 +66,8 @@ error[AC133]: 2 parameters have no value: a.c, a.d
           a.c [N/m]   Stiffness
           a.d [N.s/m]   Damping constant
   help    give it where the component is made: SpringDamper(c=...)
-""")
+""",
+)
 class MissingValues(Component):
     a: translational.SpringDamper = part()
 
@@ -66,14 +75,18 @@ class MissingValues(Component):
         self.a = spring_damper()
 
 
-@corpus.broken("AC134", "mass.m -> mass.density -> mass.m", """
+@corpus.broken(
+    "AC134",
+    "mass.m -> mass.density -> mass.m",
+    """
 error[AC134]: parameters are bound in a circle: mass.m -> mass.density -> mass.m
   at      test_value_messages.py:N
               self.mass = self.Ball()
                           ^^^^^^^^^^^
           mass.m = 2 * mass.density
   help    give one of them a number
-""")
+""",
+)
 class BoundInACircle(Component):
     class Ball(Component):
         m: Real = parameter(default=lambda self: 2.0 * self.density)
@@ -85,13 +98,17 @@ class BoundInACircle(Component):
         self.mass = self.Ball()
 
 
-@corpus.broken("AC135", "left.m", """
+@corpus.broken(
+    "AC135",
+    "left.m",
+    """
 error[AC135]: left.m is bound to x, which varies in time
   at      test_value_messages.py:N
               self.left = Mass(m=self.x)
                           ^^^^^^^^^^^^^^
   help    bind parameters to parameters; give signals by connect or to a signal_input
-""")
+""",
+)
 class ParameterThatVaries(Component):
     x: Real = variable(unit="kg")
     left: Mass = part()
@@ -103,41 +120,56 @@ class ParameterThatVaries(Component):
         yield self.x == 1.0
 
 
-@corpus.broken("AC136", "left.m", """
+@corpus.broken(
+    "AC136",
+    "left.m",
+    """
 error[AC136]: left.m = -1 kg is outside its limits 0 ... inf
   at      test_value_messages.py:N
               self.left = Mass(m=-1.0)
                           ^^^^^^^^^^^^
           left.m   Mass
   help    give a value of at least 0 kg
-""")
+""",
+)
 class OutsideItsLimits(Two):
     def build(self) -> None:
         self.left = Mass(m=-1.0)
         self.right = Mass(m=1.0)
 
 
-@corpus.wrong("AC150", "furlong", """
+@corpus.wrong(
+    "AC150",
+    "furlong",
+    """
 error[AC150]: unknown unit "furlongg" in "furlongg/s"
   at      test_value_messages.py:N
               variable(unit="furlongg/s")
   help    write units as in Modelica: N.m, kg/(m.s2), m/s2, 1/s, mm, kN, deg, degC
-""")
+""",
+)
 def unknown_unit() -> None:
     variable(unit="furlongg/s")
 
 
-@corpus.wrong("AC153", "'mm'", """
+@corpus.wrong(
+    "AC153",
+    "'mm'",
+    """
 error[AC153]: declared unit 'mm' is not coherent (1 mm = 0.001 SI units)
   at      test_value_messages.py:N
               variable(unit="mm")
   help    declare in SI; values given on the command line are converted: --set length=16mm
-""")
+""",
+)
 def incoherent_unit() -> None:
     variable(unit="mm")
 
 
-@corpus.broken("AC155", "left.s == left.v", """
+@corpus.broken(
+    "AC155",
+    "left.s == left.v",
+    """
 error[AC155]: `left.s == left.v`: the left side is in m, the right side in m/s
   at      test_value_messages.py:N
               yield self.left.s == self.left.v
@@ -145,13 +177,17 @@ error[AC155]: `left.s == left.v`: the left side is in m, the right side in m/s
           left.v  [m/s]
   cause   a factor is missing or two quantities are mixed up
   help    check the declared units; a plain number adapts to any unit
-""")
+""",
+)
 class PositionIsVelocity(Two):
     def equations(self) -> Equations:
         yield self.left.s == self.left.v
 
 
-@corpus.broken("AC155", "left.s + left.v", """
+@corpus.broken(
+    "AC155",
+    "left.s + left.v",
+    """
 error[AC155]: `left.s + left.v` mixes m and m/s
   at      test_value_messages.py:N
               yield self.x == self.left.s + self.left.v
@@ -160,7 +196,8 @@ error[AC155]: `left.s + left.v` mixes m and m/s
           left.v  [m/s]
   cause   a factor is missing or two quantities are mixed up
   help    check the declared units; a plain number adapts to any unit
-""")
+""",
+)
 class SumOfDifferentUnits(Two):
     x: Real = variable(unit="m")
 
@@ -168,7 +205,10 @@ class SumOfDifferentUnits(Two):
         yield self.x == self.left.s + self.left.v
 
 
-@corpus.broken("AC155", "sin(left.s)", """
+@corpus.broken(
+    "AC155",
+    "sin(left.s)",
+    """
 error[AC155]: `sin(left.s)`: sin takes a number or an angle, not m
   at      test_value_messages.py:N
               yield self.x == sin(self.left.s)
@@ -176,7 +216,8 @@ error[AC155]: `sin(left.s)`: sin takes a number or an angle, not m
           left.s  [m]
   cause   a factor is missing or two quantities are mixed up
   help    check the declared units; a plain number adapts to any unit
-""")
+""",
+)
 class SineOfALength(Two):
     x: Real = variable(unit="1")
 

@@ -31,8 +31,7 @@ def open_inputs(flat: FlatSystem) -> StructureError | None:
 def _bound_above(flat: FlatSystem, variable: FlatVariable) -> bool:
     """True when the input is handed down from an input of the model itself."""
     return any(
-        v.first == variable.first and v.declaration.kind is Kind.INPUT and "." not in v.path
-        for v in flat.variables
+        v.first == variable.first and v.declaration.kind is Kind.INPUT and "." not in v.path for v in flat.variables
     )
 
 

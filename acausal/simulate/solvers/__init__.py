@@ -26,9 +26,7 @@ class Solver(Protocol):
         """Solve one segment; RuntimeError when it cannot go on."""
 
 
-SOLVERS: dict[str, type[Solver]] = {
-    s.name: s for s in (Idas, Rosenbrock, Cvodes, Erk, Collocation, Rk, Rk2)
-}
+SOLVERS: dict[str, type[Solver]] = {s.name: s for s in (Idas, Rosenbrock, Cvodes, Erk, Collocation, Rk, Rk2)}
 
 
 def solver_named(name: str) -> Solver:
