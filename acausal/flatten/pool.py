@@ -7,6 +7,7 @@ the same number, so shared sub-expressions are lowered once.
 
 from __future__ import annotations
 
+import heapq
 import math
 from collections.abc import Callable, Iterable
 from typing import Any
@@ -209,6 +210,34 @@ class Pool:
             total = self.add(total, term)
         return total
 
+    def collected(self, root: int) -> int:
+        """The same sum with equal terms gathered: (a - b) - a is -b; `root` itself when no term occurs twice."""
+        nodes = self.nodes
+        factors: dict[int, float] = {root: 1.0}
+        sizes: dict[int, float] = {root: 1.0}
+        terms: list[int] = []
+        is_repeated = False
+        heap = [-root]  # operands have smaller numbers: each node comes once, with all its factors
+        while heap:
+            number = -heapq.heappop(heap)
+            below = _summands(nodes, nodes[number])
+            if not below:
+                terms.append(number)
+            for operand, factor in below:
+                if operand in factors:
+                    is_repeated = True
+                else:
+                    heapq.heappush(heap, -operand)
+                factors[operand] = factors.get(operand, 0.0) + factor * factors[number]
+                sizes[operand] = sizes.get(operand, 0.0) + abs(factor) * sizes[number]
+        if not is_repeated:
+            return root
+        total = self.zero
+        for number in reversed(terms):
+            if abs(factors[number]) > 1e-14 * sizes[number]:
+                total = self.add(total, self.mul(self.const(factors[number]), number))
+        return total
+
     def reachable(self, roots: Iterable[int]) -> list[int]:
         """All nodes needed to evaluate `roots`, in evaluation order."""
         seen: set[int] = set()
@@ -262,6 +291,20 @@ class Pool:
             else:
                 image = tuple(done[c] for c in node[1:])
                 done[number] = number if image == node[1:] else self.make(node[0], *image)
+
+
+def _summands(nodes: list[Node], node: Node) -> tuple[tuple[int, float], ...]:
+    """Operands of a sum with their factors; nothing for what is no sum."""
+    op = node[0]
+    if op in ("add", "sub"):
+        return (node[1], 1.0), (node[2], 1.0 if op == "add" else -1.0)
+    if op == "neg":
+        return ((node[1], -1.0),)
+    if op == "mul":
+        for known, other in ((node[1], node[2]), (node[2], node[1])):
+            if nodes[known][0] == "const":
+                return ((other, nodes[known][1]),)
+    return ()
 
 
 _MAKE: dict[str, Callable[..., int]] = {

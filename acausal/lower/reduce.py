@@ -77,15 +77,17 @@ class ReducedSystem:
         return found
 
 
-def reduce(flat: FlatSystem) -> ReducedSystem:
+def reduce(flat: FlatSystem, instead: Mapping[int, int] | None = None) -> ReducedSystem:
     """Eliminate aliases and constants until none is left.
+
+    `instead` gives residuals, nodes of the flat pool, that take the place of flat equations (see `acausal.lower.hidden`).
 
     Raises
     ------
     StructureError
         When equations contradict each other (a constant that is not zero must be zero): AC205, or the cause of it.
     """
-    work = _Aliases(flat)
+    work = _Aliases(flat, instead or {})
     while work.sweep():
         pass
     return work.finish()

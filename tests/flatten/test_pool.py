@@ -151,3 +151,36 @@ def test_deep_expressions_need_no_recursion() -> None:
     pool.rewrite([total], pool.var, done)
     assert done[total] == total
     assert len(pool.reachable([total])) > 20_000
+
+
+@pytest.mark.parametrize(
+    ("build", "expected"),
+    [
+        pytest.param(lambda p, x, y: p.sub(p.sub(x, y), x), lambda p, x, y: p.neg(y), id="(x-y)-x"),
+        pytest.param(lambda p, x, y: p.add(p.neg(p.add(x, y)), x), lambda p, x, y: p.neg(y), id="-(x+y)+x"),
+        pytest.param(lambda p, x, y: p.sub(p.add(x, y), p.add(y, x)), lambda p, x, y: p.zero, id="(x+y)-(y+x)"),
+        pytest.param(
+            lambda p, x, y: p.sub(p.mul(p.const(3.0), p.sub(x, y)), p.mul(x, p.const(3.0))),
+            lambda p, x, y: p.mul(p.const(-3.0), y),
+            id="3(x-y)-3x",
+        ),
+        pytest.param(
+            lambda p, x, y: p.sub(p.add(p.mul(x, y), y), p.mul(y, x)), lambda p, x, y: y, id="(xy+y)-yx"
+        ),
+        pytest.param(lambda p, x, y: p.add(x, x), lambda p, x, y: p.mul(p.const(2.0), x), id="x+x"),
+    ],
+)
+def test_equal_terms_are_collected(build: Callable[..., int], expected: Callable[..., int]) -> None:
+    pool, x, y, _ = _fresh()
+    assert pool.collected(build(pool, x, y)) == expected(pool, x, y)
+
+
+def test_collecting_leaves_other_sums_alone_and_copes_with_shared_ones() -> None:
+    """2^60 x as sixty doublings: each shared sum is looked at once."""
+    pool, x, y, k = _fresh()
+    root = pool.sub(pool.mul(k, x), pool.add(y, pool.make("sin", x)))
+    assert pool.collected(root) == root
+    total = x
+    for _ in range(60):
+        total = pool.add(total, total)
+    assert pool.collected(total) == pool.mul(pool.const(2.0**60), x)
