@@ -11,18 +11,23 @@ from typing import Any
 
 import casadi as ca
 
+from acausal.errors import InternalError, StructureError
+from acausal.flatten.flat import FlatSystem
 from acausal.flatten.flatten import flatten
 from acausal.language.component import Component
 from acausal.lower.analyse import analyse
 from acausal.lower.build import Builder
 from acausal.lower.cache import recall, remember, signature
 from acausal.lower.compiled import CompiledModel, Symbols, _column
+from acausal.lower.hidden import HiddenConstraint
 from acausal.lower.invariants import use_invariants
 from acausal.lower.reduce import reduce
 from acausal.lower.solve import Solution, solve
 from acausal.lower.start import Reach, start_problem
 from acausal.lower.state_events import find_state_events
 from acausal.lower.time_events import TimeEvents, find_time_events
+
+_MOST_ROUNDS = 20
 
 
 def compile(
@@ -61,18 +66,34 @@ def compile(
             clock.lap("recall")
             known.timings.update(clock.laps)
             return known
-        reduced = use_invariants(reduce(flat))
-        clock.lap("reduce")
-        structure = analyse(reduced)
-        clock.lap("analyse")
-        solution = solve(structure, formulation)
-        clock.lap("solve")
+        solution = _solved(flat, formulation, clock)
         compiled = lower(solution)
         clock.lap("lower")
     compiled.timings.update(clock.laps)
     if key is not None:
         remember(key, compiled)
     return compiled
+
+
+def _solved(flat: FlatSystem, formulation: str, clock: _Clock) -> Solution:
+    """Reduce, analyse and solve; again with each constraint that only then comes to light."""
+    hidden: dict[int, int] = {}
+    first: StructureError | None = None
+    for _ in range(_MOST_ROUNDS):
+        try:
+            reduced = use_invariants(reduce(flat, hidden))
+            clock.lap("reduce")
+            structure = analyse(reduced)
+            clock.lap("analyse")
+            solution = solve(structure, formulation)
+            clock.lap("solve")
+            return solution
+        except HiddenConstraint as found:
+            first = first or found
+            hidden |= found.equations
+        except StructureError as error:
+            raise first or error from None  # what was seen first is nearer to what was written
+    raise first or InternalError("AC906", f"{flat.name}: constraints come to light without end")
 
 
 @contextmanager
@@ -148,5 +169,5 @@ class _Clock:
 
     def lap(self, name: str) -> None:
         now = time.perf_counter()
-        self.laps[name] = now - self._last
+        self.laps[name] = self.laps.get(name, 0.0) + now - self._last
         self._last = now

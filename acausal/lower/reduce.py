@@ -7,6 +7,7 @@ their rates as known derivatives, so that frames cost no unknowns.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -96,10 +97,10 @@ def reduce(flat: FlatSystem, instead: Mapping[int, int] | None = None) -> Reduce
 class _Aliases:
     """The elimination while it is under way; sweeps find new aliases after each substitution."""
 
-    def __init__(self, flat: FlatSystem) -> None:
+    def __init__(self, flat: FlatSystem, instead: Mapping[int, int]) -> None:
         self.flat = flat
         self.pool = flat.pool
-        self.residual = {k: self.pool.sub(e.left, e.right) for k, e in enumerate(flat.equations)}
+        self.residual = {k: self.pool.sub(e.left, e.right) for k, e in enumerate(flat.equations)} | dict(instead)
         self.dirty = list(self.residual)  # equations whose variables have changed since they were looked at
         self.users: dict[int, list[int]] = {}  # variable -> equations it has been seen in
         self.relations: list[tuple[int, int, int]] = []
@@ -230,7 +231,8 @@ class _Aliases:
         pool = self.pool
         pool.rewrite([self.residual[k] for k in self.dirty], self.leaf, self.done)
         for k in self.dirty:
-            self.residual[k] = self.done[self.residual[k]]
+            # A variable that cancels would mislead the structural analysis.
+            self.residual[k] = pool.collected(self.done[self.residual[k]])
             for v in pool.variables_in(self.residual[k]):
                 self.users.setdefault(v, []).append(k)
 

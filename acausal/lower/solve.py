@@ -13,6 +13,7 @@ from acausal.errors import StructureError
 from acausal.lower.analyse import Structure
 from acausal.lower.diagnosis.dependence import check_rank, dependent
 from acausal.lower.elimination import Eliminated, eliminate, safety
+from acausal.lower.hidden import hidden_constraint
 from acausal.lower.linear import LinearForm
 from acausal.structure import Block, Incidence, tear
 
@@ -141,7 +142,8 @@ class _Work:
     def _linear(self, block: Block, done: Eliminated) -> None:
         if done.empty:
             rows = [block.rows[i] for i, _ in done.empty]
-            raise self._dependent(rows, block.columns, done.empty[0][1])
+            error = self._dependent(rows, block.columns, done.empty[0][1])
+            raise hidden_constraint(self.structure, block, error)
         if done.left_variables:
             self._check_rank(block.rows, block.columns)
         self.algebraic += done.left_variables
@@ -186,7 +188,10 @@ class _Work:
     def _check_rank(self, rows: Sequence[int], unknowns: Sequence[int]) -> None:
         residuals = [self.structure.residuals[r] for r in rows]
         flat_rows = [self.structure.flat_equation(r) for r in rows]
-        check_rank(self.structure.reduced, self.points, residuals, unknowns, flat_rows)
+        try:
+            check_rank(self.structure.reduced, self.points, residuals, unknowns, flat_rows)
+        except StructureError as error:
+            raise hidden_constraint(self.structure, Block(tuple(rows), tuple(unknowns)), error) from None
 
     def _dependent(self, rows: Sequence[int], unknowns: Sequence[int], rest: int) -> StructureError:
         flat_rows = [self.structure.flat_equation(r) for r in rows]
