@@ -26,7 +26,8 @@ ALLOWED: dict[str, set[str]] = {
     "structure": set(),
     "lower": {"language", "flatten", "structure"},
     "result": set(),
-    "simulate": {"lower", "flatten", "structure", "result"},
+    # `simulate` takes a component, and its defaults from the component's experiment.
+    "simulate": {"language", "lower", "flatten", "structure", "result"},
     "plot": {"simulate", "result", "lower", "panel"},
     "export": {"language", "flatten", "lower", "simulate", "result"},
     "cli": {"language", "flatten", "structure", "lower", "simulate", "result", "plot", "export", "panel"},

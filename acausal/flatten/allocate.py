@@ -3,23 +3,26 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
+from typing import Any
 
 from acausal.flatten.connections import Joint, SignalJoint, UnionFind
 from acausal.flatten.flat import FlatVariable
 from acausal.flatten.instances import Instance
 from acausal.flatten.pool import Pool
-from acausal.language.component import Component, Connector
+from acausal.language.component import Connector
 from acausal.language.declare import Declaration, Kind
 
 _UNKNOWNS = (Kind.VARIABLE, Kind.FLOW, Kind.INPUT, Kind.OUTPUT)
 
 
-@cache
-def layout(cls: type[Component]) -> tuple[tuple[str, Declaration, int], ...]:
-    """Declared unknowns of a class with their number of scalars, in order."""
+def _layout(cls: Any) -> tuple[tuple[str, Declaration, int], ...]:
     return tuple((n, d, math.prod(d.shape)) for n, d in cls._declarations.items() if d.kind in _UNKNOWNS)
+
+
+layout: Callable[..., tuple[tuple[str, Declaration, int], ...]] = cache(_layout)
+"""Declared unknowns of a class with their number of scalars, in order."""
 
 
 def allocate(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 from acausal.errors import DeclarationError, Span, UsageError, nearest
 from acausal.flatten.flat import FlatParameter, suffixes
@@ -214,7 +215,7 @@ def entries(path: str, shape: Shape, value: object) -> tuple[float, ...]:
     raise UsageError("AC023", f"{path} takes {_wanted(shape)}, {len(given)} were given")
 
 
-def _numbers(value: object) -> tuple[float, ...]:
+def _numbers(value: Any) -> tuple[float, ...]:
     if hasattr(value, "tolist"):
         value = value.tolist()
     if isinstance(value, list | tuple):

@@ -115,7 +115,7 @@ class Pool:
             return _MAKE[op](self, *args)
         if op == "sample":
             return self.intern((op, *args))
-        values = [self.value(a) for a in args]
+        values: list[Any] = [self.value(a) for a in args]
         if all(v is not None for v in values):
             try:
                 return self.const((_UNARY if len(args) == 1 else _BINARY)[op](*values))

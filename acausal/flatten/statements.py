@@ -13,7 +13,7 @@ from acausal.language.events import When
 from acausal.language.expression import Equation
 from acausal.language.origin import Origin, origin_of
 
-Statement = tuple[Equation | Connection | When | Any, Origin]
+Statement = tuple[Any, Origin]
 
 
 def statements(component: Component, method: str = "equations") -> Iterator[Statement]:

@@ -6,6 +6,7 @@ they were made, and the owner they were given to (for messages). Nothing is glob
 
 from __future__ import annotations
 
+import inspect
 import linecache
 import math
 import sys
@@ -42,7 +43,7 @@ class Component:
         for base in reversed(cls.__bases__):
             declarations |= getattr(base, "_declarations", {})
             prototypes |= getattr(base, "_prototypes", {})
-        annotated = cls.__dict__.get("__annotations__", {})
+        annotated = inspect.get_annotations(cls)
         for name, annotation in annotated.items():
             if name not in cls.__dict__ and not name.startswith("_") and "ClassVar" not in str(annotation):
                 value = "variable(...)" if "Real" in str(annotation) else "part()"
@@ -298,7 +299,7 @@ def _annotation_for(value: Declaration | Component) -> str:
 def _annotation_of(cls: type[Component], name: str) -> str:
     """How a part is made, from its annotation: `Mass(...)`, `[Mass(...), ...]`."""
     for base in cls.__mro__:
-        found = base.__dict__.get("__annotations__", {}).get(name)
+        found = inspect.get_annotations(base).get(name)
         if found is not None:
             members = getattr(found, "__args__", ())  # an annotation is text, a class or list[class]
             is_text = isinstance(found, str)

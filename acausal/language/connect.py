@@ -41,7 +41,7 @@ def connect(first: Connectable, second: Connectable, *more: Connectable) -> Conn
                 f"{shown} is neither a connector nor a signal",
                 help=f"connect one of its connectors: {has}" if has else "connect flanges, frames, pins or signals",
             )
-    kinds = {type(end) for end in ends}
+    kinds: set[type] = {type(end) for end in ends}
     if len(kinds) > 1:
         shown = " and ".join(f"{_name(e)} ({_type_name(e, kinds)})" for e in ends)
         raise DeclarationError(
@@ -51,7 +51,7 @@ def connect(first: Connectable, second: Connectable, *more: Connectable) -> Conn
             help="look for a component that has both connectors and put it between",
         )
     if isinstance(first, Symbol):
-        _check_signals(ends)
+        _check_signals(ends)  # type: ignore[arg-type]
     return Connection(ends)  # type: ignore[arg-type]
 
 

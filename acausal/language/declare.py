@@ -121,7 +121,7 @@ def variable(
 def discrete(
     *, unit: str = "", doc: str = "", shape: Shape | int = (), default: Any = None, nominal: float = 1.0
 ) -> Any:
-    """A variable that keeps its value between events; `when(..., reset(x, value))` changes it. Starts at 0 by default."""
+    """A variable that keeps its value between events; `when(..., reset(x, value))` changes it. Starts at 0."""
     start = Fixed(0.0) if default is None else default
     start = start if isinstance(start, Fixed | Guess) or callable(start) else Fixed(start)
     return _declare(

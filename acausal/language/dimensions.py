@@ -30,7 +30,8 @@ def check_dimensions(equation: Equation, where: Sequence[Span]) -> None:
         left, right = dimension(equation.left, known), dimension(equation.right, known)
         if left is not None and right is not None and left != right:
             raise _Mismatch(
-                f"`{equation}`: the left side is in {format_dimension(left)}, the right side in {format_dimension(right)}"
+                f"`{equation}`: the left side is in {format_dimension(left)}, "
+                f"the right side in {format_dimension(right)}"
             )
     except _Mismatch as mismatch:
         raise UnitError(

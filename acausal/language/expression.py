@@ -94,7 +94,7 @@ class Expr:
     def __mul__(self, other: Operand) -> Expr:
         return _product(self, as_expr(other))
 
-    def __rmul__(self, other: Operand) -> Expr:
+    def __rmul__(self, other: Operand) -> Expr:  # type: ignore[misc]
         return _product(as_expr(other), self)
 
     def __truediv__(self, other: Operand) -> Expr:

@@ -41,7 +41,7 @@ class Structure:
         Where index reduction had to choose states.
     invariants
         Constraints that are not solved but kept by stabilisation: pairs of equation and its node. Their variables are
-        all states; of each the highest derivative is solved as (d/dt + rate)^k g = 0, so that g decays (Baumgarte 1972).
+        all states; of each the highest derivative is solved as (d/dt + rate)^k g = 0: g decays (Baumgarte 1972).
     rate
         Node of the stabilisation rate [1/s], a parameter of its own behind those of the model; None without invariants.
     """
@@ -231,7 +231,7 @@ class _System:
         return self.pool.par(len(self.reduced.flat.parameter_values))
 
     def stabilise(self, highest: Sequence[int], integral: dict[int, int]) -> list[tuple[int, int]]:
-        """Replace highest derivatives of constraints by decaying ones; returns the constraints with all lower levels."""
+        """Replace highest derivatives of constraints by decaying ones; returns constraints with all lower levels."""
         invariants = []
         original = list(self.residuals)
         derivative = {old: new for new, old in integral.items()}

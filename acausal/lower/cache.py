@@ -145,7 +145,8 @@ def _with_values(compiled: CompiledModel, flat: FlatSystem) -> CompiledModel:
     start = compiled.start
     if start.conditions or start.surplus:
         start = start_problem(solution)  # for the places in its messages
-    return _replaced(compiled, solution=solution, start=start, timings={})
+    recalled: CompiledModel = _replaced(compiled, solution=solution, start=start, timings={})
+    return recalled
 
 
 def _replaced(old: Any, **changes: Any) -> Any:

@@ -98,7 +98,7 @@ def _solved(flat: FlatSystem, formulation: str, clock: _Clock) -> Solution:
 
 @contextmanager
 def _collector_paused() -> Iterator[None]:
-    """No cyclic garbage collection: a large model is millions of tuples without cycles, and its passes cost a quarter."""
+    """No cyclic garbage collection: a large model is millions of tuples without cycles, its passes cost a quarter."""
     was_enabled = gc.isenabled()
     gc.disable()
     try:

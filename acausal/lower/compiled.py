@@ -29,7 +29,8 @@ Vector = NDArray[np.float64]
 class CompiledModel:
     """A model ready to run; made by `acausal.compile`, never changed.
 
-    Sizes: `nx` states (the last `quadratures` of them are integrals of time that act on nothing), `nz` algebraic variables, `nu` inputs, `np` free parameters, `nm` modes of time events.
+    Sizes: `nx` states (the last `quadratures` of them are integrals of time that act on nothing), `nz` algebraic
+    variables, `nu` inputs, `np` free parameters, `nm` modes of events.
 
     Attributes
     ----------
@@ -54,7 +55,7 @@ class CompiledModel:
     rhs: Any
     modes: Any
     instants: Any
-    state_events: StateEvents = StateEvents()
+    state_events: StateEvents = field(default_factory=StateEvents)
     timings: dict[str, float] = field(default_factory=dict)
 
     def __repr__(self) -> str:
@@ -224,7 +225,7 @@ class CompiledModel:
 
     @cached_property
     def homotopy(self) -> Any:
-        """`(t, x, z, u, p, m, s) -> (used, alg)`: the start system on its way from simplified (s = 0) to actual (s = 1).
+        """`(t, x, z, u, p, m, s) -> (used, alg)`: the start system from simplified (s = 0) to actual (s = 1).
 
         None when the model says `homotopy(...)` nowhere.
         """

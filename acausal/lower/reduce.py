@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 from acausal.flatten.flat import FlatSystem
 from acausal.flatten.pool import Pool
@@ -241,10 +242,10 @@ class _Aliases:
         integral = self.pool.integral_of
         return sorted({k for v, users in self.users.items() if v in integral for k in users if k in self.residual})
 
-    def _alias(self, k: int, node: tuple[object, ...], touched: set[int]) -> bool:
+    def _alias(self, k: int, node: tuple[Any, ...], touched: set[int]) -> bool:
         """Use a residual as alias or constant; False when it must stay."""
         if node[0] == "const":
-            return self._trivial(k, node[1])  # type: ignore[arg-type]
+            return self._trivial(k, node[1])
         first, sign, second = self._pattern(node)
         if first is None or first in self.pool.integral_of or first == second:
             return False
@@ -261,7 +262,7 @@ class _Aliases:
         self.relation_source.append(k)
         return True
 
-    def _link(self, k: int, node: tuple[object, ...], touched: set[int]) -> bool:
+    def _link(self, k: int, node: tuple[Any, ...], touched: set[int]) -> bool:
         """Use v == der(x): v is from now on the derivative of x."""
         pool = self.pool
         first, sign, second = self._pattern(node)
@@ -295,28 +296,28 @@ class _Aliases:
         self.trivial.append(k)
         return True
 
-    def _pattern(self, node: tuple[object, ...]) -> tuple[int | None, int, int | _Known | None]:
+    def _pattern(self, node: tuple[Any, ...]) -> tuple[int | None, int, int | _Known | None]:
         """(variable, sign, other) for v = sign*other, v = known or v = 0 (other None); (None, ...) for no pattern."""
         pool = self.pool
         op = node[0]
         if op == "var":
-            return node[1], 1, None  # type: ignore[return-value]
-        if op == "neg" and pool.nodes[node[1]][0] == "var":  # type: ignore[index]
-            return pool.nodes[node[1]][1], 1, None  # type: ignore[index]
+            return node[1], 1, None
+        if op == "neg" and pool.nodes[node[1]][0] == "var":
+            return pool.nodes[node[1]][1], 1, None
         if op not in ("add", "sub"):
             return None, 1, None
-        a, b = pool.nodes[node[1]], pool.nodes[node[2]]  # type: ignore[index]
+        a, b = pool.nodes[node[1]], pool.nodes[node[2]]
         if a[0] == "neg" and pool.nodes[a[1]][0] == "var" and b[0] == "var":
             return pool.nodes[a[1]][1], 1 if op == "add" else -1, b[1]
         if a[0] == "var" and b[0] == "var":
             return a[1], 1 if op == "sub" else -1, b[1]
         for this, other, other_node in ((a, b, node[2]), (b, a, node[1])):
-            if this[0] == "var" and self._is_known(other, other_node):  # type: ignore[arg-type]
-                known: int = other_node  # type: ignore[assignment]
+            if this[0] == "var" and self._is_known(other, other_node):
+                known: int = other_node
                 return this[1], 1, _Known(known if op == "sub" else pool.neg(known))
         return None, 1, None
 
-    def _is_known(self, node: tuple[object, ...], number: int) -> bool:
+    def _is_known(self, node: tuple[Any, ...], number: int) -> bool:
         if node[0] in ("const", "par"):
             return True
         if node[0] in ("var", "time"):

@@ -121,6 +121,7 @@ def _assign(
     reach = Reach(solution)
     rows = [sorted(reach.of(c.node)) for c in given] + [sorted(reach.of(r)) for r in solution.residuals]
     order = list(solution.algebraic) + sorted(open_states, key=lambda x: x in guesses)
+    matched = np.full(len(rows), -1)
     for count in range(len(solution.algebraic) + sum(x not in guesses for x in open_states), len(order) + 1):
         place = {v: k for k, v in enumerate(order[:count])}
         matched = match(Incidence.from_rows([[place[v] for v in row if v in place] for row in rows], count))

@@ -1,8 +1,8 @@
 """Relations of variables, samples and `when` clauses: what makes an instant an event.
 
 In a model with `when` clauses every relation on which an integrated quantity depends is a mode, constant between
-events, so that the right-hand side is smooth in each mode; `no_event` and `where(..., smooth=True)` exempt a relation. Relations of time only are known in
-advance and live in `time_events`.
+events, so that the right-hand side is smooth in each mode; `no_event` and `where(..., smooth=True)` exempt a relation.
+Relations of time only are known in advance and live in `time_events`.
 """
 
 from __future__ import annotations

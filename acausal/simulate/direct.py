@@ -1,7 +1,7 @@
 """CasADi functions called on NumPy memory, without CasADi's own matrices in between.
 
-A matrix of CasADi's becomes an array of NumPy's through a Python list, 140 ns an entry: for 501 outputs of 10 000 states
-that is 0.7 s, four times what IDAS needs for them (measured, docs/devdocs/numerics.md).
+A matrix of CasADi's becomes an array of NumPy's through a Python list, 140 ns an entry: for 501 outputs of 10 000
+states that is 0.7 s, four times what IDAS needs for them (measured, docs/devdocs/numerics.md).
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ def called(function: Any, arguments: Mapping[str, Array], wanted: Sequence[str])
     held = [np.ascontiguousarray(value, dtype=np.float64) for value in arguments.values()]
     for name, value in zip(arguments, held, strict=True):
         if value.size:
-            buffer.set_arg(function.index_in(name), memoryview(value.reshape(-1)))
+            buffer.set_arg(function.index_in(name), value.reshape(-1).data)
     results = []
     for name in wanted:
         place = function.index_out(name)
         rows, columns = function.size_out(place)
         results.append(np.zeros((columns, rows)))
         if results[-1].size:
-            buffer.set_res(place, memoryview(results[-1].reshape(-1)))
+            buffer.set_res(place, results[-1].reshape(-1).data)
     run()
     if buffer.ret():
         raise RuntimeError(f"{function.name()} returned {buffer.ret()}")
@@ -42,7 +42,7 @@ def called(function: Any, arguments: Mapping[str, Array], wanted: Sequence[str])
 
 
 def rows(function: Any, arguments: Sequence[Array]) -> Array:
-    """The first output at n instants, shape (n, size); each argument has shape (n, its size), or (its size,) if constant.
+    """The first output at n instants, shape (n, size); arguments have shape (n, their size), or (their size,).
 
     The output must be dense.
     """
@@ -53,7 +53,7 @@ def rows(function: Any, arguments: Sequence[Array]) -> Array:
     held = [np.ascontiguousarray(a, dtype=np.float64) for a in arguments]
     for place, value in enumerate(held):
         if value.ndim == 1 and value.size:
-            buffer.set_arg(place, memoryview(value))
+            buffer.set_arg(place, value.data)
         elif value.size:
             varying.append((place, value))
     for k in range(n if found.size else 0):

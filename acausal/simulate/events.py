@@ -87,16 +87,16 @@ class Guards:
         error = 10 * (self.tolerance * np.abs(x) + self.absolute * compiled.nominal_x)
         return np.asarray(np.abs(np.nan_to_num(slope)) @ error + 1e-15)
 
-    def fired(self, t: float, x: Vector, z: Vector, m: Vector) -> Vector:
+    def fired(self, t: float, x: Vector, z: Vector, m: Vector) -> NDArray[np.bool_]:
         """Which relations change at an event: all that are at their guard and falling; at least the nearest."""
         h, rate = self.directed(t, x, z, m), self.rates(t, x, z, m)
         near = np.abs(h) <= np.maximum(1e-12, 1e-9 * np.abs(rate) * max(1.0, abs(t)))
         found = (h < 0) | (near & (rate < 0))
         if not found.any():
             found[int(np.argmin(np.abs(h) / (np.abs(rate) + 1e-300)))] = True
-        return found
+        return np.asarray(found)
 
-    def decide(self, t: float, start: Start, m: Vector, fired: Vector | None = None) -> tuple[Start, Vector]:
+    def decide(self, t: float, start: Start, m: Vector, fired: NDArray[np.bool_] | None = None) -> tuple[Start, Vector]:
         """Flip relations until all hold at this point, or leave their guard in the right direction.
 
         Those that have `fired` are past their guard by no more than the noise; they stay flipped.
@@ -133,14 +133,15 @@ class Guards:
         return consistent(self.problem.compiled, t, start, self.problem.p, self.problem.u, m)
 
     def settle(
-        self, t: float, start: Start, m: Vector, before: Vector, samples: Vector, fired: Vector | None = None
+        self, t: float, start: Start, m: Vector, before: Vector, samples: Vector, fired: NDArray[np.bool_] | None = None
     ) -> Happened:
-        """Event iteration from the modes `m` (changed already) and those `before`; `samples` are true at this instant."""
+        """Event iteration from the modes `m` (changed already) and those `before`; `samples` are true now."""
         compiled = self.problem.compiled
         clauses = compiled.state_events.clauses
         texts: list[str] = []
         changed: dict[str, None] = {}
         place = len(compiled.time_events.relations)
+        rising = np.zeros(len(clauses), dtype=bool)
         for _ in range(_MOST_ROUNDS):
             start, m = self.decide(t, start, m, fired)
             now = m.copy()

@@ -69,7 +69,7 @@ class Hybrid:
     modes: Vector | None = None
 
     def segment(self, start: Start, m: Vector, template: Segment, outputs: Vector) -> Start:
-        """Integrate from `template.start` over `outputs`; `m` are the modes with the relations of time as they are now."""
+        """Integrate from `template.start` over `outputs`; `m` are the modes, those of time up to date."""
         guards = Guards(self.problem, template.tolerance, template.absolute)
         a = template.start
         before = self.before(m, a, start)
@@ -121,9 +121,9 @@ class Hybrid:
     def stretch(self, guards: Guards, quiet: bool, segment: Segment) -> Stop | None:
         """Integrate and record up to the next event; None when the segment ended without one.
 
-        On an ODE one-step methods stop at the event by themselves. The others are looked at after each chunk of outputs; the
-        interval in which the modes cease to hold is then crossed by a one-step method. Chunks are short after an event,
-        for the next is often near, and what lies beyond it is computed in vain.
+        On an ODE one-step methods stop at the event by themselves. The others are looked at after each chunk of
+        outputs; the interval in which the modes cease to hold is then crossed by itself. Chunks are short after an
+        event, for the next is often near, and what lies beyond it is computed in vain.
         """
         m = segment.p
         if self.solver.name in ("rosenbrock", "erk") and not self.problem.compiled.algebraic:
@@ -151,9 +151,9 @@ class Hybrid:
     def locate(self, guards: Guards, segment: Segment) -> Stop:
         """Cross the output interval in which the modes cease to hold.
 
-        An ODE is crossed by a one-step method that stops at the event. A DAE is integrated again by its own solver, ever
-        closer: one-step methods take a hundred times the steps where an algebraic variable is steep (a drill in the
-        air, measured).
+        An ODE is crossed by a one-step method that stops at the event. A DAE is integrated again by its own solver,
+        ever closer: one-step methods take a hundred times the steps where an algebraic variable is steep (a drill in
+        the air, measured).
         """
         if not self.problem.compiled.algebraic:
             return integrate_to_event(self.problem, segment)

@@ -37,7 +37,8 @@ def initialize(compiled: CompiledModel, t: float, p: Vector, u: Vector, m: Vecto
     ------
     InitializationError
         AC301 when Newton's method and continuation both fail, AC304 when that is because conditions depend on each
-        other, AC302 when conditions contradict each other, AC303 when the equations are not defined at the start (division by zero, root of a negative number).
+        other, AC302 when conditions contradict each other, AC303 when the equations are not defined at the start
+        (division by zero, root of a negative number).
     """
     x, z = (np.array(v, dtype=float).ravel() for v in compiled.guess(p))
     start = Start(x, z, ())
@@ -126,7 +127,7 @@ class _System:
         self.arguments = arguments
 
     def solve(self) -> tuple[Vector, Vector]:
-        """Newton from the guesses; then the model's own homotopy; then continuation from a system the guesses satisfy."""
+        """Newton from the guesses; then the model's homotopy; then continuation from a system the guesses satisfy."""
         y0 = np.concatenate([self.x[self.free], self.z]) / self.scale
         found = self._newton(self.residual, y0)
         if found is None:

@@ -33,7 +33,7 @@ class Options:
     def grid(self) -> NDArray[np.float64]:
         """Output times: multiples of the interval from the start, and the stop time."""
         count = math.floor((self.stop_time - self.start_time) / self.output_interval * (1 + 1e-12) + 1e-9)
-        times = self.start_time + self.output_interval * np.arange(count + 1)
+        times: NDArray[np.float64] = self.start_time + self.output_interval * np.arange(count + 1, dtype=np.float64)
         if self.stop_time - times[-1] > 1e-9 * self.output_interval:
             return np.append(times, self.stop_time)
         times[-1] = self.stop_time

@@ -74,14 +74,14 @@ class Problem:
         nz = len(self.compiled.algebraic)
         t, x, z, p, ode, alg, _ = self.scaled
         if nz == 0:
-            none = ca.SX(0, 1)
-            return ca.Function("ode", [t, x, z, p, ca.SX.sym("u", 0)], [ode, none, none, none], _DAE_IN, _DAE_OUT)
+            empty = ca.SX(0, 1)
+            return ca.Function("ode", [t, x, z, p, ca.SX.sym("u", 0)], [ode, empty, empty, empty], _DAE_IN, _DAE_OUT)
         full = ca.Function("full", [t, x, z, p], [ode])
         time, state, par, z0 = ca.MX.sym("t"), ca.MX.sym("x", x.numel()), ca.MX.sym("p", p.numel()), ca.MX.sym("z0", nz)
         root = self._root(t, x, z, p, alg)
-        solved = root(z0, ca.vertcat(time, state, par))
+        solved: Any = root(z0, ca.vertcat(time, state, par))
         none = ca.MX(0, 1)
-        arguments = [time, state, ca.MX.sym("z", 0), ca.vertcat(par, z0), ca.MX.sym("u", 0)]
+        arguments: list[Any] = [time, state, ca.MX.sym("z", 0), ca.vertcat(par, z0), ca.MX.sym("u", 0)]
         return ca.Function("ode", arguments, [full(time, state, solved, par), none, none, none], _DAE_IN, _DAE_OUT)
 
     def _root(self, t: Any, x: Any, z: Any, p: Any, alg: Any) -> Any:

@@ -6,6 +6,7 @@ import logging
 import time as clock
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -176,14 +177,15 @@ class _Run:
         self.stabilise(start, m)
         problem = Problem(self.compiled, self.p, self.u, opts.native)
         recorder = Recorder(self.compiled, self.p, self.u)
-        self.hybrid = Hybrid(
-            problem, solver, recorder, lambda segment, m: self.integrate(problem, solver, recorder, segment, m)
-        )
+        if self.compiled.state_events.relations or self.compiled.state_events.clauses:
+            self.hybrid = Hybrid(
+                problem, solver, recorder, lambda segment, m: self.integrate(problem, solver, recorder, segment, m)
+            )
         began = clock.perf_counter()
         grid = opts.grid()
         try:
             with self.interrupt:
-                for a, b in zip(boundaries[:-1], boundaries[1:], strict=True):
+                for a, b in pairwise(boundaries):
                     start = self.segment(problem, solver, recorder, start, a, b, grid)
         except (IntegrationError, KeyboardInterrupt) as error:
             error.result = self.finish(problem, recorder, solver, reason, start.notes)  # type: ignore[union-attr]
@@ -256,7 +258,7 @@ class _Run:
         m = self.modes(a, b)
         span = b - a
         times = np.append(grid[(grid > a + 1e-12 * span) & (grid < b - 1e-12 * span)], b)
-        if self.compiled.state_events.relations or self.compiled.state_events.clauses:
+        if self.hybrid is not None:
             return self.hybrid.segment(start, m, self.stretch(a, times, start, m), times)
         z = problem.restarted(a, start.x, start.z, m) if len(start.z) else start.z
         start = consistent(self.compiled, a, start, self.p, self.u, m) if z is None else Start(start.x, z, start.notes)
@@ -360,7 +362,7 @@ class _Run:
             )
             piece = solver.integrate(problem, segment)
             on = projected(self.compiled, segment.times, piece.x, piece.z, self.u, self.p, m)
-            return recorder.observe(segment.times, on, piece.z, m[:, None])[0]
+            return np.asarray(recorder.observe(segment.times, on, piece.z, m[:, None])[0])
 
         return row
 

@@ -1,4 +1,4 @@
-"""Choice of states after index reduction: dummy derivatives where a fixed choice is safe, stabilised constraints where not.
+"""Choice of states after index reduction: dummy derivatives where a fixed choice is safe, else stabilisation.
 
 Source: S. E. Mattsson, G. Söderlind, Index reduction in differential-algebraic equations using dummy derivatives,
 SIAM J. Sci. Comput. 14 (1993) 677-692. Columns are taken by sparse elimination, least wanted states first, and only
@@ -203,7 +203,7 @@ class _Elimination:
                 for w, a in row.items():
                     if w == v:
                         continue
-                    new = (other[w] if w in other else 0.0) - factor * a
+                    new = other.get(w, 0.0) - factor * a
                     if np.nanmax(np.abs(new), initial=0.0) <= 1e-12 * max(self.size[j], 1e-300):
                         if other.pop(w, None) is not None:
                             self.columns[w].discard(j)

@@ -20,18 +20,23 @@ class Differentiable(Protocol):
 
     def n_variables(self) -> int:
         """Number of variables so far."""
+        ...
 
     def incidence(self, equation: int) -> Sequence[int]:
         """Unknowns of an equation, derivatives included."""
+        ...
 
     def derivative(self, variable: int) -> int | None:
         """The variable that is the derivative of another, or None when it has none yet."""
+        ...
 
     def differentiate_variable(self, variable: int) -> int:
         """Make the derivative of a variable; returns it."""
+        ...
 
     def differentiate_equation(self, equation: int) -> int:
         """Append the derivative of an equation; returns its number. Derivatives of its variables exist by then."""
+        ...
 
 
 def pantelides(system: Differentiable, n_equations: int) -> tuple[dict[int, int], dict[int, int]]:

@@ -164,9 +164,7 @@ def test_deep_expressions_need_no_recursion() -> None:
             lambda p, x, y: p.mul(p.const(-3.0), y),
             id="3(x-y)-3x",
         ),
-        pytest.param(
-            lambda p, x, y: p.sub(p.add(p.mul(x, y), y), p.mul(y, x)), lambda p, x, y: y, id="(xy+y)-yx"
-        ),
+        pytest.param(lambda p, x, y: p.sub(p.add(p.mul(x, y), y), p.mul(y, x)), lambda p, x, y: y, id="(xy+y)-yx"),
         pytest.param(lambda p, x, y: p.add(x, x), lambda p, x, y: p.mul(p.const(2.0), x), id="x+x"),
     ],
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -88,6 +89,8 @@ def check_rank(
         for v, slope in row.items():
             jacobian[:, i, place[v]] = slope
     seen = False
+    guilty: list[Any] = []
+    open_ones: list[Any] = []
     for matrix in jacobian[1:]:
         if not np.isfinite(matrix).all():
             continue

@@ -173,7 +173,7 @@ def _sparsest(basis: NDArray[np.float64]) -> list[Vector]:
     """Each vector gets an entry of its own that the others do not have; small ones are zero."""
     if not len(basis):
         return []
-    _, _, order = scipy.linalg.qr(basis, pivoting=True, mode="economic")
+    order: Any = scipy.linalg.qr(basis, pivoting=True, mode="economic")[-1]
     own = order[: len(basis)]
     vectors = []
     for row in np.linalg.solve(basis[:, own], basis):

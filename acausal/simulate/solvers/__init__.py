@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Any, Protocol
 
 from acausal.errors import UsageError
 from acausal.lower.compiled import CompiledModel
@@ -24,9 +24,11 @@ class Solver(Protocol):
 
     def integrate(self, problem: Problem, segment: Segment) -> Piece:
         """Solve one segment; RuntimeError when it cannot go on."""
+        ...
 
 
-SOLVERS: dict[str, type[Solver]] = {s.name: s for s in (Idas, Rosenbrock, Cvodes, Erk, Collocation, Rk, Rk2)}
+_ALL: tuple[Any, ...] = (Idas, Rosenbrock, Cvodes, Erk, Collocation, Rk, Rk2)
+SOLVERS: dict[str, type[Solver]] = {s.name: s for s in _ALL}
 
 
 def solver_named(name: str) -> Solver:

@@ -25,7 +25,7 @@ def step_of(segment: Segment, solver: str) -> float:
 
 def elements(segment: Segment, solver: str) -> int:
     """CasADi's number of finite elements over the segment for the wanted step."""
-    return max(1, math.ceil((segment.times[-1] - segment.start) / step_of(segment, solver) - 1e-9))
+    return max(1, math.ceil((float(segment.times[-1]) - segment.start) / step_of(segment, solver) - 1e-9))
 
 
 class Rk(CasadiSolver):
@@ -100,7 +100,7 @@ class Rk2:
         return np.hstack(found), len(sizes)
 
 
-# CasADi nests accumulations by this base; its default of 10 takes four times as long to build (measured at 10 000 steps)
+# CasADi nests accumulations by this base; its default of 10 takes four times as long to build (10 000 steps)
 _BASE = {"base": 4}
 
 

@@ -46,8 +46,8 @@ class Idas(CasadiSolver):
             "calc_ic": False,
             "init_xdot": rate.tolist(),
             "suppress_algebraic": True,
-            # algebraic variables are outside the error test, so only Newton's method keeps them right: with IDA's own 0.33
-            # a drill that falls 8 mm before it touches flies through the block at some tolerances (measured)
+            # algebraic variables are outside the error test, so only Newton's method keeps them right: with IDA's own
+            # 0.33 a drill that falls 8 mm before it touches flies through the block at some tolerances (measured)
             "nonlin_conv_coeff": self.convergence,
             "max_num_steps": 10**6,
             **bounded(segment),
