@@ -82,7 +82,7 @@ class ReducedSystem:
 def reduce(flat: FlatSystem, instead: Mapping[int, int] | None = None) -> ReducedSystem:
     """Eliminate aliases and constants until none is left.
 
-    `instead` gives residuals, nodes of the flat pool, that take the place of flat equations (see `acausal.lower.hidden`).
+    `instead` gives residuals, nodes of the flat pool, that take the place of flat equations (`acausal.lower.hidden`).
 
     Raises
     ------

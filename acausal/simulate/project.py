@@ -50,6 +50,6 @@ def constraints(
 def _solved(matrices: Vector, right: Vector) -> Vector:
     """Solutions of small symmetric systems; the shortest where constraints depend on each other."""
     try:
-        return np.asarray(np.linalg.solve(matrices, right[:, :, None])[:, :, 0])
+        return np.asarray(np.linalg.solve(matrices, right[:, :, None])[:, :, 0], dtype=np.float64)
     except np.linalg.LinAlgError:
         return np.asarray((np.linalg.pinv(matrices, hermitian=True) @ right[:, :, None])[:, :, 0], dtype=np.float64)
