@@ -43,6 +43,18 @@ def simulate(
         typer.Option("--solver", help="auto, idas, rosenbrock, cvodes, erk, collocation, rk, rk2.", show_default=False),
     ] = None,
     step: Annotated[TimeOption, _time("--step", "Size of a fixed step")] = None,
+    formulation: Annotated[
+        str,
+        typer.Option("--formulation", help="torn: solve blocks symbolically; dae: leave them to the DAE solver."),
+    ] = "torn",
+    native: Annotated[
+        bool | None,
+        typer.Option("--native/--no-native", help="Compile to C; decided by the run's length when not given."),
+    ] = None,
+    inputs: Annotated[
+        list[str] | None,
+        typer.Option("--input", metavar="NAME=VALUE", help="Constant of a free input; repeatable.", show_default=False),
+    ] = None,
     output_file: Annotated[
         Path | None,
         typer.Option("--output-file", "-o", help="Result: .mat, .csv or .npz. Default: MODEL.mat.", show_default=False),
@@ -85,10 +97,12 @@ def simulate(
     from acausal.simulate.run import simulate as _  # noqa: F401  (its import belongs to the first stage)
 
     clock.lap("import")
-    compiled = compile(prepared.model, parameters=prepared.parameters)
+    compiled = compile(prepared.model, parameters=prepared.parameters, formulation=formulation)
     clock.lap("compile")
     session = Session(model, prepared.model, compiled, result_file, picture, clock)
-    result = _run(session, quiet, {**times, "tolerance": tolerance, "solver": solver})
+    result = _run(
+        session, quiet, {**times, "tolerance": tolerance, "solver": solver, "native": native, "inputs": _inputs(inputs)}
+    )
     if as_json:
         record(session.content(result))
     elif not quiet:
@@ -111,6 +125,18 @@ def _run(session: Session, quiet: bool, options: dict[str, Any]) -> Result:
     session.clock.lap("integrate")
     session.finish(result)
     return result
+
+
+def _inputs(given: list[str] | None) -> dict[str, float]:
+    """Values of inputs by name."""
+    found = {}
+    for text in given or ():
+        name, sign, value = text.partition("=")
+        try:
+            found[name.strip()] = float(value)
+        except ValueError as error:
+            raise UsageError("AC009", f"--input {text}: {'no number' if sign else 'write NAME=VALUE'}") from error
+    return found
 
 
 def _seconds(name: str, text: str | None) -> float | None:

@@ -11,7 +11,7 @@ from typing import Any
 
 import casadi as ca
 
-from acausal.errors import InternalError, StructureError
+from acausal.errors import InternalError, StructureError, UsageError
 from acausal.flatten.flat import FlatSystem
 from acausal.flatten.flatten import flatten
 from acausal.language.component import Component
@@ -53,9 +53,13 @@ def compile(
 
     Raises
     ------
+    UsageError
+        AC024 for an unknown formulation.
     AcausalError
         The first thing that is wrong with the model, with its place in the source.
     """
+    if formulation not in ("torn", "dae"):
+        raise UsageError("AC024", f"there is no formulation '{formulation}'", help="formulations: torn, dae")
     clock = _Clock()
     with _collector_paused():
         flat = flatten(model, parameters)
