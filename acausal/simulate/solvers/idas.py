@@ -26,8 +26,9 @@ class Idas(CasadiSolver):
         for strictness in (0.01, 0.1):
             try:
                 return Idas(strictness).attempt(problem, segment)
-            except RuntimeError:
-                continue
+            except RuntimeError as error:
+                if "IDA_RES_FAIL" in str(error):
+                    raise  # Ctrl-C inside the equations looks like this, and must not be answered by another try
         return Idas(0.33).attempt(problem, segment)
 
     def attempt(self, problem: Problem, segment: Segment) -> Piece:
