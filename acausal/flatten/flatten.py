@@ -64,9 +64,10 @@ def flatten(model: Component, parameters: Mapping[str, object] | None = None) ->
     builder.slopes()
     n_scalars = pool.n_variables
     table = builder.table.table()
-    equations = builder.leaf_equations(leaves)
+    equations, whens = builder.leaf_equations(leaves)
     for number, items in composites.items():
         equations += builder.direct(found[number], items)
+        whens += builder.whens(found[number], items)
     equations += builder.discretes()
     equations += builder.bindings({end for j in signals for end in (j.a, j.b) if end[0] != j.by})
     equations += builder.flow_equations(flow_sets(found, physical))
@@ -88,9 +89,7 @@ def flatten(model: Component, parameters: Mapping[str, object] | None = None) ->
         parameters=tuple(table),
         equations=tuple(equations),
         initial_equations=tuple(initial),
-        whens=tuple(
-            w for i, items in {**composites, **leaves.connecting()}.items() for w in builder.whens(found[i], items)
-        ),
+        whens=tuple(whens),
         inputs=builder.free_inputs(found[0]),
         parameter_values=tuple(builder.table.values),
         starts=starts,
@@ -113,7 +112,7 @@ class _LeafStatements:
         self._with_connections: set[type[Component]] = set()
 
     def connecting(self) -> dict[int, list[Statement]]:
-        """Leaf components that connect their own connectors or act at events, and so cannot be templates."""
+        """Leaf components that connect their own connectors, and so cannot be templates; those with ties cannot."""
         checked: dict[object, bool] = {}
         for leaf in self.leaves:
             cls = type(leaf.component)
@@ -122,7 +121,7 @@ class _LeafStatements:
             key = template_key(leaf)
             if key is None or checked.get(key, True):
                 items = list(statements(leaf.component))
-                connects = any(isinstance(item, Connection | When) for item, _ in items)
+                connects = any(isinstance(item, Connection) for item, _ in items)
                 if key is not None:
                     checked[key] = connects
                     if not connects:
@@ -130,8 +129,7 @@ class _LeafStatements:
                 if connects:
                     self._with_connections.add(cls)
                     self._early[leaf.number] = items
-        own = {n.number: n for n in self.leaves if type(n.component) in self._with_connections}
-        return {k: v for k, v in self._early.items() if k in own}
+        return {k: v for k, v in self._early.items() if any(isinstance(item, Connection) for item, _ in v)}
 
     def of(self, leaf: Instance) -> list[Statement]:
         """Statements of one leaf."""
@@ -217,22 +215,23 @@ class _Builder:
             for k in range(size)
         ]
 
-    def leaf_equations(self, leaves: _LeafStatements) -> list[FlatEquation]:
+    def leaf_equations(self, leaves: _LeafStatements) -> tuple[list[FlatEquation], list[FlatWhen]]:
+        """Equations of leaf components, replayed where they are the same, and what the others do at events."""
         made: dict[object, Template | None] = {}
         equations: list[FlatEquation] = []
+        whens: list[FlatWhen] = []
         for leaf in leaves.leaves:
             key = None if leaves.is_connecting(leaf) else template_key(leaf)
-            if key is None:
-                equations += self.direct(leaf, leaves.of(leaf))
-                continue
-            if key not in made:
+            if key is not None and key not in made:
                 made[key] = make_template(leaf, leaves.of(leaf))
-            template = made[key]
+            template = made.get(key)
             if template is None:
-                equations += self.direct(leaf, leaves.of(leaf))
+                items = leaves.of(leaf)
+                equations += self.direct(leaf, items)
+                whens += self.whens(leaf, items)
             else:
                 equations += replay(template, leaf, self.pool, self.table)
-        return equations
+        return equations, whens
 
     def slopes(self) -> None:
         """Rules for the derivatives of overconstrained variables, once per set of connected frames."""

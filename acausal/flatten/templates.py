@@ -54,13 +54,13 @@ def template_key(instance: Instance) -> object:
 def make_template(instance: Instance, found: Sequence[Statement]) -> Template | None:
     """The template of a leaf component from the statements of one instance.
 
-    None when they hold what belongs to another component: a function given as structural value may close over the
-    parameters of the owner.
+    None when they act at events, or hold what belongs to another component: a function given as structural value may
+    close over the parameters of the owner.
     """
     own = {id(part.component) for part in (instance, *instance.parts)}
-    equations_ = [item for item, _ in found if isinstance(item, Equation)]
-    if any(id(symbol.owner) not in own for item in equations_ for symbol in symbols_in(item.left, item.right)):
-        return None
+    for item, _ in found:
+        if not isinstance(item, Equation) or any(id(s.owner) not in own for s in symbols_in(item.left, item.right)):
+            return None
     pool = Pool()
     first: dict[tuple[int, str], int] = {}
     for part in (instance, *instance.parts):

@@ -8,7 +8,25 @@ import numpy as np
 import pytest
 
 import acausal
-from acausal import Component, Connector, Equations, Expr, Real, der, fixed, flow, parameter, part, structural, variable
+from acausal import (
+    Component,
+    Connector,
+    Equations,
+    Expr,
+    Real,
+    der,
+    discrete,
+    fixed,
+    flow,
+    parameter,
+    part,
+    pre,
+    reset,
+    sample,
+    structural,
+    variable,
+    when,
+)
 
 CALLS: list[str] = []
 
@@ -143,3 +161,26 @@ class Sums(Component):
 def test_unhashable_structural_values() -> None:
     result = acausal.simulate(Sums())
     assert (result.final("a.y"), result.final("b.y")) == (3.0, 4.0)
+
+
+class Counter(Component):
+    """Counts once a second; one declared name only."""
+
+    n: Real = discrete()
+
+    def equations(self) -> Equations:
+        yield when(sample(1.0, 1.0), reset(self.n, pre(self.n) + 1))
+
+
+class Counters(Component):
+    counters: list[Counter] = part()
+
+    def build(self) -> None:
+        self.counters = [Counter(), Counter()]
+
+
+def test_components_that_act_at_events_do_so_each_for_itself() -> None:
+    """Three instants in 3.5 s."""
+    result = acausal.simulate(Counters(), stop_time=3.5)
+    assert [result.final(f"counters[{k}].n") for k in (0, 1)] == [3.0, 3.0]
+    assert acausal.simulate(Counter(), stop_time=3.5).final("n") == 3.0
