@@ -36,18 +36,19 @@ def run(component: Component, cls: str, method: str, function: Callable[..., Any
         )
     for item in generator:
         origin = origin_of(generator)
-        if isinstance(item, Equation):
+        if isinstance(item, Equation) and method != "ties":
             check_dimensions(item, _Where(origin))  # type: ignore[arg-type]
-        elif isinstance(item, When):
+        elif isinstance(item, When) and method == "equations":
             for action in item.actions:
                 check_dimensions(Equation(action.target, action.value), _Where(origin))  # type: ignore[arg-type]
-        elif method != "ties" and not isinstance(item, Connection):
+        elif method != "ties" and not (isinstance(item, Connection) and method == "equations"):
             raise DeclarationError(
                 "AC130",
                 f"{cls}.{method} yields `{item}` ({type(item).__name__})",
                 where=(origin.span(),),
                 cause="two plain numbers were compared: Python decided it at once" if isinstance(item, bool) else None,
-                help="yield an equation `left == right`, connect(a, b) or when(...)",
+                help="yield an equation `left == right`"
+                + (", connect(a, b) or when(...)" if method == "equations" else ""),
             )
         yield item, origin
 
