@@ -22,8 +22,9 @@ Vector = NDArray[np.float64]
 Integrate = Callable[[Segment, Vector], Piece]
 _PARTS = 16
 _MOST_LOOKS = 2000
-_CROWDED = 1e-7
-_MOST_CROWDED = 500
+# Events accumulate when each of so many followed sooner than the one before, at last within this share of the run.
+_CROWDED = 1e-5
+_MOST_SHORTER = 20
 
 
 def clocks(compiled: CompiledModel, p: Vector) -> list[tuple[float, float]]:
@@ -75,7 +76,7 @@ class Hybrid:
         before = self.before(m, a, start)
         m[guards.first :] = before[guards.first :]
         happened = guards.settle(a, start, m, before, due(self.problem.compiled, self.problem.p, a))
-        here, times, crowd = a, outputs, 0
+        here, times, crowd, last = a, outputs, 0, np.inf
         while True:
             start, m = happened.start, happened.modes
             self.recorder.begin(here, start.x, start.z, m, happened.texts, happened.changed)
@@ -88,8 +89,9 @@ class Hybrid:
                 _, x, z, _ = self.recorder.point(-1)
                 start = Start(x, z, start.notes)
                 break
-            crowd = crowd + 1 if stop.time - here <= _CROWDED * (outputs[-1] - a) else 0
-            if crowd > _MOST_CROWDED:
+            gap, span = stop.time - here, float(outputs[-1]) - a
+            crowd, last = (crowd + 1 if gap < last else 0), gap
+            if crowd > _MOST_SHORTER and gap <= _CROWDED * span:
                 raise guards.accumulated(stop.time, crowd)
             here = stop.time
             left = guards.consistent(here, Start(stop.x, stop.z, start.notes), m)

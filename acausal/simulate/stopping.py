@@ -90,11 +90,11 @@ def _stopping(problem: Problem) -> tuple[Any, Any]:
     m, shift = p[:-1], p[-1]
     arguments = (t + shift, full_x, z * ca.DM(problem.scale_z), problem.u, problem.p, m)
     signs = 2 * m[m.numel() - len(compiled.state_events.relations) :] - 1
-    zero = signs * compiled.indicators(*arguments)[0]
+    none = ca.SX(0, 1)
+    zero = signs * compiled.indicators(*arguments)[0] if compiled.state_events.relations else none
     state = ca.vertcat(x, watch, flag)
     rates = ca.vertcat((1 - flag) * ode, 1 - flag, 0)
     u = ca.SX.sym("u", 0)
-    none = ca.SX(0, 1)
     dae = ca.Function("stopping", [t, state, z, p, u], [rates, alg, none, ca.densify(zero)], *_NAMES)
     index = ca.SX.sym("index")
     inputs = {"index": index, "t": t, "x": state, "z": z, "p": p, "u": u}
