@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import os
+import tempfile
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
 
+# Compiled libraries of the developer's own models are neither used nor added to.
+os.environ.setdefault("ACAUSAL_CACHE", str(Path(tempfile.gettempdir()) / "acausal-tests"))
 # Set here, before any test can import matplotlib.
 os.environ["MPLBACKEND"] = "Agg"
 
