@@ -18,7 +18,9 @@ from fractions import Fraction
 from acausal.flatten.pool import Pool
 from acausal.lower.reduce import ReducedSystem
 
-Row = dict[int, Fraction]
+# Whole numbers as long as they are: fractions cost ten times as much, and nearly all factors are 1 or -1.
+Number = int | Fraction
+Row = dict[int, Number]
 
 
 @dataclass(frozen=True)
@@ -57,7 +59,7 @@ def _balances(reduced: ReducedSystem) -> dict[int, _Balance]:
     found = {}
     for i, residual in enumerate(reduced.residuals):
         total: Row = {}
-        _add(pool, residual, Fraction(1), total)
+        _add(pool, residual, 1, total)
         derivatives: Row = {}
         terms: Row = {}
         for node, weight in total.items():
@@ -71,9 +73,9 @@ def _balances(reduced: ReducedSystem) -> dict[int, _Balance]:
     return found
 
 
-def _add(pool: Pool, root: int, factor: Fraction, total: Row) -> None:
+def _add(pool: Pool, root: int, factor: Number, total: Row) -> None:
     """Add `factor` times an expression, taken apart into its terms."""
-    stack = [(root, factor)]
+    stack: list[tuple[int, Number]] = [(root, factor)]
     while stack:
         number, weight = stack.pop()
         op, *args = pool.nodes[number]
@@ -89,7 +91,7 @@ def _add(pool: Pool, root: int, factor: Fraction, total: Row) -> None:
         elif op == "div" and values[1]:
             stack.append((args[0], weight / Fraction(values[1])))
         else:
-            total[number] = total.get(number, Fraction(0)) + weight
+            total[number] = total.get(number, 0) + weight
             if not total[number]:
                 del total[number]
 
@@ -111,12 +113,13 @@ def _null_combinations(balances: Mapping[int, _Balance]) -> list[Row]:
     found = []
     pivots: list[tuple[int, Row, Row]] = []  # (term, row that has it, the combination it is)
     for i, terms in rows.items():
-        row, combination = dict(terms), {i: Fraction(1)}
+        row: Row = dict(terms)
+        combination: Row = {i: 1}
         for term, other, made in pivots:
-            factor = row.get(term, Fraction(0)) / other[term]
+            factor = Fraction(row.get(term, 0)) / other[term]
             if factor:
-                row = _combined([(Fraction(1), row), (-factor, other)])
-                combination = _combined([(Fraction(1), combination), (-factor, made)])
+                row = _combined([(1, row), (-factor, other)])
+                combination = _combined([(1, combination), (-factor, made)])
         if row:
             pivots.append((next(iter(row)), row, combination))
         else:
@@ -124,11 +127,11 @@ def _null_combinations(balances: Mapping[int, _Balance]) -> list[Row]:
     return found
 
 
-def _combined(parts: list[tuple[Fraction, Row]]) -> Row:
+def _combined(parts: list[tuple[Number, Row]]) -> Row:
     total: Row = {}
     for factor, row in parts:
         for key, weight in row.items():
-            total[key] = total.get(key, Fraction(0)) + factor * weight
+            total[key] = total.get(key, 0) + factor * weight
     return {key: weight for key, weight in total.items() if weight}
 
 
