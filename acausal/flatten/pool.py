@@ -212,11 +212,12 @@ class Pool:
 
     def collected(self, root: int) -> int:
         """The same sum with equal terms gathered: (a - b) - a is -b; `root` itself when no term occurs twice."""
+        if not self._repeats(root):
+            return root
         nodes = self.nodes
         factors: dict[int, float] = {root: 1.0}
         sizes: dict[int, float] = {root: 1.0}
         terms: list[int] = []
-        is_repeated = False
         heap = [-root]  # operands have smaller numbers: each node comes once, with all its factors
         while heap:
             number = -heapq.heappop(heap)
@@ -224,19 +225,35 @@ class Pool:
             if not below:
                 terms.append(number)
             for operand, factor in below:
-                if operand in factors:
-                    is_repeated = True
-                else:
+                if operand not in factors:
                     heapq.heappush(heap, -operand)
                 factors[operand] = factors.get(operand, 0.0) + factor * factors[number]
                 sizes[operand] = sizes.get(operand, 0.0) + abs(factor) * sizes[number]
-        if not is_repeated:
-            return root
         total = self.zero
         for number in reversed(terms):
             if abs(factors[number]) > 1e-14 * sizes[number]:
                 total = self.add(total, self.mul(self.const(factors[number]), number))
         return total
+
+    def _repeats(self, root: int) -> bool:
+        """Whether a term of a sum occurs twice; asked of every equation of a model, and nearly always answered by no."""
+        nodes = self.nodes
+        seen: set[int] = set()
+        stack = [root]
+        while stack:
+            number = stack.pop()
+            if number in seen:
+                return True
+            seen.add(number)
+            node = nodes[number]
+            op = node[0]
+            if op == "add" or op == "sub":
+                stack += node[1:]
+            elif op == "neg":
+                stack.append(node[1])
+            elif op == "mul":
+                stack += [operand for operand, _ in _summands(nodes, node)]
+        return False
 
     def reachable(self, roots: Iterable[int]) -> list[int]:
         """All nodes needed to evaluate `roots`, in evaluation order."""

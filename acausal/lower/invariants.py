@@ -113,7 +113,7 @@ def _null_combinations(balances: Mapping[int, _Balance]) -> list[Row]:
     found = []
     pivots: list[tuple[int, Row, Row]] = []  # (term, row that has it, the combination it is)
     for i, terms in rows.items():
-        row: Row = dict(terms)
+        row = dict(terms)
         combination: Row = {i: 1}
         for term, other, made in pivots:
             factor = Fraction(row.get(term, 0)) / other[term]
