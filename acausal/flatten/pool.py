@@ -236,7 +236,7 @@ class Pool:
         return total
 
     def _repeats(self, root: int) -> bool:
-        """Whether a term of a sum occurs twice; asked of every equation of a model, and nearly always answered by no."""
+        """Whether a term of a sum occurs twice; asked of every equation, and nearly always answered by no."""
         nodes = self.nodes
         seen: set[int] = set()
         stack = [root]
