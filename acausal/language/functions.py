@@ -10,24 +10,8 @@ from acausal.language.expression import CONDITIONS, Expr, Operand, as_expr, is_l
 time = Expr("time", (), ())
 """The independent variable [s]."""
 
-UNARY = [
-    "sin",
-    "cos",
-    "tan",
-    "asin",
-    "acos",
-    "atan",
-    "sinh",
-    "cosh",
-    "tanh",
-    "exp",
-    "log",
-    "sqrt",
-    "fabs",
-    "sign",
-    "floor",
-    "ceil",
-]  # names as in CasADi, so that lowering is a table of the same names
+UNARY = "sin cos tan asin acos atan sinh cosh tanh exp log sqrt fabs sign floor ceil".split()  # noqa: SIM905
+"""Names as in CasADi, so that lowering is a table of the same names."""
 _CONSTANT_FOLDING = {name: getattr(math, name) for name in UNARY if hasattr(math, name)}
 
 

@@ -13,6 +13,7 @@ from typing import Any
 import casadi as ca
 
 from acausal.flatten.pool import LEAVES, Pool
+from acausal.language.functions import UNARY
 
 _BUILD: dict[str, Callable[..., Any]] = {
     "add": lambda a, b: a + b,
@@ -34,27 +35,7 @@ _BUILD: dict[str, Callable[..., Any]] = {
     "where": ca.if_else,
     "noevent": lambda a: a,
     "sample": lambda start, interval: ca.SX(0),  # true at instants only: the run sets its mode there
-    **{
-        n: getattr(ca, n)
-        for n in [
-            "sin",
-            "cos",
-            "tan",
-            "asin",
-            "acos",
-            "atan",
-            "sinh",
-            "cosh",
-            "tanh",
-            "exp",
-            "log",
-            "sqrt",
-            "fabs",
-            "sign",
-            "floor",
-            "ceil",
-        ]
-    },
+    **{n: getattr(ca, n) for n in UNARY},
 }
 
 # Equal operations on one level from which a column is cheaper than scalars.
