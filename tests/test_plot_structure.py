@@ -7,8 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.collections import PatchCollection
+from typer.testing import CliRunner
 
 import acausal
+from acausal.cli.main import app
 from acausal.errors import UsageError
 from acausal.lower.compiled import CompiledModel
 from acausal.models.pendulum_chain import PendulumChain
@@ -60,3 +62,11 @@ def test_files(tmp_path: Path, suffix: str) -> None:
 def test_wrong_suffix_is_refused_before_anything_is_drawn(tmp_path: Path, compiled: CompiledModel) -> None:
     with pytest.raises(UsageError, match="names no picture format"):
         spy(compiled, tmp_path / "x.bmp")
+
+
+def test_spy_from_the_command_line(tmp_path: Path) -> None:
+    file = tmp_path / "structure.png"
+    outcome = CliRunner().invoke(app, ["info", "Pendulum", "--stats", "--spy", str(file)])
+    assert outcome.exit_code == 0
+    assert file.stat().st_size > 2000
+    assert "States, and what spoke for them" in outcome.output
