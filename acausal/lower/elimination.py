@@ -220,6 +220,11 @@ class _Pivot:
         """How often each pivot row is subtracted from a row that has the coefficients `taken`."""
         pool = self.pool
         if len(taken) == 1:
+            # A pivot is not zero, so what equals it cancels against it.
+            if taken[0] == self.entries[0][0]:
+                return [pool.one]
+            if taken[0] == pool.neg(self.entries[0][0]):
+                return [pool.neg(pool.one)]
             return [pool.div(taken[0], self.entries[0][0])]
         (a, b), (c, d) = self.entries
         p, q = taken
