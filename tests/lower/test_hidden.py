@@ -1,0 +1,162 @@
+"""Constraints that only the numbers show, not the structure: they are found and used."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+import acausal
+from acausal import Component, Equations, Real, connect, der, fixed, guess, parameter, part, structural, variable
+from acausal.errors import StructureError
+from acausal.library.electrical import Capacitor, Conductor, Ground, Resistor
+from acausal.library.electrical import ConstantVoltage as Voltage
+from acausal.lower.analyse import analyse
+from acausal.lower.hidden import HiddenConstraint
+from acausal.lower.reduce import reduce
+from acausal.lower.solve import solve
+
+
+class Bank(Component):
+    """A source charges capacitors side by side through a resistor on each side: no pin of theirs is grounded."""
+
+    n: int = structural(default=2)
+    is_nonlinear: bool = structural(default=False)
+    ground: Ground = Ground()
+    source: Voltage = Voltage(V=10.0)
+    before: Resistor = Resistor(R=1.0)
+    after: Resistor = Resistor(R=1.0)
+    capacitors: list[Capacitor] = part()
+    current: Real = variable()
+
+    def build(self) -> None:
+        self.capacitors = [Capacitor(C=0.1 * (k + 1), v=guess(0.0)) for k in range(self.n)]
+
+    def equations(self) -> Equations:
+        yield connect(self.source.n, self.ground.p, self.after.n)
+        yield connect(self.source.p, self.before.p)
+        yield connect(self.before.n, *(c.p for c in self.capacitors))
+        yield connect(self.after.p, *(c.n for c in self.capacitors))
+        i = self.before.i / 1.0
+        if self.is_nonlinear:
+            # Something nonlinear in the same block, of no effect on the circuit.
+            yield self.current**3 + self.current == self.before.v + 0 * i
+        else:
+            yield self.current == 0.0
+
+
+@pytest.mark.parametrize("n", [2, 3, 5])
+@pytest.mark.parametrize("formulation", ["torn", "dae"])
+def test_capacitors_side_by_side(n: int, formulation: str) -> None:
+    """One state; v = V (1 - exp(-t / (2 R C))) with the sum of the capacitances."""
+    compiled = acausal.compile(Bank(n=n), formulation=formulation)
+    assert len(compiled.states) == 1
+    result = acausal.simulate(compiled, stop_time=1.0, tolerance=1e-9)
+    total = 0.1 * sum(range(1, n + 1))
+    expected = 10 * (1 - math.exp(-1.0 / (2 * total)))
+    for k in range(n):
+        assert result.final(f"capacitors[{k}].v") == pytest.approx(expected, rel=1e-7)
+
+
+class Diode(Component):
+    """Exponential conductance between two nodes, with two capacitors beside it."""
+
+    a: Real = variable()
+    b: Real = variable()
+    u1: Real = variable(default=fixed(0.5))
+    u2: Real = variable()
+    i1: Real = variable()
+    i2: Real = variable()
+    i: Real = variable()
+
+    def equations(self) -> Equations:
+        yield self.u1 == self.a - self.b
+        yield self.u2 == self.a - self.b
+        yield der(self.u1) == self.i1
+        yield der(self.u2) == self.i2
+        yield self.i == acausal.exp(self.a - self.b) - 1
+        yield self.i1 + self.i2 + self.i == 0.0
+        yield self.a + self.b == acausal.sin(self.i)
+
+
+def test_in_a_block_with_nonlinear_equations() -> None:
+    """2 u' = 1 - exp(u): exp(-u) = 1 + (exp(-u0) - 1) exp(-t/2)."""
+    result = acausal.simulate(Diode(), stop_time=1.0, tolerance=1e-10)
+    expected = -math.log(1 + (math.exp(-0.5) - 1) * math.exp(-0.5))
+    assert result.final("u1") == pytest.approx(expected, rel=1e-8)
+    assert result.final("u2") == pytest.approx(expected, rel=1e-8)
+
+
+class Scaled(Component):
+    """The same with parameters for factors: k a - k b twice."""
+
+    k: Real = parameter(default=3.0)
+    a: Real = variable()
+    b: Real = variable()
+    x: Real = variable(default=fixed(1.0))
+    y: Real = variable()
+    drive: Real = variable()
+
+    def equations(self) -> Equations:
+        yield self.x == self.k * (self.a - self.b)
+        yield self.y == self.k * (self.a - self.b)
+        yield der(self.x) == self.drive - self.x
+        yield der(self.y) == -self.drive - self.y
+        yield self.a + self.b == self.drive
+
+
+def test_with_parameters_as_factors() -> None:
+    """x = y needs drive = 0: x = exp(-t)."""
+    compiled = acausal.compile(Scaled())
+    for k in (3.0, -0.5):
+        result = acausal.simulate(compiled, stop_time=1.0, tolerance=1e-9, parameters={"k": k})
+        assert result.final("y") == pytest.approx(math.exp(-1.0), rel=1e-7)
+        assert result.final("drive") == pytest.approx(0.0, abs=1e-8)
+
+
+class Contradicting(Component):
+    """a + b is x and also y, but both are prescribed apart: nothing is hidden, the model is wrong."""
+
+    a: Real = variable()
+    b: Real = variable()
+    x: Real = variable(default=fixed(0.0))
+    y: Real = variable(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        yield self.a + self.b == self.x
+        yield self.a + self.b == self.y
+        yield der(self.x) == 1.0
+        yield der(self.y) == 2.0
+
+
+def test_a_wrong_model_keeps_its_first_message() -> None:
+    with pytest.raises(StructureError) as caught:
+        acausal.compile(Contradicting())
+    assert caught.value.code == "AC204"
+
+
+def test_the_stages_alone_say_what_is_hidden() -> None:
+    """Who calls the stages one by one gets the message, and the equation that can take the place of another."""
+    flat = acausal.flatten(Bank())
+    with pytest.raises(HiddenConstraint) as caught:
+        solve(analyse(reduce(flat)))
+    (k, node), *_ = caught.value.equations.items()
+    assert 0 <= k < len(flat.equations)
+    names = {flat.scalar_name(v) for v in flat.pool.variables_in(node)}
+    assert names == {"capacitors[0].v", "capacitors[1].v"}
+
+
+def test_conductors_need_nothing_of_this() -> None:
+    """Side by side they are one block with a solution."""
+
+    class Pair(Component):
+        ground: Ground = Ground()
+        source: Voltage = Voltage(V=1.0)
+        a: Conductor = Conductor(G=1.0)
+        b: Conductor = Conductor(G=2.0)
+
+        def equations(self) -> Equations:
+            yield connect(self.source.n, self.ground.p, self.a.n, self.b.n)
+            yield connect(self.source.p, self.a.p, self.b.p)
+
+    assert acausal.simulate(Pair()).final("source.i") == pytest.approx(-3.0)
