@@ -110,10 +110,3 @@ def compare(rows: tuple[Row, ...]) -> None:
 @example((Row("der", 0, 1, -1.0), Row("der", 1, 0)))
 def test_small_systems(rows: tuple[Row, ...]) -> None:
     compare(rows)
-
-
-@pytest.mark.slow
-@settings(max_examples=3000)
-@given(systems())
-def test_many_small_systems(rows: tuple[Row, ...]) -> None:
-    compare(rows)

@@ -139,10 +139,3 @@ GROUND = Part("G", (0,))
 @example((GROUND, two("L", 0, 2, 0.5, 0.0), two("R", 2, 3, 0.5), two("R", 2, 3, 0.5), two("R", 2, 3, 0.5)))
 def test_circuits(plan: Plan) -> None:
     compare(plan)
-
-
-@pytest.mark.slow
-@settings(max_examples=1500)
-@given(plans(most=14))
-def test_many_circuits(plan: Plan) -> None:
-    compare(plan)
