@@ -17,12 +17,20 @@ Vector = NDArray[np.float64]
 
 def projected(compiled: CompiledModel, times: Vector, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector) -> Vector:
     """States nearest to `x`, shape (nx, n), that satisfy all stabilised constraints; `x` itself without any."""
+    return projection(compiled, times, x, z, u, p, m)[0]
+
+
+def projection(
+    compiled: CompiledModel, times: Vector, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector
+) -> tuple[Vector, float | None]:
+    """The same, and the largest residual of the constraints before it; None without constraints."""
     if not compiled.solution.structure.invariants or not len(times):
-        return x
+        return x, None
     scale = compiled.nominal_x
-    x = x.copy()
+    x, drift = x.copy(), None
     for _ in range(3):
         g, slope = constraints(compiled, times, x, z, u, p, m)
+        drift = float(np.abs(g).max()) if drift is None else drift
         if np.abs(g).max() < 1e-14:
             break
         slope = slope * scale[None, None, :]
@@ -30,7 +38,7 @@ def projected(compiled: CompiledModel, times: Vector, x: Vector, z: Vector, u: V
         if not np.isfinite(step).all():
             break
         x -= scale[:, None] * step.T
-    return x
+    return x, drift
 
 
 def constraints(

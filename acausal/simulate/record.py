@@ -12,7 +12,7 @@ from acausal.flatten.flat import suffixes
 from acausal.lower.compiled import CompiledModel
 from acausal.result import Event, Result, Signal
 from acausal.simulate.direct import rows
-from acausal.simulate.project import projected
+from acausal.simulate.project import projection
 from acausal.simulate.solvers.base import Piece
 
 Vector = NDArray[np.float64]
@@ -48,8 +48,10 @@ class Recorder:
 
     def add(self, times: Vector, piece: Piece, m: Vector) -> Piece:
         """Rows from a solver, projected onto the constraints; returns them as they are recorded."""
-        x = projected(self.compiled, times, piece.x, piece.z, self.u, self.p, m)
+        x, drift = projection(self.compiled, times, piece.x, piece.z, self.u, self.p, m)
         self._append(times, x, piece.z, m)
+        if drift is not None:
+            self.counters["drift"] = max(self.counters.get("drift", 0.0), drift)
         for name, count in piece.counters.items():
             self.counters[name] = self.counters.get(name, 0.0) + count
         return Piece(x, piece.z, piece.counters)
