@@ -36,6 +36,7 @@ from acausal.language.events import when as when
 from acausal.language.experiment import Experiment as Experiment
 from acausal.language.expression import Expr as Expr
 from acausal.language.expression import as_expr as as_expr
+from acausal.language.external import External as External
 from acausal.language.functions import acos as acos
 from acausal.language.functions import asin as asin
 from acausal.language.functions import atan as atan

@@ -10,6 +10,7 @@ from collections.abc import Callable
 
 from acausal.errors import DeclarationError
 from acausal.flatten.pool import LEAVES, Pool
+from acausal.language.external import Call
 
 
 def differentiate(pool: Pool, root: int) -> int:
@@ -31,7 +32,10 @@ def differentiate(pool: Pool, root: int) -> int:
         if missing:
             stack.extend(missing)
             continue
-        done[number] = _RULES[node[0]](pool, number, *node[1:]) if node[0] in _RULES else _refuse(pool, node[0])
+        if isinstance(node[0], Call):
+            done[number] = _call(pool, node[0], node[1:])
+        else:
+            done[number] = _RULES[node[0]](pool, number, *node[1:]) if node[0] in _RULES else _refuse(pool, node[0])
         stack.pop()
     return done[root]
 
@@ -60,6 +64,13 @@ def _refuse(pool: Pool, op: str) -> int:
 
 
 _SHOWN = {"lt": "a < b", "le": "a <= b", "gt": "a > b", "ge": "a >= b", "and": "a & b", "or": "a | b", "not": "~a"}
+
+
+def _call(p: Pool, op: Call, operands: tuple[int, ...]) -> int:
+    """By the partial derivatives of the function: linear in the derivatives, as the symbolic solution wants it."""
+    partials, first = op.external.partials, op.entry * op.external.size
+    slopes = [(k, p._slopes[a]) for k, a in enumerate(operands) if p._slopes[a] != p.zero]
+    return p.sum(p.mul(p.make(Call(partials, first + k), *operands), slope) for k, slope in slopes)
 
 
 def _add(p: Pool, n: int, a: int, b: int) -> int:

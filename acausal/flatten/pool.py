@@ -12,6 +12,8 @@ import math
 from collections.abc import Callable, Iterable
 from typing import Any
 
+from acausal.language.external import Call
+
 Node = tuple[Any, ...]
 
 _UNARY: dict[str, Callable[[float], float]] = {
@@ -113,7 +115,7 @@ class Pool:
         """The node `op(args)`, simplified where that is exact for every value of the operands."""
         if op in _MAKE:
             return _MAKE[op](self, *args)
-        if op == "sample":
+        if op == "sample" or isinstance(op, Call):
             return self.intern((op, *args))
         values: list[Any] = [self.value(a) for a in args]
         if all(v is not None for v in values):

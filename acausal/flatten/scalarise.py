@@ -8,6 +8,7 @@ from itertools import product
 from acausal.flatten.differentiate import differentiate
 from acausal.flatten.pool import Pool
 from acausal.language.expression import Expr, Symbol
+from acausal.language.external import Call
 
 Scalars = tuple[int, ...]
 Resolve = Callable[[Symbol], Scalars]
@@ -62,6 +63,10 @@ def _entries(pool: Pool, e: Expr, resolve: Resolve, args: list[Scalars]) -> Scal
     if op == "cross":
         a, b = args
         return tuple(pool.sub(pool.mul(a[i], b[j]), pool.mul(a[j], b[i])) for i, j in ((1, 2), (2, 0), (0, 1)))
+    if op == "call":
+        external, output = e.payload
+        flat = [a for part in args for a in part]
+        return tuple(pool.make(Call(external, k), *flat) for k in external.entries(output))
     if op == "pre":
         return args[0]
     if op == "where":

@@ -87,6 +87,9 @@ def _dimension(e: Expr, parts: list[Dimension | None]) -> Dimension | None:
         return None if parts[0] is None else power(parts[0], Fraction(1, 2))
     if op == "pow":
         return _pow(e, parts)
+    if op == "call":
+        external, output = e.payload
+        return parse(external.units[output]).dimension if external.units[output] else None
     if op in _TRANSCENDENTAL:
         return _transcendental(e, parts)
     return DIMENSIONLESS if op in ("sign", "and", "or", "not") else None

@@ -431,6 +431,9 @@ def to_text(e: Expr, depth: int = 0, *, name_of: Callable[[Symbol], str] | None 
         return f"{parts[0]}.T"
     if e.op == "stack":
         return f"({', '.join(parts)})"
+    if e.op == "call":
+        external, output = e.payload
+        return f"{external.name}({', '.join(parts)})" + (f"[{output}]" if len(external.outputs) > 1 else "")
     return f"{e.op}({', '.join(parts)})"
 
 

@@ -13,7 +13,9 @@ from typing import Any
 import casadi as ca
 
 from acausal.flatten.pool import LEAVES, Pool
+from acausal.language.external import Call, External
 from acausal.language.functions import UNARY
+from acausal.lower.external import call
 
 _BUILD: dict[str, Callable[..., Any]] = {
     "add": lambda a, b: a + b,
@@ -58,6 +60,7 @@ class Builder:
         self.homotopy: Any = None  # 0 at the simplified, 1 at the actual side of homotopy(...); None means 1
         self._values: Any = ca.SX(0, 1)  # with room to grow, else each column would copy all before it
         self._filled = 0
+        self._called: dict[tuple[External, tuple[int, ...]], list[Any]] = {}
         self._place: dict[int, int] = {}  # of nodes in `_values`; a node may be in `done`, or here, or in both
 
     def know(self, variables: Sequence[int], values: Any) -> None:
@@ -91,6 +94,9 @@ class Builder:
         for (_, op), members in sorted(levels.items()):
             if op in LEAVES:
                 self._leaves(op, members)
+            elif isinstance(op, Call):
+                for number in members:
+                    self.done[number] = self._external(op, tuple(operands[number]))
             elif len(members) < _FEW or op in ("where", "homotopy", "sample"):
                 for number in members:
                     self.done[number] = self._operation(op, [self._scalar(c) for c in operands[number]])
@@ -141,6 +147,13 @@ class Builder:
             return _BUILD[op](*operands)
         actual, simplified = operands
         return actual if self.homotopy is None else self.homotopy * actual + (1 - self.homotopy) * simplified
+
+    def _external(self, op: Call, operands: tuple[int, ...]) -> Any:
+        """One scalar of an external function, which is called once for all of them."""
+        key = op.external, operands
+        if key not in self._called:
+            self._called[key] = call(op.external, [self._scalar(c) for c in operands])
+        return self._called[key][op.entry]
 
     def _append(self, members: Sequence[int], values: Any) -> None:
         first, room = self._filled, self._values.numel()

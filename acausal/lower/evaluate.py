@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.flatten.pool import Pool
+from acausal.language.external import Call, External
 
 Samples = NDArray[np.float64]
 Gradient = dict[int, Any]
@@ -46,6 +47,29 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
 }
 
 
+def operation(op: str) -> Callable[..., Any]:
+    """The numeric function of an operation."""
+    return _External(op) if isinstance(op, Call) else FUNCTIONS[op]
+
+
+class _External:
+    """One scalar of an external function; the other scalars are asked for with the same arrays right after."""
+
+    last: tuple[External, tuple[Any, ...], Any] | None = None
+
+    def __init__(self, op: Call) -> None:
+        self.op = op
+
+    def __call__(self, *operands: Any) -> Any:
+        external = self.op.external
+        last = _External.last
+        if last is None or last[0] is not external or any(a is not b for a, b in zip(last[1], operands, strict=True)):
+            from acausal.lower.external import evaluate
+
+            last = _External.last = external, operands, evaluate(external, operands)
+        return last[2][self.op.entry]
+
+
 def values(
     pool: Pool,
     roots: Iterable[int],
@@ -65,7 +89,7 @@ def values(
             elif op in leaves:
                 found[number] = leaves[op](node[1] if len(node) > 1 else 0)
             else:
-                found[number] = FUNCTIONS[op](*[found[c] for c in node[1:]])
+                found[number] = operation(op)(*[found[c] for c in node[1:]])
     return found
 
 
@@ -105,6 +129,12 @@ def _gradient(
     if op == "where":
         c = np.asarray(value[args[0]], dtype=bool)
         return _combine(((c * 1.0, slope[args[1]]), (~c * 1.0, slope[args[2]])))
+    if isinstance(op, Call):
+        external = op.external
+        operands = [value[a] for a in args]
+        factors = [operation(Call(external.partials, op.entry * external.size + k)) for k in range(len(args))]
+        pairs = zip(factors, args, strict=True)
+        return _combine((f(*operands), slope[a]) for f, a in pairs if slope[a])
     partial = _PARTIALS.get(op)
     if partial is None:
         return {}

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from acausal.flatten.pool import LEAVES, Pool
-from acausal.lower.evaluate import FUNCTIONS, Samples, values
+from acausal.lower.evaluate import Samples, operation, values
 from acausal.lower.reduce import ReducedSystem
 
 COUNT = 12
@@ -94,7 +94,7 @@ class SamplePoints:
                     if missing:
                         stack.extend(missing)
                         continue
-                    known[here] = FUNCTIONS[op](*[known[c] for c in operands])
+                    known[here] = operation(op)(*[known[c] for c in operands])
                 stack.pop()
         return known[node]
 
