@@ -45,7 +45,10 @@ def simulate(
     step: Annotated[TimeOption, _time("--step", "Size of a fixed step")] = None,
     formulation: Annotated[
         str,
-        typer.Option("--formulation", help="torn: solve blocks symbolically; dae: leave them to the DAE solver."),
+        typer.Option(
+            "--formulation",
+            help="torn: solve blocks symbolically; dae: leave them to the DAE solver; projected: keep all constraints.",
+        ),
     ] = "torn",
     native: Annotated[
         bool | None,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import comb
 
@@ -79,8 +79,10 @@ class Structure:
         return bool(self.integral)
 
 
-def analyse(reduced: ReducedSystem) -> Structure:
+def analyse(reduced: ReducedSystem, keep_constraints: bool = False) -> Structure:
     """Structural analysis: balance, index reduction, state choice, block order.
+
+    `keep_constraints` chooses no states: every constraint is stabilised, all its variables are integrated.
 
     Raises
     ------
@@ -107,6 +109,9 @@ def analyse(reduced: ReducedSystem) -> Structure:
             lambda e: system.hidden(integral[e], e),
         )
         _check_choices(reduced, integral, choices)
+        if keep_constraints:
+            highest = [c for c in choices if not set(c.equations) & derivative.keys()]
+            choices = [replace(c, dummies=(), floating=c.equations) for c in highest]
         invariants = system.stabilise([e for c in choices for e in c.floating], integral)
     dummies = {v for c in choices for v in c.dummies}
     pool = reduced.pool

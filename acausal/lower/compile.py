@@ -46,7 +46,9 @@ def compile(
     parameters
         Values by path in SI; here they may also replace parameters that the model binds to others.
     formulation
-        "torn" (default) or "dae": see `acausal.lower.solve.solve`.
+        "torn" (default) or "dae": see `acausal.lower.solve.solve`. "projected" is torn, and no states are chosen:
+        every constraint of higher index keeps all its variables as states and is stabilised, and recorded points are
+        projected onto it, as it is otherwise done only where no choice is safe.
     cache
         Take what this process has compiled already of a model with the same structure and other values of parameters;
         `timings` then has an entry "recall".
@@ -58,8 +60,8 @@ def compile(
     AcausalError
         The first thing that is wrong with the model, with its place in the source.
     """
-    if formulation not in ("torn", "dae"):
-        raise UsageError("AC024", f"there is no formulation '{formulation}'", help="formulations: torn, dae")
+    if formulation not in ("torn", "dae", "projected"):
+        raise UsageError("AC024", f"there is no formulation '{formulation}'", help="formulations: torn, dae, projected")
     clock = _Clock()
     with _collector_paused():
         flat = flatten(model, parameters)
@@ -87,7 +89,7 @@ def _solved(flat: FlatSystem, formulation: str, clock: _Clock) -> Solution:
         try:
             reduced = use_invariants(reduce(flat, hidden))
             clock.lap("reduce")
-            structure = analyse(reduced)
+            structure = analyse(reduced, keep_constraints=formulation == "projected")
             clock.lap("analyse")
             solution = solve(structure, formulation)
             clock.lap("solve")
