@@ -6,8 +6,12 @@ A compliant drilling-force model for multibody scenes, in the three blocks of th
 
 from __future__ import annotations
 
+from acausal.library.drilling.corrections import rake_correction as rake_correction
+from acausal.library.drilling.corrections import speed_correction as speed_correction
+from acausal.library.drilling.corrections import wear_correction as wear_correction
 from acausal.library.drilling.depth import DrillDepthCalculation as DrillDepthCalculation
 from acausal.library.drilling.drilling_force import DrillingForce as DrillingForce
+from acausal.library.drilling.energy import EnergyBalance as EnergyBalance
 from acausal.library.drilling.force import DrillContactForce as DrillContactForce
 from acausal.library.drilling.geometry import DrillGeometry as DrillGeometry
 from acausal.library.drilling.kinematic import KinematicCuttingForce as KinematicCuttingForce

@@ -7,6 +7,7 @@ import math
 from acausal import (
     Component,
     Equations,
+    Expr,
     Real,
     cross,
     maximum,
@@ -78,10 +79,21 @@ class PartialCuttingForce(Component):
         yield self.F_f == self.feed_force_factor * self.F_c  # (8)
         yield self.torque == self.F_c * (self.d_O + self.d_I) / 4
 
-        # A jump of the torque at standstill would let a drill chatter that its own drive can no longer turn.
-        braking = self.torque * tanh(self.omega / self.omega_1)
+        braking = self.braking()
         a, w = self.frame_a, self.frame_w
-        yield a.f == self.F_f * self._e
+        thrust = self.thrust_on_axis()
+        yield a.f == thrust * self._e
         yield a.t == braking * self._e
-        yield w.f == -self.F_f * self.axis
-        yield w.t == -braking * self.axis - cross(self.tip, self.F_f * self.axis)
+        yield w.f == -thrust * self.axis
+        yield w.t == -braking * self.axis - cross(self.tip, thrust * self.axis)
+
+    def braking(self) -> Expr:
+        """The torque that acts on the drill, with sign [N.m].
+
+        A jump of the torque at standstill would let a drill chatter that its own drive can no longer turn.
+        """
+        return self.torque * tanh(self.omega / self.omega_1)
+
+    def thrust_on_axis(self) -> Expr:
+        """What the drill is pushed back with along its axis [N]; more than the feed force where more than edges cut."""
+        return self.F_f

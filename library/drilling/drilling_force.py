@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from acausal import Equations, Real, connect, parameter, part, signal_output, structural
+from acausal import Equations, Real, connect, maximum, parameter, part, signal_output, structural, where
 from acausal.library.drilling.depth import DrillDepthCalculation
 from acausal.library.drilling.force import DrillContactForce
 from acausal.library.drilling.interfaces import PartialDrillingForce
@@ -19,21 +19,32 @@ class DrillingForce(PartialDrillingForce):
     d_c: Real = parameter(unit="N.s/m", min=0.0, nominal=1e4, doc="Damping of the contact")
     s_start: Real = parameter(default=0.0, unit="m", min=0.0, doc="Depth of the hole at the start")
 
+    chisel: bool = structural(default=False, doc="With the indentation of the chisel edge")
+    p_indent: Real = parameter(default=0.0, unit="Pa", min=0.0, doc="Pressure below the indenting chisel edge")
+    d_indent: Real = parameter(default=0.0, unit="m", min=0.0, doc="Diameter of the part that is indented")
+
     depth: DrillDepthCalculation = part()
     force: DrillContactForce = part()
 
     v_tar: Real = signal_output(unit="m/s", nominal=1e-3, doc="Target feed rate")
     s_tar: Real = signal_output(unit="m", nominal=1e-3, doc="Target depth: the ground of the hole")
+    thrust: Real = signal_output(unit="N", nominal=1e3, doc="Feed force and indentation force, along the axis")
+    power_cutting: Real = signal_output(unit="W", nominal=100.0, doc="Power of the cut, with the indentation")
+    power_damping: Real = signal_output(unit="W", doc="Power lost in the compliance of the contact")
+    energy: Real = signal_output(unit="J", doc="Energy stored in the compliance of the contact")
 
     def build(self) -> None:
         super().build()
         self.depth = DrillDepthCalculation(z_E=self.z_E, s_start=self.s_start)
         self.force = DrillContactForce(
             as_printed=self.as_printed,
+            chisel=self.chisel,
+            p_indent=self.p_indent,
+            d_indent=self.d_indent,
             axis_a=self.axis_a,
             sigma=self.sigma,
             z_E=self.z_E,
-            k_c11=self.k_c11,
+            k_c11=self.corrected_k_c11(),
             z=self.z,
             h_min=self.h_min,
             feed_force_factor=self.feed_force_factor,
@@ -51,3 +62,20 @@ class DrillingForce(PartialDrillingForce):
         yield connect(depth.s_tar, force.s_tar)
         yield self.v_tar == depth.v_tar
         yield self.s_tar == depth.s_tar
+        yield from self.powers()
+
+    def powers(self) -> Equations:
+        """Where the power goes that the two frames give, thrust * v_axial + braking * omega.
+
+        The spring of the contact is one that only pushes, between the tip and the ground of the hole: what it holds
+        when the tip leaves the ground too fast for a contact force is lost.
+        """
+        geometry, force = self.geometry, self.force
+        deflection = maximum(self.s - self.s_tar, 0.0)
+        v_ground = where(self.s > 0, self.v_tar, 0.0)
+        yield self.thrust == force.F_N
+        yield self.energy == self.k / 2 * deflection**2
+        yield self.power_damping == (self.thrust - self.k * deflection) * (geometry.v - v_ground)
+        # A tilted tip that slides along the face changes its depth without moving along its axis.
+        along = self.thrust * (v_ground + self.v_axial - geometry.v)
+        yield self.power_cutting == along + force.braking() * geometry.omega

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
+
 from acausal import (
     Equations,
     Expr,
     Real,
+    as_expr,
     guess,
     maximum,
+    minimum,
     parameter,
     signal_input,
     signal_output,
@@ -32,13 +36,27 @@ class DrillContactForce(PartialCuttingForce):
       when a rotating drill first touches: the feed rate grows without bound as the engaged width vanishes.
 
     Source: founding paper, equations (11) and (16) to (21).
+
+    Beyond the paper, with `chisel=True`: the middle of the chisel edge hardly moves along its cutting direction and
+    is pressed in like a punch, with the pressure `p_indent` on the engaged part of a circle of diameter `d_indent`.
+    That thrust is there at any feed, so that the whole thrust does not vanish with the feed as Kienzle's law does. The
+    pressure of a punch is (2 + pi)/sqrt(3) to 3 times the yield stress (L. Prandtl, Nachr. Ges. Wiss. Goettingen
+    (1920) 74-85; D. Tabor, The Hardness of Metals, 1951, chapter IV). The circle is what is indented and not cut, much
+    smaller than the web (W. A. Mauch, L. K. Lauderbaugh, Modeling the drilling process: an analytical model to
+    predict thrust force and torque, ASME PED 44 (1990) 59-65); fit it to a measured thrust at vanishing feed.
     """
 
     as_printed: bool = structural(default=False, doc="Equation (21) instead of (20)")
+    chisel: bool = structural(default=False, doc="With the indentation of the chisel edge")
     k: Real = parameter(unit="N/m", min=0.0, nominal=1e8, doc="Stiffness of the contact")
     d_c: Real = parameter(unit="N.s/m", min=0.0, nominal=1e4, doc="Damping of the contact")
     w_min: Real = parameter(
         default=1e-9, unit="m", min=0.0, doc="Engaged width below which the force has not grown to its full value yet"
+    )
+    p_indent: Real = parameter(default=0.0, unit="Pa", min=0.0, doc="Pressure below the indenting chisel edge")
+    d_indent: Real = parameter(default=0.0, unit="m", min=0.0, doc="Diameter of the part that is indented")
+    f_indent: Real = parameter(
+        default=1e-7, unit="m", min=0.0, doc="Feed per edge at which half of the indentation force acts"
     )
 
     s: Real = signal_input(unit="m", doc="Depth of the tip, from DrillGeometry")
@@ -46,6 +64,7 @@ class DrillContactForce(PartialCuttingForce):
     s_tar: Real = signal_input(unit="m", doc="Target depth, from DrillDepthCalculation")
 
     F_N: Real = signal_output(unit="N", nominal=1e3, doc="Contact force, not negative")
+    F_i: Real = signal_output(unit="N", nominal=1e3, doc="Indentation force of the chisel edge")
     line_force: Real = variable(
         unit="N/m",
         default=guess(0.0),
@@ -54,22 +73,39 @@ class DrillContactForce(PartialCuttingForce):
         hint="are the stiffness k of the contact and w_min greater than 0?",
     )
 
+    def thrust_on_axis(self) -> Expr:
+        return self.F_N
+
     def equations(self) -> Equations:
         width = self.d_O - self.d_I
         spring = self.k * (self.s - self.s_tar)
         edges = self.feed_force_factor * self.z_E / 2
+        indentation = self.indentation() if self.chisel else as_expr(0.0)
+        yield self.F_N == self.F_f + self.F_i  # (11)
         if self.as_printed:
-            yield self.F_N == maximum(spring + self.d_c * self.v, 0.0)  # (21)
-            yield self.line_force == where(width > 0, self.F_N / maximum(width, self.w_min), 0.0)
+            contact = maximum(spring + self.d_c * self.v, 0.0)  # (21)
+            yield self.F_i == (minimum(contact, indentation) if self.chisel else 0.0)
+            yield self.line_force == where(width > 0, (contact - self.F_i) / maximum(width, self.w_min), 0.0)
             yield self.f_z == self.feed(self.line_force / edges)  # (16)
         else:
-            yield self.F_N == self.F_f  # (11)
             yield self.f_z == self.feed(maximum(self.line_force, 0.0) / edges)
             # A free drill has a feed and a width too, the mirror image of those behind the face: no force follows
             # from them, but the equation keeps its slope when the drill touches or starts to turn.
-            v_tar = self.z_E * self.n * (self.f_z - self.feed(maximum(-self.line_force, 0.0) / edges))
+            f_free = self.feed(maximum(-self.line_force, 0.0) / edges)
+            v_tar = self.z_E * self.n * (self.f_z - f_free)
             mirrored = width + 2 * tan(self.sigma / 2) * maximum(-self.s, 0.0)
-            yield spring + self.d_c * (self.v - v_tar) == maximum(mirrored, self.w_min) * self.line_force  # (20)
+            contact = maximum(mirrored, self.w_min) * self.line_force
+            if self.chisel:
+                yield self.F_i == indentation * self.f_z / (self.f_z + self.f_indent)
+                contact += indentation * (self.f_z - f_free) / (self.f_z + f_free + self.f_indent)
+            else:
+                yield self.F_i == 0.0
+            yield spring + self.d_c * (self.v - v_tar) == contact  # (20)
+
+    def indentation(self) -> Expr:
+        """Indentation force [N] of an edge that is pressed in."""
+        outer, inner = minimum(self.d_O, self.d_indent), minimum(self.d_I, self.d_indent)
+        return self.p_indent * (math.pi / 4) * (outer**2 - inner**2)
 
     def feed(self, x: Expr) -> Expr:
         """Feed per edge [m] from `x = f_z k_c(f_z)` [N/m], not negative: equation (16).

@@ -4,7 +4,20 @@ from __future__ import annotations
 
 import math
 
-from acausal import Component, Equations, Real, connect, parameter, part, signal_output, sin, structural
+from acausal import (
+    Component,
+    Equations,
+    Expr,
+    Real,
+    connect,
+    der,
+    dot,
+    parameter,
+    part,
+    signal_output,
+    sin,
+    structural,
+)
 from acausal.library.drilling.cutting import PartialCuttingForce
 from acausal.library.drilling.geometry import DrillGeometry
 from acausal.library.drilling.materials import STEEL_34CRMO4, Material
@@ -40,6 +53,9 @@ class PartialDrillingForce(Component):
         default=lambda self: self.material.z, unit="1", min=0.0, max=1.0, doc="Exponent of the chip thickness"
     )
     h_min: Real = parameter(default=1e-6, unit="m", min=0.0, doc="Chip thickness below which k_c stays constant")
+    K_rake: Real = parameter(default=1.0, unit="1", min=0.0, doc="Correction of k_c for the rake angle")
+    K_wear: Real = parameter(default=1.0, unit="1", min=0.0, doc="Correction of k_c for wear")
+    K_speed: Real = parameter(default=1.0, unit="1", min=0.0, doc="Correction of k_c for the cutting speed")
     feed_force_factor: Real = parameter(
         default=lambda self: sin(self.sigma), unit="1", min=0.0, doc="F_f / F_c; sin(sigma) as printed in the paper"
     )
@@ -58,6 +74,7 @@ class PartialDrillingForce(Component):
     F_c: Real = signal_output(unit="N", nominal=1e3, doc="Cutting force")
     F_f: Real = signal_output(unit="N", nominal=1e3, doc="Feed force: on the drill along its axis, against the feed")
     torque: Real = signal_output(unit="N.m", nominal=10.0, doc="Cutting torque, without sign")
+    v_axial: Real = signal_output(unit="m/s", nominal=1e-3, doc="Velocity of the tip against the plate, along the axis")
 
     def build(self) -> None:
         self.geometry = DrillGeometry(
@@ -69,6 +86,14 @@ class PartialDrillingForce(Component):
             width=self.width,
             height=self.height,
         )
+
+    def corrected_k_c11(self) -> Expr:
+        """The constant of Kienzle's law with the corrections for rake angle, wear and cutting speed [Pa].
+
+        The factors multiply each other and the specific cutting force: O. Kienzle, H. Victor, VDI-Z 94 (1952)
+        299-305. See `corrections.py` for how large they are.
+        """
+        return self.k_c11 * self.K_rake * self.K_wear * self.K_speed
 
     def linked(self, force: PartialCuttingForce) -> Equations:
         """Equations that put `force` behind the geometry and show its results."""
@@ -91,3 +116,5 @@ class PartialDrillingForce(Component):
         yield self.F_c == force.F_c
         yield self.F_f == force.F_f
         yield self.torque == force.torque
+        # The tip is resolved in frame_w, so its derivative is the velocity against the plate.
+        yield self.v_axial == dot(geometry.axis, der(geometry.tip))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from acausal import Equations, Real, connect, maximum, parameter, part, signal_input
+from acausal import Equations, Real, connect, maximum, parameter, part, signal_input, signal_output
 from acausal.library.drilling.cutting import PartialCuttingForce
 from acausal.library.drilling.interfaces import PartialDrillingForce
 
@@ -29,13 +29,15 @@ class KinematicDrillingForce(PartialDrillingForce):
 
     force: KinematicCuttingForce = part()
 
+    power_cutting: Real = signal_output(unit="W", nominal=100.0, doc="Power of the cut: all that the two frames give")
+
     def build(self) -> None:
         super().build()
         self.force = KinematicCuttingForce(
             axis_a=self.axis_a,
             sigma=self.sigma,
             z_E=self.z_E,
-            k_c11=self.k_c11,
+            k_c11=self.corrected_k_c11(),
             z=self.z,
             h_min=self.h_min,
             feed_force_factor=self.feed_force_factor,
@@ -44,3 +46,7 @@ class KinematicDrillingForce(PartialDrillingForce):
     def equations(self) -> Equations:
         yield from self.linked(self.force)
         yield connect(self.geometry.v, self.force.v)
+        yield (
+            self.power_cutting
+            == self.force.thrust_on_axis() * self.v_axial + self.force.braking() * self.geometry.omega
+        )

@@ -1,0 +1,43 @@
+"""Where the energy of a drilling scene goes."""
+
+from __future__ import annotations
+
+from acausal import Component, Equations, Real, der, signal_input, signal_output, variable
+
+
+class EnergyBalance(Component):
+    """Work of the sources against what was cut, rubbed, damped and stored.
+
+    A scene binds sums of its powers and energies to the inputs: `EnergyBalance(P_source=self.spindle.power +
+    self.feed.power, P_cutting=self.drill.power_cutting, ...)`. What a mechanism conserves leaves `residual` at the
+    error of the integration, so it is a check of the model (a force without its reaction shows) and of the tolerance.
+    """
+
+    P_source: Real = signal_input(unit="W", doc="Power of all sources into the scene")
+    P_cutting: Real = signal_input(unit="W", doc="Power of the cut")
+    P_friction: Real = signal_input(unit="W", default=0.0, doc="Power lost by friction")
+    P_damping: Real = signal_input(unit="W", default=0.0, doc="Power lost in dampers and compliances")
+    E: Real = signal_input(unit="J", default=0.0, doc="Energy of all that moves and all springs")
+
+    W_source: Real = signal_output(unit="J", doc="Work of the sources")
+    W_cutting: Real = signal_output(unit="J", doc="Work of the cut")
+    W_friction: Real = signal_output(unit="J", doc="Work lost by friction")
+    W_damping: Real = signal_output(unit="J", doc="Work lost by damping")
+    E_start: Real = variable(unit="J", doc="Energy at the start")
+    residual: Real = signal_output(unit="J", doc="Work of the sources without a place: 0 but for integration errors")
+
+    def equations(self) -> Equations:
+        yield der(self.W_source) == self.P_source
+        yield der(self.W_cutting) == self.P_cutting
+        yield der(self.W_friction) == self.P_friction
+        yield der(self.W_damping) == self.P_damping
+        yield der(self.E_start) == 0.0
+        spent = self.W_cutting + self.W_friction + self.W_damping
+        yield self.residual == self.W_source - spent - (self.E - self.E_start)
+
+    def initial_equations(self) -> Equations:
+        yield self.W_source == 0.0
+        yield self.W_cutting == 0.0
+        yield self.W_friction == 0.0
+        yield self.W_damping == 0.0
+        yield self.E_start == self.E
