@@ -82,6 +82,7 @@ if TYPE_CHECKING:
     from acausal.result import Result as Result
     from acausal.result import load as load
     from acausal.simulate.run import simulate as simulate
+    from acausal.study.bench.bench import bench as bench
 
 _LAZY = {
     "flatten": "acausal.flatten.flatten",
@@ -91,6 +92,7 @@ _LAZY = {
     "load": "acausal.result",
     "linearize": "acausal.export.linearize",
     "load_casadi": "acausal.export.casadi_file",
+    "bench": "acausal.study.bench.bench",
 }
 
 

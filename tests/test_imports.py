@@ -30,11 +30,13 @@ ALLOWED: dict[str, set[str]] = {
     "simulate": {"language", "lower", "flatten", "structure", "result"},
     "plot": {"simulate", "result", "lower", "panel"},
     "export": {"language", "flatten", "lower", "simulate", "result"},
-    "cli": {"language", "flatten", "structure", "lower", "simulate", "result", "plot", "export", "panel"},
+    # whole models looked at from outside: speed and accuracy, stability, what may be left out
+    "study": {"language", "flatten", "structure", "lower", "simulate", "result", "plot", "export", "panel"},
+    "cli": {"language", "flatten", "structure", "lower", "simulate", "result", "plot", "export", "panel", "study"},
     "library": {"public"},
     "models": {"public", "library"},
     # acausal/__init__.py hands out the names of every stage.
-    "public": {"language", "flatten", "lower", "simulate", "result", "plot", "export", "panel", "structure"},
+    "public": {"language", "flatten", "lower", "simulate", "result", "plot", "export", "panel", "structure", "study"},
 }
 EVERYBODY_MAY = {"errors", "units"}
 # Modules directly under acausal/ that are one concept in several files. `panel` is the description of a figure, which

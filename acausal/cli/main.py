@@ -12,6 +12,7 @@ import typer
 from typer.core import TyperGroup
 
 from acausal.cli import clock as _clock  # noqa: F401  (the clock starts when it is loaded)
+from acausal.cli.bench import bench
 from acausal.cli.check import check
 from acausal.cli.compare import compare
 from acausal.cli.doctor import doctor
@@ -108,6 +109,7 @@ app.command()(check)
 app.command()(simulate)
 app.command()(plot)
 app.command()(equations)
+app.command()(bench)
 app.add_typer(export, name="export")
 app.command()(compare)
 app.command()(doctor)

@@ -38,17 +38,17 @@ def table(rows: Sequence[Sequence[str]], head: Sequence[str] = (), indent: str =
 
 def record(content: Mapping[str, Any]) -> None:
     """One JSON object on stdout."""
-    say(json.dumps(_plain(content), indent=2, ensure_ascii=False))
+    say(json.dumps(plain(content), indent=2, ensure_ascii=False))
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
     """JSON has no nan and no infinity: they become null and a text."""
     if isinstance(value, Mapping):
-        return {str(k): _plain(v) for k, v in value.items()}
+        return {str(k): plain(v) for k, v in value.items()}
     if isinstance(value, list | tuple | set | frozenset):
-        return [_plain(v) for v in value]
+        return [plain(v) for v in value]
     if hasattr(value, "tolist"):
-        return _plain(value.tolist())
+        return plain(value.tolist())
     if isinstance(value, float) and not math.isfinite(value):
         return None if math.isnan(value) else ("inf" if value > 0 else "-inf")
     return value if isinstance(value, str | int | float | bool | None) else str(value)

@@ -84,7 +84,7 @@ def simulate(
     result_file = None if no_output else output_file or Path(f"{cls.__name__}.mat")
     picture = plot_file or (Path(f"{cls.__name__}.png") if plot else None)
     times = {
-        name: _seconds(name, text)
+        name: seconds_of(name, text)
         for name, text in (
             ("start_time", start_time),
             ("stop_time", stop_time),
@@ -142,7 +142,7 @@ def _inputs(given: list[str] | None) -> dict[str, float]:
     return found
 
 
-def _seconds(name: str, text: str | None) -> float | None:
+def seconds_of(name: str, text: str | None) -> float | None:
     """A time option in seconds."""
     from acausal.units import convert
 

@@ -1,0 +1,155 @@
+"""`acausal bench`: speed against accuracy of a model."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from acausal.cli.options import JsonOption, ModelArgument, SetOption
+from acausal.cli.outputs import check_picture, check_writable
+from acausal.cli.reference import find_model
+from acausal.cli.report import record, remark, say, seconds, table
+from acausal.cli.settings import prepare
+from acausal.cli.simulate import seconds_of
+from acausal.errors import UsageError
+
+if TYPE_CHECKING:
+    from acausal.study.bench.recommend import Recommendation
+    from acausal.study.bench.report import Bench
+
+
+def bench(
+    model: ModelArgument,
+    settings: SetOption = None,
+    solver: Annotated[
+        list[str] | None,
+        typer.Option("--solver", help="Try only this one; repeatable.", show_default=False),
+    ] = None,
+    tolerance: Annotated[
+        list[float] | None,
+        typer.Option("--tolerance", help="Tolerance to try; repeatable. Default: 1e-3 to 1e-10.", show_default=False),
+    ] = None,
+    formulation: Annotated[
+        list[str] | None,
+        typer.Option("--formulation", help="torn, dae or projected; repeatable. Default: all.", show_default=False),
+    ] = None,
+    step: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--step",
+            metavar="TIME",
+            help="Fixed step to try; repeatable. Default: 100, 1000, 10000 steps.",
+            show_default=False,
+        ),
+    ] = None,
+    start_time: Annotated[
+        str | None, typer.Option("--start-time", metavar="TIME", help="Start of the run.", show_default=False)
+    ] = None,
+    stop_time: Annotated[
+        str | None, typer.Option("--stop-time", metavar="TIME", help="End of the run.", show_default=False)
+    ] = None,
+    reference: Annotated[
+        Path | None,
+        typer.Option(
+            "--reference",
+            help="Result file, or JSON with end values. Default: two solvers that agree.",
+            show_default=False,
+        ),
+    ] = None,
+    variable: Annotated[
+        list[str] | None,
+        typer.Option("--variable", metavar="VAR", help="Count its error; repeatable. Default: all states."),
+    ] = None,
+    repeat: Annotated[int, typer.Option("--repeat", help="Time is the best of so many runs after a warm-up.")] = 5,
+    time_limit: Annotated[float, typer.Option("--time-limit", help="Seconds that a single run may take.")] = 20.0,
+    native: Annotated[
+        bool, typer.Option("--native/--no-native", help="Compile to C where a solver can use it.")
+    ] = True,
+    recommend: Annotated[
+        bool, typer.Option("--recommend", help="Name the cheapest solver and tolerance for --accuracy.")
+    ] = False,
+    accuracy: Annotated[
+        float | None, typer.Option("--accuracy", help="Wanted accuracy, with --recommend.", show_default=False)
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output", "-o", help="Chart (.png, .svg, .pdf) or data (.json). Default: no file.", show_default=False
+        ),
+    ] = None,
+    as_json: JsonOption = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress on stderr.")] = False,
+) -> None:
+    """Chart speed against accuracy: solvers, tolerances, forms of the equations, fixed steps.
+
+    Every case runs in a process of its own and is ended at the time limit; what fails is shown with its reason.
+    """
+    if accuracy is not None and not 0 < accuracy < 1:
+        raise UsageError("AC041", f"--accuracy {accuracy:g} is not between 0 and 1")
+    if recommend and accuracy is None:
+        raise UsageError("AC042", "--recommend needs an accuracy to aim at", help="--accuracy 1e-6")
+    prepared = prepare(find_model(model), settings or ())
+    if output is not None:
+        check_writable(output) if output.suffix.lower() == ".json" else check_picture(output)
+    from acausal.study.bench.bench import bench as made_by
+    from acausal.study.bench.recommend import recommend as cheapest
+
+    steps = None if step is None else [seconds_of("step", text) or 0.0 for text in step]
+    if steps is None and (solver or tolerance):
+        steps = [] if tolerance else None
+    found = made_by(
+        prepared.model,
+        solvers=solver,
+        tolerances=tolerance,
+        formulations=formulation,
+        steps=steps,
+        reference=reference,
+        variables=variable,
+        parameters=prepared.parameters,
+        repeat=repeat,
+        time_limit=time_limit,
+        native=native,
+        start_time=seconds_of("start_time", start_time),
+        stop_time=seconds_of("stop_time", stop_time),
+        progress=None if quiet else remark,
+    )
+    if output is not None:
+        _write(found, output)
+    advice = cheapest(found, accuracy) if accuracy is not None else None
+    if as_json:
+        record({**found.record(), "recommendation": None if advice is None else advice.record()})
+        return
+    _summary(found, advice, model, recommend)
+    if output is not None:
+        remark(f"wrote {output}")
+
+
+def _write(found: Bench, output: Path) -> None:
+    import json
+
+    from acausal.cli.report import plain
+    from acausal.files import atomic
+
+    if output.suffix.lower() != ".json":
+        found.plot(output)
+        return
+    with atomic(output) as file:
+        file.write(json.dumps(plain(found.record()), indent=1).encode())
+
+
+def _summary(found: Bench, advice: Recommendation | None, model: str, brief: bool) -> None:
+    from acausal.study.bench.report import HEAD
+
+    say(f"{found.model}: {found.start_time:g} ... {found.stop_time:g} s")
+    say(f"  reference  {found.reference.source}: {found.reference.trusted_digits:.1f} digits trusted")
+    parts = [f"{name} {seconds(t)}" for name, t in found.times.items() if t == t]
+    if not brief:
+        table(found.rows(), HEAD, indent="  ")
+        say(f"  apart      {', '.join(parts)}")
+    for note in found.notes:
+        remark(f"note: {note}")
+    if advice is not None:
+        say(f"  recommended for {advice.accuracy:g}: {advice.text}")
+        say(f"  acausal simulate {model} {advice.command}")

@@ -1,0 +1,1 @@
+"""Speed against accuracy of any model, measured: `acausal bench`, `acausal.bench`, `simulate(accuracy=...)`."""

@@ -1,0 +1,369 @@
+"""The bench: all cases of a model, in processes of their own, against one reference."""
+
+from __future__ import annotations
+
+import math
+import os
+import platform
+import statistics
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.errors import UsageError
+from acausal.flatten.flat import suffixes
+from acausal.language.component import Component
+from acausal.lower.compile import compile
+from acausal.lower.compiled import CompiledModel
+from acausal.simulate.options import options as run_options
+from acausal.simulate.solvers import solver_named
+from acausal.study.bench import case as defaults
+from acausal.study.bench import reference as references
+from acausal.study.bench.case import Case, cases
+from acausal.study.bench.distance import distance
+from acausal.study.bench.isolated import isolated
+from acausal.study.bench.measure import Measured, Task, measured
+from acausal.study.bench.reference import Reference
+from acausal.study.bench.report import Bench, Run
+from acausal.study.bench.trajectory import components
+
+Vector = NDArray[np.float64]
+Say = Callable[[str], None]
+
+_COMPILE_LIMIT = 120.0
+
+
+def bench(
+    model: Component | type[Component],
+    *,
+    solvers: Sequence[str] | None = None,
+    tolerances: Sequence[float] | None = None,
+    formulations: Sequence[str] | None = None,
+    steps: Sequence[float] | None = None,
+    reference: str | Path | None = None,
+    variables: Sequence[str] | None = None,
+    parameters: Mapping[str, object] | None = None,
+    repeat: int = 5,
+    time_limit: float = 20.0,
+    native: bool | None = True,
+    start_time: float | None = None,
+    stop_time: float | None = None,
+    inputs: Mapping[str, float] | None = None,
+    progress: Say | None = None,
+) -> Bench:
+    """Work against precision of a model: every solver at every tolerance, and with every fixed step, on every form.
+
+    Parameters
+    ----------
+    model
+        A component, or its class.
+    solvers
+        Names; None takes idas, rosenbrock, cvodes and erk, and rk2, erk and rosenbrock with fixed steps.
+    tolerances, steps
+        None takes whole decades from 1e-3 to 1e-10, and 100, 1000 and 10 000 steps. [s]
+    formulations
+        "torn", "dae", "projected"; None takes those that differ.
+    reference
+        A result file, or JSON with end values; None makes one, by two solvers that have to agree.
+    variables
+        What counts for the errors; None takes all states.
+    repeat, time_limit
+        Best of so many runs, after one that is not counted; no single run is given more than so many seconds.
+    native
+        As in `simulate`.
+    progress
+        Called with a line before each run.
+
+    Raises
+    ------
+    UsageError
+        AC024, AC032 for unknown names, AC041 for a number that makes no sense, and what `simulate` raises.
+    IntegrationError
+        AC410 when no two solvers arrive at a reference.
+    """
+    _check(solvers, tolerances, formulations, steps, repeat, time_limit)
+    say = progress or (lambda text: None)
+    began = time.perf_counter()
+    component = model() if isinstance(model, type) else model
+    times = {"build": time.perf_counter() - began}
+    first, compiled_in = _compiled(component, parameters, "torn")
+    times["compile torn"] = compiled_in
+    models, failures, notes = {"torn": first}, {}, []
+    for formulation in formulations or defaults.FORMULATIONS:
+        if formulation == "torn":
+            continue
+        say(f"compile {formulation}")
+        outcome = isolated(lambda f=formulation: iter([bool(_compiled(component, parameters, f))]), _COMPILE_LIMIT)  # type: ignore[misc]
+        if outcome.value is None:
+            failures[formulation] = outcome.failure
+            continue
+        found, times[f"compile {formulation}"] = _compiled(component, parameters, formulation)
+        if formulations is None and (found.states, found.algebraic) == (first.states, first.algebraic):
+            notes.append(f"{formulation}: the same equations as torn")
+        else:
+            models[formulation] = found
+    if formulations is not None and "torn" not in formulations:
+        del models["torn"]
+    return _benched(
+        first,
+        models,
+        failures,
+        solvers,
+        tolerances,
+        steps,
+        reference=None if reference is None else Path(reference),
+        variables=variables,
+        repeat=repeat,
+        time_limit=time_limit,
+        options={"native": native, "start_time": start_time, "stop_time": stop_time, "inputs": inputs},
+        times=times,
+        notes=notes,
+        say=say,
+    )
+
+
+def bench_compiled(
+    compiled: CompiledModel,
+    *,
+    solvers: Sequence[str] | None,
+    tolerances: Sequence[float],
+    steps: Sequence[float],
+    repeat: int,
+    time_limit: float,
+    options: Mapping[str, Any],
+) -> Bench:
+    """The same for one compiled model; `options` are those of `simulate` that do not vary."""
+    return _benched(
+        compiled,
+        {"torn": compiled},
+        {},
+        solvers,
+        tolerances,
+        steps,
+        reference=None,
+        variables=None,
+        repeat=repeat,
+        time_limit=time_limit,
+        options=options,
+        times={},
+        notes=[],
+        say=lambda text: None,
+    )
+
+
+def _benched(
+    first: CompiledModel,
+    models: Mapping[str, CompiledModel],
+    failures: Mapping[str, str],
+    solvers: Sequence[str] | None,
+    tolerances: Sequence[float] | None,
+    steps: Sequence[float] | None,
+    *,
+    reference: Path | None,
+    variables: Sequence[str] | None,
+    repeat: int,
+    time_limit: float,
+    options: Mapping[str, Any],
+    times: dict[str, float],
+    notes: list[str],
+    say: Say,
+) -> Bench:
+    chosen = run_options(
+        first.flat.experiment, start_time=options.get("start_time"), stop_time=options.get("stop_time")
+    )
+    span = chosen.stop_time - chosen.start_time
+    task = Task(first, components(first, variables), span, options)
+    nominal = _nominal(first, task.names)
+    if reference is None:
+        against = references.made(task, nominal, 4.0 * time_limit, say)
+    else:
+        against = references.given(reference, task.names, nominal, (chosen.start_time, chosen.stop_time))
+    if against.trusted_digits < 3.0:
+        notes.append(f"the reference is trusted to {against.trusted_digits:.1f} digits only")
+    lab = _Lab(task, models, failures, against, repeat, time_limit, times, say)
+    wanted = _wanted(solvers, tolerances, steps, span, chosen.step, first.flat.experiment.max_step)
+    runs = tuple(lab.run(case) for case in _cases([*models, *failures], solvers is None, *wanted))
+    started = [run.startup_time for run in runs if run.distance is not None]
+    times["start"] = statistics.median(started) if started else math.nan
+    return Bench(
+        model=first.name,
+        runs=runs,
+        reference=against,
+        components=task.names,
+        start_time=chosen.start_time,
+        stop_time=chosen.stop_time,
+        repeat=repeat,
+        times=times,
+        machine=machine(),
+        notes=tuple(notes),
+    )
+
+
+class _Lab:
+    """Runs cases one by one; what a looser case of a series has shown spares the tighter ones."""
+
+    def __init__(
+        self,
+        task: Task,
+        models: Mapping[str, CompiledModel],
+        failures: Mapping[str, str],
+        against: Reference,
+        repeat: int,
+        limit: float,
+        times: dict[str, float],
+        say: Say,
+    ) -> None:
+        self.task, self.models, self.failures, self.against = task, models, failures, against
+        self.repeat, self.limit, self.times, self.say = repeat, limit, times, say
+        self.hopeless: dict[str, str] = {}
+
+    def run(self, case: Case) -> Run:
+        """Measure one case, or say why not."""
+        if case.formulation in self.failures:
+            return Run(case, failure=self.failures[case.formulation])
+        if case.series in self.hopeless:
+            return Run(case, failure=f"not tried: {self.hopeless[case.series]}")
+        task = replace(self.task, compiled=self.models[case.formulation])
+        if f"native {case.series}" not in self.times and task.options.get("native"):
+            self.times[f"native {case.series}"] = self._library(task, case)
+        self.say(f"{case.series}, {case.knob}")
+        outcome = measured(task, case, self.repeat, self.limit)
+        if outcome.value is None:
+            if "no end after" in outcome.failure:
+                self.hopeless[case.series] = f"{outcome.failure} at {case.knob}"
+            return Run(case, failure=outcome.failure)
+        return self._judged(case, outcome.value)
+
+    def _library(self, task: Task, case: Case) -> float:
+        """Make the C library in a process of its own; seconds it took. The runs then find it on disk."""
+        short = {**task.options, "stop_time": self._soon()}
+        task = replace(task, options=short, span=self._soon() - float(self.against.trajectory.times[0]))
+
+        def work() -> Any:
+            began = time.perf_counter()
+            task.run(case, 1)
+            yield time.perf_counter() - began
+
+        self.say(f"{case.series}: compile to C")
+        return isolated(work, _COMPILE_LIMIT).value or math.nan
+
+    def _soon(self) -> float:
+        times = self.against.trajectory.times
+        return float(times[0] + 1e-6 * (times[-1] - times[0]))
+
+    def _judged(self, case: Case, found: Measured) -> Run:
+        if not found.finite:
+            return Run(case, failure="the solution is not finite")
+        against = self.against
+        far = distance(found.trajectory, against.trajectory, against.floor, against.trusted_digits)
+        if against.only_end:
+            far = replace(far, series=far.end, phase=None, shape=None)
+        return Run(
+            case,
+            distance=far,
+            solve_time=found.solve_time,
+            startup_time=found.startup_time,
+            counters=found.counters,
+            constraint_drift=found.drift,
+            native=found.native,
+            events=found.events,
+        )
+
+
+def _wanted(
+    solvers: Sequence[str] | None,
+    tolerances: Sequence[float] | None,
+    steps: Sequence[float] | None,
+    span: float,
+    own_step: float | None,
+    max_step: float | None,
+) -> tuple[Sequence[str], Sequence[float], Sequence[float]]:
+    """Solvers, tolerances and steps with their defaults."""
+    if steps is None:
+        steps = [span / n for n in defaults.FIXED_STEPS]
+        if own_step is not None and all(abs(own_step - s) > 1e-6 * s for s in steps):
+            steps = [*steps, own_step]
+    if solvers is None:
+        solvers = list(dict.fromkeys([*defaults.ADAPTIVE, *defaults.FIXED])) if steps else defaults.ADAPTIVE
+    return solvers, defaults.TOLERANCES if tolerances is None else tolerances, steps
+
+
+def _cases(
+    formulations: Sequence[str],
+    default: bool,
+    solvers: Sequence[str],
+    tolerances: Sequence[float],
+    steps: Sequence[float],
+) -> list[Case]:
+    """All cases; by default other forms than torn are left to the solvers that take algebraic variables."""
+    found = list(cases(formulations, solvers, tolerances, steps))
+    narrow = default and "torn" in formulations
+    return [
+        c for c in found if not narrow or c.formulation == "torn" or (c.solver in defaults.IMPLICIT and c.step is None)
+    ]
+
+
+def _nominal(compiled: CompiledModel, names: Sequence[str]) -> Vector:
+    """Nominal magnitudes of variables by name, 1 where none is known."""
+    known = dict(zip(compiled.states, compiled.nominal_x, strict=True))
+    for variable in compiled.flat.variables:
+        for suffix in suffixes(variable.declaration.shape):
+            known.setdefault(variable.path + suffix, abs(variable.declaration.nominal) or 1.0)
+    return np.array([known.get(name, 1.0) for name in names], dtype=float)
+
+
+def _compiled(
+    component: Component, parameters: Mapping[str, object] | None, formulation: str
+) -> tuple[CompiledModel, float]:
+    began = time.perf_counter()
+    found = compile(component, parameters=parameters, formulation=formulation, cache=False)
+    return found, time.perf_counter() - began
+
+
+def _check(
+    solvers: Sequence[str] | None,
+    tolerances: Sequence[float] | None,
+    formulations: Sequence[str] | None,
+    steps: Sequence[float] | None,
+    repeat: int,
+    time_limit: float,
+) -> None:
+    for name in solvers or ():
+        solver_named(name)
+    for name in formulations or ():
+        if name not in defaults.FORMULATIONS:
+            raise UsageError(
+                "AC024", f"there is no formulation '{name}'", help=f"formulations: {', '.join(defaults.FORMULATIONS)}"
+            )
+    checks = (
+        (all(0 < t < 1 for t in tolerances or ()), "a tolerance lies between 0 and 1"),
+        (all(s > 0 and math.isfinite(s) for s in steps or ()), "a step is a positive time"),
+        (repeat >= 1, "repeat is at least 1"),
+        (time_limit > 0, "the time limit is positive"),
+        (
+            steps is None or bool(steps) or solvers is None or any(s not in defaults.ONLY_FIXED for s in solvers),
+            f"{', '.join(solvers or ())} needs a step",
+        ),
+    )
+    for holds, fact in checks:
+        if not holds:
+            raise UsageError("AC041", fact)
+
+
+def machine() -> dict[str, Any]:
+    """What the numbers were measured on."""
+    import casadi
+
+    return {
+        "python": platform.python_version(),
+        "casadi": casadi.CasadiMeta.version(),
+        "system": platform.system(),
+        "processor": platform.machine(),
+        "cores": os.cpu_count(),
+        "load": round(os.getloadavg()[0], 2) if hasattr(os, "getloadavg") else None,
+    }

@@ -1,0 +1,242 @@
+"""Work-precision chart: log-log, accuracy to the right, cost upwards, failures on the upper edge."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from textwrap import shorten
+from typing import Any
+
+import matplotlib
+from cycler import cycler
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
+
+from acausal.errors import UsageError
+from acausal.files import atomic
+from acausal.plot import FORMATS
+from acausal.study.bench.report import Bench, Run
+
+# Okabe and Ito's palette, distinguishable for colour-blind readers, without its yellow.
+_COLORS = {
+    "idas": "#0072B2",
+    "rosenbrock": "#D55E00",
+    "cvodes": "#56B4E9",
+    "erk": "#009E73",
+    "rk2": "#CC79A7",
+    "rk": "#E69F00",
+    "collocation": "#000000",
+}
+_OTHERS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")
+_LINES = {"torn": "-", "dae": "--", "projected": ":"}
+_STYLE: dict[Any, Any] = {
+    "font.size": 9.0,
+    "axes.titlesize": 9.5,
+    "legend.fontsize": 8.0,
+    "axes.prop_cycle": cycler(color=_OTHERS),
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": "0.4",
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": "0.9",
+    "grid.linewidth": 0.7,
+    "lines.linewidth": 1.3,
+    "legend.frameon": False,
+    "svg.hashsalt": "acausal",
+}
+_COLUMNS = 3
+_MOST_REASONS = 6
+_LONGEST_REASON = 110
+
+
+def chart(bench: Bench, file: str | Path | None = None, title: str | None = None) -> Figure:
+    """Solve time and evaluations over the error, and phase error and constraint drift where there are any.
+
+    Raises
+    ------
+    UsageError
+        AC012 when the file cannot be written, AC013 for another suffix than .png, .svg, .pdf.
+    """
+    target = None if file is None else Path(file)
+    if target is not None and target.suffix.lower() not in FORMATS:
+        raise UsageError(
+            "AC013", f"the suffix '{target.suffix}' names no picture format", help=f"accepted are {', '.join(FORMATS)}"
+        )
+    panels: list[tuple[str, Callable[[Run], float]]] = [
+        ("Solve time [ms]", lambda r: 1e3 * r.solve_time),
+        ("Evaluations of the right-hand side", _count("rhs_evaluations")),
+        ("Steps", _count("steps")),
+    ]
+    if any(run.counters.get("factorisations") for run in bench.runs):
+        panels.append(("Factorisations of Jacobians", _count("factorisations")))
+    if any(run.distance is not None and run.distance.phase for run in bench.runs):
+        panels.append(("Phase error at the end [s]", _phase))
+    if any(run.constraint_drift for run in bench.runs):
+        panels.append(("Constraint drift before projection", lambda r: r.constraint_drift or math.nan))
+    rows = math.ceil(len(panels) / _COLUMNS)
+    reasons = _reasons(bench)
+    with matplotlib.rc_context(_STYLE):
+        height = 3.5 * rows + 1.2 + 0.16 * len(reasons)
+        figure = Figure(figsize=(4.4 * _COLUMNS, height))
+        FigureCanvasAgg(figure)
+        axes = list(figure.subplots(rows, _COLUMNS, squeeze=False).flat)
+        for place, (label, value) in zip(axes, panels, strict=False):
+            _panel(place, bench, label, value)
+        for place in axes[len(panels) :]:
+            place.set_axis_off()
+        _legend(figure, axes[0], bench, height)
+        figure.suptitle(title or _title(bench), fontsize=10.5, x=0.01, y=1 - 0.08 / height, ha="left", va="top")
+        _footnotes(figure, reasons, height)
+        if target is not None:
+            _save(figure, target)
+    return figure
+
+
+def _count(name: str) -> Callable[[Run], float]:
+    return lambda run: run.counters.get(name, math.nan)
+
+
+def _phase(run: Run) -> float:
+    return math.nan if run.distance is None or run.distance.phase is None else abs(run.distance.phase) or math.nan
+
+
+def _title(bench: Bench) -> str:
+    trusted = f"reference: {bench.reference.source}, {bench.reference.trusted_digits:.1f} digits trusted"
+    return f"{bench.model}, {bench.start_time:g} to {bench.stop_time:g} s\n{trusted}"
+
+
+def _panel(axes: Axes, bench: Bench, label: str, value: Callable[[Run], float]) -> None:
+    for name, runs in bench.series.items():
+        points = [(r.error, value(r)) for r in runs if r.distance is not None and r.error > 0]
+        points = [(x, y) for x, y in points if math.isfinite(x) and math.isfinite(y) and y > 0]
+        if points:
+            axes.plot(*zip(*points, strict=True), label=name, **_look(runs[0]))
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.set_ylabel(label)
+    axes.set_xlabel("Error (largest mixed error over the run)")
+    _limits(axes, bench)
+    _failures(axes, bench)
+    trusted = bench.reference.trusted_error
+    low, high = sorted(axes.get_xlim())
+    if low < trusted < high:
+        axes.axvspan(low, trusted, color="0.93", zorder=0)
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_minor_formatter(NullFormatter())
+    axes.xaxis.set_major_locator(LogLocator(numticks=9))
+
+
+def _look(run: Run) -> dict[str, Any]:
+    fixed = run.case.step is not None
+    return {
+        "color": _COLORS.get(run.case.solver, "0.3"),
+        "linestyle": _LINES.get(run.case.formulation, "-."),
+        "marker": "s" if fixed else "o",
+        "markersize": 4.0,
+        "markerfacecolor": "white" if fixed else None,
+    }
+
+
+def _limits(axes: Axes, bench: Bench) -> None:
+    errors = [r.error for r in bench.runs if r.error > 0 and math.isfinite(r.error)]
+    knobs = [r.case.tolerance for r in bench.runs if r.case.tolerance is not None]
+    everything = [e for e in [*errors, *knobs] if e is not None] or [1.0]
+    high, low = min(2 * max(everything), 1e3), max(min(everything) / 2, 1e-16)
+    axes.set_xlim(high, low)
+
+
+def _failures(axes: Axes, bench: Bench) -> None:
+    """Crosses on the upper edge, at the tolerance asked for; fixed steps, of which nothing is known, at the left."""
+    bottom, top = axes.get_ylim()
+    failed = [r for r in bench.runs if r.failure]
+    if not failed:
+        return
+    order = _reasons(bench)
+    axes.set_ylim(bottom, top * (top / bottom) ** 0.16)
+    low, high = sorted(axes.get_xlim())
+    seen: dict[float, int] = {}
+    for run in failed:
+        x = run.case.tolerance if run.case.tolerance is not None else high / (high / low) ** 0.02
+        k = seen[x] = seen.get(x, 0) + 1
+        y = 1.0 - 0.022 * (k - 1)
+        axes.plot(
+            x,
+            y,
+            "x",
+            color=_COLORS.get(run.case.solver, "0.3"),
+            transform=axes.get_xaxis_transform(),
+            markersize=5,
+            markeredgewidth=1.4,
+            clip_on=False,
+        )
+        number = next((n for n, (text, _) in enumerate(order, start=1) if text == _generic(run.failure)), 0)
+        if number:
+            axes.annotate(
+                str(number),
+                (x, y),
+                xycoords=axes.get_xaxis_transform(),
+                xytext=(4, -2.5),
+                textcoords="offset points",
+                fontsize=5.5,
+                color="0.3",
+                annotation_clip=False,
+            )
+
+
+def _reasons(bench: Bench) -> list[tuple[str, list[Run]]]:
+    """Reasons of failures, those that are told alike together."""
+    found: dict[str, list[Run]] = {}
+    for run in bench.runs:
+        if run.failure:
+            found.setdefault(_generic(run.failure), []).append(run)
+    return list(found.items())
+
+
+def _generic(failure: str) -> str:
+    """A reason without the numbers that differ from run to run."""
+    text = re.sub(r"^not tried: ", "", failure)
+    text = re.sub(r" at (tolerance|step) \S+( s)?$", "", text)
+    return re.sub(r" stopped at t = \S+ s", " stopped", text)
+
+
+def _legend(figure: Figure, axes: Axes, bench: Bench, height: float) -> None:
+    handles, labels = axes.get_legend_handles_labels()
+    columns = min(max(len(handles), 1), 8)
+    rows = math.ceil(len(handles) / columns) if handles else 0
+    if handles:
+        figure.legend(handles, labels, loc="upper left", ncols=columns, bbox_to_anchor=(0.005, 1 - 0.42 / height))
+    bottom = (0.5 + 0.16 * min(len(_reasons(bench)), _MOST_REASONS + 1)) / height
+    figure.subplots_adjust(
+        left=0.055,
+        right=0.99,
+        wspace=0.24,
+        top=1 - (0.62 + 0.19 * rows) / height,
+        bottom=bottom + 0.1 / height,
+        hspace=0.3,
+    )
+
+
+def _footnotes(figure: Figure, reasons: Sequence[tuple[str, list[Run]]], height: float) -> None:
+    lines = []
+    for number, (text, runs) in enumerate(reasons[:_MOST_REASONS], start=1):
+        who = ", ".join(dict.fromkeys(run.case.series for run in runs))
+        lines.append(shorten(f"{number}  {who}: {text}", _LONGEST_REASON + 40, placeholder=" ..."))
+    if len(reasons) > _MOST_REASONS:
+        lines.append(f"and {len(reasons) - _MOST_REASONS} more reasons, in the JSON")
+    for k, line in enumerate(reversed(lines)):
+        figure.text(0.01, (0.06 + 0.16 * k) / height, line, fontsize=7.0, color="0.25", va="bottom")
+
+
+def _save(figure: Figure, target: Path) -> None:
+    with atomic(target) as stream:
+        figure.savefig(stream, format=target.suffix.lower().lstrip("."), dpi=150, metadata=_metadata(target))
+
+
+def _metadata(target: Path) -> dict[str, Any]:
+    """No date in the file: the same numbers give the same bytes."""
+    return {"Date": None} if target.suffix.lower() == ".svg" else {}

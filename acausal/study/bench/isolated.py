@@ -1,0 +1,138 @@
+"""Work in a process of its own, which can be ended: a solver that makes no headway, or crashes, costs no more.
+
+A solver's loop is C and cannot be stopped from outside by anything gentler than the end of its process. The child is a
+copy of this process (`fork`), so the compiled model needs no pickling; only what it measures comes back. Where there is
+no `fork` (Windows), the work is done here and the limit is not enforced.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import select
+import signal
+import time
+import warnings
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
+
+from acausal.errors import AcausalError
+
+T = TypeVar("T")
+
+_LENGTH = 8
+
+
+@dataclass(frozen=True)
+class Outcome(Generic[T]):
+    """The last thing the work has handed over, or why there is nothing, or nothing further."""
+
+    value: T | None
+    failure: str = ""
+    seconds: float = 0.0
+
+
+def isolated(work: Callable[[], Iterator[T]], limit: float) -> Outcome[T]:
+    """Run `work` in a child process; each value it yields must come within `limit` seconds of the one before.
+
+    What was yielded last counts, so work that improves on a first value may be cut short.
+    """
+    if not hasattr(os, "fork"):
+        return _here(work)
+    reader, writer = os.pipe()
+    began = time.perf_counter()
+    with warnings.catch_warnings():
+        # Python 3.12 warns when a library has threads; ours (of BLAS) look after themselves at a fork.
+        warnings.simplefilter("ignore", DeprecationWarning)
+        child = os.fork()
+    if child == 0:
+        _child(work, reader, writer)
+    os.close(writer)
+    try:
+        value, failure = _collected(reader, limit)
+    finally:
+        os.close(reader)
+        # Also after Ctrl-C: nothing is left behind.
+        os.kill(child, signal.SIGKILL)
+        _, status = os.waitpid(child, 0)
+    if value is None and not failure:
+        code = os.waitstatus_to_exitcode(status)
+        failure = f"the process died ({signal.Signals(-code).name})" if code < 0 else "the process ended without a word"
+    return Outcome(value, failure, time.perf_counter() - began)
+
+
+def _here(work: Callable[[], Iterator[T]]) -> Outcome[T]:
+    began, last = time.perf_counter(), None
+    try:
+        *_, last = work()
+    except (AcausalError, RuntimeError, ArithmeticError, ValueError, MemoryError) as error:
+        return Outcome(None, reason(error), time.perf_counter() - began)
+    return Outcome(last, "", time.perf_counter() - began)
+
+
+def reason(error: BaseException) -> str:
+    """An exception as one short sentence."""
+    if isinstance(error, AcausalError):
+        return f"{error.code}: {error.fact}"
+    return f"{type(error).__name__}: {str(error).splitlines()[-1] if str(error) else ''}".rstrip(": ")
+
+
+def _child(work: Callable[[], Iterator[Any]], reader: int, writer: int) -> None:
+    """Do the work, send what it yields, end without any of the clean-up that belongs to the parent."""
+    try:
+        os.close(reader)
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+        # The solvers' own words about their failures.
+        null = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(null, 1)
+        os.dup2(null, 2)
+        try:
+            for value in work():
+                _send(writer, ("value", value))
+        except Exception as error:
+            _send(writer, ("failure", reason(error)))
+        _send(writer, ("end", None))
+    finally:
+        os._exit(0)
+
+
+def _send(writer: int, message: tuple[str, Any]) -> None:
+    data = pickle.dumps(message, protocol=pickle.HIGHEST_PROTOCOL)
+    view = memoryview(len(data).to_bytes(_LENGTH, "big") + data)
+    while view:
+        view = view[os.write(writer, view) :]
+
+
+def _collected(reader: int, limit: float) -> tuple[Any, str]:
+    """The last value, and what went wrong; ("", None) without either when the child died silently."""
+    value, failure = None, ""
+    while True:
+        deadline = time.perf_counter() + limit
+        head = _exactly(reader, _LENGTH, deadline)
+        body = head and _exactly(reader, int.from_bytes(head, "big"), deadline + 10.0)
+        if head is None or body is None:
+            return value, "" if value is not None else f"no end after {limit:g} s"
+        if not head or not body:
+            return value, failure
+        kind, content = pickle.loads(body)
+        if kind == "end":
+            return value, failure
+        if kind == "failure":
+            failure = failure or content
+        else:
+            value = content
+
+
+def _exactly(reader: int, count: int, deadline: float) -> bytes | None:
+    """`count` bytes; None when they do not come in time, empty when there are no more."""
+    data = b""
+    while len(data) < count:
+        ready, _, _ = select.select([reader], [], [], max(0.0, deadline - time.perf_counter()))
+        if not ready:
+            return None
+        part = os.read(reader, count - len(data))
+        if not part:
+            return b""
+        data += part
+    return data

@@ -1,0 +1,117 @@
+"""One case measured: in a child process, once to warm up, then several times."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from acausal.lower.compiled import CompiledModel
+from acausal.result import Result
+from acausal.study.bench.case import Case
+from acausal.study.bench.isolated import Outcome, isolated
+from acausal.study.bench.trajectory import POINTS, Trajectory, sampled
+
+FINE = 10
+"""Points of the reference for each of the grid: phases are looked for between grid points."""
+
+_COUNTERS = ("steps", "rhs_evaluations", "jacobians", "factorisations", "rejected")
+
+
+@dataclass(frozen=True)
+class Task:
+    """A model and how it is run in every case: options of `simulate` other than solver, tolerance and step."""
+
+    compiled: CompiledModel
+    names: tuple[str, ...]
+    span: float
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+    def run(self, case: Case, points: int = POINTS) -> Result:
+        """Simulate once."""
+        from acausal.simulate.run import simulate
+
+        interval = self.span / points
+        return simulate(
+            self.compiled,
+            solver=case.solver,
+            tolerance=case.tolerance,
+            step=case.step,
+            output_interval=interval,
+            **self.options,
+        )
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What one case has cost, in seconds and in counts, and its trajectory."""
+
+    trajectory: Trajectory
+    solve_time: float
+    startup_time: float
+    first_time: float
+    counters: dict[str, float]
+    drift: float | None
+    native: bool
+    events: int
+
+    @property
+    def finite(self) -> bool:
+        """Whether it arrived at numbers."""
+        return math.isfinite(float(abs(self.trajectory.values).max()))
+
+
+def measured(task: Task, case: Case, repeat: int, limit: float) -> Outcome[Measured]:
+    """Best of `repeat` runs after one that is not counted; a single run may not take longer than `limit` seconds.
+
+    The repetitions end early when they have taken `limit` seconds together.
+    """
+
+    def work() -> Iterator[Measured]:
+        began = time.perf_counter()
+        first = _measured(task, task.run(case), 0.0)
+        took = time.perf_counter() - began
+        best = Measured(**{**first.__dict__, "first_time": took})
+        yield best
+        stop = time.perf_counter() + 0.8 * limit - took
+        for k in range(repeat):
+            if time.perf_counter() > stop:
+                break
+            again = _measured(task, task.run(case), took)
+            # the first run counts only where there is no other
+            best = again if k == 0 or again.solve_time < best.solve_time else best
+        yield best
+
+    return isolated(work, limit)
+
+
+def fine(task: Task, case: Case, limit: float) -> Outcome[Trajectory]:
+    """The trajectory of one case on the fine grid."""
+
+    def work() -> Iterator[Trajectory]:
+        yield sampled(task.run(case, POINTS * FINE), task.names, POINTS * FINE)
+
+    return isolated(work, limit)
+
+
+def _measured(task: Task, result: Result, first_time: float) -> Measured:
+    stats = dict(result.stats)
+    times: Any = stats["time"]
+    making = float(str(stats.get("making", 0.0)))
+    counters = {name: float(str(stats[name])) for name in _COUNTERS if name in stats}
+    if result.stats["solver"] == "rosenbrock":
+        # one Jacobian and one factorisation for each step that is tried
+        counters["factorisations"] = counters.get("steps", 0.0) + counters.get("rejected", 0.0)
+    drift = stats.get("drift")
+    return Measured(
+        trajectory=sampled(result, task.names, POINTS),
+        solve_time=times["integrate"] - making,
+        startup_time=times["initialize"] + making,
+        first_time=first_time,
+        counters=counters,
+        drift=None if drift is None else float(str(drift)),
+        native=bool(stats.get("native")),
+        events=len(result.events),
+    )

@@ -1,0 +1,186 @@
+"""All runs of a bench with their errors and costs: the data behind the chart and the JSON."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from acausal.study.bench.case import Case
+from acausal.study.bench.distance import Distance
+from acausal.study.bench.reference import Reference
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class Run:
+    """One case: its errors and costs, or the `failure` that took their place. Times in seconds.
+
+    `solve_time` is the best of the repetitions, without making integrators; that and the start values are
+    `startup_time`. `constraint_drift` is the largest residual of stabilised constraints before projection, None where
+    the form of the equations has none.
+    """
+
+    case: Case
+    failure: str = ""
+    distance: Distance | None = None
+    solve_time: float = math.nan
+    startup_time: float = math.nan
+    counters: Mapping[str, float] = field(default_factory=dict)
+    constraint_drift: float | None = None
+    native: bool = False
+    events: int = 0
+
+    @property
+    def error(self) -> float:
+        """The error on the chart: the largest mixed error over the grid; nan for a failure."""
+        return math.nan if self.distance is None else self.distance.series
+
+    @property
+    def cost(self) -> float:
+        """What one run of a compiled model takes [s]."""
+        return self.solve_time + self.startup_time
+
+    def record(self) -> dict[str, Any]:
+        """For JSON."""
+        d = self.distance
+        return {
+            "solver": self.case.solver,
+            "formulation": self.case.formulation,
+            "tolerance": self.case.tolerance,
+            "step": self.case.step,
+            "series": self.case.series,
+            "failed": bool(self.failure),
+            "failure": self.failure or None,
+            "error": None if d is None else d.series,
+            "end_error": None if d is None else d.end,
+            "absolute_error": None if d is None else d.absolute,
+            "worst": None if d is None else d.worst,
+            "scd": None if d is None else d.scd,
+            "mescd": None if d is None else d.mescd,
+            "phase_error": None if d is None else d.phase,
+            "shape_error": None if d is None else d.shape,
+            "constraint_drift": self.constraint_drift,
+            "solve_time": self.solve_time,
+            "startup_time": self.startup_time,
+            "steps": self.counters.get("steps"),
+            "rhs_evaluations": self.counters.get("rhs_evaluations"),
+            "jacobians": self.counters.get("jacobians"),
+            "factorisations": self.counters.get("factorisations"),
+            "rejected": self.counters.get("rejected"),
+            "events": self.events,
+            "native": self.native,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Bench:
+    """Work against precision of one model.
+
+    `times` in seconds: "build" (making the components), "compile" (per formulation: "compile torn", ...), "native"
+    (per series: making the C library, or finding it), "start" (start values and integrators, median over the runs).
+    """
+
+    model: str
+    runs: tuple[Run, ...]
+    reference: Reference
+    components: tuple[str, ...]
+    start_time: float
+    stop_time: float
+    repeat: int
+    times: Mapping[str, float]
+    machine: Mapping[str, Any]
+    notes: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        failed = sum(bool(run.failure) for run in self.runs)
+        return (
+            f"Bench({self.model}: {len(self.runs)} runs, {failed} failed, {self.reference.trusted_digits:.1f} digits)"
+        )
+
+    @property
+    def series(self) -> dict[str, tuple[Run, ...]]:
+        """Runs of each line of the chart, the loosest first."""
+        found: dict[str, list[Run]] = {}
+        for run in self.runs:
+            found.setdefault(run.case.series, []).append(run)
+        return {name: tuple(runs) for name, runs in found.items()}
+
+    def record(self) -> dict[str, Any]:
+        """Everything, for JSON."""
+        return {
+            "model": self.model,
+            "start_time": self.start_time,
+            "stop_time": self.stop_time,
+            "components": list(self.components),
+            "reference": {
+                "source": self.reference.source,
+                "solvers": list(self.reference.solvers),
+                "trusted_digits": self.reference.trusted_digits,
+                "trusted_error": self.reference.trusted_error,
+                "notes": list(self.reference.notes),
+            },
+            "repeat": self.repeat,
+            "times": dict(self.times),
+            "runs": [run.record() for run in self.runs],
+            "machine": dict(self.machine),
+            "notes": list(self.notes),
+        }
+
+    def plot(self, file: str | Path | None = None) -> Figure:
+        """Draw the chart, to a file where one is given: .png, .svg or .pdf."""
+        from acausal.study.bench.chart import chart
+
+        return chart(self, file)
+
+    def rows(self) -> list[tuple[str, ...]]:
+        """The table of the command line: a row per run."""
+        return [_row(run) for run in self.runs]
+
+
+HEAD = (
+    "series",
+    "tolerance or step",
+    "error",
+    "end error",
+    "mescd",
+    "phase s",
+    "solve ms",
+    "steps",
+    "rhs",
+    "jac",
+    "fact",
+)
+
+
+def _row(run: Run) -> tuple[str, ...]:
+    if run.distance is None:
+        return run.case.series, run.case.knob, f"failed: {run.failure}"
+    d = run.distance
+    counts = ("steps", "rhs_evaluations", "jacobians", "factorisations")
+    return (
+        run.case.series,
+        run.case.knob,
+        f"{d.series:.1e}",
+        f"{d.end:.1e}",
+        f"{d.mescd:.2f}",
+        "-" if d.phase is None else f"{d.phase:.1e}",
+        f"{1e3 * run.solve_time:.3g}",
+        *(f"{run.counters[c]:.0f}" if c in run.counters else "-" for c in counts),
+    )
+
+
+def monotone(runs: Sequence[Run], accuracy: float) -> list[Run]:
+    """Runs that reach an accuracy, and so does every tighter one of the same series: a lucky hit is no advice."""
+    found = []
+    for run in reversed(runs):
+        if run.distance is None:
+            continue
+        if not run.error <= accuracy:
+            break
+        found.append(run)
+    return found

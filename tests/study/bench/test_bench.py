@@ -1,0 +1,175 @@
+"""The bench on models with closed forms: errors, order of methods, failures, recommendation."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+import pytest
+
+import acausal
+from acausal import Component, Equations, Experiment, Real, der, fixed, parameter, variable
+from acausal.errors import IntegrationError, UsageError
+from acausal.study.bench.recommend import recommend
+from acausal.study.bench.report import Bench
+
+
+class Swing(Component):
+    """x = cos(w t)."""
+
+    w: Real = parameter(default=2.0, unit="1/s")
+    x: Real = variable(default=fixed(1.0), unit="m")
+    v: Real = variable(default=fixed(0.0), unit="m/s")
+
+    experiment: ClassVar[Experiment] = Experiment(stop_time=10.0)
+
+    def equations(self) -> Equations:
+        yield der(self.x) == self.v
+        yield der(self.v) == -self.w * self.w * self.x
+
+
+class Stiff(Component):
+    """x follows 1 at a rate of 1e6/s: explicit methods need steps below 2 us (2.8 us of order 4)."""
+
+    x: Real = variable(default=fixed(0.0))
+
+    experiment: ClassVar[Experiment] = Experiment(stop_time=1.0)
+
+    def equations(self) -> Equations:
+        yield der(self.x) == 1e6 * (1.0 - self.x)
+
+
+@pytest.fixture(scope="module")
+def swing() -> Bench:
+    return acausal.bench(
+        Swing,
+        solvers=("idas", "rosenbrock", "rk2"),
+        tolerances=(1e-4, 1e-8),
+        steps=(0.01, 0.001),
+        repeat=1,
+        native=False,
+    )
+
+
+def test_two_different_solvers_agree_on_the_reference(swing: Bench) -> None:
+    reference = swing.reference
+    assert reference.trusted_digits > 10
+    assert len({name.split()[0] for name in reference.solvers}) == 2
+    # closed form: x = cos 2t, v = -2 sin 2t
+    end = dict(zip(reference.trajectory.names, reference.trajectory.values[-1], strict=True))
+    assert end["x"] == pytest.approx(math.cos(20.0), abs=1e-10)
+    assert end["v"] == pytest.approx(-2 * math.sin(20.0), abs=1e-10)
+
+
+def test_errors_are_those_of_the_method(swing: Bench) -> None:
+    heun = {r.case.step: r for r in swing.runs if r.case.solver == "rk2"}
+    # Heun on x'' = -w^2 x is early by (w h)^2 / 6 per unit of time; w = 2, h = 0.01, the window's middle is 8.75 s.
+    assert heun[0.01].distance is not None
+    assert heun[0.01].distance.phase == pytest.approx(-8.75 * (2 * 0.01) ** 2 / 6, rel=0.03)
+    # order 2
+    assert heun[0.01].error / heun[0.001].error == pytest.approx(100.0, rel=0.1)
+    # four evaluations of steps of 0.01 s in intervals of 0.05 s
+    assert heun[0.01].counters["rhs_evaluations"] == 2000
+
+
+def test_every_run_has_its_costs(swing: Bench) -> None:
+    assert len(swing.runs) == 4 + 4
+    for run in swing.runs:
+        assert not run.failure
+        assert run.solve_time > 0
+        assert run.counters["steps"] > 0
+    assert swing.notes == ("dae: the same equations as torn", "projected: the same equations as torn")
+    assert {"build", "compile torn", "compile dae", "compile projected", "start"} <= swing.times.keys()
+
+
+def test_the_cheapest_run_that_is_exact_enough(swing: Bench) -> None:
+    advice = recommend(swing, 1e-5)
+    assert advice.run.error <= 1e-5
+    good = [r for r in swing.runs if r.error <= 1e-5]
+    assert advice.run.cost == min(r.cost for r in good)
+    with pytest.raises(IntegrationError, match="AC411"):
+        recommend(swing, 1e-14)
+
+
+def test_failures_stay_with_their_reason_and_a_dead_method_costs_its_limit_once(tmp_path: Path) -> None:
+    found = acausal.bench(
+        Stiff,
+        solvers=("idas", "erk", "rk2"),
+        tolerances=(1e-3, 1e-6),
+        steps=(1e-3,),
+        formulations=("torn",),
+        repeat=1,
+        time_limit=1.0,
+        native=False,
+    )
+    by_name = {(r.case.series, r.case.tolerance): r for r in found.runs}
+    assert by_name["rk2", None].failure.startswith("AC404")
+    assert by_name["erk fixed", None].failure.startswith("AC40")
+    # 3e5 steps of erk take more than a second, or are refused
+    assert by_name["erk", 1e-3].failure
+    assert by_name["erk", 1e-6].failure
+    assert not by_name["idas", 1e-6].failure
+    picture = tmp_path / "stiff.svg"
+    found.plot(picture)
+    text = picture.read_text()
+    assert text.count("the solution is not finite") == 0 or "rk2" in text
+    assert len(found.record()["runs"]) == 6
+    assert sum(r["failed"] for r in found.record()["runs"]) == 4
+
+
+def test_a_reference_can_be_given(tmp_path: Path) -> None:
+    file = tmp_path / "end.json"
+    file.write_text(
+        json.dumps(
+            {"reference": {"values": {"x": repr(math.cos(20.0)), "v": -2 * math.sin(20.0)}, "trusted_digits": 8}}
+        )
+    )
+    options = {"solvers": ("rosenbrock",), "tolerances": (1e-6, 1e-12), "steps": (), "repeat": 1, "native": False}
+    found = acausal.bench(Swing, reference=file, **options)  # type: ignore[arg-type]
+    loose, tight = found.runs
+    assert loose.distance is not None
+    assert tight.distance is not None
+    assert loose.error == loose.distance.end
+    assert tight.distance.mescd == 8.0
+    fine = acausal.simulate(Swing(), tolerance=1e-12, output_interval=0.005)
+    fine.save(tmp_path / "fine.npz")
+    again = acausal.bench(Swing, reference=tmp_path / "fine.npz", **options)  # type: ignore[arg-type]
+    assert again.runs[0].distance is not None
+    assert again.runs[0].distance.end == pytest.approx(loose.distance.end, rel=1e-3)
+    file.write_text('{"values": {"x": 1.0}}')
+    with pytest.raises(UsageError, match="AC010"):
+        acausal.bench(Swing, reference=file, **options)  # type: ignore[arg-type]
+
+
+def test_parameters_and_variables_are_taken() -> None:
+    found = acausal.bench(
+        Swing(),
+        parameters={"w": 1.0},
+        variables=("x",),
+        solvers=("rosenbrock",),
+        tolerances=(1e-8,),
+        steps=(),
+        repeat=1,
+        stop_time=math.pi,
+        native=False,
+    )
+    assert found.components == ("x",)
+    np.testing.assert_allclose(found.reference.trajectory.values[-1], [-1.0], atol=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("options", "code"),
+    [
+        ({"solvers": ("euler",)}, "AC032"),
+        ({"formulations": ("index2",)}, "AC024"),
+        ({"tolerances": (2.0,)}, "AC041"),
+        ({"repeat": 0}, "AC041"),
+        ({"variables": ("y",)}, "AC010"),
+    ],
+)
+def test_wrong_requests(options: dict[str, object], code: str) -> None:
+    with pytest.raises(UsageError, match=code):
+        acausal.bench(Swing, **options)  # type: ignore[arg-type]
