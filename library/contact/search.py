@@ -1,0 +1,77 @@
+"""From a pose of two shapes to the features that touch: portal, then distance where they are apart, then polishing."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+
+from acausal.library.contact import distance, polish, portal
+from acausal.library.contact.chain import frozen, repeat
+from acausal.library.contact.minkowski import Core, Pair
+
+_MOST_PORTAL, _MOST_DISTANCE, _MOST_POLISH = 48, 32, 14
+"""Bounds of the iterations; what is typical is 8, 3 and 2."""
+
+_CURVED, _FLAT = 1e-6, 1e-12
+"""How far a support point may lie outside the portal at the end, when circles are there to be polished, and not."""
+
+
+def search(a: Core, b: Core) -> Any:
+    """The Function `(p, R) -> contact` (see `polish`) of two cores, without derivatives."""
+    R, p = ca.SX.sym("R", 3, 3), ca.SX.sym("p", 3)
+    pair = Pair(a, b, p, R)
+    data = ca.vertcat(p, ca.vec(R))
+    tolerance = _CURVED if a.round or b.round else _FLAT
+    pose = ca.MX.sym("pose", 12)
+
+    flat = a.dimension + b.dimension < 3
+    apart = _apart(pair, data, tolerance)
+    if flat:
+        # The difference of points and lines has no inside: there is no portal, and no overlap either.
+        d0 = pair.inner()
+        v = pair.support(-d0)
+        begin = ca.Function("begin", [data], [distance.start([v, v, v])])
+        contact = apart(begin(pose), pose)
+    else:
+        contact = _with_portal(pair, data, tolerance, apart)(pose)
+    state = ca.SX.sym("state", polish.WORKING)
+    step = ca.Function("polish", [state, data], [polish.step(pair, state)], _CALL)
+    polished = repeat(step, polish.GOING, _MOST_POLISH)(contact, pose)
+    whole = ca.Function("contact", [pose], [polished[: polish.SIZE]], _CALL)
+    P, Q = ca.MX.sym("p", 3), ca.MX.sym("R", 3, 3)
+    return frozen("contact_search", [P, Q], whole(ca.vertcat(P, ca.vec(Q))))
+
+
+def _apart(pair: Pair, data: Any, tolerance: float) -> Any:
+    """`(state of distance, pose) -> state of polish`."""
+    state = ca.SX.sym("state", distance.SIZE)
+    step = ca.Function("distance", [state, data], [distance.step(pair, state, tolerance)], _CALL)
+    vertices, _, x = distance.result(state)
+    length = ca.sqrt(ca.sumsqr(x))
+    n = ca.if_else(length > distance.TOUCHING, -x / ca.fmax(length, distance.TOUCHING), ca.DM([0, 0, 1]))
+    finish = ca.Function("nearest", [state, data], [polish.start(pair, vertices, n, -length)], _CALL)
+    s, pose = ca.MX.sym("s", distance.SIZE), ca.MX.sym("pose", 12)
+    end = repeat(step, distance.GOING, _MOST_DISTANCE)(s, pose)
+    return ca.Function("apart", [s, pose], [finish(end, pose)], _CALL)
+
+
+def _with_portal(pair: Pair, data: Any, tolerance: float, apart: Any) -> Any:
+    """`pose -> state of polish`."""
+    state = ca.SX.sym("state", portal.SIZE)
+    step = ca.Function("portal", [state, data], [portal.step(pair, state, tolerance)], _CALL)
+    vertices, n, offset = portal.result(state)
+    begin = ca.Function("begin", [data], [portal.start(pair)], _CALL)
+    overlap = ca.Function("overlap", [state, data], [polish.start(pair, vertices, n, offset)], _CALL)
+    separate = ca.Function("separate", [state], [distance.start(vertices), offset], _CALL)
+
+    s, pose = ca.MX.sym("s", portal.SIZE), ca.MX.sym("pose", 12)
+    inside = ca.Function("inside", [s, pose], [overlap(s, pose)], _CALL)
+    outside = ca.Function("outside", [s, pose], [apart(separate(s)[0], pose)], _CALL)
+    switch = ca.Function.conditional("side", [outside], inside)
+    end = repeat(step, portal.GOING, _MOST_PORTAL)(begin(pose), pose)
+    value = switch(ca.if_else(end[portal.OFFSET] < -1e-10, 0, 1), end, pose)
+    return ca.Function("with_portal", [pose], [value], _CALL)
+
+
+_CALL = {"never_inline": True}
