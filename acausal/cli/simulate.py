@@ -54,6 +54,9 @@ def simulate(
         bool | None,
         typer.Option("--native/--no-native", help="Compile to C; decided by the run's length when not given."),
     ] = None,
+    force: Annotated[
+        bool, typer.Option("--force", help="Run a fixed step that is too large to be stable too.")
+    ] = False,
     inputs: Annotated[
         list[str] | None,
         typer.Option("--input", metavar="NAME=VALUE", help="Constant of a free input; repeatable.", show_default=False),
@@ -104,7 +107,16 @@ def simulate(
     clock.lap("compile")
     session = Session(model, prepared.model, compiled, result_file, picture, clock)
     result = _run(
-        session, quiet, {**times, "tolerance": tolerance, "solver": solver, "native": native, "inputs": _inputs(inputs)}
+        session,
+        quiet,
+        {
+            **times,
+            "tolerance": tolerance,
+            "solver": solver,
+            "native": native,
+            "force": force,
+            "inputs": _inputs(inputs),
+        },
     )
     if as_json:
         record(session.content(result))

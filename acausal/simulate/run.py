@@ -28,6 +28,7 @@ from acausal.simulate.project import projected
 from acausal.simulate.record import Recorder, make_result
 from acausal.simulate.solvers import Solver, choose
 from acausal.simulate.solvers.base import TOLERANCE_SHARE, Piece, Segment
+from acausal.simulate.step_limit import StepLimit
 
 Vector = NDArray[np.float64]
 Progress = Callable[[float, float], None]
@@ -48,6 +49,7 @@ def simulate(
     parameters: Mapping[str, float] | None = None,
     inputs: Mapping[str, float] | None = None,
     native: bool | None = None,
+    force: bool = False,
     progress: Progress | None = None,
 ) -> Result:
     """Simulate a model.
@@ -69,6 +71,8 @@ def simulate(
     native
         True compiles the equations to C, False interprets them; None uses what is compiled already, and compiles when
         a run is long (docs/devdocs/native.md). Without a C compiler everything is interpreted; results are the same.
+    force
+        True runs a fixed step that is too large to be stable too; otherwise it is refused (AC405).
     progress
         Called with the fraction done and the time reached.
 
@@ -93,7 +97,7 @@ def simulate(
     given = parameters if isinstance(model, CompiledModel) else None
     p = parameter_vector(compiled, given or {})
     u = input_vector(compiled, inputs or {})
-    return _Run(compiled, chosen, p, u, progress).result()
+    return _Run(compiled, chosen, p, u, progress, force).result()
 
 
 def parameter_vector(compiled: CompiledModel, given: Mapping[str, float]) -> Vector:
@@ -159,6 +163,7 @@ class _Run:
     p: Vector
     u: Vector
     progress: Progress | None
+    force: bool = False
     timings: dict[str, float] = field(default_factory=dict)
     interrupt: Interruptible = field(default_factory=Interruptible)
     hybrid: Hybrid | None = None
@@ -177,6 +182,8 @@ class _Run:
         self.stabilise(start, m)
         problem = Problem(self.compiled, self.p, self.u, opts.native)
         recorder = Recorder(self.compiled, self.p, self.u)
+        limit = StepLimit(problem, solver.name, opts, self.force)
+        limit.check_start(opts.start_time, start.x, start.z, m)
         if self.compiled.state_events.relations or self.compiled.state_events.clauses:
             self.hybrid = Hybrid(
                 problem, solver, recorder, lambda segment, m: self.integrate(problem, solver, recorder, segment, m)
@@ -189,10 +196,14 @@ class _Run:
                     start = self.segment(problem, solver, recorder, start, a, b, grid)
         except (IntegrationError, KeyboardInterrupt) as error:
             error.result = self.finish(problem, recorder, solver, reason, start.notes)  # type: ignore[union-attr]
+            if isinstance(error, IntegrationError):
+                limit.check_run(recorder, error.result)
             raise
         finally:
             self.timings["integrate"] = clock.perf_counter() - began
-        return self.finish(problem, recorder, solver, reason, start.notes)
+        result = self.finish(problem, recorder, solver, reason, start.notes)
+        limit.check_run(recorder, result)
+        return result
 
     def stabilise(self, start: Start, m: Vector) -> None:
         """Choose the rate of stabilised constraints by the model's own time scale at the start, unless it was given."""

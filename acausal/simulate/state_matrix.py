@@ -1,0 +1,119 @@
+"""The matrix of the linearised states at points of a run, algebraic variables eliminated, and its eigenvalues."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+from weakref import WeakKeyDictionary
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.lower.compiled import CompiledModel, Symbols
+
+Vector = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+LARGEST_DENSE = 400
+"""Beyond so many states only the fastest eigenvalues are computed."""
+FEW = 12
+"""How many then."""
+
+
+@dataclass(frozen=True, eq=False)
+class StateMatrix:
+    """d(rates)/d(states) of a compiled model with given parameters and inputs.
+
+    Algebraic variables follow the states by the implicit function theorem. Integrals of time that act on nothing are
+    left out: their eigenvalues are zero.
+    """
+
+    compiled: CompiledModel
+    p: Vector
+    u: Vector
+
+    @property
+    def size(self) -> int:
+        """Number of states of the coupled system."""
+        return len(self.compiled.states) - self.compiled.quadratures
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of these states."""
+        return self.compiled.states[: self.size]
+
+    @cached_property
+    def _derivatives(self) -> Any:
+        if self.compiled not in _made:
+            s = Symbols(self.compiled)
+            ode, alg = self.compiled.rhs(*s.inputs)
+            n = self.size
+            along = ca.vertcat(s.t, s.x)
+            parts = [ca.jacobian(f, v) for f in (ode[:n], alg) for v in (s.x[:n], s.z)]
+            speed = ca.vertcat(1, ode)
+            rates = [ca.densify(ode[:n]), *(ca.densify(ca.jtimes(f, along, speed)) for f in (ode[:n], alg))]
+            _made[self.compiled] = ca.Function("derivatives", s.inputs, [*parts, *rates])
+        return _made[self.compiled]
+
+    def _at(self, t: float, x: Vector, z: Vector, m: Vector) -> list[Any]:
+        return list(self._derivatives(t, x, z, self.u, self.p, m))
+
+    def at(self, t: float, x: Vector, z: Vector, m: Vector) -> Vector | None:
+        """The matrix [1/s], shape (n, n); None where the algebraic variables are not determined or not finite."""
+        fx, fz, gx, gz, *_ = (np.array(part) for part in self._at(t, x, z, m))
+        try:
+            matrix = fx - fz @ np.linalg.solve(gz, gx) if gz.size else fx
+        except np.linalg.LinAlgError:
+            return None
+        return np.asarray(matrix, dtype=float) if np.isfinite(matrix).all() else None
+
+    def rates(self, t: float, x: Vector, z: Vector, m: Vector) -> tuple[Vector, Vector]:
+        """First and second time derivatives of the states along the solution, shape (n,) each."""
+        _, fz, _, gz, f, ft, gt = (np.array(part) for part in self._at(t, x, z, m))
+        if gz.size:
+            try:
+                ft = ft - fz @ np.linalg.solve(gz, gt)
+            except np.linalg.LinAlgError:
+                ft = np.full_like(f, np.nan)
+        return f.ravel(), ft.ravel()
+
+    def eigenvalues(self, t: float, x: Vector, z: Vector, m: Vector) -> Complex | None:
+        """Eigenvalues [1/s] at a point, all of them or the fastest of a large system; None as in `at`."""
+        if self.size == 0:
+            return np.zeros(0, dtype=complex)
+        if self.size > LARGEST_DENSE:
+            return self._fastest(t, x, z, m)
+        matrix = self.at(t, x, z, m)
+        return None if matrix is None else np.asarray(np.linalg.eigvals(matrix), dtype=complex)
+
+    def _fastest(self, t: float, x: Vector, z: Vector, m: Vector) -> Complex | None:
+        from scipy.sparse import csc_matrix
+        from scipy.sparse.linalg import ArpackError, LinearOperator, eigs, splu
+
+        fx, fz, gx, gz = (csc_matrix(part.sparse()) for part in self._at(t, x, z, m)[:4])
+        if not all(np.isfinite(part.data).all() for part in (fx, fz, gx, gz)):
+            return None
+        try:
+            solve = splu(gz).solve if len(self.compiled.algebraic) else None
+        except RuntimeError:
+            return None
+
+        def apply(v: Vector) -> Vector:
+            follows = fz @ solve(gx @ v) if solve is not None else 0.0
+            return np.asarray(fx @ v - follows)
+
+        operator: Any = LinearOperator  # scipy's overloads confuse type checkers
+        linear = operator((self.size, self.size), matvec=apply, dtype=float)
+        begin = np.cos(np.arange(1.0, self.size + 1.0))  # a fixed start, so that a run gives the same twice
+        try:
+            search: Any = eigs
+            return np.asarray(search(linear, k=FEW, which="LM", return_eigenvectors=False, v0=begin, tol=1e-6))
+        except ArpackError as error:
+            found = getattr(error, "eigenvalues", None)
+            return np.asarray(found, dtype=complex) if found is not None and len(found) else None
+
+
+# The derivatives of a model do not depend on the run; symbolic work of milliseconds.
+_made: WeakKeyDictionary[CompiledModel, Any] = WeakKeyDictionary()
