@@ -130,6 +130,8 @@ def _parameters(compiled: CompiledModel) -> Iterator[tuple[int, Port]]:
         # Others are bound to this one and say no more.
         if parameter.free:
             d = parameter.declaration
-            for node in parameter.nodes:
-                k = compiled.flat.pool.nodes[node][1]
+            for op, *number in (compiled.flat.pool.nodes[n] for n in parameter.nodes):
+                if op != "par":
+                    continue  # a frozen entry
+                k = number[0]
                 yield k, Port(names[k], d.unit, d.doc, values[k], d.nominal, d.min, d.max)

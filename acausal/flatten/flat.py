@@ -119,6 +119,10 @@ class FlatSystem:
         Closed loops of frames that were cut.
     notes
         Facts the user should see, for example connections cut in closed loops.
+    frozen
+        Names of parameter scalars that were made numbers (`acausal.lower.freeze`).
+    nominals
+        Magnitude of each scalar before that: frozen zeros join variables, which must not change the tolerances.
     """
 
     name: str
@@ -136,6 +140,8 @@ class FlatSystem:
     components: Mapping[str, FlatComponent]
     loops: tuple[FlatLoop, ...] = ()
     notes: tuple[str, ...] = ()
+    frozen: tuple[str, ...] = ()
+    nominals: tuple[float, ...] = ()
 
     def __repr__(self) -> str:
         return (
@@ -193,7 +199,9 @@ class FlatSystem:
         for p in self.parameters:
             if p.free:
                 for suffix, node in zip(suffixes(p.declaration.shape), p.nodes, strict=True):
-                    names[self.pool.nodes[node][1]] = p.path + suffix
+                    op, *number = self.pool.nodes[node]
+                    if op == "par":  # single entries may be frozen
+                        names[number[0]] = p.path + suffix
         return tuple(names)
 
 

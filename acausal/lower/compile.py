@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gc
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
@@ -19,9 +19,11 @@ from acausal.lower.analyse import analyse
 from acausal.lower.build import Builder
 from acausal.lower.cache import recall, remember, signature
 from acausal.lower.compiled import CompiledModel, Symbols, _column
+from acausal.lower.freeze import freeze as fold_parameters
 from acausal.lower.hidden import HiddenConstraint
 from acausal.lower.invariants import use_invariants
 from acausal.lower.reduce import reduce
+from acausal.lower.select import select
 from acausal.lower.solve import Solution, solve
 from acausal.lower.start import Reach, start_problem
 from acausal.lower.state_events import find_state_events
@@ -36,6 +38,8 @@ def compile(
     parameters: Mapping[str, object] | None = None,
     formulation: str = "torn",
     cache: bool = True,
+    outputs: Sequence[str] | None = None,
+    freeze: Sequence[str] = (),
 ) -> CompiledModel:
     """The compiled model of a component.
 
@@ -52,11 +56,17 @@ def compile(
     cache
         Take what this process has compiled already of a model with the same structure and other values of parameters;
         `timings` then has an entry "recall".
+    outputs
+        Names of variables; the model is then the smallest one that gives these, and only parameters and what is at
+        hand anyway can be read beside them. `acausal.reduce` reports what was left out.
+    freeze
+        Parameters, components or patterns whose values become numbers, "zeros" for all that are zero: faster, but they
+        cannot be changed without compiling again.
 
     Raises
     ------
     UsageError
-        AC024 for an unknown formulation.
+        AC024 for an unknown formulation, AC010, AC018 or AC020 for wrong names in `outputs` and `freeze`.
     AcausalError
         The first thing that is wrong with the model, with its place in the source.
     """
@@ -64,21 +74,32 @@ def compile(
         raise UsageError("AC024", f"there is no formulation '{formulation}'", help="formulations: torn, dae, projected")
     clock = _Clock()
     with _collector_paused():
-        flat = flatten(model, parameters)
+        flat = fold_parameters(flatten(model, parameters), _names("freeze", freeze))
         clock.lap("flatten")
-        key = signature(flat, formulation) if cache else None
+        selecting = outputs is not None or bool(freeze)
+        key = signature(flat, formulation) if cache and not selecting else None
         known = recall(key, flat) if key is not None else None
         if known is not None:
             clock.lap("recall")
             known.timings.update(clock.laps)
             return known
         solution = _solved(flat, formulation, clock)
-        compiled = lower(solution)
+        selection = None
+        if selecting:
+            solution, selection = select(solution, None if outputs is None else _names("outputs", outputs))
+            clock.lap("select")
+        compiled = replace(lower(solution), selection=selection)
         clock.lap("lower")
     compiled.timings.update(clock.laps)
     if key is not None:
         remember(key, compiled)
     return compiled
+
+
+def _names(option: str, names: Sequence[str]) -> Sequence[str]:
+    if isinstance(names, str):
+        raise UsageError("AC018", f"{option}={names!r} is one string", help=f"give a list: {option}=[{names!r}]")
+    return names
 
 
 def _solved(flat: FlatSystem, formulation: str, clock: _Clock) -> Solution:

@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 
 from acausal.flatten.flat import FlatSystem
 from acausal.lower.build import Builder
+from acausal.lower.reduce import nominal
 from acausal.lower.samples import STABILISATION_RATE
+from acausal.lower.select import Selection
 from acausal.lower.solve import Solution
 from acausal.lower.start import StartProblem
 from acausal.lower.state_events import StateEvents
@@ -42,6 +44,8 @@ class CompiledModel:
         `(p) -> times[nm]` at which the modes change.
     modes
         `(t, p) -> m[nm]`, 0 or 1: relations of time, then samples and relations of variables, undecided as 0.
+    selection
+        What was left out of the model, and why; None for the full model.
     timings
         Seconds per stage of the compilation.
     """
@@ -56,6 +60,7 @@ class CompiledModel:
     modes: Any
     instants: Any
     state_events: StateEvents = field(default_factory=StateEvents)
+    selection: Selection | None = None
     timings: dict[str, float] = field(default_factory=dict)
 
     def __repr__(self) -> str:
@@ -98,13 +103,7 @@ class CompiledModel:
 
     def nominal(self, variables: Sequence[int]) -> Vector:
         """Declared nominal magnitudes of reduced variables."""
-        reduced = self.solution.structure.reduced
-        found = np.ones(len(variables))
-        for k, v in enumerate(variables):
-            sizes = [reduced.flat.declaration(s).nominal for s in reduced.aliases.get(v, ())]
-            declared = [s for s in sizes if s != 1.0]
-            found[k] = abs(declared[0]) if declared else 1.0
-        return found
+        return np.array([nominal(self.solution.structure.reduced, v) for v in variables], dtype=float)
 
     @cached_property
     def nominal_x(self) -> Vector:
@@ -125,11 +124,11 @@ class CompiledModel:
         order = [*self.state_variables, *self.solution.algebraic, *reduced.inputs]
         for v in [*order, *(v for v, _ in self.solution.definitions)]:
             found[pool.var(v)] = None
-        for node in reduced.image:
+        for scalar, node in enumerate(reduced.image):
             op, *rest = pool.nodes[node]
             if op == "neg":
                 op = pool.nodes[rest[0]][0]
-            if op not in ("var", "const") and pool.variables_in(node):
+            if scalar not in reduced.left_out and op not in ("var", "const") and pool.variables_in(node):
                 found[node] = None
         return tuple(found)
 
@@ -265,9 +264,10 @@ class CompiledModel:
     @cached_property
     def constant_nodes(self) -> tuple[int, ...]:
         """Distinct images that depend on parameters only."""
-        pool = self.solution.structure.reduced.pool
+        reduced = self.solution.structure.reduced
+        pool = reduced.pool
         found: dict[int, None] = {}
-        for node in self.solution.structure.reduced.image:
+        for node in reduced.image:
             op, *rest = pool.nodes[node]
             if op == "neg":
                 op = pool.nodes[rest[0]][0]

@@ -44,6 +44,9 @@ class ReducedSystem:
         Nodes of the initial equations that must be zero at the start, in the order of `flat.initial_equations`.
     whens
         Nodes of `flat.whens`: the condition and the new values.
+    left_out
+        Flat scalars that results do not hold, because no wanted output needs them (`acausal.lower.cone`); their
+        images mean nothing any more.
     """
 
     flat: FlatSystem
@@ -56,6 +59,7 @@ class ReducedSystem:
     redundant: tuple[int, ...]
     initial: tuple[int, ...]
     whens: tuple[tuple[int, tuple[int, ...]], ...]
+    left_out: frozenset[int] = frozenset()
 
     def __repr__(self) -> str:
         return f"ReducedSystem({self.flat.name}: {len(self.residuals)} equations, {self.pool.n_variables} variables)"
@@ -74,9 +78,18 @@ class ReducedSystem:
             op, *rest = self.pool.nodes[node]
             if op == "neg":
                 op, *rest = self.pool.nodes[rest[0]]
-            if op == "var":
+            if op == "var" and scalar not in self.left_out:
                 found.setdefault(rest[0], []).append(scalar)
         return found
+
+
+def nominal(reduced: ReducedSystem, variable: int) -> float:
+    """Declared nominal magnitude of a variable: the first one declared among its aliases, else 1."""
+    flat = reduced.flat
+    if flat.nominals and variable < len(reduced.scalar) and reduced.scalar[variable] < flat.n_scalars:
+        return flat.nominals[reduced.scalar[variable]]
+    sizes = (flat.declaration(s).nominal for s in reduced.aliases.get(variable, ()))
+    return next((abs(s) for s in sizes if s != 1.0), 1.0)
 
 
 def reduce(flat: FlatSystem, instead: Mapping[int, int] | None = None) -> ReducedSystem:

@@ -78,7 +78,7 @@ def solve(structure: Structure, formulation: str = "torn") -> Solution:
         definitions=tuple(work.definitions),
         algebraic=tuple(work.algebraic),
         residuals=tuple(work.residuals),
-        needed=_needed(structure, work),
+        needed=needed(structure, work.definitions, work.residuals),
         blocks=tuple(work.reports),
     )
 
@@ -199,19 +199,19 @@ class _Work:
         return dependent(self.structure.reduced, flat_rows, unknowns, float(self.points.of(rest)[0]), held)
 
 
-def _needed(structure: Structure, work: _Work) -> frozenset[int]:
+def needed(structure: Structure, definitions: Sequence[tuple[int, int]], residuals: Sequence[int]) -> frozenset[int]:
     """Everything that the rates of the states and the residuals depend on."""
-    pool = work.pool
-    node_of = dict(work.definitions)
+    pool = structure.reduced.pool
+    node_of = dict(definitions)
     stack = [structure.derivative(x) for x in structure.states]
-    for r in work.residuals:
+    for r in residuals:
         stack.extend(pool.variables_in(r))
-    needed: set[int] = set()
+    found: set[int] = set()
     while stack:
         v = stack.pop()
-        if v in needed:
+        if v in found:
             continue
-        needed.add(v)
+        found.add(v)
         if v in node_of:
             stack.extend(pool.variables_in(node_of[v]))
-    return frozenset(needed)
+    return frozenset(found)

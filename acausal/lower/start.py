@@ -82,7 +82,7 @@ def start_problem(solution: Solution) -> StartProblem:
 def _aimed_at(reduced: ReducedSystem, scalar: int, start: FlatStart) -> tuple[int | None, int]:
     """The variable a start is about, and the node of its value; None when the scalar was eliminated."""
     pool = reduced.pool
-    value = _import(reduced, start.node)
+    value = imported(reduced, start.node)
     op, *rest = pool.nodes[reduced.image[scalar]]
     if op == "var":
         return rest[0], value
@@ -91,7 +91,7 @@ def _aimed_at(reduced: ReducedSystem, scalar: int, start: FlatStart) -> tuple[in
     return None, value
 
 
-def _import(reduced: ReducedSystem, node: int) -> int:
+def imported(reduced: ReducedSystem, node: int) -> int:
     """A node of parameters, from the flat pool into the reduced one."""
     old, new = reduced.flat.pool, reduced.pool
     done: dict[int, int] = {}
@@ -106,7 +106,7 @@ def _import(reduced: ReducedSystem, node: int) -> int:
 
 
 def _condition(reduced: ReducedSystem, scalar: int, start: FlatStart) -> Condition:
-    node = reduced.pool.sub(reduced.image[scalar], _import(reduced, start.node))
+    node = reduced.pool.sub(reduced.image[scalar], imported(reduced, start.node))
     name = reduced.flat.scalar_name(scalar)
     where = (start.origin.span(),) if start.origin is not None else ()
     return Condition(node, name, where, scalar)

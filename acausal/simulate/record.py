@@ -141,6 +141,8 @@ def _variables(compiled: CompiledModel) -> _Variables:
         d = variable.declaration
         for k, suffix in enumerate(suffixes(d.shape)):
             name, node = variable.path + suffix, reduced.image[variable.first + k]
+            if variable.first + k in reduced.left_out:
+                continue
             if node in column:
                 found[name] = Signal(name, d.unit, d.doc, column=column[node])
             elif nodes[node][0] == "neg" and nodes[node][1] in column:

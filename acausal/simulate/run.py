@@ -117,6 +117,13 @@ def parameter_vector(compiled: CompiledModel, given: Mapping[str, float]) -> Vec
     for path, value in given.items():
         base = declared.get(path)
         names = [path + s for s in suffixes(base.declaration.shape)] if base is not None else [path]
+        fixed = [n for n in names if n in compiled.flat.frozen]
+        if fixed:
+            raise UsageError(
+                "AC022",
+                f"{fixed[0]} was frozen when this model was compiled",
+                help="compile anew without it in freeze, or with its new value",
+            )
         if base is not None and not base.free:
             raise UsageError(
                 "AC022",

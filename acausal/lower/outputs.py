@@ -1,0 +1,59 @@
+"""Names of wanted outputs: what they mean in a flat system, and what to say when they mean nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fnmatch import fnmatchcase
+
+from acausal.errors import UsageError, nearest
+from acausal.flatten.flat import FlatSystem, suffixes
+
+
+def output_scalars(flat: FlatSystem, names: Sequence[str]) -> dict[str, int]:
+    """Flat scalar of every wanted output by its full name; arrays give all their entries.
+
+    A name with `*` stands for all variables that it fits; `time` is always there and adds nothing.
+
+    Raises
+    ------
+    UsageError
+        AC010 for a name that is no variable of the model, AC018 when nothing is asked for.
+    """
+    entries: dict[str, dict[str, int]] = {}
+    for v in flat.variables:
+        scalars = {v.path + s: v.first + k for k, s in enumerate(suffixes(v.declaration.shape))}
+        entries[v.path] = scalars
+        entries.update((name, {name: scalar}) for name, scalar in scalars.items())
+    found: dict[str, int] = {}
+    for name in (n.strip() for n in names):
+        if name in entries:
+            found |= entries[name]
+        elif "*" in name and (fitting := [e for e in entries if fnmatchcase(e, name)]):
+            for entry in fitting:
+                found |= entries[entry]
+        elif name != "time":
+            raise _unknown(flat, name, list(entries))
+    if not found:
+        raise UsageError(
+            "AC018",
+            f"no output of {flat.name} is asked for",
+            help="name the variables that are wanted, for example outputs=['" + next(iter(entries), "mass.s") + "']",
+        )
+    return found
+
+
+def _unknown(flat: FlatSystem, name: str, known: list[str]) -> UsageError:
+    close = nearest(name, known)
+    parameters = {*flat.parameter_names, *(p.path for p in flat.parameters)}
+    inside = [n for n in known if n.startswith(name + ".")]
+    advice = None
+    if name in parameters:
+        advice = "it is a parameter: it depends on nothing, and is read without any run"
+    elif inside:
+        advice = f"it is a component: name its variables, {', '.join(inside[:3])}, or all of them: {name}.*"
+    return UsageError(
+        "AC010",
+        f"{flat.name} has no variable '{name}' to be an output",
+        evidence=[f"nearest  {', '.join(close)}"] if close else [],
+        help=advice,
+    )

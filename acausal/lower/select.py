@@ -1,0 +1,115 @@
+"""The smallest model that gives wanted outputs: the passes between solving and lowering, and what they left out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from acausal.lower.cone import restrict
+from acausal.lower.fold import fold
+from acausal.lower.motionless import Constants, constants
+from acausal.lower.outputs import output_scalars
+from acausal.lower.reduce import ReducedSystem
+from acausal.lower.solve import Solution
+from acausal.lower.text import to_text
+
+_MOST_ROUNDS = 4
+
+
+@dataclass(frozen=True)
+class Left:
+    """Something that is no part of the reduced model: `kind` is one of KINDS."""
+
+    kind: str
+    name: str
+    why: str
+
+
+KINDS = ("parameter", "motionless", "relation", "quasi-static", "state", "unknown", "event", "assert")
+
+
+@dataclass(frozen=True)
+class Selection:
+    """What was asked for, and what was left out for it.
+
+    Attributes
+    ----------
+    outputs
+        Full names of the wanted outputs; None when everything was wanted.
+    constant
+        Those of them that depend on parameters only.
+    left
+        What the full model has and this one has not, with the reasons.
+    """
+
+    outputs: tuple[str, ...] | None
+    constant: tuple[str, ...]
+    left: tuple[Left, ...]
+
+
+def select(solution: Solution, outputs: Sequence[str] | None) -> tuple[Solution, Selection]:
+    """Fold what never changes, then keep what the outputs depend on; None keeps everything that changes.
+
+    Raises
+    ------
+    UsageError
+        AC010 or AC018, see `acausal.lower.outputs`.
+    """
+    flat = solution.structure.reduced.flat
+    scalars = output_scalars(flat, outputs) if outputs is not None else None
+    left = [Left("parameter", name, "frozen: a number now") for name in flat.frozen]
+    for _ in range(_MOST_ROUNDS):
+        found = constants(solution)
+        left += _constant(solution, found)
+        before = solution.structure.states
+        solution = fold(solution, found)
+        if solution.structure.states == before:
+            break
+    if scalars is None:
+        return solution, Selection(None, (), tuple(dict.fromkeys(left)))
+    whole, solution = solution, restrict(solution, tuple(scalars.values()))
+    left += _dropped(whole, solution)
+    reduced = whole.structure.reduced
+    constant = [n for n, s in scalars.items() if not _varies(reduced, reduced.image[s])]
+    return solution, Selection(tuple(scalars), tuple(constant), tuple(dict.fromkeys(left)))
+
+
+def _varies(reduced: ReducedSystem, node: int) -> bool:
+    pool = reduced.pool
+    return any(pool.nodes[n][0] in ("var", "time") for n in pool.reachable([node]))
+
+
+def _constant(solution: Solution, found: Constants) -> list[Left]:
+    reduced = solution.structure.reduced
+    pool = reduced.pool
+
+    def name_of(op: str, k: int) -> str:
+        names = reduced.flat.parameter_names
+        return (names[k] if k < len(names) else "stabilisation.rate") if op == "par" else reduced.name(k)
+
+    left = [
+        Left("motionless", reduced.name(x), f"stays at {to_text(pool, found.variables[x], name_of, 80)}")
+        for x in solution.structure.states
+        if x in found.variables
+    ]
+    for number, holds in found.relations.items():
+        text = to_text(pool, number, name_of, 80)
+        left.append(Left("relation", text, "always holds" if holds else "never holds"))
+    return left
+
+
+def _dropped(whole: Solution, part: Solution) -> list[Left]:
+    reduced, kept = whole.structure.reduced, part.structure.reduced
+    why = "no output depends on it"
+    states, unknowns = set(part.structure.states), set(part.algebraic)
+    left = [Left("state", reduced.name(x), why) for x in whole.structure.states if x not in states]
+    left += [Left("unknown", reduced.name(z), why) for z in whole.algebraic if z not in unknowns]
+    sources = [w.source for w in kept.flat.whens]
+    left += [Left("event", str(w.source), why) for w in reduced.flat.whens if not any(w.source is s for s in sources)]
+    messages = [a.source for a in kept.flat.asserts]
+    left += [
+        Left("assert", a.message, "it is about what was left out")
+        for a in reduced.flat.asserts
+        if not any(a.source is m for m in messages)
+    ]
+    return left
