@@ -136,8 +136,14 @@ def bench_compiled(
     repeat: int,
     time_limit: float,
     options: Mapping[str, Any],
+    enough: float,
+    patience: float,
+    say: Say,
 ) -> Bench:
-    """The same for one compiled model; `options` are those of `simulate` that do not vary."""
+    """The same for one compiled model; `options` are those of `simulate` that do not vary.
+
+    `enough` digits of the reference suffice; no run is given more than `patience` times the best so far.
+    """
     return _benched(
         compiled,
         {"torn": compiled},
@@ -152,7 +158,9 @@ def bench_compiled(
         options=options,
         times={},
         notes=[],
-        say=lambda text: None,
+        say=say,
+        enough=enough,
+        patience=patience,
     )
 
 
@@ -172,6 +180,8 @@ def _benched(
     times: dict[str, float],
     notes: list[str],
     say: Say,
+    enough: float = references.ENOUGH,
+    patience: float | None = None,
 ) -> Bench:
     chosen = run_options(
         first.flat.experiment, start_time=options.get("start_time"), stop_time=options.get("stop_time")
@@ -180,12 +190,12 @@ def _benched(
     task = Task(first, components(first, variables), span, options)
     nominal = _nominal(first, task.names)
     if reference is None:
-        against = references.made(task, nominal, 4.0 * time_limit, say)
+        against = references.made(task, nominal, 2.0 * time_limit, say, enough)
     else:
         against = references.given(reference, task.names, nominal, (chosen.start_time, chosen.stop_time))
     if against.trusted_digits < 3.0:
         notes.append(f"the reference is trusted to {against.trusted_digits:.1f} digits only")
-    lab = _Lab(task, models, failures, against, repeat, time_limit, times, say)
+    lab = _Lab(task, models, failures, against, repeat, time_limit, times, say, patience)
     wanted = _wanted(solvers, tolerances, steps, span, chosen.step, first.flat.experiment.max_step)
     runs = tuple(lab.run(case) for case in _cases([*models, *failures], solvers is None, *wanted))
     started = [run.startup_time for run in runs if run.distance is not None]
@@ -217,10 +227,12 @@ class _Lab:
         limit: float,
         times: dict[str, float],
         say: Say,
+        patience: float | None = None,
     ) -> None:
         self.task, self.models, self.failures, self.against = task, models, failures, against
         self.repeat, self.limit, self.times, self.say = repeat, limit, times, say
         self.hopeless: dict[str, str] = {}
+        self.patience, self.fastest = patience, math.inf
 
     def run(self, case: Case) -> Run:
         """Measure one case, or say why not."""
@@ -232,7 +244,8 @@ class _Lab:
         if f"native {case.series}" not in self.times and task.options.get("native"):
             self.times[f"native {case.series}"] = self._library(task, case)
         self.say(f"{case.series}, {case.knob}")
-        outcome = measured(task, case, self.repeat, self.limit)
+        limit = self.limit if self.patience is None else min(self.limit, max(1.0, self.patience * self.fastest))
+        outcome = measured(task, case, self.repeat, limit)
         if outcome.value is None:
             if "no end after" in outcome.failure:
                 self.hopeless[case.series] = f"{outcome.failure} at {case.knob}"
@@ -260,6 +273,7 @@ class _Lab:
         if not found.finite:
             return Run(case, failure="the solution is not finite")
         against = self.against
+        self.fastest = min(self.fastest, found.first_time)
         far = distance(found.trajectory, against.trajectory, against.floor, against.trusted_digits)
         if against.only_end:
             far = replace(far, series=far.end, phase=None, shape=None)

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import logging
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from acausal.errors import IntegrationError
 from acausal.lower.compiled import CompiledModel
+from acausal.study.bench.case import ADAPTIVE, IMPLICIT
 from acausal.study.bench.report import Bench, Run, monotone
+
+_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -102,13 +107,18 @@ def for_accuracy(
     """What `simulate(accuracy=...)` uses: a small bench of the compiled model with its run's own options."""
     from acausal.study.bench.bench import bench_compiled
 
+    # inside a right-hand side, algebraic variables cost a rootfinder: rarely worth a try
+    likely = IMPLICIT if compiled.algebraic else ADAPTIVE
     made = bench_compiled(
         compiled,
-        solvers=None if solver in (None, "auto") else (str(solver),),
+        solvers=likely if solver in (None, "auto") else (str(solver),),
         tolerances=tolerances_for(accuracy),
         steps=(),
-        repeat=2,
-        time_limit=10.0,
+        repeat=3,
+        time_limit=20.0,
         options=options,
+        enough=2.0 - math.log10(accuracy),
+        patience=10.0,
+        say=_log.debug,
     )
     return recommend(made, accuracy)
