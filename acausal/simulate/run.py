@@ -44,6 +44,7 @@ def simulate(
     stop_time: float | None = None,
     output_interval: float | None = None,
     tolerance: float | None = None,
+    accuracy: float | None = None,
     solver: str | None = None,
     step: float | None = None,
     parameters: Mapping[str, float] | None = None,
@@ -62,6 +63,9 @@ def simulate(
         Seconds; None takes them from the model's `experiment`. The default interval gives 500 intervals.
     tolerance
         Relative tolerance of the solver; absolute ones are a thousandth of it times the nominal magnitude.
+    accuracy
+        Wanted accuracy of the result instead of a tolerance: solver and tolerance are then the cheapest that reach it,
+        which a bench of the model finds first (`acausal.bench`; that takes many runs). A given solver is kept.
     solver
         "auto", "idas", "rosenbrock", "cvodes", "erk", "collocation", "rk" or "rk2".
     parameters
@@ -84,6 +88,13 @@ def simulate(
         With a `result` attribute that holds what was computed.
     """
     compiled = model if isinstance(model, CompiledModel) else compile(model, parameters=parameters)
+    if accuracy is not None:
+        from acausal.study.bench.accurate import simulated
+
+        own = parameters if isinstance(model, CompiledModel) else None
+        run: dict[str, object] = {"start_time": start_time, "stop_time": stop_time, "parameters": own, "inputs": inputs}
+        run |= {"native": native, "force": force}
+        return simulated(compiled, accuracy, solver, tolerance, step, run, output_interval, progress)
     chosen = options(
         compiled.flat.experiment,
         start_time=start_time,
