@@ -129,6 +129,21 @@ def analyse(reduced: ReducedSystem, keep_constraints: bool = False) -> Structure
     )
 
 
+def reordered(structure: Structure, residuals: Sequence[int]) -> Structure:
+    """The structure with other nodes for its equations, in which variables may be missing: blocks anew.
+
+    Raises
+    ------
+    StructureError
+        When they do not determine the unknowns any more.
+    """
+    system = _System(structure.reduced)
+    system.residuals = list(residuals)
+    system.source = [structure.flat_equation(e) for e in range(len(residuals))]
+    order = _order(system, set(structure.states), {e for e, _ in structure.invariants})
+    return replace(structure, residuals=tuple(residuals), blocks=order, points=SamplePoints(structure.reduced))
+
+
 def _groups(system: _System, equations: Sequence[int], unknowns: set[int]) -> list[Block]:
     """Highest differentiated equations and highest derivatives that hang together.
 

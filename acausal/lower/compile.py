@@ -86,7 +86,7 @@ def compile(
         solution = _solved(flat, formulation, clock)
         selection = None
         if selecting:
-            solution, selection = select(solution, None if outputs is None else _names("outputs", outputs))
+            solution, selection = select(solution, None if outputs is None else _names("outputs", outputs), formulation)
             clock.lap("select")
         compiled = replace(lower(solution), selection=selection)
         clock.lap("lower")

@@ -6,9 +6,10 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from acausal.flatten.pool import LEAVES, Pool
+from acausal.lower.analyse import reordered
 from acausal.lower.motionless import Constants, event_nodes
 from acausal.lower.reduce import ReducedSystem
-from acausal.lower.solve import BlockReport, Solution, needed
+from acausal.lower.solve import BlockReport, Solution, needed, solve
 from acausal.lower.start import imported
 
 
@@ -35,12 +36,26 @@ def fold(solution: Solution, constants: Constants) -> Solution:
     )
 
 
+def resolved(solution: Solution, constants: Constants, formulation: str) -> Solution:
+    """The same system solved once more with constants for the states that never move, and branches that are decided.
+
+    Blocks fall apart, and what could not be divided by in general may now be safe: a body that turns about one axis
+    only has a constant matrix of inertia. The states stay; `fold` takes them out.
+    """
+    structure = solution.structure
+    pool = structure.reduced.pool
+    still = {x: constants.variables[x] for x in structure.states if x in constants.variables}
+    decided = {n: pool.one if holds else pool.zero for n, holds in constants.relations.items()}
+    images = rewritten(pool, list(structure.residuals), still, {**constants.branches, **decided})
+    return solve(reordered(structure, [pool.collected(images[r]) for r in structure.residuals]), formulation)
+
+
 def _images(solution: Solution, constants: Constants) -> dict[int, int]:
     """The image of every node of a solution."""
     reduced = solution.structure.reduced
     roots = [n for _, n in solution.definitions] + [*solution.residuals, *reduced.image, *reduced.initial]
     roots += event_nodes(reduced)
-    return rewritten(reduced.pool, roots, constants.variables, constants.nodes)
+    return rewritten(reduced.pool, roots, constants.variables, {**constants.branches, **constants.equal})
 
 
 def rewritten(pool: Pool, roots: list[int], variables: Mapping[int, int], nodes: Mapping[int, int]) -> dict[int, int]:

@@ -35,14 +35,17 @@ class Constants:
     ----------
     variables
         Variable -> node of parameters only that it equals all the time; states among them stay at their start.
-    nodes
-        Every expression with a simpler equal: a node of parameters only, or the branch that is always taken.
+    equal
+        Expressions that are constant too: their nodes of parameters only.
+    branches
+        Branches and kinks of which always the same operand is taken: the operand.
     relations
         Relations of variables that never switch, and whether they hold.
     """
 
     variables: Mapping[int, int]
-    nodes: Mapping[int, int]
+    equal: Mapping[int, int]
+    branches: Mapping[int, int]
     relations: Mapping[int, bool]
 
 
@@ -89,8 +92,10 @@ class _Propagation:
             if not doubtful:
                 break
             self.lower_nodes(doubtful)
-        nodes = {n: k for n, k in {**self.taken, **self.equal}.items() if n != k}
-        return Constants(dict(self.known), nodes, {n: v for n, v in self.relations.items() if self.varies(n)})
+        equal = {n: k for n, k in self.equal.items() if n != k}
+        return Constants(
+            dict(self.known), equal, dict(self.taken), {n: v for n, v in self.relations.items() if self.varies(n)}
+        )
 
     def varies(self, relation: int) -> bool:
         """Whether a decided relation is one of things that vary."""
@@ -152,6 +157,8 @@ class _Propagation:
         if op in LEAVES or op == "sample" or not args:
             return None  # time, and what tells the first instant of a run from others
         found = [self.equal.get(a) for a in args]
+        if op == "div" and found[0] == pool.zero and safety(self.points, args[1]) is not None:
+            return pool.zero
         known = None if None in found else pool.make(op, *[f for f in found if f is not None])
         if op in RELATIONS and (known is None or pool.value(known) is None):
             known = self.decide(number, known)
@@ -159,8 +166,6 @@ class _Propagation:
             return known
         zero = pool.zero
         if op == "mul" and zero in found:
-            return zero
-        if op == "div" and found[0] == zero and safety(self.points, args[1]) is not None:
             return zero
         if op == "and" and zero in found:
             return zero

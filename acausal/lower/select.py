@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from acausal.errors import StructureError
 from acausal.lower.cone import restrict
-from acausal.lower.fold import fold
+from acausal.lower.fold import fold, resolved
 from acausal.lower.motionless import Constants, constants
 from acausal.lower.outputs import output_scalars
 from acausal.lower.reduce import ReducedSystem
@@ -47,7 +48,7 @@ class Selection:
     left: tuple[Left, ...]
 
 
-def select(solution: Solution, outputs: Sequence[str] | None) -> tuple[Solution, Selection]:
+def select(solution: Solution, outputs: Sequence[str] | None, formulation: str) -> tuple[Solution, Selection]:
     """Fold what never changes, then keep what the outputs depend on; None keeps everything that changes.
 
     Raises
@@ -58,13 +59,9 @@ def select(solution: Solution, outputs: Sequence[str] | None) -> tuple[Solution,
     flat = solution.structure.reduced.flat
     scalars = output_scalars(flat, outputs) if outputs is not None else None
     left = [Left("parameter", name, "frozen: a number now") for name in flat.frozen]
-    for _ in range(_MOST_ROUNDS):
-        found = constants(solution)
-        left += _constant(solution, found)
-        before = solution.structure.states
-        solution = fold(solution, found)
-        if solution.structure.states == before:
-            break
+    solution, found = _folded(solution, formulation)
+    left += _constant(solution, found)
+    solution = fold(solution, found)
     if scalars is None:
         return solution, Selection(None, (), tuple(dict.fromkeys(left)))
     whole, solution = solution, restrict(solution, tuple(scalars.values()))
@@ -72,6 +69,23 @@ def select(solution: Solution, outputs: Sequence[str] | None) -> tuple[Solution,
     reduced = whole.structure.reduced
     constant = [n for n, s in scalars.items() if not _varies(reduced, reduced.image[s])]
     return solution, Selection(tuple(scalars), tuple(constant), tuple(dict.fromkeys(left)))
+
+
+def _folded(solution: Solution, formulation: str) -> tuple[Solution, Constants]:
+    """The system solved with all constants that can be found; each solution may show more of them."""
+    found = constants(solution)
+    for _ in range(_MOST_ROUNDS):
+        before = found
+        if not (found.relations or any(x in found.variables for x in solution.structure.states)):
+            break
+        try:
+            again = resolved(solution, found, formulation)
+        except StructureError:
+            break  # what keeps the equations independent is zero in this motion: the general solution is good for it
+        solution, found = again, constants(again)
+        if found.variables.keys() == before.variables.keys() and len(found.relations) >= len(before.relations):
+            break
+    return solution, found
 
 
 def _varies(reduced: ReducedSystem, node: int) -> bool:
