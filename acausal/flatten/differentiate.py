@@ -9,8 +9,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from acausal.errors import DeclarationError
-from acausal.flatten.pool import LEAVES, Pool
+from acausal.flatten.pool import LEAVES, RELATIONS, Pool
 from acausal.language.external import Call
+
+_CONSTANT = frozenset(("pre", "initial", "terminal", "sample", "not", "and", "or", *RELATIONS))
+"""Operations whose values are kept between events."""
 
 
 def differentiate(pool: Pool, root: int) -> int:
@@ -42,6 +45,8 @@ def differentiate(pool: Pool, root: int) -> int:
 
 def _needed(node: tuple[object, ...]) -> tuple[int, ...]:
     operands: tuple[int, ...] = node[1:]  # type: ignore[assignment]
+    if node[0] in _CONSTANT:
+        return ()
     return operands[1:] if node[0] == "where" else operands
 
 
@@ -58,12 +63,9 @@ def _leaf(pool: Pool, op: str, index: int) -> int:
 def _refuse(pool: Pool, op: str) -> int:
     raise DeclarationError(
         "AC128",
-        f"the time derivative of {_SHOWN.get(op, op)} is needed and does not exist",
+        f"the time derivative of {op} is needed and does not exist",
         help="it jumps, or is true or false: keep it out of der(...) and of prescribed positions",
     )
-
-
-_SHOWN = {"lt": "a < b", "le": "a <= b", "gt": "a > b", "ge": "a >= b", "and": "a & b", "or": "a | b", "not": "~a"}
 
 
 def _call(p: Pool, op: Call, operands: tuple[int, ...]) -> int:
@@ -156,6 +158,9 @@ _RULES: dict[str, Callable[..., int]] = {
     "sign": _zero,
     "floor": _zero,
     "ceil": _zero,
+    "noevent": lambda p, n, a: p.zero if p._slopes[a] == p.zero else p.make("noevent", p._slopes[a]),
+    # true or false, or kept between events: their changes are jumps, at which nothing is differentiated
+    **dict.fromkeys(_CONSTANT, _zero),
     "sin": _chain(lambda p, n, a: p.make("cos", a)),
     "cos": _chain(lambda p, n, a: p.neg(p.make("sin", a))),
     "tan": _chain(lambda p, n, a: _one_plus_square(p, n)),

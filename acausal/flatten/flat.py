@@ -12,9 +12,9 @@ from acausal.errors import Span
 from acausal.flatten.pool import Pool
 from acausal.language.component import Component, Connector
 from acausal.language.declare import Declaration
-from acausal.language.events import When
+from acausal.language.events import Assertion, When
 from acausal.language.experiment import Experiment
-from acausal.language.expression import Equation, Symbol, to_text
+from acausal.language.expression import Equation, Symbol, equation_text
 from acausal.language.origin import Origin
 
 
@@ -73,13 +73,38 @@ class FlatLoop(NamedTuple):
 
 
 class FlatWhen(NamedTuple):
-    """Actions `(scalar, node of its new value)` at the instants at which the node `condition` becomes true."""
+    """Actions `(scalar, node of its new value)` at the instants at which the node `condition` becomes true.
+
+    The run ends there when `terminate` is a message.
+    """
 
     condition: int
     actions: tuple[tuple[int, int], ...]
     origin: Origin
     component: str
     source: When
+    terminate: str | None = None
+
+
+class FlatAssignment(NamedTuple):
+    """A discrete equation: at events, and only there, the discrete `scalar` takes the value of `node`."""
+
+    scalar: int
+    node: int
+    origin: Origin | None
+    component: str
+    source: Equation | str
+
+
+class FlatAssert(NamedTuple):
+    """A condition that must hold in all of a run; `level` is "error" or "warning"."""
+
+    condition: int
+    message: str
+    level: str
+    origin: Origin
+    component: str
+    source: Assertion
 
 
 class FlatStart(NamedTuple):
@@ -107,6 +132,10 @@ class FlatSystem:
         Scalar equations with their origin.
     whens
         What happens at events.
+    assignments
+        Discrete equations, at most one per scalar. The scalar keeps its equation der(d) == 0 among `equations`.
+    asserts
+        What must hold.
     inputs
         Scalar variables of the model's own unconnected inputs.
     parameter_values
@@ -133,6 +162,8 @@ class FlatSystem:
     equations: tuple[FlatEquation, ...]
     initial_equations: tuple[FlatEquation, ...]
     whens: tuple[FlatWhen, ...]
+    assignments: tuple[FlatAssignment, ...]
+    asserts: tuple[FlatAssert, ...]
     inputs: tuple[int, ...]
     parameter_values: tuple[float, ...]
     starts: Mapping[int, FlatStart]
@@ -171,7 +202,7 @@ class FlatSystem:
         variable = self.owner[scalar]
         return variable.path + suffixes(variable.declaration.shape)[scalar - variable.first]
 
-    def text(self, equation: FlatEquation) -> str:
+    def text(self, equation: FlatEquation | FlatAssignment) -> str:
         """The equation as the modeller wrote it, with the names of the component it belongs to.
 
         Equal components share one language equation, which names the first of them.
@@ -190,7 +221,7 @@ class FlatSystem:
             path: str = symbol.owner._path_to(symbol.name)
             return new + path.removeprefix(old)
 
-        return f"{to_text(source.left, name_of=name_of)} == {to_text(source.right, name_of=name_of)}"
+        return equation_text(source, name_of)
 
     @cached_property
     def parameter_names(self) -> tuple[str, ...]:
@@ -229,6 +260,6 @@ def suffixes(shape: tuple[int, ...]) -> list[str]:
     return ["[" + ",".join(map(str, index)) + "]" for index in product(*(range(n) for n in shape))]
 
 
-def span_of(equation: FlatEquation) -> tuple[Span, ...]:
+def span_of(equation: FlatEquation | FlatAssignment) -> tuple[Span, ...]:
     """Where the equation stands in the source, as a tuple for `AcausalError.where`."""
     return () if equation.origin is None else (equation.origin.span(),)

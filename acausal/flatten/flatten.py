@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 
 from acausal.errors import DeclarationError
-from acausal.flatten.allocate import allocate, layout
+from acausal.flatten.allocate import allocate
 from acausal.flatten.connections import FlowSet, Joint, check_signals, flow_sets, joints
-from acausal.flatten.differentiate import differentiate
-from acausal.flatten.flat import FlatComponent, FlatEquation, FlatStart, FlatSystem, FlatWhen
+from acausal.flatten.discrete import asserts, assignments, check_assigned, constancy, fill_starts, places
+from acausal.flatten.flat import (
+    FlatAssert,
+    FlatAssignment,
+    FlatComponent,
+    FlatEquation,
+    FlatStart,
+    FlatSystem,
+    FlatWhen,
+)
 from acausal.flatten.instances import Instance, instances
 from acausal.flatten.orientation import spanning_tree
 from acausal.flatten.parameters import ParameterTable, check_overrides, foreign, refuse_time
@@ -23,7 +31,7 @@ from acausal.language.connect import Connection
 from acausal.language.declare import Fixed, Guess, Kind
 from acausal.language.events import When
 from acausal.language.experiment import Experiment
-from acausal.language.expression import Equation, Expr, Symbol
+from acausal.language.expression import Equation, Expr, Symbol, assigned
 from acausal.language.origin import Origin
 
 
@@ -64,12 +72,14 @@ def flatten(model: Component, parameters: Mapping[str, object] | None = None) ->
     builder.slopes()
     n_scalars = pool.n_variables
     table = builder.table.table()
-    equations, whens = builder.leaf_equations(leaves)
+    equations = builder.leaf_equations(leaves)
     for number, items in composites.items():
-        equations += builder.direct(found[number], items)
-        whens += builder.whens(found[number], items)
-    equations += builder.discretes()
+        equations += builder.all(found[number], items)
+    inputs = builder.free_inputs(found[0])
+    discrete = places(found, inputs)
+    equations += constancy(pool, discrete)
     equations += builder.bindings({end for j in signals for end in (j.a, j.b) if end[0] != j.by})
+    check_assigned(builder.assignments, builder.whens, discrete, inputs)
     equations += builder.flow_equations(flow_sets(found, physical))
     equations += builder.residuals([physical[k] for k in sorted(tree.cut)])
     initial = [
@@ -80,6 +90,7 @@ def flatten(model: Component, parameters: Mapping[str, object] | None = None) ->
     ]
     starts, surplus = builder.starts()
     initial += surplus
+    fill_starts(pool, starts, discrete)
     experiment = getattr(type(model), "experiment", None)
     return FlatSystem(
         name=type(model).__name__,
@@ -89,8 +100,10 @@ def flatten(model: Component, parameters: Mapping[str, object] | None = None) ->
         parameters=tuple(table),
         equations=tuple(equations),
         initial_equations=tuple(initial),
-        whens=tuple(whens),
-        inputs=builder.free_inputs(found[0]),
+        whens=tuple(builder.whens),
+        assignments=tuple(builder.assignments),
+        asserts=tuple(builder.asserts),
+        inputs=inputs,
         parameter_values=tuple(builder.table.values),
         starts=starts,
         experiment=experiment if isinstance(experiment, Experiment) else Experiment(),
@@ -158,6 +171,9 @@ class _Builder:
     found: Sequence[Instance]
     number_of: dict[int, int]
     table: ParameterTable
+    whens: list[FlatWhen] = field(default_factory=list)
+    assignments: list[FlatAssignment] = field(default_factory=list)
+    asserts: list[FlatAssert] = field(default_factory=list)
 
     def resolve(self, symbol: Symbol) -> Scalars:
         number = self.number_of.get(id(symbol.owner))
@@ -172,6 +188,15 @@ class _Builder:
             size *= n
         return tuple(self.pool.var(first + k) for k in range(size))
 
+    def all(self, instance: Instance, items: Sequence[Statement]) -> list[FlatEquation]:
+        """Equations without a template; what happens at events, and what must hold, is collected."""
+        self.whens += self.when(instance, items)
+        self.assignments += assignments(self.pool, instance, items, self.resolve)
+        self.asserts += asserts(self.pool, instance, items, self.resolve)
+        return self.direct(
+            instance, [(item, o) for item, o in items if isinstance(item, Equation) and assigned(item) is None]
+        )
+
     def direct(self, instance: Instance, items: Sequence[Statement]) -> list[FlatEquation]:
         """Equations without a template, resolved in the whole model."""
         done: dict[int, Scalars] = {}
@@ -182,7 +207,7 @@ class _Builder:
             for left, right in sides(self.pool, item, self.resolve, done, origin)
         ]
 
-    def whens(self, instance: Instance, items: Sequence[Statement]) -> list[FlatWhen]:
+    def when(self, instance: Instance, items: Sequence[Statement]) -> list[FlatWhen]:
         """What the component does at events."""
         done: dict[int, Scalars] = {}
         found = []
@@ -196,42 +221,23 @@ class _Builder:
                     )
                     for a in item.actions
                 )
-                found.append(FlatWhen(condition, actions, origin, instance.path, item))
+                found.append(FlatWhen(condition, actions, origin, instance.path, item, item.terminate))
         return found
 
-    def discretes(self) -> list[FlatEquation]:
-        """Discrete variables do not change between events."""
-        return [
-            FlatEquation(
-                differentiate(self.pool, self.pool.var(i.first[name] + k)),
-                self.pool.zero,
-                i.origin,
-                i.path,
-                f"{name} is discrete",
-            )
-            for i in self.found
-            for name, d, size in layout(type(i.component))
-            if d.discrete
-            for k in range(size)
-        ]
-
-    def leaf_equations(self, leaves: _LeafStatements) -> tuple[list[FlatEquation], list[FlatWhen]]:
-        """Equations of leaf components, replayed where they are the same, and what the others do at events."""
+    def leaf_equations(self, leaves: _LeafStatements) -> list[FlatEquation]:
+        """Equations of leaf components, replayed where they are the same."""
         made: dict[object, Template | None] = {}
         equations: list[FlatEquation] = []
-        whens: list[FlatWhen] = []
         for leaf in leaves.leaves:
             key = None if leaves.is_connecting(leaf) else template_key(leaf)
             if key is not None and key not in made:
                 made[key] = make_template(leaf, leaves.of(leaf))
             template = made.get(key)
             if template is None:
-                items = leaves.of(leaf)
-                equations += self.direct(leaf, items)
-                whens += self.whens(leaf, items)
+                equations += self.all(leaf, leaves.of(leaf))
             else:
                 equations += replay(template, leaf, self.pool, self.table)
-        return equations, whens
+        return equations
 
     def slopes(self) -> None:
         """Rules for the derivatives of overconstrained variables, once per set of connected frames."""
@@ -261,7 +267,7 @@ class _Builder:
         return equations
 
     def bindings(self, connected: set[tuple[int, str]]) -> list[FlatEquation]:
-        """Equations from expressions given to variables and inputs in constructors.
+        """Equations from expressions given to variables and inputs in constructors; discrete ones are collected.
 
         `connected` holds the signals that their owners connect; what a component connects its own input to reads it.
         """
@@ -283,7 +289,11 @@ class _Builder:
                 right = scalars(self.pool, value, self.resolve, {})
                 text = f"{instance.prefix}{name} == {value}"
                 for k, node in enumerate(right):
-                    left = self.pool.var(instance.first[name] + k)
+                    scalar = instance.first[name] + k
+                    if declaration.discrete:
+                        self.assignments.append(FlatAssignment(scalar, node, instance.origin, instance.path, text))
+                        continue
+                    left = self.pool.var(scalar)
                     equations.append(FlatEquation(left, node, instance.origin, instance.path, text))
         return equations
 

@@ -51,6 +51,7 @@ _BINARY: dict[str, Callable[[float, float], float]] = {
 }
 LEAVES = frozenset(("const", "var", "par", "time"))
 RELATIONS = frozenset(("lt", "le", "gt", "ge"))
+_KEPT = frozenset(("sample", "pre", "initial", "terminal", "delay"))  # what they are depends on the run
 
 
 class Pool:
@@ -115,7 +116,7 @@ class Pool:
         """The node `op(args)`, simplified where that is exact for every value of the operands."""
         if op in _MAKE:
             return _MAKE[op](self, *args)
-        if op == "sample" or isinstance(op, Call):
+        if op in _KEPT or isinstance(op, Call):
             return self.intern((op, *args))
         values: list[Any] = [self.value(a) for a in args]
         if all(v is not None for v in values):

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from itertools import product
 
+from acausal.errors import DeclarationError
 from acausal.flatten.differentiate import differentiate
 from acausal.flatten.pool import Pool
-from acausal.language.expression import Expr, Symbol
+from acausal.language.expression import Expr, Symbol, is_condition, is_discrete
 from acausal.language.external import Call
 
 Scalars = tuple[int, ...]
@@ -47,6 +48,12 @@ def _entries(pool: Pool, e: Expr, resolve: Resolve, args: list[Scalars]) -> Scal
     if op == "neg":
         return tuple(pool.neg(a) for a in args[0])
     if op == "der":
+        if is_condition(e.args[0]):
+            raise DeclarationError(
+                "AC128",
+                f"the time derivative of {e.args[0]} is needed and does not exist",
+                help="it jumps, or is true or false: keep it out of der(...) and of prescribed positions",
+            )
         return tuple(differentiate(pool, a) for a in args[0])
     if op == "stack":
         return tuple(a for part in args for a in part)
@@ -68,15 +75,35 @@ def _entries(pool: Pool, e: Expr, resolve: Resolve, args: list[Scalars]) -> Scal
         flat = [a for part in args for a in part]
         return tuple(pool.make(Call(external, k), *flat) for k in external.entries(output))
     if op == "pre":
-        return args[0]
+        # of a continuous expression it stands in a `when`, which sees everything as it was before
+        return tuple(pool.make("pre", a) for a in args[0]) if is_discrete(e.args[0]) else args[0]
+    if op in ("edge", "change", "equals"):
+        return (_compared(pool, op, [a[0] for a in args], is_condition(e.args[0])),)
     if op == "where":
         condition = pool.make("noevent", args[0][0]) if e.payload else args[0][0]
         size = max(len(args[1]), len(args[2]))
         x, y = (_wide(a, size) for a in args[1:])
         return tuple(pool.where(condition, a, b) for a, b in zip(x, y, strict=True))
+    if not args:
+        return (pool.make(op),)
     size = max(len(a) for a in args)
     columns = [_wide(a, size) for a in args]
     return tuple(pool.make(op, *operands) for operands in zip(*columns, strict=True))
+
+
+def _compared(pool: Pool, op: str, args: list[int], is_logical: bool) -> int:
+    """`edge`, `change` and `equals` by relations and `pre`; whole numbers differ where they are half a step apart."""
+    a = args[0]
+    b = args[1] if op == "equals" else pool.make("pre", a)
+    if op == "edge":
+        return pool.make("and", a, pool.make("not", b))
+    if op == "change" and is_logical:
+        return pool.make("or", pool.make("and", a, pool.make("not", b)), pool.make("and", pool.make("not", a), b))
+    if op == "change":
+        return pool.make("or", pool.make("lt", a, b), pool.make("gt", a, b))
+    half = pool.const(0.5)
+    below, above = pool.make("lt", a, pool.sub(b, half)), pool.make("gt", a, pool.add(b, half))
+    return pool.make("not", pool.make("or", below, above))
 
 
 def _wide(a: Scalars, size: int) -> Scalars:

@@ -8,9 +8,10 @@ from typing import Any
 from acausal.errors import DeclarationError, Span
 from acausal.language.component import Component
 from acausal.language.connect import Connection
+from acausal.language.declare import check_discrete
 from acausal.language.dimensions import check_dimensions
-from acausal.language.events import When
-from acausal.language.expression import Equation
+from acausal.language.events import Assertion, When
+from acausal.language.expression import Equation, assigned, is_discrete
 from acausal.language.origin import Origin, origin_of
 
 Statement = tuple[Any, Origin]
@@ -38,9 +39,11 @@ def run(component: Component, cls: str, method: str, function: Callable[..., Any
         origin = origin_of(generator)
         if isinstance(item, Equation) and method != "ties":
             check_dimensions(item, _Where(origin))  # type: ignore[arg-type]
-        elif isinstance(item, When) and method == "equations":
-            for action in item.actions:
+            _check_discrete(item, origin)
+        elif isinstance(item, When | Assertion) and method == "equations":
+            for action in item.actions if isinstance(item, When) else ():
                 check_dimensions(Equation(action.target, action.value), _Where(origin))  # type: ignore[arg-type]
+            check_dimensions(Equation(item.condition, item.condition), _Where(origin))  # type: ignore[arg-type]
         elif method != "ties" and not (isinstance(item, Connection) and method == "equations"):
             raise DeclarationError(
                 "AC130",
@@ -48,9 +51,36 @@ def run(component: Component, cls: str, method: str, function: Callable[..., Any
                 where=(origin.span(),),
                 cause="two plain numbers were compared: Python decided it at once" if isinstance(item, bool) else None,
                 help="yield an equation `left == right`"
-                + (", connect(a, b) or when(...)" if method == "equations" else ""),
+                + (", connect(a, b), when(...) or assert_(...)" if method == "equations" else ""),
             )
         yield item, origin
+
+
+def _check_discrete(equation: Equation, origin: Origin) -> None:
+    """Refuse `pre` of what varies continuously (AC146), and what a boolean or an integer cannot be (AC147)."""
+    target = assigned(equation)
+    if target is not None:
+        try:
+            check_discrete(f"`{equation.left}`", target.declaration, equation.right)
+        except DeclarationError as error:
+            error.where = (origin.span(),)
+            raise
+    stack, seen = [equation.left, equation.right], set()
+    while stack:
+        e = stack.pop()
+        if e.op == "pre" and not is_discrete(e.args[0]):
+            raise DeclarationError(
+                "AC146",
+                f"`{e}`: `{e.args[0]}` is not discrete",
+                where=(origin.span(),),
+                evidence=[str(equation)],
+                cause="between events it is always changing: there is no value it had before",
+                help="use it in a `when`, or keep the value in a discrete(): "
+                "yield when(condition, reset(self.held, x))",
+            )
+        if id(e) not in seen:
+            seen.add(id(e))
+            stack.extend(e.args)
 
 
 class _Where:

@@ -19,7 +19,7 @@ from acausal.flatten.pool import Pool
 from acausal.flatten.scalarise import Scalars, scalars
 from acausal.flatten.statements import Statement
 from acausal.language.declare import Kind
-from acausal.language.expression import Equation, Symbol, symbols_in
+from acausal.language.expression import Equation, Symbol, assigned, symbols_in
 from acausal.language.origin import Origin
 
 
@@ -54,12 +54,14 @@ def template_key(instance: Instance) -> object:
 def make_template(instance: Instance, found: Sequence[Statement]) -> Template | None:
     """The template of a leaf component from the statements of one instance.
 
-    None when they act at events, or hold what belongs to another component: a function given as structural value may
-    close over the parameters of the owner.
+    None when they act at events, are discrete equations, or hold what belongs to another component: a function given as
+    structural value may close over the parameters of the owner.
     """
     own = {id(part.component) for part in (instance, *instance.parts)}
     for item, _ in found:
-        if not isinstance(item, Equation) or any(id(s.owner) not in own for s in symbols_in(item.left, item.right)):
+        if not isinstance(item, Equation) or assigned(item) is not None:
+            return None
+        if any(id(s.owner) not in own for s in symbols_in(item.left, item.right)):
             return None
     pool = Pool()
     first: dict[tuple[int, str], int] = {}

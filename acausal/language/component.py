@@ -243,10 +243,11 @@ class Connector(Component):
         count = {Kind.VARIABLE: 0, Kind.FLOW: 0}
         exempt = False
         for name, declaration in cls._declarations.items():
-            if declaration.kind not in count:
+            if declaration.kind not in count or declaration.discrete:
                 raise DeclarationError(
                     "AC123",
-                    f"connector {cls.__name__}: '{name}' is a {declaration.kind.value}",
+                    f"connector {cls.__name__}: '{name}' is a "
+                    f"{'discrete ' * declaration.discrete}{declaration.kind.value}",
                     where=_field_span(cls, name),
                     help="a connector holds variable(...) and flow(...); everything else belongs to the component",
                 )

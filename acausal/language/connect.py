@@ -70,6 +70,13 @@ def _check_signals(ends: tuple[Symbol, ...]) -> None:
                 f"`{first}` ({shape_text(first.shape)}) and `{end}` ({shape_text(end.shape)}) cannot be connected",
                 help="signals that are connected have one shape",
             )
+        if end.declaration.boolean != first.declaration.boolean:
+            on, number = (first, end) if first.declaration.boolean else (end, first)
+            raise DeclarationError(
+                "AC147",
+                f"`{on}` is true or false, `{number}` is a number: they cannot be connected",
+                help="put a BooleanToReal or a GreaterThreshold of acausal.library.blocks between them",
+            )
         a, b = first.declaration.unit, end.declaration.unit
         if a and b and parse(a).dimension != parse(b).dimension:
             raise UnitError(

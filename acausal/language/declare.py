@@ -8,7 +8,17 @@ from enum import Enum
 from typing import TYPE_CHECKING, Any, overload
 
 from acausal.errors import DeclarationError, UnitError
-from acausal.language.expression import Expr, Operand, Shape, Symbol, as_expr, shape_text
+from acausal.language.expression import (
+    Expr,
+    Operand,
+    Operation,
+    Shape,
+    Symbol,
+    as_expr,
+    is_condition,
+    is_truth,
+    shape_text,
+)
 from acausal.units import parse
 
 if TYPE_CHECKING:
@@ -60,7 +70,8 @@ class Declaration:
 
     `default` is a number, a nested tuple, a function of the instance (`lambda self: sin(self.sigma)`), a
     `Fixed` or a `Guess`, or None. `prefer_state` ranks candidates for states: True before undeclared before False.
-    `hint` is printed when the compiler cannot determine the variable.
+    `hint` is printed when the compiler cannot determine the variable. A `discrete` variable keeps its value between
+    events; of these, `boolean` ones are true or false and `integer` ones count.
     """
 
     kind: Kind
@@ -75,6 +86,8 @@ class Declaration:
     hint: str = ""
     overconstrained: bool = False
     discrete: bool = False
+    boolean: bool = False
+    integer: bool = False
 
 
 def _declare(kind: Kind, *, unit: str, shape: Shape | int = (), **rest: Any) -> Any:
@@ -86,7 +99,7 @@ def _declare(kind: Kind, *, unit: str, shape: Shape | int = (), **rest: Any) -> 
                 f"declared unit '{unit}' is not coherent (1 {unit} = {parsed.factor:g} SI units)",
                 help="declare in SI; values given on the command line are converted: --set length=16mm",
             )
-    return Declaration(kind, (shape,) if isinstance(shape, int) else tuple(shape), unit, **rest)
+    return Declaration(kind, _shape(shape), unit, **rest)
 
 
 def variable(
@@ -121,12 +134,49 @@ def variable(
 def discrete(
     *, unit: str = "", doc: str = "", shape: Shape | int = (), default: Any = None, nominal: float = 1.0
 ) -> Any:
-    """A variable that keeps its value between events; `when(..., reset(x, value))` changes it. Starts at 0."""
+    """A variable that keeps its value between events; `when(..., reset(x, value))` changes it. Starts at 0.
+
+    So does an equation with the variable alone on its left: `yield self.n == where(...)`.
+    """
     start = Fixed(0.0) if default is None else default
     start = start if isinstance(start, Fixed | Guess) or callable(start) else Fixed(start)
     return _declare(
         Kind.VARIABLE, unit=unit, doc=doc, shape=shape, default=start, nominal=nominal, prefer_state=True, discrete=True
     )
+
+
+def boolean(*, default: Any = None, shape: Shape | int = (), doc: str = "") -> Any:
+    """A variable that is true or false and changes at events only: a condition wherever one is asked for.
+
+    An equation assigns it, `yield self.on == (self.x > 1)`, or a `when(..., reset(self.on, True))`. `default` is its
+    value before the start; False when nothing is said.
+    """
+    return _discrete(Kind.VARIABLE, default, shape, doc, boolean=True)
+
+
+def integer(*, default: Any = None, shape: Shape | int = (), doc: str = "") -> Any:
+    """A variable that counts and changes at events only; assigned as `boolean` is. Starts at 0."""
+    return _discrete(Kind.VARIABLE, default, shape, doc, integer=True)
+
+
+def boolean_input(*, default: Any = None, shape: Shape | int = (), doc: str = "") -> Any:
+    """A signal that is true or false; connect it to a `boolean_output`, or bind it to a condition."""
+    return Declaration(Kind.INPUT, _shape(shape), doc=doc, default=default, discrete=True, boolean=True)
+
+
+def boolean_output(*, shape: Shape | int = (), doc: str = "") -> Any:
+    """A signal that is true or false; `yield self.y == condition` computes it."""
+    return Declaration(Kind.OUTPUT, _shape(shape), doc=doc, discrete=True, boolean=True)
+
+
+def _discrete(kind: Kind, default: Any, shape: Shape | int, doc: str, **rest: Any) -> Declaration:
+    start = Fixed(0.0) if default is None else default
+    start = start if isinstance(start, Fixed | Guess) or callable(start) else Fixed(start)
+    return Declaration(kind, _shape(shape), doc=doc, default=start, prefer_state=True, discrete=True, **rest)
+
+
+def _shape(shape: Shape | int) -> Shape:
+    return (shape,) if isinstance(shape, int) else tuple(shape)
 
 
 def flow(*, unit: str = "", doc: str = "", shape: Shape | int = (), nominal: float = 1.0, hint: str = "") -> Any:
@@ -227,10 +277,47 @@ def _fitting(owner: str, name: str, declaration: Declaration, value: Any) -> Exp
     if expr.shape != declaration.shape:
         if expr.op == "const" and expr.shape == ():
             size = math.prod(declaration.shape)
-            return Expr("const", (), declaration.shape, (expr.payload,) * size)
+            return Operation("const", (), declaration.shape, (expr.payload,) * size)
         raise DeclarationError(
             "AC105",
             f"{owner}: '{name}' is a {shape_text(declaration.shape)}, the value `{expr}` a {shape_text(expr.shape)}",
             help="a single number fills a vector or a matrix; anything else needs its shape",
         )
+    check_discrete(f"{owner}: '{name}'", declaration, expr)
     return expr
+
+
+def check_discrete(name: str, declaration: Declaration, value: Expr) -> None:
+    """Refuse what cannot be the value of a boolean or an integer.
+
+    Raises
+    ------
+    DeclarationError
+        AC147 when a boolean would be neither true nor false, or an integer a fraction.
+    """
+    numbers = value.payload if isinstance(value.payload, tuple) else (value.payload,)
+    if declaration.boolean:
+        known = value.op == "const" and set(numbers) <= {0.0, 1.0}
+        parts = value.args if value.op == "stack" else (value,)
+        if not known and not all(is_condition(e) or is_truth(e) or _is_choice(e) for e in parts):
+            raise DeclarationError(
+                "AC147",
+                f"{name} is true or false, `{value}` is a number",
+                help="write a relation such as x > 0, or True or False",
+            )
+    elif declaration.integer and value.op == "const" and any(v != math.floor(v) for v in numbers):
+        raise DeclarationError(
+            "AC147", f"{name} is an integer, `{value}` is not", help="a number that is not whole goes into discrete()"
+        )
+
+
+def _is_choice(e: Expr) -> bool:
+    """`where(condition, True, False)`, however nested: nothing in it but truth values."""
+    stack = [e]
+    while stack:
+        here = stack.pop()
+        if here.op == "where":
+            stack += here.args[1:]
+        elif not (is_truth(here) or is_condition(here)):
+            return False
+    return True

@@ -7,14 +7,15 @@ from collections.abc import Sequence
 from fractions import Fraction
 
 from acausal.errors import Span, UnitError
-from acausal.language.expression import RELATIONS, Equation, Expr, Symbol, symbols_in
+from acausal.language.expression import CONDITIONS, RELATIONS, Equation, Expr, Operation, Symbol, symbols_in
 from acausal.units import DIMENSIONLESS, Dimension, divide, format_dimension, multiply, parse, power
 
 _SECOND = parse("s").dimension
 _TRANSCENDENTAL = frozenset(
     ["sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "exp", "log", "atan2"]
 )
-_SUMS = frozenset(("add", "sub", "min", "max", "where", "homotopy", *RELATIONS))
+_COMPARED = frozenset((*RELATIONS, "equals"))
+_SUMS = frozenset(("add", "sub", "min", "max", "where", "homotopy", *_COMPARED))
 _SAME = frozenset(("neg", "pre", "noevent", "index", "transpose", "fabs", "floor", "ceil"))
 
 
@@ -92,7 +93,7 @@ def _dimension(e: Expr, parts: list[Dimension | None]) -> Dimension | None:
         return parse(external.units[output]).dimension if external.units[output] else None
     if op in _TRANSCENDENTAL:
         return _transcendental(e, parts)
-    return DIMENSIONLESS if op in ("sign", "and", "or", "not") else None
+    return DIMENSIONLESS if op == "sign" or op in CONDITIONS else None
 
 
 def _sum(e: Expr, parts: list[Dimension | None]) -> Dimension | None:
@@ -101,7 +102,7 @@ def _sum(e: Expr, parts: list[Dimension | None]) -> Dimension | None:
         return declared[0] if len(declared) == len(parts) and len(set(declared)) == 1 else None
     if len(set(declared)) > 1:
         raise _Mismatch(f"`{e}` mixes {format_dimension(declared[0])} and {format_dimension(declared[1])}")
-    if e.op in RELATIONS:
+    if e.op in _COMPARED:
         return DIMENSIONLESS
     return declared[0] if declared else None
 
@@ -123,7 +124,7 @@ def _pow(e: Expr, parts: list[Dimension | None]) -> Dimension | None:
 
 def _transcendental(e: Expr, parts: list[Dimension | None]) -> Dimension | None:
     if e.op == "atan2":
-        _sum(Expr("sub", e.args, ()), parts)
+        _sum(Operation("sub", e.args, ()), parts)
         return DIMENSIONLESS
     if parts[0] is not None and parts[0] != DIMENSIONLESS:
         raise _Mismatch(f"`{e}`: {e.op} takes a number or an angle, not {format_dimension(parts[0])}")

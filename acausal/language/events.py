@@ -1,4 +1,4 @@
-"""What happens at instants: `when` a condition becomes true, `reset` states; `sample` conditions of time.
+"""What happens at instants: `when` a condition becomes true, `reset` states, `terminate`; `assert_` at all times.
 
 Meaning as in the Modelica language 3.6, chapter 8: a `when` acts at the instant its condition turns from false to
 true, all its actions see the values from before, and relations are decided again afterwards.
@@ -6,10 +6,12 @@ true, all its actions see the values from before, and relations are decided agai
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from acausal.errors import DeclarationError
-from acausal.language.expression import CONDITIONS, Expr, Operand, Symbol, as_expr
+from acausal.language.declare import check_discrete
+from acausal.language.expression import Expr, Operand, Operation, Symbol, as_expr, checked_condition
 
 
 @dataclass(frozen=True)
@@ -21,31 +23,71 @@ class Reset:
 
 
 @dataclass(frozen=True)
+class Terminate:
+    """The end of the run, which counts as success; `message` says why."""
+
+    message: str
+
+
+@dataclass(frozen=True)
 class When:
     """Actions at the instants at which a condition becomes true; yield it like an equation."""
 
     condition: Expr
     actions: tuple[Reset, ...]
+    terminate: str | None = None
 
     def __str__(self) -> str:
-        actions = ", ".join(f"reset({a.target}, {a.value})" for a in self.actions)
-        return f"when({self.condition}, {actions})"
+        actions = [f"reset({a.target}, {a.value})" for a in self.actions]
+        if self.terminate is not None:
+            actions.append(f'terminate("{self.terminate}")')
+        return f"when({', '.join([str(self.condition), *actions])})"
 
 
-def when(condition: Expr, *actions: Reset) -> When:
-    """Do `actions` at every instant at which `condition` becomes true.
+@dataclass(frozen=True)
+class Assertion:
+    """A condition that must hold; made by `assert_`."""
+
+    condition: Expr
+    message: str
+    level: str
+
+    def __str__(self) -> str:
+        return f'assert_({self.condition}, "{self.message}")'
+
+
+def when(condition: Expr | Sequence[Expr], *actions: Reset | Terminate) -> When:
+    """Do `actions` at every instant at which `condition`, or one of several, becomes true.
 
     Raises
     ------
     DeclarationError
-        AC108 when `condition` is no condition, AC140 when an action is not a `reset`.
+        AC108 when `condition` is no condition, AC140 when an action is neither a `reset` nor a `terminate`.
     """
-    if not isinstance(condition, Expr) or condition.op not in CONDITIONS:
-        raise DeclarationError("AC108", f"`{condition}` is not a condition", help="write a relation such as x > 0")
     for action in actions:
-        if not isinstance(action, Reset):
-            raise DeclarationError("AC140", f"`{action}` is not an action", help="when(condition, reset(x, value))")
-    return When(condition, actions)
+        if not isinstance(action, Reset | Terminate):
+            raise DeclarationError(
+                "AC140",
+                f"`{action}` is not an action",
+                help='write when(condition, reset(x, value)) or when(condition, terminate("why"))',
+            )
+    ends = [a.message for a in actions if isinstance(a, Terminate)]
+    return When(
+        _any_of(condition), tuple(a for a in actions if isinstance(a, Reset)), "; ".join(ends) if ends else None
+    )
+
+
+def _any_of(condition: Expr | Sequence[Expr]) -> Expr:
+    if not isinstance(condition, tuple | list) or not condition:
+        return checked_condition(condition)
+    if len(condition) == 1:
+        return checked_condition(condition[0])
+    # The edges, not the conditions: one that holds already must not hide that another becomes true.
+    found = [Operation("edge", (checked_condition(c),), ()) for c in condition]
+    total: Expr = found[0]
+    for c in found[1:]:
+        total = total | c
+    return total
 
 
 def reset(x: Expr, value: Operand) -> Reset:
@@ -54,27 +96,49 @@ def reset(x: Expr, value: Operand) -> Reset:
     Raises
     ------
     DeclarationError
-        AC141 when `x` is not a declared scalar variable.
+        AC141 when `x` is not a declared scalar variable, AC147 when the value is none for a boolean or an integer.
     """
     if not isinstance(x, Symbol) or x.shape:
         raise DeclarationError("AC141", f"`{x}` cannot be reset", help="reset takes one declared scalar variable")
+    if x.declaration.kind.value in ("parameter", "input"):
+        raise DeclarationError(
+            "AC141",
+            f"`{x}` cannot be reset: it is {'an input' if x.declaration.kind.value == 'input' else 'a parameter'}",
+            help="declare what changes at events with discrete(), boolean() or integer()",
+        )
     new = as_expr(value)
     if new.shape:
         raise DeclarationError("AC105", f"`{x}` is a scalar, its new value `{new}` has shape {new.shape}")
+    check_discrete(f"`{x}`", x.declaration, new)
     return Reset(x, new)
 
 
-def pre(x: Operand) -> Expr:
-    """The value just before the event, in the actions of a `when`; between events it is the value itself."""
-    e = as_expr(x)
-    return Expr("pre", (e,), e.shape)
+def terminate(message: str) -> Terminate:
+    """End the run, successfully, at the instant of a `when`."""
+    return Terminate(_text("terminate", message))
 
 
-def sample(start: Operand, interval: Operand) -> Expr:
-    """True at the instants `start + k * interval`, k = 0, 1, 2, ...; for the condition of a `when` [s]."""
-    return Expr("sample", (as_expr(start), as_expr(interval)), ())
+def assert_(condition: Expr, message: str, *, level: str = "error") -> Assertion:
+    """A condition that holds in all of the run; yield it like an equation.
+
+    Parameters
+    ----------
+    message
+        What it means when it does not hold, for the user.
+    level
+        `"error"` stops the run where the condition ceases to hold, `"warning"` only notes it.
+
+    Raises
+    ------
+    DeclarationError
+        AC108 when `condition` is no condition, AC149 when the message or the level is none.
+    """
+    if level not in ("error", "warning"):
+        raise DeclarationError("AC149", f"assert_ has no level {level!r}", help='it is "error" or "warning"')
+    return Assertion(checked_condition(condition), _text("assert_", message), level)
 
 
-def no_event(condition: Expr) -> Expr:
-    """A condition that is decided at every evaluation, without locating where it changes."""
-    return Expr("noevent", (condition,), ())
+def _text(what: str, message: str) -> str:
+    if isinstance(message, str):
+        return message
+    raise DeclarationError("AC149", f"{what} takes a message, not {message!r}", help="say in words what has happened")

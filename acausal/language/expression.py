@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 Shape = tuple[int, ...]
 
 RELATIONS = {"lt": "<", "le": "<=", "gt": ">", "ge": ">="}
-CONDITIONS = frozenset((*RELATIONS, "and", "or", "not", "sample", "noevent"))
-"""Operators whose value is true or false."""
+CONDITIONS = frozenset((*RELATIONS, "equals", "and", "or", "not", "sample", "edge", "change", "initial", "terminal"))
+"""Operators whose value is always true or false; see `is_condition`."""
 _INFIX = {
     "add": "+",
     "sub": "-",
@@ -116,7 +116,7 @@ class Expr:
         return _matmul(as_expr(other), self)
 
     def __neg__(self) -> Expr:
-        return Expr("neg", (self,), self.shape)
+        return Operation("neg", (self,), self.shape)
 
     def __pos__(self) -> Expr:
         return self
@@ -124,7 +124,7 @@ class Expr:
     def __abs__(self) -> Expr:
         if self.shape != ():
             raise shape_error("fabs", self)
-        return Expr("fabs", (self,), ())
+        return Operation("fabs", (self,), ())
 
     def __eq__(self, other: Operand) -> Equation:  # type: ignore[override]
         return Equation(self, as_expr(other))
@@ -147,15 +147,19 @@ class Expr:
         return _scalar_binary("ge", self, as_expr(other))
 
     def __and__(self, other: Operand) -> Expr:
-        return _scalar_binary("and", self, as_expr(other))
+        return _logical("and", self, as_expr(other))
+
+    def __rand__(self, other: Operand) -> Expr:
+        return _logical("and", as_expr(other), self)
 
     def __or__(self, other: Operand) -> Expr:
-        return _scalar_binary("or", self, as_expr(other))
+        return _logical("or", self, as_expr(other))
+
+    def __ror__(self, other: Operand) -> Expr:
+        return _logical("or", as_expr(other), self)
 
     def __invert__(self) -> Expr:
-        if self.shape != ():
-            raise shape_error("~", self)
-        return Expr("not", (self,), ())
+        return _logical("not", self)
 
     def __getitem__(self, index: int | tuple[int, int]) -> Expr:
         key = index if isinstance(index, tuple) else (index,)
@@ -166,7 +170,7 @@ class Expr:
                 f"`{self}` is a {shape_text(self.shape)}; it has no element {list(key)}",
                 help=f"indices count from 0: [{', '.join(limits)}]" if limits else "use it without an index",
             )
-        return Expr("index", (self,), (), tuple(i % n for i, n in zip(key, self.shape, strict=True)))
+        return Operation("index", (self,), (), tuple(i % n for i, n in zip(key, self.shape, strict=True)))
 
     def __iter__(self) -> Iterator[Expr]:
         if len(self.shape) != 1:
@@ -187,7 +191,7 @@ class Expr:
         """The transpose of a matrix."""
         if len(self.shape) != 2:
             raise shape_error("transpose", self)
-        return Expr("transpose", (self,), (self.shape[1], self.shape[0]))
+        return Operation("transpose", (self,), (self.shape[1], self.shape[0]))
 
     def __bool__(self) -> NoReturn:
         advice = "write where(condition, a, b) for a value, and & | ~ between conditions"
@@ -220,6 +224,16 @@ class Expr:
 
     def __repr__(self) -> str:
         return to_text(self)
+
+
+class Operation(Expr):
+    """What is computed from others, and literals: every expression that is not a `Symbol`.
+
+    A class beside Symbol, not above it: of `a == b` Python asks b first where the class of b is derived from that of a,
+    and then `der(x) == u` would be `u == der(x)`. Which side a discrete variable stands on has a meaning.
+    """
+
+    __slots__ = ()
 
 
 class Symbol(Expr):
@@ -259,7 +273,7 @@ class Equation:
         )
 
     def __str__(self) -> str:
-        return f"{self.left} == {self.right}"
+        return equation_text(self)
 
     __repr__ = __str__
 
@@ -269,7 +283,7 @@ Operand = Expr | float | int | bool | tuple[Any, ...] | list[Any]
 
 def constant(value: Any, shape: Shape = ()) -> Expr:
     """A literal; `value` is a float, or a row-major tuple of floats for a vector or matrix."""
-    return Expr("const", (), shape, value)
+    return Operation("const", (), shape, value)
 
 
 def is_literal(e: Expr) -> bool:
@@ -283,7 +297,7 @@ def as_expr(value: Any) -> Expr:
         return value
     if isinstance(value, bool | int | float):
         try:
-            return Expr("const", (), (), float(value))
+            return Operation("const", (), (), float(value))
         except OverflowError:
             raise DeclarationError(
                 "AC106", f"an integer of {len(str(value))} digits is too large to compute with"
@@ -313,7 +327,75 @@ def stack(parts: list[Expr]) -> Expr:
     if all(p.op == "const" for p in parts):
         flat = [p.payload for p in parts] if not inner else [v for p in parts for v in p.payload]
         return constant(tuple(flat), shape)
-    return Expr("stack", tuple(parts), shape)
+    return Operation("stack", tuple(parts), shape)
+
+
+def is_condition(e: object) -> bool:
+    """True for what is true or false: relations, boolean variables, `&`, `|`, `~`, `pre`, `where` of these."""
+    if not isinstance(e, Expr):
+        return False
+    found = False
+    stack = [e]
+    while stack:
+        here = stack.pop()
+        if here.op in CONDITIONS or (isinstance(here, Symbol) and here.declaration.boolean):
+            found = True
+        elif here.op in ("index", "pre", "noevent"):
+            stack.append(here.args[0])
+        elif here.op == "where":
+            stack += here.args[1:]
+        elif not is_truth(here):
+            return False
+    return found
+
+
+def assigned(equation: Equation) -> Symbol | None:
+    """The discrete variable that an equation assigns: it stands alone on the left, perhaps with an index."""
+    left = equation.left
+    if left.op == "index":
+        left = left.args[0]
+    return left if isinstance(left, Symbol) and left.declaration.discrete else None
+
+
+def is_truth(e: Expr) -> bool:
+    """True for the literals `True` and `False`, which are 1 and 0."""
+    return e.op == "const" and e.shape == () and e.payload in (0.0, 1.0)
+
+
+def checked_condition(e: object, example: str = "x > 0") -> Expr:
+    """`e`, if it is a condition.
+
+    Raises
+    ------
+    DeclarationError
+        AC108 when it is not.
+    """
+    if isinstance(e, Expr) and is_condition(e) and not e.shape:
+        return e
+    raise DeclarationError(
+        "AC108",
+        f"`{e}` ({type(e).__name__}) is not a condition",
+        help=f"write a relation such as {example}; what is known to Python is decided with a plain `if`"
+        + ("; declare what is true or false with boolean()" if isinstance(e, Symbol) else ""),
+    )
+
+
+def is_discrete(e: Expr) -> bool:
+    """True for what changes at events only: discrete variables, relations, and all that is computed from these."""
+    stack = [e]
+    seen: set[int] = set()
+    while stack:
+        here = stack.pop()
+        if id(here) in seen or here.op in CONDITIONS:
+            continue
+        seen.add(id(here))
+        if isinstance(here, Symbol):
+            if not here.declaration.discrete and here.declaration.kind.value != "parameter":
+                return False
+        elif here.op in ("time", "der", "delay", "noevent", "call"):
+            return False
+        stack.extend(here.args)
+    return True
 
 
 _ELEMENTWISE = "it works on scalars; take elements, such as v[0]"
@@ -361,16 +443,20 @@ def shape_error(what: str, *args: Expr) -> DeclarationError:
 
 def _elementwise(op: str, a: Expr, b: Expr) -> Expr:
     if a.shape == b.shape:
-        return Expr(op, (a, b), a.shape)
+        return Operation(op, (a, b), a.shape)
     if is_literal(a) or is_literal(b):
-        return Expr(op, (a, b), a.shape or b.shape)
+        return Operation(op, (a, b), a.shape or b.shape)
     raise shape_error(_INFIX[op], a, b)
 
 
 def _scalar_binary(op: str, a: Expr, b: Expr) -> Expr:
     if a.shape or b.shape:
         raise shape_error(_INFIX[op], a, b)
-    return Expr(op, (a, b), ())
+    return Operation(op, (a, b), ())
+
+
+def _logical(op: str, *operands: Expr) -> Expr:
+    return Operation(op, tuple(e if is_truth(e) else checked_condition(e) for e in operands), ())
 
 
 def _product(a: Expr, b: Expr) -> Expr:
@@ -378,19 +464,19 @@ def _product(a: Expr, b: Expr) -> Expr:
         error = shape_error("*", a, b)
         error.help = "use dot(a, b), cross(a, b) or a @ b"
         raise error
-    return Expr("mul", (a, b), a.shape or b.shape)
+    return Operation("mul", (a, b), a.shape or b.shape)
 
 
 def _quotient(a: Expr, b: Expr) -> Expr:
     if b.shape:
         raise shape_error("/", a, b)
-    return Expr("div", (a, b), a.shape)
+    return Operation("div", (a, b), a.shape)
 
 
 def _matmul(a: Expr, b: Expr) -> Expr:
     if not a.shape or not b.shape or a.shape[-1] != b.shape[0]:
         raise shape_error("@", a, b)
-    return Expr("matmul", (a, b), (*a.shape[:-1], *b.shape[1:]))
+    return Operation("matmul", (a, b), (*a.shape[:-1], *b.shape[1:]))
 
 
 def to_text(e: Expr, depth: int = 0, *, name_of: Callable[[Symbol], str] | None = None, binding: int = 0) -> str:
@@ -423,8 +509,8 @@ def to_text(e: Expr, depth: int = 0, *, name_of: Callable[[Symbol], str] | None 
     parts = [to_text(a, depth + 1, name_of=name_of, binding=i) for a, i in zip(e.args, inner, strict=True)]
     if e.op in _INFIX:
         return _closed(f"{parts[0]} {_INFIX[e.op]} {parts[1]}", own < binding)
-    if e.op == "neg":
-        return _closed(f"-{parts[0]}", own < binding)
+    if e.op in ("neg", "not"):
+        return _closed(f"{'-' if e.op == 'neg' else '~'}{parts[0]}", own < binding)
     if e.op == "index":
         return f"{parts[0]}[{', '.join(map(str, e.payload))}]"
     if e.op == "transpose":
@@ -437,8 +523,14 @@ def to_text(e: Expr, depth: int = 0, *, name_of: Callable[[Symbol], str] | None 
     return f"{e.op}({', '.join(parts)})"
 
 
+def equation_text(equation: Equation, name_of: Callable[[Symbol], str] | None = None) -> str:
+    """Text of an equation; a relation on one of its sides stands in parentheses."""
+    left, right = (to_text(e, name_of=name_of, binding=2) for e in (equation.left, equation.right))
+    return f"{left} == {right}"
+
+
 _BINDING = {**dict.fromkeys(RELATIONS, 1), "or": 2, "and": 3, "add": 4, "sub": 4, "mul": 5, "div": 5, "matmul": 5}
-_BINDING |= {"neg": 6, "pow": 7}
+_BINDING |= {"neg": 6, "not": 6, "pow": 7}
 
 
 def _closed(text: str, closed: bool) -> str:

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from acausal.errors import DeclarationError
-from acausal.language.expression import Expr, Operand, Shape, as_expr, shape_text
+from acausal.language.expression import Operand, Operation, Shape, as_expr, shape_text
 
 
 class External:
@@ -77,7 +77,7 @@ class External:
                 f"{self.name} takes {len(self.inputs)} arguments: {', '.join(map(shape_text, self.inputs))}",
                 evidence=[f"given: {', '.join(f'`{e}` ({shape_text(e.shape)})' for e in given) or 'none'}"],
             )
-        found = tuple(Expr("call", given, shape, (self, k)) for k, shape in enumerate(self.outputs))
+        found = tuple(Operation("call", given, shape, (self, k)) for k, shape in enumerate(self.outputs))
         return found if len(found) > 1 else found[0]
 
     @property

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 from acausal.errors import DeclarationError
-from acausal.language.expression import CONDITIONS, Expr, Operand, as_expr, is_literal, shape_error
+from acausal.language.expression import Expr, Operand, Operation, as_expr, checked_condition, is_literal, shape_error
 
-time = Expr("time", (), ())
+time = Operation("time", (), ())
 """The independent variable [s]."""
 
 UNARY = "sin cos tan asin acos atan sinh cosh tanh exp log sqrt fabs sign floor ceil".split()  # noqa: SIM905
@@ -26,7 +26,7 @@ def _unary(op: str, x: Operand) -> Expr:
             raise DeclarationError(
                 "AC107", f"{op}({e.payload:g}) has no value", help=f"{op} is not defined for this number"
             ) from error
-    return Expr(op, (e,), ())
+    return Operation(op, (e,), ())
 
 
 def sin(x: Operand) -> Expr:
@@ -113,7 +113,7 @@ def _binary(op: str, x: Operand, y: Operand) -> Expr:
     a, b = as_expr(x), as_expr(y)
     if a.shape or b.shape:
         raise shape_error(op, a, b)
-    return Expr(op, (a, b), ())
+    return Operation(op, (a, b), ())
 
 
 def atan2(y: Operand, x: Operand) -> Expr:
@@ -143,15 +143,10 @@ def where(condition: Expr, a: Operand, b: Operand, *, smooth: bool = False) -> E
     crossing has to be located.
     """
     x, y = as_expr(a), as_expr(b)
-    if not isinstance(condition, Expr) or condition.op not in (*CONDITIONS, "symbol"):
-        raise DeclarationError(
-            "AC108",
-            f"`{condition}` ({type(condition).__name__}) is not a condition",
-            help="write a relation such as x > 0; what is known to Python is decided with a plain `if`",
-        )
+    checked_condition(condition)
     if x.shape != y.shape and not (is_literal(x) or is_literal(y)):
         raise shape_error("where", x, y)
-    return Expr("where", (condition, x, y), x.shape or y.shape, smooth)
+    return Operation("where", (condition, x, y), x.shape or y.shape, smooth)
 
 
 def homotopy(actual: Operand, simplified: Operand) -> Expr:
@@ -163,13 +158,13 @@ def homotopy(actual: Operand, simplified: Operand) -> Expr:
     a, s = as_expr(actual), as_expr(simplified)
     if a.shape != s.shape and not (is_literal(a) or is_literal(s)):
         raise shape_error("homotopy", a, s)
-    return Expr("homotopy", (a, s), a.shape or s.shape)
+    return Operation("homotopy", (a, s), a.shape or s.shape)
 
 
 def der(x: Operand) -> Expr:
     """Time derivative of an expression of any shape; `der(der(x))` for the second."""
     e = as_expr(x)
-    return Expr("der", (e,), e.shape)
+    return Operation("der", (e,), e.shape)
 
 
 def dot(x: Operand, y: Operand) -> Expr:
@@ -177,7 +172,7 @@ def dot(x: Operand, y: Operand) -> Expr:
     a, b = as_expr(x), as_expr(y)
     if len(a.shape) != 1 or a.shape != b.shape:
         raise shape_error("dot", a, b)
-    return Expr("matmul", (a, b), ())
+    return Operation("matmul", (a, b), ())
 
 
 def cross(x: Operand, y: Operand) -> Expr:
@@ -185,7 +180,7 @@ def cross(x: Operand, y: Operand) -> Expr:
     a, b = as_expr(x), as_expr(y)
     if a.shape != (3,) or b.shape != (3,):
         raise shape_error("cross", a, b)
-    return Expr("cross", (a, b), (3,))
+    return Operation("cross", (a, b), (3,))
 
 
 def norm(x: Operand) -> Expr:
@@ -210,4 +205,4 @@ def identity(n: int = 3) -> Expr:
 def zeros(*shape: int) -> Expr:
     """A vector or matrix of zeros."""
     size = math.prod(shape)
-    return Expr("const", (), tuple(shape), (0.0,) * size if shape else 0.0)
+    return Operation("const", (), tuple(shape), (0.0,) * size if shape else 0.0)

@@ -37,8 +37,13 @@ _BUILD: dict[str, Callable[..., Any]] = {
     "where": ca.if_else,
     "noevent": lambda a: a,
     "sample": lambda start, interval: ca.SX(0),  # true at instants only: the run sets its mode there
+    "pre": lambda a: a,
+    "initial": lambda: ca.SX(0),
+    "terminal": lambda: ca.SX(0),
     **{n: getattr(ca, n) for n in UNARY},
 }
+
+_ONE_BY_ONE = frozenset(("where", "homotopy", "sample", "initial", "terminal"))
 
 # Equal operations on one level from which a column is cheaper than scalars.
 _FEW = 6
@@ -97,7 +102,7 @@ class Builder:
             elif isinstance(op, Call):
                 for number in members:
                     self.done[number] = self._external(op, tuple(operands[number]))
-            elif len(members) < _FEW or op in ("where", "homotopy", "sample"):
+            elif len(members) < _FEW or op in _ONE_BY_ONE:
                 for number in members:
                     self.done[number] = self._operation(op, [self._scalar(c) for c in operands[number]])
             else:
@@ -125,7 +130,7 @@ class Builder:
                     if missing:
                         stack.extend(missing)
                         continue
-                here = 1 + max(level.get(c, 0) for c in operands[number])
+                here = 1 + max((level.get(c, 0) for c in operands[number]), default=0)
             level[number] = here
             levels.setdefault((here, op), []).append(number)
             stack.pop()

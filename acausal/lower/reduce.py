@@ -44,6 +44,8 @@ class ReducedSystem:
         Nodes of the initial equations that must be zero at the start, in the order of `flat.initial_equations`.
     whens
         Nodes of `flat.whens`: the condition and the new values.
+    assignments, asserts
+        Nodes of `flat.assignments`, the new values, and of the conditions of `flat.asserts`.
     left_out
         Flat scalars that results do not hold, because no wanted output needs them (`acausal.lower.cone`); their
         images mean nothing any more.
@@ -59,6 +61,8 @@ class ReducedSystem:
     redundant: tuple[int, ...]
     initial: tuple[int, ...]
     whens: tuple[tuple[int, tuple[int, ...]], ...]
+    assignments: tuple[int, ...] = ()
+    asserts: tuple[int, ...] = ()
     left_out: frozenset[int] = frozenset()
 
     def __repr__(self) -> str:
@@ -106,6 +110,9 @@ def reduce(flat: FlatSystem, instead: Mapping[int, int] | None = None) -> Reduce
     while work.sweep():
         pass
     return work.finish()
+
+
+_VARYING = frozenset(("var", "time", "sample", "initial", "terminal"))
 
 
 class _Aliases:
@@ -333,12 +340,12 @@ class _Aliases:
     def _is_known(self, node: tuple[Any, ...], number: int) -> bool:
         if node[0] in ("const", "par"):
             return True
-        if node[0] in ("var", "time"):
+        if node[0] in _VARYING:
             return False
         stack = [number]
         while stack:  # a depth-first search ends at the first variable, nearly always at once
             below = self.pool.nodes[stack.pop()]
-            if below[0] in ("var", "time"):
+            if below[0] in _VARYING:
                 return False
             if below[0] not in ("const", "par"):
                 stack.extend(below[1:])
@@ -365,8 +372,10 @@ class _Aliases:
         whens_old = [[w.condition, *(value for _, value in w.actions)] for w in self.flat.whens]
         old.rewrite([n for nodes in whens_old for n in nodes], self.leaf, self.done)
         whens_old = [[self.done[n] for n in nodes] for nodes in whens_old]
+        assigned_old = self._images([a.node for a in self.flat.assignments])
+        asserts_old = self._images([a.condition for a in self.flat.asserts])
         roots = list(self.residual.values()) + image_old + [n for pair in slopes_old for n in pair] + initial_old
-        roots += [n for nodes in whens_old for n in nodes]
+        roots += [n for nodes in whens_old for n in nodes] + assigned_old + asserts_old
         for variable in sorted(old.variables_in(*roots)):
             fresh(variable)
         for x, (v, _) in self.link.items():
@@ -389,7 +398,14 @@ class _Aliases:
             redundant=(*self.redundant, *self.trivial),
             initial=tuple(done[n] for n in initial_old),
             whens=tuple((done[nodes[0]], tuple(done[n] for n in nodes[1:])) for nodes in whens_old),
+            assignments=tuple(done[n] for n in assigned_old),
+            asserts=tuple(done[n] for n in asserts_old),
         )
+
+    def _images(self, roots: list[int]) -> list[int]:
+        """Nodes under the aliases found."""
+        self.pool.rewrite(roots, self.leaf, self.done)
+        return [self.done[n] for n in roots]
 
     def _slopes(self) -> list[tuple[int, int]]:
         """Known derivatives of substituted definitions: (node, node of its derivative)."""

@@ -128,12 +128,17 @@ class SamplePoints:
             self._evaluate(variable)
         if variable not in self._known:
             reduced = self.reduced
-            start, nominal = 0.0, 1.0
+            start, nominal, declared = 0.0, 1.0, None
             if variable < len(reduced.scalar):
-                nominal = reduced.flat.declaration(reduced.scalar[variable]).nominal
+                declared = reduced.flat.declaration(reduced.scalar[variable])
+                nominal = declared.nominal
                 start = self.start(variable)
             offset = 1.0 if variable >= 997 else 0.9
-            self._known[variable] = start + offset * nominal * self._directions[(variable * 7919) % 997]
+            found = start + offset * nominal * self._directions[(variable * 7919) % 997]
+            if declared is not None and (declared.boolean or declared.integer):
+                # both branches of a switch must be seen, and no value that it never has
+                found = np.mod(np.round(found - start) + start, 2.0) if declared.boolean else np.round(found)
+            self._known[variable] = found
         return self._known[variable]
 
     def start(self, variable: int) -> float:

@@ -7,7 +7,6 @@ from collections.abc import Callable
 
 import pytest
 
-from acausal.errors import DeclarationError
 from acausal.flatten.differentiate import differentiate
 from acausal.flatten.pool import Pool
 from acausal.lower.evaluate import values
@@ -110,11 +109,21 @@ def test_rate_given_by_a_rule_is_used() -> None:
     assert x not in pool.derivative_of
 
 
-def test_relations_cannot_be_differentiated() -> None:
+def test_what_is_kept_between_events_has_no_slope() -> None:
+    """Modelica 3.6, section 3.7.2: der of a discrete-time expression is zero."""
     pool = Pool()
     x = pool.var(pool.new_variables(1))
-    with pytest.raises(DeclarationError, match="AC128"):
-        differentiate(pool, pool.make("lt", x, pool.one))
+    held = pool.make("pre", x)
+    for node in (pool.make("lt", x, pool.one), held, pool.make("not", held), pool.make("initial")):
+        assert differentiate(pool, node) == pool.zero
+
+
+def test_no_event_is_differentiated_through() -> None:
+    pool = Pool()
+    x = pool.var(pool.new_variables(1))
+    slope = differentiate(pool, pool.make("noevent", pool.mul(x, x)))
+    assert pool.nodes[slope][0] == "noevent"
+    assert pool.variables_in(slope) == {0, pool.derivative(0)}
 
 
 def test_shared_expressions_are_differentiated_once() -> None:

@@ -166,12 +166,12 @@ class SignalsOfDifferentUnit(Component):
 
 @corpus.broken(
     "AC128",
-    "a > b",
+    "floor(x) < x",
     """
-error[AC128]: the time derivative of a > b is needed and does not exist
+error[AC128]: the time derivative of floor(x) < x is needed and does not exist
   at      test_connection_messages.py:N
               yield self.y == der(floor(self.x) < self.x)
-          y == der(x > floor(x))
+          y == der(floor(x) < x)
   help    it jumps, or is true or false: keep it out of der(...) and of prescribed positions
 """,
 )
@@ -208,7 +208,7 @@ class Silent(Component):
 error[AC130]: Half.equations yields `x` (Symbol)
   at      test_connection_messages.py:N
               yield self.x
-  help    yield an equation `left == right`, connect(a, b) or when(...)
+  help    yield an equation `left == right`, connect(a, b), when(...) or assert_(...)
 """,
 )
 class Half(Component):
@@ -226,7 +226,7 @@ error[AC130]: Numbers.equations yields `False` (bool)
   at      test_connection_messages.py:N
               yield 1.0 == 2.0
   cause   two plain numbers were compared: Python decided it at once
-  help    yield an equation `left == right`, connect(a, b) or when(...)
+  help    yield an equation `left == right`, connect(a, b), when(...) or assert_(...)
 """,
 )
 class Numbers(Component):

@@ -1,0 +1,122 @@
+"""Discrete equations of a flat system: what is assigned at events, by whom, and that it is assigned once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+from acausal.errors import DeclarationError
+from acausal.flatten.flat import FlatAssert, FlatAssignment, FlatEquation, FlatStart, FlatWhen, suffixes
+from acausal.flatten.instances import Instance
+from acausal.flatten.pool import Pool
+from acausal.flatten.scalarise import Resolve, Scalars, scalars
+from acausal.flatten.statements import Statement
+from acausal.flatten.templates import sides
+from acausal.language.declare import Declaration, Kind
+from acausal.language.events import Assertion
+from acausal.language.expression import Equation, assigned
+from acausal.language.origin import Origin
+
+Place = tuple[Instance, str, Declaration, int]
+"""Where a discrete scalar is declared: component, name, declaration and entry."""
+
+
+def assignments(pool: Pool, instance: Instance, items: Sequence[Statement], resolve: Resolve) -> list[FlatAssignment]:
+    """Discrete equations among the statements of a component."""
+    done: dict[int, Scalars] = {}
+    return [
+        FlatAssignment(int(pool.nodes[left][1]), right, origin, instance.path, item)
+        for item, origin in items
+        if isinstance(item, Equation) and assigned(item) is not None
+        for left, right in sides(pool, item, resolve, done, origin)
+    ]
+
+
+def asserts(pool: Pool, instance: Instance, items: Sequence[Statement], resolve: Resolve) -> list[FlatAssert]:
+    """What a component says must hold."""
+    return [
+        FlatAssert(scalars(pool, item.condition, resolve, {})[0], item.message, item.level, origin, instance.path, item)
+        for item, origin in items
+        if isinstance(item, Assertion)
+    ]
+
+
+def places(found: Iterable[Instance], inputs: Iterable[int]) -> dict[int, Place]:
+    """Every discrete scalar but those that are inputs of the model, with its first declaration."""
+    outside = set(inputs)
+    made: dict[int, Place] = {}
+    for instance in found:
+        for name, declaration in instance.component._declarations.items():
+            if declaration.discrete:
+                for k in range(len(suffixes(declaration.shape))):
+                    scalar = instance.first[name] + k
+                    if scalar not in outside:
+                        made.setdefault(scalar, (instance, name, declaration, k))
+    return made
+
+
+def fill_starts(pool: Pool, starts: dict[int, FlatStart], discrete: Mapping[int, Place]) -> None:
+    """What nobody has said anything about is false or zero before the start."""
+    for scalar, (instance, name, _, _) in discrete.items():
+        starts.setdefault(scalar, FlatStart(pool.zero, True, instance.origin, instance.prefix + name))
+
+
+def constancy(pool: Pool, discrete: Mapping[int, Place]) -> list[FlatEquation]:
+    """Discrete variables do not change between events."""
+    return [
+        FlatEquation(
+            pool.var(pool.derivative(scalar)), pool.zero, instance.origin, instance.path, f"{name} is discrete"
+        )
+        for scalar, (instance, name, _, _) in discrete.items()
+    ]
+
+
+def check_assigned(
+    made: Sequence[FlatAssignment], whens: Sequence[FlatWhen], discrete: Mapping[int, Place], inputs: Iterable[int]
+) -> None:
+    """Refuse what is determined twice, and signals that nothing determines.
+
+    Raises
+    ------
+    DeclarationError
+        AC145 for two discrete equations, or an equation and a reset, of one variable; AC148 for a discrete signal
+        without a source.
+    """
+    outside = set(inputs)
+    first: dict[int, tuple[Origin | None, str]] = {}
+    for a in made:
+        if a.scalar in outside:
+            continue
+        if a.scalar in first:
+            raise _twice(discrete[a.scalar], (first[a.scalar], (a.origin, str(a.source))))
+        first[a.scalar] = (a.origin, str(a.source))
+    reset: set[int] = set()
+    for w in whens:
+        for scalar, _ in w.actions:
+            reset.add(scalar)
+            if scalar in first:
+                raise _twice(discrete[scalar], (first[scalar], (w.origin, str(w.source))))
+    for scalar, (instance, name, declaration, k) in discrete.items():
+        if declaration.kind in (Kind.INPUT, Kind.OUTPUT) and scalar not in first and scalar not in reset:
+            is_input = declaration.kind is Kind.INPUT
+            raise DeclarationError(
+                "AC148",
+                f"{instance.prefix}{name}{suffixes(declaration.shape)[k]} has no value: "
+                + ("nothing is connected to it" if is_input else "no equation assigns it"),
+                where=(instance.origin.span(),),
+                evidence=[f"{instance.prefix}{name}   {declaration.doc}"] if declaration.doc else [],
+                help=f"connect it to a boolean_output, or bind it: {type(instance.component).__name__}({name}=...)"
+                if is_input
+                else f"yield self.{name} == condition in {type(instance.component).__name__}.equations",
+            )
+
+
+def _twice(place: Place, ends: Sequence[tuple[Origin | None, str]]) -> DeclarationError:
+    instance, name, declaration, k = place
+    return DeclarationError(
+        "AC145",
+        f"{instance.prefix}{name}{suffixes(declaration.shape)[k]} is determined twice at events",
+        where=tuple(origin.span() for origin, _ in ends if origin is not None),
+        evidence=[text for _, text in ends],
+        cause="a discrete variable has one equation, or is reset by `when`s, not both",
+        help="join them to one: where(condition, value, where(other, value, pre(variable)))",
+    )
