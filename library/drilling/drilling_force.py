@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from acausal import Equations, Real, connect, maximum, parameter, part, signal_output, structural, where
+from acausal import Equations, Real, connect, maximum, no_event, parameter, part, signal_output, structural, where
 from acausal.library.drilling.depth import DrillDepthCalculation
 from acausal.library.drilling.force import DrillContactForce
 from acausal.library.drilling.interfaces import PartialDrillingForce
@@ -15,6 +15,7 @@ class DrillingForce(PartialDrillingForce):
     """
 
     as_printed: bool = structural(default=False, doc="Contact force by equation (21) instead of (20)")
+    explicit: bool = structural(default=False, doc="Equation (20) solved by a fixed number of Newton steps")
     k: Real = parameter(unit="N/m", min=0.0, nominal=1e8, doc="Stiffness of the contact")
     d_c: Real = parameter(unit="N.s/m", min=0.0, nominal=1e4, doc="Damping of the contact")
     s_start: Real = parameter(default=0.0, unit="m", min=0.0, doc="Depth of the hole at the start")
@@ -38,6 +39,7 @@ class DrillingForce(PartialDrillingForce):
         self.depth = DrillDepthCalculation(z_E=self.z_E, s_start=self.s_start)
         self.force = DrillContactForce(
             as_printed=self.as_printed,
+            explicit=self.explicit,
             chisel=self.chisel,
             p_indent=self.p_indent,
             d_indent=self.d_indent,
@@ -72,7 +74,7 @@ class DrillingForce(PartialDrillingForce):
         """
         geometry, force = self.geometry, self.force
         deflection = maximum(self.s - self.s_tar, 0.0)
-        v_ground = where(self.s > 0, self.v_tar, 0.0)
+        v_ground = where(no_event(self.s > 0), self.v_tar, 0.0)
         yield self.thrust == force.F_N
         yield self.energy == self.k / 2 * deflection**2
         yield self.power_damping == (self.thrust - self.k * deflection) * (geometry.v - v_ground)

@@ -32,3 +32,10 @@ STEEL_34CRMO4 = Material(
     source="A Drilling Force Model for Use in Multibody System Simulation Environments, example of section 3.1",
 )
 """Quenched and tempered steel of the paper's examples. Others are added only with a source each."""
+
+STEEL_C45 = Material(
+    name="C45",
+    k_c11=2220e6,
+    z=0.14,
+    source="J. Dietrich, Praxis der Zerspanungstechnik, table 2.1 (Ck45)",
+)

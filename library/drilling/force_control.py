@@ -1,0 +1,143 @@
+"""Force-controlled feed: approach, hold the thrust, notice the breakthrough, retract."""
+
+from __future__ import annotations
+
+import math
+
+from acausal import (
+    Component,
+    Equations,
+    Expr,
+    Real,
+    as_expr,
+    clamp,
+    der,
+    discrete,
+    parameter,
+    reset,
+    signal_input,
+    signal_output,
+    time,
+    variable,
+    when,
+    where,
+)
+from acausal.library.drilling.materials import Material
+from acausal.library.drilling.tool import Tool
+
+APPROACH, DRILLING, EXIT, RETRACT, DONE = range(5)
+"""Values of `ForceControl.phase`."""
+
+
+def feed_rate_under(
+    thrust: Expr | float, n: Expr | float, *, tool: Tool, material: Material, factor: float | None = None
+) -> Expr:
+    """Feed rate [m/s] of a drill at full diameter under a constant thrust.
+
+    Founding paper, equations (16) to (18), with d_O = d and d_I = 0; no indentation, no correction factors.
+
+    Parameters
+    ----------
+    thrust
+        Force along the axis [N].
+    n
+        Rotational speed [1/s].
+    factor
+        Thrust over cutting force [1]; sin(sigma) as the paper prints it, unless given.
+    """
+    ratio = math.sin(tool.sigma) if factor is None else factor
+    share = as_expr(thrust) / (ratio * tool.z_E / 2 * tool.d * material.k_c11 * 1e-3)
+    f_z = 1e-3 * (share * math.sin(tool.sigma / 2) ** material.z) ** (1 / (1 - material.z))
+    return as_expr(f_z * tool.z_E * n)
+
+
+class ForceControl(Component):
+    """Feed rate that a drill is moved with, from the thrust that is measured.
+
+    - `APPROACH` at `v_approach` until the thrust exceeds `F_touch`;
+    - `DRILLING`: a PI controller holds the thrust at `F_set`, the feed rate is not above `v_max` (the feed cap);
+    - `EXIT`: the thrust has been up to 90 % of `F_set` and has fallen below the part `breakthrough` of it although
+      the feed is at its cap: the tip is through. It goes on at `v_exit` until the full diameter is through, `overrun`
+      beyond. If the thrust comes back meanwhile there is another plate, and it is `DRILLING` again;
+    - `RETRACT` at `v_retract` to the position at the start, then `DONE`.
+
+    The proportional gain is small and the integral part does the work: against a change of the feed rate the thrust
+    of a cut answers at once, like a damper, so that the integral alone gives a first-order loop with the bandwidth
+    `gain_I` dF/dv. The thrust grows with the feed rate to the power 1 - z, hence dF/dv = (1 - z) F_set / v; `v_nominal`
+    is the feed rate expected at full diameter and sets the gain so that `bandwidth` results there.
+
+    Source: K. J. Åström, T. Hägglund, PID Controllers, 1995; phases as in robot drilling, for example T. Olsson et al.,
+    Cost-efficient drilling using industrial robots with high-bandwidth force feedback, Robotics and
+    Computer-Integrated Manufacturing 26 (2010) 24-38.
+    """
+
+    F_set: Real = parameter(unit="N", min=0.0, nominal=1e3, doc="Thrust to hold")
+    v_nominal: Real = parameter(unit="m/s", min=0.0, doc="Feed rate to be expected at full diameter under F_set")
+    bandwidth: Real = parameter(default=2 * math.pi * 4.0, unit="rad/s", min=0.0, doc="Bandwidth of the force loop")
+    T_filter: Real = parameter(default=5e-3, unit="s", min=0.0, doc="Time constant of the filter of the thrust")
+    F_touch: Real = parameter(default=20.0, unit="N", min=0.0, doc="Thrust that means contact")
+    breakthrough: Real = parameter(
+        default=0.5, unit="1", min=0.0, max=1.0, doc="Part of F_set below which the tip is through"
+    )
+    v_approach: Real = parameter(default=5e-3, unit="m/s", min=0.0, doc="Feed rate in the air")
+    v_max: Real = parameter(default=lambda self: 4 * self.v_nominal, unit="m/s", min=0.0, doc="Feed cap")
+    v_exit: Real = parameter(default=lambda self: 2 * self.v_nominal, unit="m/s", min=0.0, doc="Feed rate at the exit")
+    v_retract: Real = parameter(default=20e-3, unit="m/s", min=0.0, doc="Rate of the withdrawal")
+    overrun: Real = parameter(default=5e-3, unit="m", min=0.0, doc="Feed after the breakthrough")
+    s_start: Real = parameter(default=0.0, unit="m", doc="Position to which the drill is retracted")
+
+    F: Real = signal_input(unit="N", doc="Measured thrust, positive against the feed")
+    s: Real = signal_input(unit="m", doc="Measured position of the feed")
+    v_ref: Real = signal_output(unit="m/s", nominal=1e-3, doc="Wanted feed rate")
+
+    F_filtered: Real = variable(unit="N", default=0.0, nominal=1e3, doc="Filtered thrust")
+    v_integral: Real = variable(unit="m/s", default=0.0, nominal=1e-3, doc="Integral part")
+    phase: Real = discrete(doc="0 approach, 1 drilling, 2 exit, 3 retract, 4 done")
+    loaded: Real = discrete(doc="1 once the thrust has been near F_set")
+    s_through: Real = discrete(unit="m", doc="Position at the last breakthrough")
+    breakthroughs: Real = discrete(doc="How often the thrust broke down")
+    breakthrough_time: Real = discrete(unit="s", doc="Time of the last breakthrough")
+    process_time: Real = discrete(unit="s", doc="Time from the start to the end of the withdrawal; 0 until then")
+
+    def equations(self) -> Equations:
+        yield der(self.F_filtered) == (self.F - self.F_filtered) / self.T_filter
+        # v = v_nominal / F_set * (...) makes the loop one of numbers near 1; 1 - z is 0.8 for most metals.
+        per_force = self.v_nominal / (0.8 * self.F_set)
+        error = self.F_set - self.F_filtered
+        wanted = self.v_integral + 0.1 * per_force * error
+        held = clamp(wanted, 0.0, self.v_max)
+        drilling = (self.phase > APPROACH + 0.5) & (self.phase < DRILLING + 0.5)
+        windup = held - wanted
+        rate = self.bandwidth * (per_force * error + windup)
+        yield der(self.v_integral) == where(drilling, rate, 0.0)
+        yield self.v_ref == self.of_phase(self.v_approach, held, self.v_exit, -self.v_retract, 0.0)
+        yield from self.transitions()
+
+    def of_phase(self, *values: Expr | float) -> Expr | float:
+        """The value of the phase that holds."""
+        chosen = values[-1]
+        for k in range(len(values) - 2, -1, -1):
+            chosen = where(self.phase < k + 0.5, values[k], chosen)
+        return chosen
+
+    def transitions(self) -> Equations:
+        """What ends a phase."""
+        F, phase = self.F_filtered, self.phase
+        approaching = phase < APPROACH + 0.5
+        drilling = (phase > APPROACH + 0.5) & (phase < DRILLING + 0.5)
+        leaving = (phase > DRILLING + 0.5) & (phase < EXIT + 0.5)
+        retracting = (phase > EXIT + 0.5) & (phase < RETRACT + 0.5)
+        low = self.breakthrough * self.F_set
+        yield when(approaching & (F > self.F_touch), reset(phase, DRILLING), reset(self.v_integral, self.v_approach))
+        yield when(drilling & (F > 0.9 * self.F_set), reset(self.loaded, 1.0))
+        yield when(
+            drilling & (self.loaded > 0.5) & (F < low),
+            reset(phase, EXIT),
+            reset(self.loaded, 0.0),
+            reset(self.s_through, self.s),
+            reset(self.breakthroughs, self.breakthroughs + 1.0),
+            reset(self.breakthrough_time, time),
+        )
+        yield when(leaving & (F > 1.1 * low), reset(phase, DRILLING), reset(self.v_integral, self.v_exit))
+        yield when(leaving & (self.s > self.s_through + self.overrun), reset(phase, RETRACT))
+        yield when(retracting & (self.s < self.s_start), reset(phase, DONE), reset(self.process_time, time))
