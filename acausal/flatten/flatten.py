@@ -122,6 +122,7 @@ class _LeafStatements:
     def __init__(self, found: Sequence[Instance]) -> None:
         self.leaves = [i for i in found if i.is_leaf and hasattr(type(i.component), "equations")]
         self._early: dict[int, list[Statement]] = {}
+        self._keys: dict[int, object] = {}
         self._with_connections: set[type[Component]] = set()
 
     def connecting(self) -> dict[int, list[Statement]]:
@@ -131,7 +132,7 @@ class _LeafStatements:
             cls = type(leaf.component)
             if hasattr(cls, "ties") or len(leaf.parts) + len(cls._declarations) < 2:
                 continue
-            key = template_key(leaf)
+            key = self._keys[leaf.number] = template_key(leaf)
             if key is None or checked.get(key, True):
                 items = list(statements(leaf.component))
                 connects = any(isinstance(item, Connection) for item, _ in items)
@@ -160,9 +161,13 @@ class _LeafStatements:
                 )
         return items
 
-    def is_connecting(self, leaf: Instance) -> bool:
-        """True when the leaf holds connections, and so cannot be a template."""
-        return type(leaf.component) in self._with_connections
+    def key(self, leaf: Instance) -> object:
+        """Template key of a leaf; None for one that holds connections, and so cannot be a template."""
+        if type(leaf.component) in self._with_connections:
+            return None
+        known = self._keys.get(leaf.number)
+        # Frames have learnt their roles in the meantime, which are part of the key.
+        return known if known and not any("_roles" in p.component.__dict__ for p in leaf.parts) else template_key(leaf)
 
 
 @dataclass
@@ -229,7 +234,7 @@ class _Builder:
         made: dict[object, Template | None] = {}
         equations: list[FlatEquation] = []
         for leaf in leaves.leaves:
-            key = None if leaves.is_connecting(leaf) else template_key(leaf)
+            key = leaves.key(leaf)
             if key is not None and key not in made:
                 made[key] = make_template(leaf, leaves.of(leaf))
             template = made.get(key)

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import heapq
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Container, Iterable, Mapping
+from itertools import compress
 from typing import Any
 
 from acausal.language.external import Call
@@ -52,6 +53,7 @@ _BINARY: dict[str, Callable[[float, float], float]] = {
 LEAVES = frozenset(("const", "var", "par", "time"))
 RELATIONS = frozenset(("lt", "le", "gt", "ge"))
 _KEPT = frozenset(("sample", "pre", "initial", "terminal", "delay"))  # what they are depends on the run
+_MANY = 16  # roots are many when there are more than one in so many nodes
 
 
 class Pool:
@@ -258,19 +260,39 @@ class Pool:
                 stack += [operand for operand, _ in _summands(nodes, node)]
         return False
 
-    def reachable(self, roots: Iterable[int]) -> list[int]:
-        """All nodes needed to evaluate `roots`, in evaluation order."""
+    def reachable(self, roots: Iterable[int], done: Mapping[int, int] | None = None) -> list[int]:
+        """All nodes needed to evaluate `roots`, in evaluation order; none at and below those that are `done`."""
+        nodes = self.nodes
+        stack = list(roots) if done is None else [r for r in roots if r not in done]
+        if len(stack) * _MANY > len(nodes):
+            return self._reachable_of_many(stack, done or ())
         seen: set[int] = set()
-        stack = list(roots)
         while stack:
             number = stack.pop()
-            if number in seen:
+            if number in seen or (done and number in done):
                 continue
             seen.add(number)
-            node = self.nodes[number]
+            node = nodes[number]
             if node[0] not in LEAVES:
                 stack.extend(node[1:])
         return sorted(seen)
+
+    def _reachable_of_many(self, roots: Iterable[int], done: Container[int]) -> list[int]:
+        """The same by a mark for every node: a set of most of them, and sorting it, costs twice as much."""
+        nodes = self.nodes
+        marks = bytearray(len(nodes))
+        for number in roots:
+            marks[number] = 1
+        for number in range(len(nodes) - 1, -1, -1):
+            if marks[number]:
+                if done and number in done:
+                    marks[number] = 0
+                    continue
+                node = nodes[number]
+                if node[0] not in LEAVES:
+                    for child in node[1:]:
+                        marks[child] = 1
+        return list(compress(range(len(nodes)), marks))
 
     def variables_in(self, *roots: int) -> set[int]:
         """Numbers of the variables that `roots` depend on."""
@@ -292,25 +314,16 @@ class Pool:
     def rewrite(self, roots: Iterable[int], leaf: Callable[[int], int], done: dict[int, int]) -> None:
         """Fill `done` with the image of every node below `roots` when each variable i becomes node `leaf(i)`."""
         nodes = self.nodes
-        todo = [r for r in roots if r not in done]
-        seen: set[int] = set(todo)
-        stack = todo[:]
-        while stack:
-            node = nodes[stack.pop()]
-            if node[0] not in LEAVES:
-                for child in node[1:]:
-                    if child not in seen and child not in done:
-                        seen.add(child)
-                        stack.append(child)
-        for number in sorted(seen):
+        for number in self.reachable(roots, done):
             node = nodes[number]
-            if node[0] == "var":
+            op = node[0]
+            if op == "var":
                 done[number] = leaf(node[1])
-            elif node[0] in LEAVES:
+            elif op in LEAVES:
                 done[number] = number
             else:
-                image = tuple(done[c] for c in node[1:])
-                done[number] = number if image == node[1:] else self.make(node[0], *image)
+                image = tuple([done[c] for c in node[1:]])
+                done[number] = number if image == node[1:] else self.make(op, *image)
 
 
 def _summands(nodes: list[Node], node: Node) -> tuple[tuple[int, float], ...]:

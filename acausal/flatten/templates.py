@@ -6,8 +6,10 @@ same equations up to the numbers of their variables. This is where the cost per 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
+from typing import Any
 
 from acausal.errors import DeclarationError
 from acausal.flatten.allocate import layout
@@ -37,18 +39,24 @@ def template_key(instance: Instance) -> object:
     """Equal for instances that have the same equations; None when that cannot be told."""
     component = instance.component
     values = component.__dict__
-    names = [n for n, d in component._declarations.items() if d.kind is Kind.STRUCTURAL]
-    roles = tuple(
-        tuple(p.component.__dict__["_roles"].items()) for p in instance.parts if "_roles" in p.component.__dict__
-    )
-    parts = tuple(type(p.component) for p in instance.parts)
-    lengths = tuple(len(p) for p in component._parts.values() if isinstance(p, list))
-    key = (type(component), tuple(values[n] for n in names), roles, parts, lengths)
+    given = tuple([values[n] for n in _structural(type(component))])
+    parts = [p.component for p in instance.parts]
+    roles = tuple([tuple(p.__dict__["_roles"].items()) for p in parts if "_roles" in p.__dict__])
+    lengths = tuple([len(p) for p in component._parts.values() if isinstance(p, list)])
+    key = (type(component), given, roles, tuple([type(p) for p in parts]), lengths)
     try:
         hash(key)
     except TypeError:
         return None
     return key
+
+
+def _structural_names(cls: Any) -> tuple[str, ...]:
+    """Names of the structural values of a class."""
+    return tuple(n for n, d in cls._declarations.items() if d.kind is Kind.STRUCTURAL)
+
+
+_structural: Callable[..., tuple[str, ...]] = cache(_structural_names)
 
 
 def make_template(instance: Instance, found: Sequence[Statement]) -> Template | None:
@@ -125,17 +133,18 @@ def sides(
 
 def replay(template: Template, instance: Instance, pool: Pool, table: ParameterTable) -> list[FlatEquation]:
     """The equations of `instance` in the pool of the model."""
-    variables = [
-        pool.var(part.first[name] + k)
-        for part in (instance, *instance.parts)
-        for name, _, size in layout(type(part.component))
-        for k in range(size)
-    ]
+    var = pool.var
+    variables = []
+    for part in (instance, *instance.parts):
+        first = part.first
+        for name, _, size in layout(type(part.component)):
+            variables += [var(first[name])] if size == 1 else [var(first[name] + k) for k in range(size)]
     local = template.pool
     for number in range(template.n_local, local.n_variables):
         variables.append(differentiate(pool, variables[local.integral_of[number]]))
     parameters = [node for name in template.parameters for node in table.nodes(instance, name)]
     image: list[int] = []
+    make = pool.make
     for node in local.nodes:
         op = node[0]
         if op == "var":
@@ -145,6 +154,6 @@ def replay(template: Template, instance: Instance, pool: Pool, table: ParameterT
         elif op == "const" or op == "time":
             image.append(pool.intern(node))
         else:
-            image.append(pool.make(op, *[image[c] for c in node[1:]]))
+            image.append(make(op, *[image[c] for c in node[1:]]))
     path = instance.path
     return [FlatEquation(image[a], image[b], origin, path, source) for a, b, origin, source in template.equations]

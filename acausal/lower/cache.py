@@ -160,7 +160,7 @@ def _replaced(old: Any, **changes: Any) -> Any:
 
 def _safe(points: SamplePoints, nodes: Sequence[int]) -> Iterator[int]:
     """Nodes that keep their sign at all sample points."""
-    return (n for n in nodes if keeps_sign(points.everywhere(n)))
+    return (n for n in nodes if keeps_sign(points.certainly(n)))
 
 
 def _choices_stand(structure: Structure) -> bool:

@@ -52,7 +52,7 @@ def safety(points: SamplePoints, coefficient: int) -> int | None:
     if node[0] == "const":
         return None if node[1] == 0.0 else 0 if abs(node[1]) == 1.0 else 1
     varies = points.varies(coefficient)
-    found = points.everywhere(coefficient)
+    found = points.certainly(coefficient)
     if not varies:
         return 2 if np.isfinite(found[0]) and found[0] != 0.0 else None
     return 3 if keeps_sign(found) else None

@@ -138,13 +138,13 @@ def _gradient(
         factors = [operation(Call(external.partials, op.entry * external.size + k)) for k in range(len(args))]
         pairs = zip(factors, args, strict=True)
         return _combine((f(*operands), slope[a]) for f, a in pairs if slope[a])
-    partial = _PARTIALS.get(op)
+    partial = PARTIALS.get(op)
     if partial is None:
         return {}
     return _combine(zip(partial(value[number], *[value[a] for a in args]), (slope[a] for a in args), strict=True))
 
 
-_PARTIALS: dict[str, Callable[..., tuple[Any, ...]]] = {
+PARTIALS: dict[str, Callable[..., tuple[Any, ...]]] = {
     "add": lambda y, a, b: (1.0, 1.0),
     "sub": lambda y, a, b: (1.0, -1.0),
     "neg": lambda y, a: (-1.0,),

@@ -13,7 +13,7 @@ from functools import cached_property
 from typing import Any
 
 from acausal.flatten.flat import FlatSystem
-from acausal.flatten.pool import Pool
+from acausal.flatten.pool import LEAVES, Pool
 from acausal.lower.diagnosis.causes import contradiction
 from acausal.structure import classes
 
@@ -230,32 +230,42 @@ class _Aliases:
         self._substitute()
         relations = len(self.relations)
         touched: set[int] = set()
-        found = [k for k in self.dirty if self._alias(k, self.pool.nodes[self.residual[k]], touched)]
-        if not found:
-            found = [k for k in self.linkable() if self._link(k, self.pool.nodes[self.residual[k]], touched)]
+        nodes, residual = self.pool.nodes, self.residual
+        found = [k for k in self.dirty if self._alias(k, nodes[residual[k]], touched)]
         for k in found:
-            del self.residual[k]
+            del residual[k]
+        for k in self.dirty:  # what became an alias is never looked at again
+            if k in residual:
+                for v in self.pool.variables_in(residual[k]):
+                    self.users.setdefault(v, []).append(k)
+        if not found:
+            found = [k for k in self.linkable() if self._link(k, nodes[residual[k]], touched)]
+            for k in found:
+                del residual[k]
         self.dirty = []
         if not found:
             return False
         if len(self.relations) > relations or any(x in self.link or x in self.integral for x in touched):
             self._classes()
         self.done = {}
-        for v in sorted(touched):
+        changed = set(self.dirty)
+        for v in touched:
             derivative = self.pool.derivative_of.get(v)
-            for changed in (v,) if derivative is None else (v, derivative):
-                self.dirty += [k for k in self.users.pop(changed, ()) if k in self.residual]
-        self.dirty = sorted(set(self.dirty))
+            changed.update(self.users.pop(v, ()))
+            if derivative is not None:
+                changed.update(self.users.pop(derivative, ()))
+        self.dirty = sorted(changed & residual.keys())
         return True
 
     def _substitute(self) -> None:
-        pool = self.pool
-        pool.rewrite([self.residual[k] for k in self.dirty], self.leaf, self.done)
-        for k in self.dirty:
+        pool, residual = self.pool, self.residual
+        images = [residual[k] for k in self.dirty]
+        if self.relations or self.constant or self.link or self.definition:  # else nothing has changed yet
+            pool.rewrite(images, self.leaf, self.done)
+            images = [self.done[number] for number in images]
+        for k, image in zip(self.dirty, images, strict=True):
             # A variable that cancels would mislead the structural analysis.
-            self.residual[k] = pool.collected(self.done[self.residual[k]])
-            for v in pool.variables_in(self.residual[k]):
-                self.users.setdefault(v, []).append(k)
+            residual[k] = pool.collected(image)
 
     def linkable(self) -> list[int]:
         """Equations that mention a derivative, where links are looked for when no alias is left."""
@@ -364,7 +374,7 @@ class _Aliases:
                     fresh(base)
                 number[variable] = pool.new_variables(1) if base is None else pool.derivative(number[base])
 
-        image_old = [self.leaf(k) for k in range(self.flat.n_scalars)]
+        image_old = self._scalar_images()
         slopes_old = self._slopes()
         initial_old = [old.sub(e.left, e.right) for e in self.flat.initial_equations]
         old.rewrite(initial_old, self.leaf, self.done)
@@ -376,14 +386,15 @@ class _Aliases:
         asserts_old = self._images([a.condition for a in self.flat.asserts])
         roots = list(self.residual.values()) + image_old + [n for pair in slopes_old for n in pair] + initial_old
         roots += [n for nodes in whens_old for n in nodes] + assigned_old + asserts_old
-        for variable in sorted(old.variables_in(*roots)):
+        reachable = old.reachable(roots)
+        for variable in sorted(node[1] for node in map(old.nodes.__getitem__, reachable) if node[0] == "var"):
             fresh(variable)
         for x, (v, _) in self.link.items():
             fresh(x)
             fresh(v)
             pool.derivative_of[number[x]] = number[v]
             pool.integral_of[number[v]] = number[x]
-        done = _translate(old, pool, roots, {v: pool.var(n) for v, n in number.items()})
+        done = _translate(old, pool, reachable, {v: pool.var(n) for v, n in number.items()})
         for node, slope in slopes_old:
             if pool.nodes[done[node]][0] not in ("var", "const", "neg"):
                 pool._slopes[done[node]] = done[slope]
@@ -407,6 +418,17 @@ class _Aliases:
         self.pool.rewrite(roots, self.leaf, self.done)
         return [self.done[n] for n in roots]
 
+    def _scalar_images(self) -> list[int]:
+        """Nodes of all flat scalars, in the old pool."""
+        pool, constant, definition = self.pool, self.constant, self.definition
+        images = []
+        for k, (r, sign) in enumerate(zip(self.representative, self.sign, strict=True)):
+            if r in constant or r in definition:
+                images.append(self.leaf(k))
+            else:
+                images.append(pool.var(r) if sign > 0 else pool.neg(pool.var(r)))
+        return images[: self.flat.n_scalars]
+
     def _slopes(self) -> list[tuple[int, int]]:
         """Known derivatives of substituted definitions: (node, node of its derivative)."""
         pairs = []
@@ -425,27 +447,37 @@ class _Known:
 
 def _priorities(flat: FlatSystem) -> list[int]:
     priority = [0] * flat.n_scalars
+    ranks: dict[int, int] = {}
+    starts = flat.starts
     for v in flat.variables:
         d = v.declaration
-        rank = 8 * (d.prefer_state is True) - 8 * (d.prefer_state is False) - 2 * (d.kind.value == "flow")
-        rank -= min(v.path.count("."), 1)
+        rank = ranks.get(id(d))
+        if rank is None:
+            rank = 8 * (d.prefer_state is True) - 8 * (d.prefer_state is False) - 2 * (d.kind.value == "flow")
+            ranks[id(d)] = rank
+        if "." in v.path:
+            rank -= 1
         for k in range(v.first, v.first + v.size):
-            own = rank + 4 * (k in flat.starts)
-            priority[k] = max(priority[k], own) if priority[k] else own
+            own = rank + 4 if k in starts else rank
+            before = priority[k]
+            priority[k] = max(before, own) if before else own
     for k in flat.inputs:
         priority[k] = 100
     return priority
 
 
-def _translate(old: Pool, new: Pool, roots: list[int], leaf: dict[int, int]) -> dict[int, int]:
+def _translate(old: Pool, new: Pool, reachable: list[int], leaf: dict[int, int]) -> dict[int, int]:
     done: dict[int, int] = {}
-    for number in old.reachable(roots):
-        node = old.nodes[number]
+    nodes, make, intern = old.nodes, new.make, new.intern
+    for number in reachable:
+        node = nodes[number]
         op = node[0]
         if op == "var":
             done[number] = leaf[node[1]]
-        elif op in ("const", "par", "time"):
-            done[number] = new.intern(node)
+        elif op in LEAVES:
+            done[number] = intern(node)
+        elif len(node) == 3:
+            done[number] = make(op, done[node[1]], done[node[2]])
         else:
-            done[number] = new.make(op, *[done[c] for c in node[1:]])
+            done[number] = make(op, *[done[c] for c in node[1:]])
     return done

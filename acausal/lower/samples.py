@@ -11,6 +11,7 @@ import numpy as np
 from acausal.flatten.pool import LEAVES, Pool
 from acausal.lower.evaluate import Samples, operation, values
 from acausal.lower.reduce import ReducedSystem
+from acausal.lower.rounding import is_certain
 
 COUNT = 12
 """Number of points; the first is the declared start."""
@@ -52,6 +53,12 @@ class SamplePoints:
     def everywhere(self, node: int) -> Samples:
         """Values of a node, shape (EVERYWHERE,)."""
         return np.broadcast_to(np.asarray(self._value(node), dtype=float), (EVERYWHERE,))
+
+    def certainly(self, node: int) -> Samples:
+        """As `everywhere`, with zero for values that are nothing but rounding errors of terms that cancel."""
+        found = self.everywhere(node)
+        certain = is_certain(self.reduced.pool, node, self._values)
+        return found if certain is True else np.where(certain | ~np.isfinite(found), found, 0.0)
 
     def varies(self, node: int) -> bool:
         """True when the node depends on a variable or on time."""

@@ -158,3 +158,10 @@ def test_translational(plan: Plan) -> None:
 @example((Part("gear", (0, 1), (2.0,)), Part("gear", (1, 0), (2.0,)), Part("mass", (0, 2), MASS)))
 def test_rotational(plan: Plan) -> None:
     compare(plan, is_rotational=True)
+
+
+@pytest.mark.slow
+@settings(max_examples=2500)
+@given(st.booleans(), st.data())
+def test_many_trains(is_rotational: bool, data: st.DataObject) -> None:
+    compare(data.draw(plans(is_rotational, most=14)), is_rotational)
