@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Sequence, Set
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import comb
@@ -129,8 +129,12 @@ def analyse(reduced: ReducedSystem, keep_constraints: bool = False) -> Structure
     )
 
 
-def reordered(structure: Structure, residuals: Sequence[int]) -> Structure:
+def reordered(
+    structure: Structure, residuals: Sequence[int], states: Sequence[int] | None = None, gone: Set[int] = frozenset()
+) -> Structure:
     """The structure with other nodes for its equations, in which variables may be missing: blocks anew.
+
+    `states` are others than before, if given; variables `gone` stand nowhere any more and are not solved for.
 
     Raises
     ------
@@ -140,8 +144,10 @@ def reordered(structure: Structure, residuals: Sequence[int]) -> Structure:
     system = _System(structure.reduced)
     system.residuals = list(residuals)
     system.source = [structure.flat_equation(e) for e in range(len(residuals))]
-    order = _order(system, set(structure.states), {e for e, _ in structure.invariants})
-    return replace(structure, residuals=tuple(residuals), blocks=order, points=SamplePoints(structure.reduced))
+    kept = structure.states if states is None else tuple(states)
+    order = _order(system, {*kept, *gone}, {e for e, _ in structure.invariants})
+    points = SamplePoints(structure.reduced)
+    return replace(structure, residuals=tuple(residuals), states=kept, blocks=order, points=points)
 
 
 def _groups(system: _System, equations: Sequence[int], unknowns: set[int]) -> list[Block]:

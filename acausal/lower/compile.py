@@ -40,6 +40,7 @@ def compile(
     cache: bool = True,
     outputs: Sequence[str] | None = None,
     freeze: Sequence[str] = (),
+    quasi_static: Sequence[str] = (),
 ) -> CompiledModel:
     """The compiled model of a component.
 
@@ -62,11 +63,15 @@ def compile(
     freeze
         Parameters, components or patterns whose values become numbers, "zeros" for all that are zero: faster, but they
         cannot be changed without compiling again.
+    quasi_static
+        States, or components with all their states, that follow all others at once: stiff modes without their own
+        motion. An approximation, other than everything else here; `acausal.reduce` estimates and measures its error.
 
     Raises
     ------
     UsageError
-        AC024 for an unknown formulation, AC010, AC018 or AC020 for wrong names in `outputs` and `freeze`.
+        AC024 for an unknown formulation, AC010, AC018, AC020 or AC026 for wrong names in `outputs`,
+        `freeze` and `quasi_static`.
     AcausalError
         The first thing that is wrong with the model, with its place in the source.
     """
@@ -76,7 +81,7 @@ def compile(
     with _collector_paused():
         flat = fold_parameters(flatten(model, parameters), _names("freeze", freeze))
         clock.lap("flatten")
-        selecting = outputs is not None or bool(freeze)
+        selecting = outputs is not None or bool(freeze) or bool(quasi_static)
         key = signature(flat, formulation) if cache and not selecting else None
         known = recall(key, flat) if key is not None else None
         if known is not None:
@@ -86,7 +91,8 @@ def compile(
         solution = _solved(flat, formulation, clock)
         selection = None
         if selecting:
-            solution, selection = select(solution, None if outputs is None else _names("outputs", outputs), formulation)
+            wanted = None if outputs is None else _names("outputs", outputs)
+            solution, selection = select(solution, wanted, _names("quasi_static", quasi_static), formulation)
             clock.lap("select")
         compiled = replace(lower(solution), selection=selection)
         clock.lap("lower")

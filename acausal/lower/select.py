@@ -10,6 +10,7 @@ from acausal.lower.cone import restrict
 from acausal.lower.fold import fold, resolved
 from acausal.lower.motionless import Constants, constants
 from acausal.lower.outputs import output_scalars
+from acausal.lower.quasi_static import quasi_static
 from acausal.lower.reduce import ReducedSystem
 from acausal.lower.solve import Solution
 from acausal.lower.text import to_text
@@ -48,17 +49,27 @@ class Selection:
     left: tuple[Left, ...]
 
 
-def select(solution: Solution, outputs: Sequence[str] | None, formulation: str) -> tuple[Solution, Selection]:
+def select(
+    solution: Solution, outputs: Sequence[str] | None, at_once: Sequence[str], formulation: str
+) -> tuple[Solution, Selection]:
     """Fold what never changes, then keep what the outputs depend on; None keeps everything that changes.
+
+    `at_once` names states that are taken in their quasi-static limit.
 
     Raises
     ------
     UsageError
-        AC010 or AC018, see `acausal.lower.outputs`.
+        AC010 or AC018, see `acausal.lower.outputs`; AC026, see `acausal.lower.quasi_static`.
     """
     flat = solution.structure.reduced.flat
     scalars = output_scalars(flat, outputs) if outputs is not None else None
     left = [Left("parameter", name, "frozen: a number now") for name in flat.frozen]
+    if at_once:
+        full = solution
+        solution = quasi_static(full, at_once, formulation)
+        name = full.structure.reduced.name
+        gone = [name(x) for x in full.structure.states if x not in solution.structure.states]
+        left += [Left("quasi-static", x, "follows at once, as was asked for") for x in gone]
     solution, found = _folded(solution, formulation)
     left += _constant(solution, found)
     solution = fold(solution, found)
