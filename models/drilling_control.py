@@ -69,7 +69,7 @@ class ForceControlledDrilling(Component):
     engaged: Real = variable(unit="m", nominal=1e-2, doc="Engaged width of both plates; the diameter when it is full")
     process_time: Real = signal_output(unit="s", doc="Time of the whole process; 0 until the drill is back")
 
-    experiment: ClassVar[Experiment] = Experiment(stop_time=35.0, tolerance=1e-7, solver="rosenbrock")
+    experiment: ClassVar[Experiment] = Experiment(stop_time=28.0, tolerance=1e-7, solver="rosenbrock")
     figure: ClassVar[tuple[Panel, ...]] = (
         Panel(("depth",), title="Depth of the tip", unit="mm"),
         Panel(("thrust", "control.F_set"), title="Thrust", unit="N"),

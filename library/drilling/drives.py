@@ -106,7 +106,7 @@ class FeedCap(Component):
     flange: TranslationalFlange = TranslationalFlange()
 
     v_max: Real = parameter(unit="m/s", min=0.0, doc="Feed rate above which it brakes")
-    d: Real = parameter(default=1e6, unit="N.s/m", min=0.0, doc="Slope of the braking force")
+    d: Real = parameter(default=1e7, unit="N.s/m", min=0.0, doc="Slope of the braking force")
 
     v: Real = variable(unit="m/s", doc="Feed rate")
     f: Real = signal_output(unit="N", nominal=1e3, doc="Braking force")

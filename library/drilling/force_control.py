@@ -13,6 +13,8 @@ from acausal import (
     clamp,
     der,
     discrete,
+    maximum,
+    minimum,
     parameter,
     reset,
     signal_input,
@@ -61,10 +63,10 @@ class ForceControl(Component):
       beyond. If the thrust comes back meanwhile there is another plate, and it is `DRILLING` again;
     - `RETRACT` at `v_retract` to the position at the start, then `DONE`.
 
-    The proportional gain is small and the integral part does the work: against a change of the feed rate the thrust
-    of a cut answers at once, like a damper, so that the integral alone gives a first-order loop with the bandwidth
-    `gain_I` dF/dv. The thrust grows with the feed rate to the power 1 - z, hence dF/dv = (1 - z) F_set / v; `v_nominal`
-    is the feed rate expected at full diameter and sets the gain so that `bandwidth` results there.
+    The proportional gain is small and the integral part does the work: the thrust of a cut answers a change of the
+    feed rate at once, like a damper, so that the integral alone makes a first-order loop. The thrust grows with the
+    feed rate to the power 1 - z, hence dF/dv = (1 - z) F / v with 1 - z about 0.8; the gain goes with v, so that the
+    loop has the same `bandwidth` from the entry of the tip to its exit.
 
     Source: K. J. Åström, T. Hägglund, PID Controllers, 1995; phases as in robot drilling, for example T. Olsson et al.,
     Cost-efficient drilling using industrial robots with high-bandwidth force feedback, Robotics and
@@ -73,7 +75,7 @@ class ForceControl(Component):
 
     F_set: Real = parameter(unit="N", min=0.0, nominal=1e3, doc="Thrust to hold")
     v_nominal: Real = parameter(unit="m/s", min=0.0, doc="Feed rate to be expected at full diameter under F_set")
-    bandwidth: Real = parameter(default=2 * math.pi * 4.0, unit="rad/s", min=0.0, doc="Bandwidth of the force loop")
+    bandwidth: Real = parameter(default=2 * math.pi * 8.0, unit="rad/s", min=0.0, doc="Bandwidth of the force loop")
     T_filter: Real = parameter(default=5e-3, unit="s", min=0.0, doc="Time constant of the filter of the thrust")
     F_touch: Real = parameter(default=20.0, unit="N", min=0.0, doc="Thrust that means contact")
     breakthrough: Real = parameter(
@@ -101,8 +103,8 @@ class ForceControl(Component):
 
     def equations(self) -> Equations:
         yield der(self.F_filtered) == (self.F - self.F_filtered) / self.T_filter
-        # v = v_nominal / F_set * (...) makes the loop one of numbers near 1; 1 - z is 0.8 for most metals.
-        per_force = self.v_nominal / (0.8 * self.F_set)
+        # How much feed rate a newton is worth here: 1 / (dF/dv). It changes tenfold while the cone enters.
+        per_force = maximum(self.v_integral, self.v_nominal / 4) / (0.8 * self.F_set)
         error = self.F_set - self.F_filtered
         wanted = self.v_integral + 0.1 * per_force * error
         held = clamp(wanted, 0.0, self.v_max)
@@ -128,7 +130,11 @@ class ForceControl(Component):
         leaving = (phase > DRILLING + 0.5) & (phase < EXIT + 0.5)
         retracting = (phase > EXIT + 0.5) & (phase < RETRACT + 0.5)
         low = self.breakthrough * self.F_set
-        yield when(approaching & (F > self.F_touch), reset(phase, DRILLING), reset(self.v_integral, self.v_approach))
+        yield when(
+            approaching & (F > self.F_touch),
+            reset(phase, DRILLING),
+            reset(self.v_integral, minimum(self.v_approach, self.v_max)),
+        )
         yield when(drilling & (F > 0.9 * self.F_set), reset(self.loaded, 1.0))
         yield when(
             drilling & (self.loaded > 0.5) & (F < low),
