@@ -95,6 +95,7 @@ if TYPE_CHECKING:
     from acausal.result import load as load
     from acausal.simulate.run import simulate as simulate
     from acausal.study.bench.bench import bench as bench
+    from acausal.study.reduction.reduction import reduce as reduce
 
 _LAZY = {
     "flatten": "acausal.flatten.flatten",
@@ -105,6 +106,7 @@ _LAZY = {
     "linearize": "acausal.export.linearize",
     "load_casadi": "acausal.export.casadi_file",
     "bench": "acausal.study.bench.bench",
+    "reduce": "acausal.study.reduction.reduction",
 }
 
 

@@ -22,6 +22,7 @@ from acausal.cli.failure import INTERRUPTED, as_error, exit_code, interruption
 from acausal.cli.info import info
 from acausal.cli.list import list_models
 from acausal.cli.plot import plot
+from acausal.cli.reduce import reduce
 from acausal.cli.report import say, show_error
 from acausal.cli.simulate import simulate
 
@@ -110,6 +111,7 @@ app.command()(simulate)
 app.command()(plot)
 app.command()(equations)
 app.command()(bench)
+app.command()(reduce)
 app.add_typer(export, name="export")
 app.command()(compare)
 app.command()(doctor)

@@ -1,0 +1,93 @@
+"""`acausal reduce`: the smallest model that gives wanted outputs."""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated, Any
+
+import typer
+
+from acausal.cli.options import JsonOption, ModelArgument, SetOption
+from acausal.cli.reference import find_model
+from acausal.cli.report import record, say
+from acausal.cli.settings import prepare
+from acausal.cli.simulate import seconds_of
+from acausal.errors import UsageError
+
+# Commas between names, not those of R[0,1].
+_COMMA = re.compile(r",(?![^\[]*\])")
+
+
+def reduce(
+    model: ModelArgument,
+    outputs: Annotated[
+        list[str] | None,
+        typer.Option("--outputs", metavar="A,B", help="Wanted variables, with commas; repeatable.", show_default=False),
+    ] = None,
+    settings: SetOption = None,
+    freeze: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--freeze",
+            metavar="NAME",
+            help="Parameters or components whose numbers are final, with commas; zeros: all that are 0.",
+            show_default=False,
+        ),
+    ] = None,
+    quasi_static: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--quasi-static",
+            metavar="NAME",
+            help="States or components that follow at once: an approximation; repeatable.",
+            show_default=False,
+        ),
+    ] = None,
+    stop_time: Annotated[
+        str | None, typer.Option("--stop-time", metavar="TIME", help="End of the compared runs.", show_default=False)
+    ] = None,
+    tolerance: Annotated[
+        float | None, typer.Option("--tolerance", help="Tolerance of the compared runs.", show_default=False)
+    ] = None,
+    solver: Annotated[
+        str | None, typer.Option("--solver", help="Solver of the compared runs.", show_default=False)
+    ] = None,
+    repeat: Annotated[int, typer.Option("--repeat", help="Time is the best of so many runs.")] = 5,
+    compare: Annotated[
+        bool, typer.Option("--compare/--no-compare", help="Run both models: speed gained and error caused.")
+    ] = True,
+    as_json: JsonOption = False,
+) -> None:
+    """Keep only what wanted outputs depend on, and what moves; report what was left out and why."""
+    names = _names(outputs)
+    if not names:
+        raise UsageError(
+            "AC018", "no outputs are asked for", help=f"acausal reduce {model} --outputs a,b; acausal info lists names"
+        )
+    prepared = prepare(find_model(model), settings or ())
+    from acausal.study.reduction.reduction import reduce as reduced
+
+    options: dict[str, Any] = {
+        "stop_time": seconds_of("stop_time", stop_time),
+        "tolerance": tolerance,
+        "solver": solver,
+    }
+    found = reduced(
+        prepared.model,
+        names,
+        freeze=_names(freeze),
+        quasi_static=_names(quasi_static),
+        parameters=prepared.parameters,
+        compare=compare,
+        repeat=repeat,
+        **options,
+    )
+    if as_json:
+        record(found.record())
+    else:
+        for line in found.lines():
+            say(line)
+
+
+def _names(texts: list[str] | None) -> list[str]:
+    return [name.strip() for text in texts or () for name in _COMMA.split(text) if name.strip()]

@@ -1,0 +1,150 @@
+"""Full and reduced model run one against the other: time, and error of every output."""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.errors import AcausalError
+from acausal.lower.compiled import CompiledModel
+from acausal.result import Result
+from acausal.simulate.run import simulate
+from acausal.study.reduction.lag import lag
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class OutputError:
+    """Largest difference of an output over the run, where it is, and its share of the output's largest size."""
+
+    name: str
+    absolute: float
+    relative: float
+    time: float
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What runs of both models say.
+
+    Attributes
+    ----------
+    seconds
+        Best time of a run up to its outputs, "full" and "reduced".
+    integrate
+        The integration alone.
+    steps
+        Steps of the solver, where it counts them.
+    compile
+        Seconds to compile.
+    errors
+        Of every output.
+    estimate
+        By how much states in their quasi-static limit are ahead of themselves, estimated from the reduced run alone;
+        None without such states.
+    failed
+        Why there is no comparison; None when there is.
+    """
+
+    seconds: Mapping[str, float]
+    integrate: Mapping[str, float]
+    steps: Mapping[str, float]
+    compile: Mapping[str, float]
+    errors: tuple[OutputError, ...]
+    estimate: Mapping[str, Any] | None
+    failed: str | None
+
+    def speed(self) -> dict[str, Any]:
+        """Times and their ratios, for JSON."""
+        gained = None if self.failed else self.seconds["full"] / self.seconds["reduced"]
+        return {
+            "seconds": dict(self.seconds),
+            "integrate": dict(self.integrate),
+            "steps": dict(self.steps),
+            "compile": dict(self.compile),
+            "gained": gained,
+        }
+
+    def lines(self) -> Iterator[str]:
+        """As text."""
+        if self.failed:
+            yield f"  no comparison: {self.failed}"
+        else:
+            full, reduced = (1e3 * self.seconds[k] for k in ("full", "reduced"))
+            ratio = f"{full / reduced:.2f} times as fast"
+            yield f"  run up to its outputs: {full:.3g} ms full, {reduced:.3g} ms reduced: {ratio}"
+            steps = {k: v for k, v in self.steps.items() if v}
+            if len(steps) == 2:
+                yield f"  steps: {steps['full']:.0f} full, {steps['reduced']:.0f} reduced"
+            for e in self.errors:
+                yield f"  error of {e.name}: {e.absolute:.2g}, {e.relative:.1g} of its largest value"
+        if self.estimate:
+            for name, value in self.estimate["states"].items():
+                yield f"  {name} is ahead by up to {value:.2g} (estimated)"
+            slowest = self.estimate["slowest"]
+            yield (
+                f"  the modes left out decay within {slowest:.2g} s"
+                if slowest > 0
+                else (
+                    "  the modes left out do not decay everywhere: their quasi-static limit is not one of the full model"
+                )
+            )
+
+
+def compared(
+    full: CompiledModel, reduced: CompiledModel, outputs: Sequence[str], repeat: int, options: Mapping[str, Any]
+) -> Comparison:
+    """Run both in turn."""
+    compile_times = {"full": sum(full.timings.values()), "reduced": sum(reduced.timings.values())}
+    models = {"full": full, "reduced": reduced}
+    seconds: dict[str, list[float]] = {"full": [], "reduced": []}
+    inside: dict[str, list[float]] = {"full": [], "reduced": []}
+    results: dict[str, Result] = {}
+    options = {"native": False, **options}
+    try:
+        for _ in range(1 + max(1, repeat)):  # the first is a warm-up
+            for name, compiled in models.items():
+                began = clock.perf_counter()
+                results[name] = simulate(compiled, **options)
+                for output in outputs:
+                    _ = results[name][output]
+                seconds[name].append(clock.perf_counter() - began)
+                times: Mapping[str, float] = results[name].stats["time"]  # type: ignore[assignment]
+                inside[name].append(times["integrate"])
+    except AcausalError as error:
+        which = "full" if "reduced" in results or "full" not in results else "reduced"
+        failed = f"the {which} model did not run: {error.fact}"
+        return Comparison({}, {}, {}, compile_times, (), None, failed)
+    return Comparison(
+        seconds={name: min(values[1:]) for name, values in seconds.items()},
+        integrate={name: min(values[1:]) for name, values in inside.items()},
+        steps={name: float(r.stats.get("steps", 0.0)) for name, r in results.items()},  # type: ignore[arg-type]
+        compile=compile_times,
+        errors=tuple(error_of(results["full"], results["reduced"], name) for name in outputs),
+        estimate=lag(full, reduced, results["reduced"]),
+        failed=None,
+    )
+
+
+def error_of(full: Result, reduced: Result, name: str) -> OutputError:
+    """The largest difference of one output, at times both have and neither has an event at."""
+    times = np.intersect1d(_plain(full), _plain(reduced))
+    a, b = (r[name][np.searchsorted(r.time, times)] for r in (full, reduced))
+    # Where an output is not a number in both it is the same in both.
+    difference = np.where(np.isnan(a) & np.isnan(b), 0.0, np.abs(a - b))
+    k = int(np.argmax(difference)) if len(times) else 0
+    worst = float(difference[k]) if len(times) else 0.0
+    size = float(np.nanmax(np.abs(a), initial=0.0))
+    return OutputError(name, worst, worst / size if size > 0.0 else worst, float(times[k]) if len(times) else 0.0)
+
+
+def _plain(result: Result) -> Vector:
+    """Times that occur once."""
+    values, count = np.unique(result.time, return_counts=True)
+    return np.asarray(values[count == 1])

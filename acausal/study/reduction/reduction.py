@@ -1,0 +1,281 @@
+"""The smallest model that gives wanted outputs, as a report beside the full one."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from typing import Any
+
+from acausal.errors import AcausalError
+from acausal.language.component import Component
+from acausal.lower.compile import compile
+from acausal.lower.compiled import CompiledModel
+from acausal.lower.freeze import ZEROS
+from acausal.lower.motionless import event_nodes
+from acausal.lower.select import KINDS, Left
+from acausal.result import Result
+from acausal.study.reduction.apart import Island, islands, simulate_apart
+from acausal.study.reduction.comparison import Comparison, compared
+
+
+@dataclass(frozen=True)
+class Counts:
+    """The size of a model.
+
+    Attributes
+    ----------
+    equations
+        Scalar equations: as composed for the full model, those that are left for the reduced one.
+    solved
+        Those that a run or its outputs evaluate.
+    states, algebraic
+        What is integrated, and what is iterated in every step.
+    parameters, time_events
+        Free parameters that have an effect, and relations of time that switch.
+    operations
+        Of one evaluation of the right-hand side.
+    """
+
+    equations: int
+    solved: int
+    states: int
+    algebraic: int
+    parameters: int
+    time_events: int
+    operations: int
+
+
+@dataclass(frozen=True, eq=False)
+class Reduction:
+    """A reduced model, what was left out of it, and how it compares; made by `acausal.reduce`.
+
+    Attributes
+    ----------
+    outputs, constant
+        Full names of the wanted outputs, and those of them that never change.
+    compiled, full
+        The reduced and the full model, to run them.
+    before, after
+        Their sizes.
+    dropped
+        What the full model has and the reduced one has not, with reasons.
+    islands
+        Groups of outputs that have no states in common; more than one can be solved apart: `simulate`.
+    comparison
+        Times and errors, measured by runs of both; None when none was asked for.
+    hints
+        What would make it smaller still.
+    """
+
+    model: str
+    outputs: tuple[str, ...]
+    constant: tuple[str, ...]
+    compiled: CompiledModel
+    full: CompiledModel
+    before: Counts
+    after: Counts
+    dropped: tuple[Left, ...]
+    islands: tuple[Island, ...]
+    comparison: Comparison | None
+    hints: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        return (
+            f"Reduction({self.model}: {self.before.states} -> {self.after.states} states, "
+            f"{self.before.equations} -> {self.after.equations} equations)"
+        )
+
+    def __str__(self) -> str:
+        return "\n".join(self.lines())
+
+    @cached_property
+    def kinds(self) -> Mapping[str, int]:
+        """How many things of each kind were left out."""
+        found = Counter(item.kind for item in self.dropped)
+        return {kind: found[kind] for kind in KINDS if found[kind]}
+
+    def simulate(self, **options: Any) -> Result:
+        """A run of the reduced model, its islands one after the other; options as in `acausal.simulate`."""
+        return simulate_apart(self.compiled, self.islands, options)
+
+    def record(self) -> dict[str, Any]:
+        """Everything, for JSON."""
+        comparison = self.comparison
+        return {
+            "model": self.model,
+            "outputs": list(self.outputs),
+            "constant": list(self.constant),
+            "before": asdict(self.before),
+            "after": asdict(self.after),
+            "states": {"before": list(self.full.states), "after": list(self.compiled.states)},
+            "dropped": [asdict(item) for item in self.dropped],
+            "islands": [asdict(island) for island in self.islands],
+            "speed": None if comparison is None else comparison.speed(),
+            "error": None if comparison is None else {e.name: asdict(e) for e in comparison.errors},
+            "estimate": None if comparison is None else comparison.estimate,
+            "failed": None if comparison is None else comparison.failed,
+            "hints": list(self.hints),
+        }
+
+    def lines(self) -> Iterator[str]:
+        """The report as text."""
+        before, after = asdict(self.before), asdict(self.after)
+        yield f"{self.model}, reduced to {_listed(self.outputs)}"
+        yield f"  {'':14}{'full':>8}{'reduced':>10}"
+        for key in before:
+            yield f"  {key.replace('_', ' '):14}{before[key]:8d}{after[key]:10d}"
+        yield "  states left: " + (_listed(self.compiled.states, 12) or "none")
+        for kind in self.kinds:
+            yield f"  {_TITLES[kind]}"
+            yield from _grouped([item for item in self.dropped if item.kind == kind])
+        if self.constant:
+            yield f"  never change: {_listed(self.constant)}"
+        if len(self.islands) > 1:
+            yield f"  {len(self.islands)} islands that can be solved apart:"
+            yield from (f"    {_listed(i.outputs)}: {_listed(i.states, 6)}" for i in self.islands)
+        if self.comparison is not None:
+            yield from self.comparison.lines()
+        yield from (f"  hint: {hint}" for hint in self.hints)
+
+
+_TITLES = {
+    "parameter": "parameters made numbers",
+    "motionless": "states that never move",
+    "relation": "relations that never switch",
+    "quasi-static": "states in their quasi-static limit",
+    "state": "states left out",
+    "unknown": "iterated unknowns left out",
+    "event": "events left out",
+    "assert": "assertions left out",
+}
+_MOST_NAMES = 6
+
+
+def reduce(
+    model: Component,
+    outputs: Sequence[str],
+    *,
+    freeze: Sequence[str] = (),
+    quasi_static: Sequence[str] = (),
+    parameters: Mapping[str, object] | None = None,
+    formulation: str = "torn",
+    compare: bool = True,
+    repeat: int = 5,
+    **options: Any,
+) -> Reduction:
+    """The smallest model that gives `outputs`, compared with the full one.
+
+    Parameters
+    ----------
+    outputs
+        Names of variables; arrays stand for all entries, `*` for any text.
+    freeze
+        Parameters, components or patterns that become numbers; "zeros" for all parameters that are zero.
+    quasi_static
+        States, or components with all their states, that follow all others at once.
+    parameters
+        Values by path, as in `acausal.compile`.
+    compare
+        Run both models: times are the best of `repeat` runs, errors the largest differences of the outputs.
+    options
+        For these runs, as in `acausal.simulate`: stop_time, tolerance, solver, inputs, ...
+
+    Raises
+    ------
+    UsageError
+        AC010, AC018, AC020, AC026 for wrong names.
+    AcausalError
+        Whatever is wrong with the model.
+    """
+    full = compile(model, parameters=parameters, formulation=formulation)
+    compiled = compile(
+        model,
+        parameters=parameters,
+        formulation=formulation,
+        outputs=outputs,
+        freeze=freeze,
+        quasi_static=quasi_static,
+    )
+    selection = compiled.selection
+    assert selection is not None, "outputs were given"
+    names = selection.outputs or ()
+    return Reduction(
+        model=full.name,
+        outputs=names,
+        constant=selection.constant,
+        compiled=compiled,
+        full=full,
+        before=counts(full, len(full.flat.equations)),
+        after=counts(compiled),
+        dropped=selection.left,
+        islands=islands(compiled, names),
+        comparison=compared(full, compiled, names, repeat, options) if compare else None,
+        hints=_hints(model, compiled, outputs, parameters, formulation, freeze),
+    )
+
+
+def counts(compiled: CompiledModel, equations: int | None = None) -> Counts:
+    """The size of a compiled model; its equations are those that are solved unless given."""
+    solved = len(compiled.solution.definitions) + len(compiled.solution.residuals)
+    return Counts(
+        equations=solved if equations is None else equations,
+        solved=solved,
+        states=len(compiled.states),
+        algebraic=len(compiled.algebraic),
+        parameters=len(_used(compiled)),
+        time_events=len(compiled.time_events.relations),
+        operations=int(compiled.rhs.n_instructions()),
+    )
+
+
+def _used(compiled: CompiledModel) -> set[int]:
+    """Free parameters in anything that is evaluated."""
+    solution = compiled.solution
+    reduced = solution.structure.reduced
+    roots = [n for _, n in solution.definitions] + [*solution.residuals, *event_nodes(reduced)]
+    roots += [*compiled.start.direct.values(), *compiled.start.guesses.values()]
+    roots += [c.node for c in compiled.start.conditions]
+    roots += [n for s, n in enumerate(reduced.image) if s not in reduced.left_out]
+    nodes = (reduced.pool.nodes[n] for n in reduced.pool.reachable(roots))
+    return {node[1] for node in nodes if node[0] == "par"}
+
+
+def _hints(
+    model: Component,
+    compiled: CompiledModel,
+    outputs: Sequence[str],
+    parameters: Mapping[str, object] | None,
+    formulation: str,
+    freeze: Sequence[str],
+) -> tuple[str, ...]:
+    """Whether zeros among the parameters hide more."""
+    if ZEROS in freeze or 0.0 not in compiled.parameter_values:
+        return ()
+    try:
+        smaller = compile(
+            model, parameters=parameters, formulation=formulation, outputs=outputs, freeze=[*freeze, ZEROS]
+        )
+    except AcausalError:
+        return ()
+    before, after = counts(compiled), counts(smaller)
+    if after.states < before.states or after.operations < 0.8 * before.operations:
+        return (
+            f"with its zero parameters as numbers (freeze {ZEROS}) the model has {after.states} states "
+            f"and {after.operations} operations",
+        )
+    return ()
+
+
+def _listed(names: Sequence[str], most: int = _MOST_NAMES) -> str:
+    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
+
+
+def _grouped(items: Sequence[Left]) -> Iterator[str]:
+    """One line for each reason, with the names it is about."""
+    reasons: dict[str, list[str]] = {}
+    for item in items:
+        reasons.setdefault(item.why, []).append(item.name)
+    for why, names in reasons.items():
+        yield f"    {_listed(names)}: {why}"
