@@ -1,0 +1,31 @@
+"""Contact: compliant laws and friction, shapes, collision detection, and scenes of many bodies."""
+
+from __future__ import annotations
+
+from acausal.library.contact.bodies import ContactBody as ContactBody
+from acausal.library.contact.bodies import Surfaces as Surfaces
+from acausal.library.contact.broad_phase import PairReport as PairReport
+from acausal.library.contact.friction import Coulomb as Coulomb
+from acausal.library.contact.friction import FrictionLaw as FrictionLaw
+from acausal.library.contact.friction import LuGre as LuGre
+from acausal.library.contact.friction import Stribeck as Stribeck
+from acausal.library.contact.laws import DampedPowerLaw as DampedPowerLaw
+from acausal.library.contact.laws import Flores as Flores
+from acausal.library.contact.laws import HuntCrossley as HuntCrossley
+from acausal.library.contact.laws import KelvinVoigt as KelvinVoigt
+from acausal.library.contact.laws import LankaraniNikravesh as LankaraniNikravesh
+from acausal.library.contact.laws import NormalLaw as NormalLaw
+from acausal.library.contact.penetration import penetration as penetration
+from acausal.library.contact.scene import ContactScene as ContactScene
+from acausal.library.contact.shapes import Box as Box
+from acausal.library.contact.shapes import Capsule as Capsule
+from acausal.library.contact.shapes import Cone as Cone
+from acausal.library.contact.shapes import ConvexHull as ConvexHull
+from acausal.library.contact.shapes import Cylinder as Cylinder
+from acausal.library.contact.shapes import HalfSpace as HalfSpace
+from acausal.library.contact.shapes import PointedDrill as PointedDrill
+from acausal.library.contact.shapes import Shape as Shape
+from acausal.library.contact.shapes import Sphere as Sphere
+from acausal.library.contact.surface import SurfaceContact as SurfaceContact
+from acausal.library.contact.touch import Touch as Touch
+from acausal.library.contact.touch import touches as touches

@@ -1,0 +1,117 @@
+"""What a contact scene knows of a body: its shape, where it can be, and what it does to another that it touches."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal import Component
+from acausal.library.contact.friction import Coulomb, FrictionLaw
+from acausal.library.contact.laws import NormalLaw
+from acausal.library.contact.shapes import Shape
+from acausal.library.contact.surface import AT_FRAME, Pose, SurfaceContact
+from acausal.library.multibody.frames import Frame
+from acausal.library.multibody.orientation import Vector
+
+Corners = tuple[Vector, Vector]
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ContactBody:
+    """A body that can touch others, as it is registered with a scene.
+
+    Parameters
+    ----------
+    name
+        How reports and errors call it.
+    shape
+        Its surface.
+    pose
+        Place [m] and rotation of the shape in the body's frame; of a body at rest, in world axes.
+    at_rest
+        True for what never moves: it has no frame, and two such bodies never touch.
+    reach
+        Lowest and highest corner [m] of a box in world axes that the origin of the body's frame never leaves; None
+        when nothing is known. Two bodies whose reaches keep them apart are dropped before the model is compiled.
+    group
+        Bodies of one group never touch each other: neighbours in a mechanism.
+    """
+
+    name: str
+    shape: Shape
+    pose: Pose = AT_FRAME
+    at_rest: bool = False
+    reach: Corners | None = None
+    group: str | None = None
+
+    def contact(self, other: ContactBody, surfaces: Surfaces | None) -> Component | None:
+        """What acts between this body and another; None leaves the decision to the other, then to the scene."""
+        return None
+
+    def ends(self, made: Component) -> tuple[Frame, Frame]:
+        """The frames of what `contact` made: of this body, and of the other."""
+        a: Frame = made.frame_a
+        b: Frame = made.frame_b
+        return a, b
+
+    def describe(self, other: ContactBody) -> str:
+        """How the contact of a pair is found, for the report."""
+        from acausal.library.contact.touch import method
+
+        return method(self.shape, other.shape)
+
+    def radius(self) -> float:
+        """Largest distance of a point of the shape from the origin of the body's frame [m]."""
+        lowest, highest = (np.array(c, dtype=float) for c in self.shape.bounding_box())
+        furthest = np.maximum(np.abs(lowest), np.abs(highest))
+        return float(np.linalg.norm(furthest)) + math.hypot(*self.pose[0])
+
+    def box(self, r: Array, R: Array) -> tuple[Array, Array]:
+        """Lowest and highest corner of a box around the shape [m], in world axes, for a pose of the body's frame."""
+        lowest, highest = (np.array(c, dtype=float) for c in self.shape.bounding_box())
+        turned = R @ np.array(self.pose[1], dtype=float)
+        if not np.isfinite(lowest).all() or not np.isfinite(highest).all():
+            return _unbounded(r + R @ np.array(self.pose[0]), turned)
+        middle = r + R @ np.array(self.pose[0]) + turned @ ((lowest + highest) / 2)
+        half = np.abs(turned) @ ((highest - lowest) / 2)
+        return middle - half, middle + half
+
+
+def _unbounded(origin: Array, R: Array) -> tuple[Array, Array]:
+    """Box around a half-space z <= 0: bounded on one side when its face is along the world's axes."""
+    low, high = np.full(3, -np.inf), np.full(3, np.inf)
+    up = R[:, 2]
+    k = int(np.argmax(np.abs(up)))
+    if abs(up[k]) > 1 - 1e-12:
+        (high if up[k] > 0 else low)[k] = origin[k]
+    return low, high
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Surfaces:
+    """The laws between the surfaces of a scene: one for all, or others for named pairs.
+
+    `pairs` maps two names, in any order, to a normal law and a friction law.
+    """
+
+    law: NormalLaw
+    friction: FrictionLaw = field(default_factory=lambda: Coulomb(mu=0.0))
+    pairs: tuple[tuple[str, str, NormalLaw, FrictionLaw], ...] = ()
+
+    def between(self, a: ContactBody, b: ContactBody) -> tuple[NormalLaw, FrictionLaw]:
+        """Laws between two bodies."""
+        for one, two, law, friction in self.pairs:
+            if {one, two} == {a.name, b.name}:
+                return law, friction
+        return self.law, self.friction
+
+    def contact(self, a: ContactBody, b: ContactBody) -> SurfaceContact:
+        """Contact of two bodies as surfaces."""
+        law, friction = self.between(a, b)
+        return SurfaceContact(
+            shape_a=a.shape, shape_b=b.shape, pose_a=a.pose, pose_b=b.pose, law=law, friction=friction
+        )

@@ -1,0 +1,140 @@
+"""Friction force of a contact from its normal force and the velocity of sliding.
+
+A law is a small record, given to a contact as a structural value, as in `laws.py`. Velocities are vectors in the plane
+of contact; the force on the body that slides points against its velocity.
+
+None of these laws sticks exactly: a body on a slope creeps, by the amount that each law states.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from acausal import Expr, as_expr, dot, exp, sqrt, tanh
+
+Number = float | Expr
+
+
+@dataclass(frozen=True, eq=False)
+class FrictionLaw:
+    """Friction as a function of the velocity of sliding, or of a bristle that is bent by it."""
+
+    has_bristle = False
+
+    def drag(self, speed: Expr) -> Expr:
+        """Friction force over normal force and velocity [s/m]: the force on the body is -drag F_N v."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Coulomb(FrictionLaw):
+    """mu F_N tanh(v / v_s): Coulomb friction, regularised around standstill.
+
+    Creep: under the share q < 1 of the friction that is available, a body moves with v_s atanh(q).
+
+    Parameters
+    ----------
+    mu
+        Coefficient of friction [1].
+    v_s
+        Velocity at which tanh(1) = 76 % of the friction acts [m/s].
+    """
+
+    mu: Number
+    v_s: Number = 1e-3
+
+    def drag(self, speed: Expr) -> Expr:
+        return self.mu * _saturation(speed, as_expr(self.v_s))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Stribeck(FrictionLaw):
+    """Friction that falls from `mu_s` near standstill to `mu` when sliding, and grows with `mu_v` v.
+
+    (mu + (mu_s - mu) exp(-(v / v_st)**2)) tanh(v / v_s) + mu_v v. Source: B. Armstrong-Helouvry, P. Dupont, C. Canudas
+    de Wit, A survey of models, analysis tools and compensation methods for the control of machines with friction,
+    Automatica 30 (1994) 1083-1138, section 2.1.
+
+    Parameters
+    ----------
+    mu, mu_s
+        Coefficients of friction of sliding and of breaking away [1].
+    v_st
+        Stribeck velocity [m/s]; well above `v_s`.
+    mu_v
+        Viscous friction over normal force [s/m].
+    v_s
+        Velocity of regularisation [m/s].
+    """
+
+    mu: Number
+    mu_s: Number
+    v_st: Number = 1e-2
+    mu_v: Number = 0.0
+    v_s: Number = 1e-3
+
+    def drag(self, speed: Expr) -> Expr:
+        share = speed / as_expr(self.v_st)
+        mu = self.mu + (as_expr(self.mu_s) - self.mu) * exp(-share * share)
+        return mu * _saturation(speed, as_expr(self.v_s)) + self.mu_v
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LuGre(FrictionLaw):
+    """Friction of elastic bristles, a state: it holds, breaks away, and slides with the Stribeck effect.
+
+    der(z) = v - s_0 |v| / g(v) z and force = F_N (s_0 z + s_1 der(z) + s_2 v) with
+    g(v) = mu + (mu_s - mu) exp(-(v / v_st)**2). The force is per normal force, so that one set of numbers serves any
+    load. Without contact the bristles straighten within `relaxation`.
+
+    Creep: none under a constant load below mu F_N; it holds at z = q / s_0.
+
+    Source: C. Canudas de Wit, H. Olsson, K. J. Astrom, P. Lischinsky, A new model for control of systems with friction,
+    IEEE Trans. Automatic Control 40 (1995) 419-425; per normal force as in C. Canudas de Wit, P. Tsiotras, Dynamic tire
+    friction models for vehicle traction control, 38th IEEE CDC (1999).
+
+    Parameters
+    ----------
+    mu, mu_s
+        Coefficients of friction of sliding and of breaking away [1].
+    v_st
+        Stribeck velocity [m/s].
+    s_0, s_1, s_2
+        Stiffness [1/m], damping [s/m] and viscosity [s/m] of the bristles, per normal force.
+    relaxation
+        Time in which a free bristle straightens [s].
+    """
+
+    mu: Number
+    mu_s: Number
+    v_st: Number = 1e-2
+    s_0: Number = 1e5
+    s_1: Number = 1e2
+    s_2: Number = 0.0
+    relaxation: float = 1e-2
+    has_bristle = True
+
+    def drag(self, speed: Expr) -> Expr:
+        return as_expr(self.s_2)
+
+    def bristle_rate(self, z: Expr, v: Expr) -> Expr:
+        """Rate of the bending `z` [m, vector] at the velocity of sliding `v` [m/s, vector], under load."""
+        speed = smooth_speed(v, 1e-12)
+        share = speed / as_expr(self.v_st)
+        g = self.mu + (as_expr(self.mu_s) - self.mu) * exp(-share * share)
+        return v - z * (self.s_0 * speed / g)
+
+    def held(self, z: Expr, z_rate: Expr) -> Expr:
+        """Force of the bristles over the normal force [1, vector], against the sliding."""
+        return z * self.s_0 + z_rate * self.s_1
+
+
+def smooth_speed(v: Expr, v_0: Number) -> Expr:
+    """Length of a velocity, rounded below `v_0` [m/s], so that it has a derivative at standstill."""
+    small = as_expr(v_0)
+    return sqrt(dot(v, v) + small * small)
+
+
+def _saturation(speed: Expr, v_s: Expr) -> Expr:
+    """tanh(speed / v_s) / speed; `speed` is never zero (`smooth_speed`)."""
+    return tanh(speed / v_s) / speed

@@ -1,0 +1,186 @@
+"""A scene of bodies that touch: who can touch whom is found out, not declared."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal import Component, Equations, connect, part, structural
+from acausal.errors import DeclarationError
+from acausal.library.contact.bodies import ContactBody, Surfaces
+from acausal.library.contact.broad_phase import FAR, Dropped, Pair, PairReport, candidates, overlapping
+from acausal.library.multibody.frames import Frame
+from acausal.library.multibody.interfaces import PartialAbsoluteSensor
+from acausal.library.multibody.parts import Fixed
+
+Array = NDArray[np.float64]
+
+
+class Untouched(PartialAbsoluteSensor):
+    """What a body feels that nothing touches: no force. It also says so for a body whose contacts come and go."""
+
+
+class ContactScene(Component):
+    """Contacts between all bodies of a scene, without a list of pairs.
+
+    Bodies are registered with their shapes (`bodies`); those that move are connected: `connect(self.box.frame_a,
+    self.scene.frame("box"))`. What is at rest needs no frame. Pairs that can never touch, by what is declared, are
+    dropped when the scene is made. Of the others, up to `keep` stay in the equations for the whole run. When there are
+    more, the run is divided: only pairs whose boxes, inflated by `skin`, overlap are in the equations, until some body
+    has moved so far that this may no longer be true (docs/devdocs/contact.md).
+
+    `report()` says which pairs are in the equations, and why the others are not.
+    """
+
+    bodies: tuple[ContactBody, ...] = structural(doc="The bodies of the scene")
+    surfaces: Surfaces | None = structural(default=None, doc="Laws between surfaces; not needed when no surfaces touch")
+    keep: int = structural(default=12, doc="Up to so many pairs stay in the equations for the whole run")
+    skin: float = structural(default=0.01, doc="By how much boxes are inflated [m]")
+
+    frames: list[Frame] = part()
+    contacts: list[Component] = part()
+    untouched: list[Untouched] = part()
+    ground: Fixed = part()
+
+    def build(self) -> None:
+        _check(self.bodies)
+        self.ground = Fixed()
+        self._place = {b.name: k for k, b in enumerate(b for b in self.bodies if not b.at_rest)}
+        self.frames = [Frame() for _ in self._place]
+        self.untouched = [Untouched() for _ in self._place]
+        self._moving = [(k, b) for k, b in enumerate(self.bodies) if not b.at_rest]
+        origin = np.zeros(3), np.eye(3)
+        boxes = [b.box(*origin) if b.at_rest else origin[:1] * 2 for b in self.bodies]
+        self._at_rest = tuple(np.array(side).reshape(-1, 3) for side in zip(*boxes, strict=True))
+        self._candidates, self._dropped = candidates(self.bodies)
+        self._select(self._candidates)
+
+    def equations(self) -> Equations:
+        for frame, untouched in zip(self.frames, self.untouched, strict=True):
+            yield connect(frame, untouched.frame_a)
+        for (i, j), contact in zip(self._pairs, self.contacts, strict=True):
+            a, b = self.bodies[i], self.bodies[j]
+            # The one that made the contact knows its frames.
+            owner, other = (a, b) if self._makers[i, j] == i else (b, a)
+            end, other_end = owner.ends(contact)
+            yield connect(self._frame_of(owner), end)
+            yield connect(self._frame_of(other), other_end)
+
+    def frame(self, name: str) -> Frame:
+        """The frame of a registered body that moves.
+
+        Raises
+        ------
+        DeclarationError
+            AC170 when no moving body has this name.
+        """
+        if name not in self._place:
+            raise DeclarationError(
+                "AC170",
+                f"the scene has no moving body '{name}'",
+                evidence=[f"moving bodies: {', '.join(self._place) or 'none'}"],
+                help="register it: ContactScene(bodies=(ContactBody(name=..., shape=...), ...))",
+            )
+        found: Frame = self.frames[self._place[name]]
+        return found
+
+    def report(self) -> PairReport:
+        """Pairs kept and dropped, as the scene is now."""
+        kept = []
+        for i, j in self._pairs:
+            maker = self._makers[i, j]
+            how = self.bodies[maker].describe(self.bodies[i + j - maker])
+            kept.append((self.bodies[i].name, self.bodies[j].name, how))
+        counts = {**self._dropped, FAR: len(self._candidates) - len(self._pairs)}
+        return PairReport(len(self.bodies), tuple(kept), tuple(Dropped(r, n) for r, n in counts.items() if n))
+
+    # What the simulator asks of components whose structure depends on the state: acausal/simulate/restructure.py.
+
+    def is_variable(self) -> bool:
+        """Whether the structure changes during a run."""
+        return len(self._candidates) > self.keep
+
+    def watched(self) -> tuple[str, ...]:
+        """Signals, relative to this component, that `restructure` and `moved` look at."""
+        return tuple(f"frames[{k}].{name}" for k in range(len(self.frames)) for name in ("r_0", "R"))
+
+    def restructure(self, seen: Mapping[str, Array] | None) -> bool:
+        """Choose the pairs for one instant, or none without it; True when they differ from those before."""
+        chosen: list[Pair] = []
+        if seen is not None:
+            low, high = self._boxes(seen)
+            first, second = (np.array(side, dtype=int) for side in zip(*self._candidates, strict=True))
+            near = overlapping(low - self.skin / 2, high + self.skin / 2, first, second)
+            chosen = [pair for pair, is_near in zip(self._candidates, near, strict=True) if is_near]
+        if chosen == self._pairs:
+            return False
+        own = self.__dict__
+        own["_building"] = True
+        self._select(chosen)
+        own["_building"] = False
+        return True
+
+    def moved(self, before: Mapping[str, Array], after: Mapping[str, Array]) -> Array:
+        """How far the choice is used up at several instants [1]: some body has moved by so many halves of the skin.
+
+        `before` holds values at the instant of the choice, `after` those of n instants, first axis n. A pair that was
+        left out is apart by the skin, so both of its bodies may move by half of it.
+        """
+        used = np.zeros(1)
+        for k, body in enumerate(b for _, b in self._moving):
+            r, R = (before[f"frames[{k}].{q}"] for q in ("r_0", "R"))
+            r_n, R_n = (after[f"frames[{k}].{q}"] for q in ("r_0", "R"))
+            radius = body.radius()
+            turned = np.linalg.norm(R_n - R, axis=(1, 2)) * (radius if np.isfinite(radius) else 1.0)
+            used = np.maximum(used, (np.linalg.norm(r_n - r, axis=1) + turned) / (self.skin / 2))
+        return np.asarray(used)
+
+    def labels(self) -> list[tuple[str, str]]:
+        """Each contact as it is called now, and by a name that stays the same while others come and go."""
+        names = [b.name for b in self.bodies]
+        return [(f"contacts[{k}]", f"contacts[{names[i]},{names[j]}]") for k, (i, j) in enumerate(self._pairs)]
+
+    def _select(self, pairs: list[Pair]) -> None:
+        self._pairs = list(pairs)
+        self._makers: dict[Pair, int] = {}
+        made = []
+        for i, j in pairs:
+            maker, contact = self._contact(i, j)
+            self._makers[i, j] = maker
+            made.append(contact)
+        self.contacts = made
+
+    def _contact(self, i: int, j: int) -> tuple[int, Component]:
+        for one, two in ((i, j), (j, i)):
+            found = self.bodies[one].contact(self.bodies[two], self.surfaces)
+            if found is not None:
+                return one, found
+        a, b = self.bodies[i], self.bodies[j]
+        if self.surfaces is None:
+            raise DeclarationError(
+                "AC171",
+                f"{a.name} and {b.name} can touch, and the scene does not say with which law",
+                help="ContactScene(surfaces=Surfaces(law=HuntCrossley(...), friction=Coulomb(...)), ...)",
+            )
+        return i, self.surfaces.contact(a, b)
+
+    def _frame_of(self, body: ContactBody) -> Frame:
+        return self.ground.frame_b if body.at_rest else self.frame(body.name)
+
+    def _boxes(self, seen: Mapping[str, Array]) -> tuple[Array, Array]:
+        low, high = (side.copy() for side in self._at_rest)
+        for place, (number, body) in enumerate(self._moving):
+            low[number], high[number] = body.box(seen[f"frames[{place}].r_0"], seen[f"frames[{place}].R"])
+        return low, high
+
+
+def _check(bodies: tuple[ContactBody, ...]) -> None:
+    """Names once each, shapes as they must be."""
+    names = [b.name for b in bodies]
+    twice = sorted({n for n in names if names.count(n) > 1}) if len(set(names)) < len(names) else []
+    if twice:
+        raise DeclarationError("AC172", f"the scene has two bodies '{twice[0]}'", help="give each its own name")
+    for body in bodies:
+        body.shape.check(body.name)
