@@ -88,13 +88,10 @@ class Comparison:
             for name, value in self.estimate["states"].items():
                 yield f"  {name} is ahead by up to {value:.2g} (estimated)"
             slowest = self.estimate["slowest"]
-            yield (
-                f"  the modes left out decay within {slowest:.2g} s"
-                if slowest > 0
-                else (
-                    "  the modes left out do not decay everywhere: their quasi-static limit is not one of the full model"
-                )
-            )
+            if slowest > 0:
+                yield f"  the modes left out decay within {slowest:.2g} s"
+            else:
+                yield "  some mode left out grows: its quasi-static limit is not one of the full model"
 
 
 def compared(
