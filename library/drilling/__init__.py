@@ -28,6 +28,7 @@ from acausal.library.drilling.full_drilling_force import FullDrillingForce as Fu
 from acausal.library.drilling.geometry import DrillGeometry as DrillGeometry
 from acausal.library.drilling.kinematic import KinematicCuttingForce as KinematicCuttingForce
 from acausal.library.drilling.kinematic import KinematicDrillingForce as KinematicDrillingForce
+from acausal.library.drilling.material_table import load_materials as load_materials
 from acausal.library.drilling.materials import STEEL_34CRMO4 as STEEL_34CRMO4
 from acausal.library.drilling.materials import STEEL_C45 as STEEL_C45
 from acausal.library.drilling.materials import Material as Material
