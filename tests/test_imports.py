@@ -52,7 +52,10 @@ MEMBER_OF = {
 # An edge outside the table, by module, with its reason.
 EXCEPTIONS = {
     ("acausal.result", "plot"): "Result.plot is a shorthand for acausal.plot, loaded when called",
-    ("acausal.simulate.run", "study"): "simulate(accuracy=...) is a shorthand for a bench before it, loaded when called",
+    (
+        "acausal.simulate.run",
+        "study",
+    ): "simulate(accuracy=...) is a shorthand for a bench before it, loaded when called",
     ("acausal.lower.compiled", "export"): "CompiledModel.casadi is a shorthand for acausal.export, loaded when called",
 }
 

@@ -28,6 +28,7 @@ from acausal.lower.evaluate import Samples
 from acausal.lower.samples import SamplePoints
 
 _MOST_PAIRS = 20_000  # candidates for a pair of pivots that are looked at
+_SHORT = 32  # entries of a row that are looked at again whenever one of them changes
 _PENALTY = (0.0, 0.2, 0.6, 2.0)  # added to Markowitz's count: a division by a constant is cheaper and safer
 
 
@@ -88,6 +89,7 @@ class _Work:
         self.active = set(range(len(self.rows)))
         self.pivots: list[_Pivot] = []
         self._safety: dict[int, int | None] = {}
+        self.offered: dict[int, int] = {}  # length of a row when all its entries were offered
         self.heap: list[tuple[float, int, int, int]] = []
         for i, row in enumerate(self.rows):
             for v, c in row.items():
@@ -163,6 +165,7 @@ class _Work:
 
     def _substitute(self, j: int, pivot: _Pivot) -> None:
         pool, other = self.pool, self.rows[j]
+        changed: set[int] = set()
         factors = pivot.factors([other.pop(v, pool.zero) for v in pivot.variables])
         for i, factor in zip(pivot.rows, factors, strict=True):
             for w, c in self.rows[i].items():
@@ -174,10 +177,18 @@ class _Work:
                         self.columns[w].discard(j)
                 else:
                     other[w] = new
+                    changed.add(w)
                     self.columns[w].add(j)
             self.rests[j] = pool.sub(self.rests[j], pool.mul(factor, self.rests[i]))
-        for w, c in other.items():
-            self._offer(j, w, c)
+        # Entries of a row cost less when it gets shorter. To say so at every change of a long row is quadratic in its
+        # length (the flows of a node that everything is connected to).
+        if len(other) <= _SHORT or len(other) < 0.9 * self.offered.get(j, 2 * len(other)):
+            self.offered[j] = len(other)
+            for w, c in other.items():
+                self._offer(j, w, c)
+        else:
+            for w in sorted(changed & other.keys()):
+                self._offer(j, w, other[w])
 
     def result(self) -> Eliminated:
         solved: list[tuple[int, int]] = []

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import acausal
-from acausal import Component, Equations, Real, cos, der, fixed, parameter, sin, time, variable
+from acausal import Component, Equations, Real, cos, der, fixed, parameter, sin, structural, time, variable
+from acausal.lower import elimination
 from acausal.models.pendulum_chain import PendulumChain
 
 
@@ -82,3 +83,34 @@ def test_chain_keeps_its_energy() -> None:
         energy = energy + 9.80665 * mid + 0.5 * (ux**2 + uy**2) + 0.01 * rate[k] ** 2
         height, vx, vy = height + 0.5 * np.sin(angle[k]), 2 * ux - vx, 2 * uy - vy
     assert np.abs(energy).max() < 1e-5
+
+
+class Star(Component):
+    """A node that everything is connected to: one equation of n terms, which every pivot shortens by one."""
+
+    n: int = structural(default=10)
+    k: Real = parameter(default=2.0)
+    x: Real = variable(shape=400)
+    y: Real = variable()
+
+    def equations(self) -> Equations:
+        yield self.y == sum(self.x[i] for i in range(self.n)) - 1.0
+        for i in range(400):
+            yield self.k * self.x[i] + self.y * (i < self.n) == float(i)
+
+
+def test_work_grows_in_proportion_to_a_long_equation(monkeypatch: pytest.MonkeyPatch) -> None:
+    offers: list[int] = []
+    offer = elimination._Work._offer
+
+    def counted(self: elimination._Work, i: int, v: int, c: int) -> None:
+        offers.append(i)
+        offer(self, i, v, c)
+
+    monkeypatch.setattr(elimination._Work, "_offer", counted)
+    counts = []
+    for n in (100, 400):
+        offers.clear()
+        acausal.compile(Star(n=n), cache=False)
+        counts.append(len(offers))
+    assert counts[1] < 6 * counts[0]  # 15 times when all of it is looked at again at every step
