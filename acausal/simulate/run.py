@@ -6,6 +6,7 @@ import logging
 import time as clock
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -15,6 +16,7 @@ from acausal.errors import IntegrationError, UsageError, nearest
 from acausal.flatten.flat import suffixes
 from acausal.flatten.parameters import check_limit, entries
 from acausal.language.component import Component
+from acausal.language.experiment import Experiment
 from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.samples import STABILISATION_RATE
@@ -26,6 +28,7 @@ from acausal.simulate.options import Options, options
 from acausal.simulate.problem import Problem
 from acausal.simulate.project import projected
 from acausal.simulate.record import Recorder, make_result
+from acausal.simulate.restructure import Pieces, RunPiece, variable_parts
 from acausal.simulate.solvers import Solver, choose
 from acausal.simulate.solvers.base import TOLERANCE_SHARE, Piece, Segment
 from acausal.simulate.step_limit import StepLimit
@@ -87,16 +90,8 @@ def simulate(
     KeyboardInterrupt
         With a `result` attribute that holds what was computed.
     """
-    compiled = model if isinstance(model, CompiledModel) else compile(model, parameters=parameters)
-    if accuracy is not None:
-        from acausal.study.bench.accurate import simulated
-
-        own = parameters if isinstance(model, CompiledModel) else None
-        run: dict[str, object] = {"start_time": start_time, "stop_time": stop_time, "parameters": own, "inputs": inputs}
-        run |= {"native": native, "force": force}
-        return simulated(compiled, accuracy, solver, tolerance, step, run, output_interval, progress)
-    chosen = options(
-        compiled.flat.experiment,
+    wanted = partial(
+        options,
         start_time=start_time,
         stop_time=stop_time,
         output_interval=output_interval,
@@ -105,10 +100,32 @@ def simulate(
         step=step,
         native=native,
     )
+    if isinstance(model, Component) and accuracy is None and variable_parts(model):
+        chosen = wanted(getattr(type(model), "experiment", Experiment()))
+        return Pieces(model, chosen, parameters, _piece(inputs, force), progress).result()
+    compiled = model if isinstance(model, CompiledModel) else compile(model, parameters=parameters)
+    if accuracy is not None:
+        from acausal.study.bench.accurate import simulated
+
+        own = parameters if isinstance(model, CompiledModel) else None
+        run: dict[str, object] = {"start_time": start_time, "stop_time": stop_time, "parameters": own, "inputs": inputs}
+        run |= {"native": native, "force": force}
+        return simulated(compiled, accuracy, solver, tolerance, step, run, output_interval, progress)
+    chosen = wanted(compiled.flat.experiment)
     given = parameters if isinstance(model, CompiledModel) else None
     p = parameter_vector(compiled, given or {})
     u = input_vector(compiled, inputs or {})
     return _Run(compiled, chosen, p, u, progress, force).result()
+
+
+def _piece(inputs: Mapping[str, float] | None, force: bool) -> RunPiece:
+    """How one piece of a run of changing structure is run."""
+
+    def run(compiled: CompiledModel, opts: Options, start: Start | None, outputs: Vector) -> Result:
+        p, u = parameter_vector(compiled, {}), input_vector(compiled, inputs or {})
+        return _Run(compiled, opts, p, u, None, force, given=start, outputs=outputs).result()
+
+    return run
 
 
 def parameter_vector(compiled: CompiledModel, given: Mapping[str, float]) -> Vector:
@@ -182,6 +199,8 @@ class _Run:
     u: Vector
     progress: Progress | None
     force: bool = False
+    given: Start | None = None
+    outputs: Vector | None = None
     timings: dict[str, float] = field(default_factory=dict)
     interrupt: Interruptible = field(default_factory=Interruptible)
     hybrid: Hybrid | None = None
@@ -193,7 +212,7 @@ class _Run:
         instants = self.instants()
         boundaries = [opts.start_time, *instants, opts.stop_time]
         m = self.modes(boundaries[0], boundaries[1])
-        start = initialize(self.compiled, opts.start_time, self.p, self.u, m)
+        start = self.begun(m)
         for note in start.notes:
             _log.warning("%s: %s", self.compiled.name, note)
         self.timings["initialize"] = clock.perf_counter() - began
@@ -207,7 +226,7 @@ class _Run:
                 problem, solver, recorder, lambda segment, m: self.integrate(problem, solver, recorder, segment, m)
             )
         began = clock.perf_counter()
-        grid = opts.grid()
+        grid = opts.grid() if self.outputs is None else self.outputs
         try:
             with self.interrupt:
                 for a, b in pairwise(boundaries):
@@ -222,6 +241,13 @@ class _Run:
         result = self.finish(problem, recorder, solver, reason, start.notes)
         limit.check_run(recorder, result)
         return result
+
+    def begun(self, m: Vector) -> Start:
+        """Where the run starts: at the states it was given, or where the start conditions say."""
+        t = self.options.start_time
+        if self.given is None:
+            return initialize(self.compiled, t, self.p, self.u, m)
+        return consistent(self.compiled, t, self.given, self.p, self.u, m)
 
     def stabilise(self, start: Start, m: Vector) -> None:
         """Choose the rate of stabilised constraints by the model's own time scale at the start, unless it was given."""
