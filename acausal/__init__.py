@@ -96,6 +96,7 @@ if TYPE_CHECKING:
     from acausal.simulate.run import simulate as simulate
     from acausal.study.bench.bench import bench as bench
     from acausal.study.reduction.reduction import reduce as reduce
+    from acausal.study.stability.stability import stability as stability
 
 _LAZY = {
     "flatten": "acausal.flatten.flatten",
@@ -107,6 +108,7 @@ _LAZY = {
     "load_casadi": "acausal.export.casadi_file",
     "bench": "acausal.study.bench.bench",
     "reduce": "acausal.study.reduction.reduction",
+    "stability": "acausal.study.stability.stability",
 }
 
 

@@ -25,6 +25,7 @@ from acausal.cli.plot import plot
 from acausal.cli.reduce import reduce
 from acausal.cli.report import say, show_error
 from acausal.cli.simulate import simulate
+from acausal.cli.stability import stability
 
 
 class _Verbs(TyperGroup):
@@ -112,6 +113,7 @@ app.command()(plot)
 app.command()(equations)
 app.command()(bench)
 app.command()(reduce)
+app.command()(stability)
 app.add_typer(export, name="export")
 app.command()(compare)
 app.command()(doctor)

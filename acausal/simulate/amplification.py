@@ -123,8 +123,8 @@ class Method:
                 worst, limiting = step, complex(decaying[k])
         return (worst, limiting) if math.isfinite(worst) else (math.inf, 0j)
 
-    def usable_step(self, modes: NDArray[np.complex128], span: float) -> float:
-        """Largest step [s] with which no mode grows more than twofold in `span` seconds beyond what it does itself.
+    def usable_step(self, modes: NDArray[np.complex128], span: float) -> tuple[float, complex]:
+        """Largest step [s] with which no mode grows more than twofold in `span` seconds, and the mode that limits it.
 
         That is the largest stable step, except for hardly damped modes: their growth with small steps is harmless.
         """
@@ -136,7 +136,10 @@ class Method:
             size = np.array([float(self.growth(decaying[k : k + 1], h)[0]) for h in trial])
             bad = np.flatnonzero(size * np.maximum(span, trial) > MOST_GROWTH)
             usable[k] = math.inf if not len(bad) else max(usable[k], float(trial[max(bad[0] - 1, 0)]))
-        return float(np.min(usable, initial=math.inf))
+        if not len(usable) or not np.isfinite(usable.min()):
+            return math.inf, 0j
+        worst = int(np.argmin(usable))
+        return float(usable[worst]), complex(decaying[worst])
 
     def growth(self, modes: NDArray[np.complex128], step: float) -> Vector:
         """Rates [1/s] at which steps of this size amplify modes beyond what the equations do; below 0 they damp."""

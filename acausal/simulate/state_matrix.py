@@ -69,6 +69,20 @@ class StateMatrix:
             return None
         return np.asarray(matrix, dtype=float) if np.isfinite(matrix).all() else None
 
+    def regularity(self, t: float, x: Vector, z: Vector, m: Vector) -> tuple[float, float]:
+        """How well the algebraic variables are determined: reciprocal condition and sign of the determinant.
+
+        (1, 1) without algebraic variables, and where there are too many to look.
+        """
+        if not 0 < len(self.compiled.algebraic) <= LARGEST_DENSE:
+            return 1.0, 1.0
+        slope = np.array(self._at(t, x, z, m)[3]) * self.compiled.nominal_z
+        size = np.abs(slope).max(axis=1, keepdims=True)
+        if not np.isfinite(slope).all() or not size.all():
+            return 0.0, 0.0
+        slope = slope / size
+        return float(1.0 / np.linalg.cond(slope)), float(np.linalg.slogdet(slope)[0])
+
     def rates(self, t: float, x: Vector, z: Vector, m: Vector) -> tuple[Vector, Vector]:
         """First and second time derivatives of the states along the solution, shape (n,) each."""
         _, fz, _, gz, f, ft, gt = (np.array(part) for part in self._at(t, x, z, m))

@@ -106,7 +106,7 @@ class StepLimit:
         modes = self.matrix.eigenvalues(t, x, z, m)
         assert modes is not None
         worst = modes[int(np.argmax(self.method.growth(modes, self.step)))]
-        largest = self.method.usable_step(modes, self.options.stop_time - self.options.start_time)
+        largest, _ = self.method.usable_step(modes, self.options.stop_time - self.options.start_time)
         size = float(np.abs(self.method.amplification(self.step * worst)))
         names = ", ".join(self._participants(t, x, z, m, worst))
         factor = f"{math.exp(growth):.2g}" if growth < 500.0 else f"10^{growth / math.log(10.0):.0f}"

@@ -1,0 +1,72 @@
+"""`acausal stability`: where methods fail on a model, and which solver to take."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from acausal.cli.options import JsonOption, ModelArgument, SetOption
+from acausal.cli.outputs import check_picture
+from acausal.cli.reference import find_model
+from acausal.cli.report import record, remark, say
+from acausal.cli.settings import prepare
+from acausal.cli.simulate import seconds_of
+
+
+def stability(
+    model: ModelArgument,
+    settings: SetOption = None,
+    points: Annotated[int, typer.Option("--points", help="How many points of the run to linearise at.")] = 20,
+    solver: Annotated[
+        str | None,
+        typer.Option("--solver", help="Solver of the run: idas, rosenbrock, cvodes, erk.", show_default=False),
+    ] = None,
+    tolerance: Annotated[
+        float | None, typer.Option("--tolerance", help="Relative tolerance of the run.", show_default=False)
+    ] = None,
+    start_time: Annotated[
+        str | None, typer.Option("--start-time", metavar="TIME", help="Start of the run.", show_default=False)
+    ] = None,
+    stop_time: Annotated[
+        str | None, typer.Option("--stop-time", metavar="TIME", help="End of the run.", show_default=False)
+    ] = None,
+    step: Annotated[
+        str | None,
+        typer.Option("--step", metavar="TIME", help="Fixed step to scale the picture by.", show_default=False),
+    ] = None,
+    check: Annotated[bool, typer.Option("--check/--no-check", help="Try the largest steps by runs.")] = True,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="Picture: .png, .svg or .pdf. Default: none.", show_default=False),
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Eigenvalues along a run, largest stable steps, and a verdict: which solver, why, what to avoid."""
+    cls = find_model(model)
+    prepared = prepare(cls, settings or ())
+    if output is not None:
+        check_picture(output)
+    from acausal.lower.compile import compile
+    from acausal.study.stability.stability import stability as study
+
+    found = study(
+        compile(prepared.model, parameters=prepared.parameters),
+        points=points,
+        solver=solver,
+        step=seconds_of("step", step),
+        start_time=seconds_of("start_time", start_time),
+        stop_time=seconds_of("stop_time", stop_time),
+        tolerance=tolerance,
+        check=check,
+    )
+    if output is not None:
+        found.plot(output)
+    if as_json:
+        record(found.content())
+    else:
+        for line in found.lines():
+            say(line)
+    if output is not None:
+        remark(f"wrote {output}")

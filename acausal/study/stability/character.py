@@ -1,0 +1,138 @@
+"""What kind of problem a run is, in numbers: stiff, oscillating, both, or neither."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.simulate.amplification import METHODS, Method
+from acausal.study.stability.modes import Local, Mode, mode
+from acausal.study.stability.trajectory import Trajectory
+
+Complex = NDArray[np.complex128]
+
+FAST = 30.0
+"""A mode is fast when it is so many times faster than the solution changes."""
+_WEAK = 0.1
+_UNDAMPED = 0.02
+
+
+@dataclass(frozen=True)
+class Character:
+    """Numbers on which the verdict rests.
+
+    Attributes
+    ----------
+    fastest
+        The mode of largest |eigenvalue|; None without dynamic states.
+    stiffness_ratio
+        Largest over points of max|Re|/min|Re| among decaying modes; 1 where there are not two.
+    stiffness
+        Median over the run of fastest decaying |eigenvalue| over the rate at which the solution changes.
+    explicit_steps
+        Steps that stability alone asks of the explicit pair 5(4) over the run.
+    steps
+        Steps that the run took.
+    ringing
+        The fastest hardly damped oscillation that the solution does not follow, or None.
+    oscillation
+        The hardly damped oscillation that the solution follows for many periods, or None.
+    periods
+        Its number of periods.
+    growing
+        A mode that grows much over the run, or None.
+    growth
+        Exponent by which it grows.
+    """
+
+    fastest: Mode | None
+    stiffness_ratio: float
+    stiffness: float
+    explicit_steps: float
+    steps: float
+    ringing: Mode | None
+    oscillation: Mode | None
+    periods: float
+    growing: Mode | None
+    growth: float
+
+
+def character(run: Trajectory, locals: Sequence[Local]) -> Character:
+    """Measure a run."""
+    erk = next(m for m in METHODS if m.name == "erk")
+    fastest = max(
+        ((local, v) for local in locals for v in local.eigenvalues[:1]), key=lambda q: abs(q[1]), default=None
+    )
+    ratios = [_ratio(local.eigenvalues) for local in locals]
+    quiet = 1.0 / run.span
+    stiff = [
+        float(np.max(np.abs(decaying))) / max(_activity(local, quiet), quiet)
+        for local in locals
+        if len(decaying := _decaying(local.eigenvalues))
+    ]
+    followed = [(local, FAST * max(_activity(local, quiet), quiet)) for local in locals]
+    ringing = _widest(run, [(q, v) for q, f in followed for v in _weak(q, _WEAK) if abs(v) > f])
+    oscillation = _widest(run, [(q, v) for q, f in followed for v in _weak(q, _UNDAMPED) if abs(v) <= f])
+    periods = 0.0 if oscillation is None else abs(oscillation.eigenvalue.imag) * run.span / (2.0 * math.pi)
+    growth = sum(max(0.0, float(np.max(local.eigenvalues.real, initial=0.0))) * local.point.reach for local in locals)
+    rising = max(
+        ((local, v) for local in locals for v in local.eigenvalues if v.real > 0.0),
+        key=lambda q: float(q[1].real),
+        default=None,
+    )
+    return Character(
+        fastest=None if fastest is None else mode(run, *fastest),
+        stiffness_ratio=max(ratios, default=1.0),
+        stiffness=float(np.median(stiff)) if stiff else 0.0,
+        explicit_steps=sum(_steps(erk, local, run.span) for local in locals),
+        steps=float(run.result.stats.get("steps", 0.0)),  # type: ignore[arg-type]
+        ringing=ringing,
+        oscillation=oscillation,
+        periods=periods,
+        growing=mode(run, *rising) if rising is not None and growth > 5.0 else None,
+        growth=growth,
+    )
+
+
+def _activity(local: Local, quiet: float) -> float:
+    return local.activity if math.isfinite(local.activity) else quiet
+
+
+def _decaying(modes: Complex) -> Complex:
+    return modes[(modes.real < 0.0) & (np.abs(modes.real) > 1e-9 * np.abs(modes))]
+
+
+def _ratio(modes: Complex) -> float:
+    sizes = np.abs(_decaying(modes).real)
+    # eigenvalues that are zero but for rounding are no slow modes
+    sizes = sizes[sizes > 1e-14 * np.max(np.abs(modes), initial=0.0)]
+    return float(sizes.max() / sizes.min()) if len(sizes) > 1 else 1.0
+
+
+def _weak(local: Local, damping: float) -> list[complex]:
+    """Oscillations with less than this damping ratio."""
+    v = local.eigenvalues
+    size = np.abs(v)
+    return [complex(q) for q in v[(v.imag > 0.0) & (np.abs(v.real) < damping * size)]]
+
+
+def _widest(run: Trajectory, found: Sequence[tuple[Local, complex]]) -> Mode | None:
+    """The fastest of the modes, when they are there for a twentieth of the run or for ten periods."""
+    best: dict[float, tuple[Local, complex]] = {}
+    for local, v in found:
+        if local.point.t not in best or abs(v) > abs(best[local.point.t][1]):
+            best[local.point.t] = (local, v)
+    there = sum(local.point.reach for local, _ in best.values())
+    turns = sum(local.point.reach * abs(v) / (2.0 * math.pi) for local, v in best.values())
+    if not best or (there < 0.05 * run.span and turns < 10.0) or turns < 3.0:
+        return None
+    return mode(run, *max(best.values(), key=lambda q: abs(q[1])))
+
+
+def _steps(method: Method, local: Local, span: float) -> float:
+    step, _ = method.usable_step(local.eigenvalues[:20], span)
+    return local.point.reach / step if step > 0.0 else math.inf

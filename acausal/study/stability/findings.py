@@ -1,0 +1,223 @@
+"""What else can go wrong on a run besides stability, found in the equations and along the run."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from acausal.study.stability.character import Character
+from acausal.study.stability.modes import Local
+from acausal.study.stability.structure import Facts
+from acausal.study.stability.trajectory import Trajectory
+
+_LONGEST = 90
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One observation: its kind, the fact, what is or should be done; `avoid` holds (method, why) it speaks against."""
+
+    kind: str
+    fact: str
+    remedy: str
+    avoid: tuple[tuple[str, str], ...] = ()
+
+    def content(self) -> dict[str, object]:
+        """For JSON."""
+        return {"kind": self.kind, "fact": self.fact, "remedy": self.remedy}
+
+
+def findings(
+    run: Trajectory, facts: Facts, ch: Character, locals: Sequence[Local], undetermined: Sequence[float]
+) -> tuple[Finding, ...]:
+    """Everything found, the most important first."""
+    found = [
+        _failed(run),
+        _constraints(facts),
+        _invariants(facts),
+        _events(run, facts),
+        _accumulation(run),
+        _instants(run, facts),
+        _kinks(facts),
+        _slopes(run, locals, undetermined),
+        _singular(locals),
+        _growing(ch),
+        _scales(run),
+    ]
+    return tuple(f for f in found if f is not None)
+
+
+def _failed(run: Trajectory) -> Finding | None:
+    if run.failure is None:
+        return None
+    return Finding(
+        "failed",
+        f"the run ended at t = {run.result.time[-1]:.6g} s: {run.failure.code}, {run.failure.fact}",
+        "the numbers here hold up to that time; see the error",
+    )
+
+
+def _constraints(facts: Facts) -> Finding | None:
+    if not facts.constraints:
+        return None
+    shown = "; ".join(_short(text) for text in facts.constraints[:3])
+    more = f" and {len(facts.constraints) - 3} more" if len(facts.constraints) > 3 else ""
+    if facts.stabilised:
+        remedy = (
+            f"no fixed choice of states is safe: {facts.stabilised} levels are kept by stabilisation, "
+            "and recorded points are projected onto them"
+        )
+    else:
+        remedy = "differentiated and solved for dummy derivatives: the constraint holds to rounding"
+    return Finding(
+        "constraint",
+        f"DAE of higher index: `{shown}`{more} had to be differentiated",
+        remedy,
+        (
+            ("the constraint handed to BDF as it is", "of index 2 and 3, which no solver here integrates"),
+            ("its second derivative alone", "the constraint drifts away, quadratically in time"),
+        ),
+    )
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= _LONGEST else text[:_LONGEST] + " ..."
+
+
+def _invariants(facts: Facts) -> Finding | None:
+    if not facts.by_invariants:
+        return None
+    return Finding(
+        "invariant",
+        f"{', '.join(facts.by_invariants)} would be lost to rounding if integrated: a linear invariant determines it",
+        "it is computed from the invariant instead",
+        (("all balances integrated as written", "their difference is below rounding"),),
+    )
+
+
+def _events(run: Trajectory, facts: Facts) -> Finding | None:
+    if not facts.relations and not facts.clauses:
+        return None
+    return Finding(
+        "events",
+        f"{facts.relations} relations of variables and {facts.clauses} when clauses; {len(run.result.events)} events "
+        "in this run",
+        "located on the solver's dense output; every branch is integrated smoothly",
+        (("any method across switches", "order 1 only, and short contacts are stepped over"),),
+    )
+
+
+def _accumulation(run: Trajectory) -> Finding | None:
+    times = np.unique([event.time for event in run.result.events])
+    if len(times) < 8:
+        return None
+    gaps = np.diff(times)
+    shrinking = int(np.sum(gaps[1:] < 0.98 * gaps[:-1]))
+    if shrinking < 0.7 * (len(gaps) - 1) or gaps.min() > 1e-3 * run.span:
+        return None
+    k = int(np.argmin(gaps))
+    return Finding(
+        "accumulation",
+        f"events follow each other ever sooner, down to {gaps[k]:.2g} s apart at t = {times[k]:.6g} s",
+        "bounces without end are taken for rest",
+        (("restarting at every event", "never passes the accumulation point"),),
+    )
+
+
+def _instants(run: Trajectory, facts: Facts) -> Finding | None:
+    if not facts.instants:
+        return None
+    edges = [float(run.result.time[0]), *facts.instants, float(run.result.time[-1])]
+    shortest = min(b - a for a, b in pairwise(edges))
+    pulse = shortest < 0.02 * run.span
+    return Finding(
+        "time-events",
+        f"sources switch at {len(facts.instants)} known times, the shortest stretch is {shortest:.3g} s"
+        + (": shorter than a step of most solvers, which would miss it" if pulse else ""),
+        "the run is cut exactly there",
+        (("a solver that has to discover the switch", "every step is longer than the pulse"),) if pulse else (),
+    )
+
+
+def _kinks(facts: Facts) -> Finding | None:
+    if not facts.kinks:
+        return None
+    return Finding(
+        "kinks",
+        f"{facts.kinks} branches, signs, minima or maxima of variables are decided at every evaluation, not located",
+        "error control finds them by rejected steps; fixed steps fall to order 1",
+        (("fixed steps across kinks", "order 1 only: no step ends where a branch changes"),),
+    )
+
+
+def _slopes(run: Trajectory, locals: Sequence[Local], undetermined: Sequence[float]) -> Finding | None:
+    if undetermined:
+        return Finding(
+            "singular",
+            f"no finite linearisation at t = {undetermined[0]:.6g} s and {len(undetermined) - 1} more points: "
+            "an infinite slope, or algebraic variables that are not determined",
+            "look at the equations there: a power below 1 at zero, a square root, or a change point",
+            (("Newton's method through that point", "its matrix is singular or infinite there"),),
+        )
+    sizes = np.array([abs(local.eigenvalues[0]) for local in locals if len(local.eigenvalues)])
+    typical = float(np.median(sizes)) if len(sizes) else 0.0
+    if not len(sizes) or sizes.max() < 1e4 * max(typical, 1.0 / run.span):
+        return None
+    k = int(np.argmax(sizes))
+    return Finding(
+        "slope",
+        f"the fastest eigenvalue is {sizes.max():.3g} 1/s at t = {locals[k].point.t:.6g} s and {typical:.3g} elsewhere",
+        "a slope that grows without bound near a point; the solver must be adaptive",
+        (("fixed steps", "none is small enough there"),),
+    )
+
+
+def _singular(locals: Sequence[Local]) -> Finding | None:
+    worst = min(locals, key=lambda local: local.regularity, default=None)
+    if worst is None:
+        return None
+    turned = next((b for a, b in pairwise(locals) if a.orientation * b.orientation < 0.0), None)
+    if turned is None and worst.regularity > 1e-6:
+        return None
+    fact = f"nearly undetermined at t = {worst.point.t:.6g} s (reciprocal condition {worst.regularity:.1e})"
+    if turned is not None:
+        fact = f"not determined at an instant just before t = {turned.point.t:.6g} s: their Jacobian changes its sign"
+    return Finding(
+        "singular",
+        f"the algebraic variables are {fact}",
+        "a change point or a dead centre: Newton's method may take another branch there",
+        (("Newton's method started from the last point", "it may land on the other branch"),),
+    )
+
+
+def _growing(ch: Character) -> Finding | None:
+    if ch.growing is None:
+        return None
+    digits = ch.growth / math.log(10.0)
+    return Finding(
+        "growing",
+        f"errors grow with the solution: {', '.join(ch.growing.names[:3])} grow by 10^{digits:.0f} in the run",
+        "no method helps against that: tighten the tolerance by as many digits as are needed, or shorten the run",
+    )
+
+
+def _scales(run: Trajectory) -> Finding | None:
+    small = []
+    for name, nominal in zip(run.compiled.states, run.compiled.nominal_x, strict=True):
+        size = float(np.max(np.abs(run.result[name])))
+        if 0.0 < size < 0.05 * nominal:
+            small.append((name, size, float(nominal)))
+    if not small:
+        return None
+    name, size, nominal = min(small, key=lambda s: s[1] / s[2])
+    return Finding(
+        "scale",
+        f"{name} stays below {size:.2g}, {nominal / size:.2g} times below its nominal {nominal:g}"
+        + (f"; and {len(small) - 1} more like it" if len(small) > 1 else ""),
+        f"absolute tolerances are scaled by nominal values, variable by variable: declare nominal={size:.1g}",
+        (("one absolute tolerance for all units", f"{name} would be known to few digits"),),
+    )

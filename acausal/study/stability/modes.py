@@ -1,0 +1,114 @@
+"""Eigenvalues along a run, and which states take part in which mode."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.simulate.state_matrix import LARGEST_DENSE, StateMatrix
+from acausal.simulate.step_limit import participation
+from acausal.study.stability.trajectory import Point, Trajectory
+
+Vector = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+# Shares below this do not name a state.
+_SMALLEST_SHARE = 0.05
+
+
+@dataclass(frozen=True)
+class Mode:
+    """One eigenvalue [1/s] at an instant [s]; `states` are (name, share) of the states that take part, most first."""
+
+    eigenvalue: complex
+    t: float
+    states: tuple[tuple[str, float], ...]
+
+    @property
+    def damping(self) -> float:
+        """Damping ratio: 1 for a decay without oscillation, 0 for an undamped one, below 0 for a growing one."""
+        size = abs(self.eigenvalue)
+        return -self.eigenvalue.real / size if size else 1.0
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the states that take part."""
+        return tuple(name for name, _ in self.states)
+
+    @property
+    def text(self) -> str:
+        """The eigenvalue for people."""
+        v = self.eigenvalue
+        return f"{v.real:.4g} 1/s" if v.imag == 0.0 else f"{v.real:.4g} +- {abs(v.imag):.4g}i 1/s"
+
+    def content(self) -> dict[str, object]:
+        """For JSON."""
+        return {
+            "eigenvalue": [self.eigenvalue.real, self.eigenvalue.imag],
+            "t": self.t,
+            "damping_ratio": self.damping,
+            "time_constant": 1.0 / abs(self.eigenvalue) if self.eigenvalue else None,
+            "states": [name for name, _ in self.states],
+            "participation": {name: share for name, share in self.states},
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Local:
+    """The linearised model at one point.
+
+    Attributes
+    ----------
+    eigenvalues
+        [1/s], the fastest first; all of them, or the fastest of a large system.
+    activity
+        How fast the solution itself changes there [1/s]: the size of x'' over that of x', each state in units of how
+        much it moves along the run; nan where nothing moves.
+    regularity, orientation
+        Reciprocal condition and sign of the determinant of the algebraic equations; 1 without any.
+    """
+
+    point: Point
+    eigenvalues: Complex
+    activity: float
+    regularity: float = 1.0
+    orientation: float = 1.0
+
+
+def along(run: Trajectory) -> tuple[tuple[Local, ...], tuple[float, ...]]:
+    """The linearised model at all points where there is one, and the times [s] where there is none."""
+    matrix = StateMatrix(run.compiled, run.p, run.u)
+    n = matrix.size
+    values = np.array([point.x[:n] for point in run.points]).reshape(len(run.points), n)
+    moved = np.ptp(values, axis=0)
+    moved = np.where(moved > 0.0, moved, 1e-6 * np.maximum(np.abs(values).max(axis=0, initial=0.0), 1e-300))
+    found, none = [], []
+    for point in run.points:
+        modes = matrix.eigenvalues(point.t, point.x, point.z, point.m)
+        if modes is None:
+            none.append(point.t)
+            continue
+        first, second = (v / moved for v in matrix.rates(point.t, point.x, point.z, point.m))
+        regular = matrix.regularity(point.t, point.x, point.z, point.m)
+        size = float(np.linalg.norm(first))
+        quiet = not np.isfinite(first).all() or size * run.span < 1e-6
+        activity = float("nan") if quiet else float(np.linalg.norm(second)) / size
+        found.append(Local(point, modes[np.argsort(-np.abs(modes), kind="stable")], activity, *regular))
+    return tuple(found), tuple(none)
+
+
+def mode(run: Trajectory, local: Local, eigenvalue: complex) -> Mode:
+    """An eigenvalue with the names of its states."""
+    matrix = StateMatrix(run.compiled, run.p, run.u)
+    point = local.point
+    if matrix.size > LARGEST_DENSE:
+        return Mode(complex(eigenvalue), point.t, ())
+    found = matrix.at(point.t, point.x, point.z, point.m)
+    if found is None:
+        return Mode(complex(eigenvalue), point.t, ())
+    share = participation(found, eigenvalue)
+    order = np.argsort(-share, kind="stable")
+    states = tuple((matrix.names[k], float(share[k])) for k in order[:6] if share[k] >= _SMALLEST_SHARE)
+    return Mode(complex(eigenvalue), point.t, states)

@@ -1,0 +1,142 @@
+"""What a stability study found, as an object, as JSON and as text."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from acausal.study.stability.bdf import BdfEffect
+from acausal.study.stability.character import Character
+from acausal.study.stability.limits import Limit
+from acausal.study.stability.modes import Local, Mode
+from acausal.study.stability.structure import Facts
+from acausal.study.stability.verdict import Verdict
+
+_MOST_EIGENVALUES = 60
+
+
+@dataclass(frozen=True, eq=False)
+class Stability:
+    """Where methods fail on a model, and why.
+
+    Attributes
+    ----------
+    locals
+        Eigenvalues at points of the run, the fastest first.
+    limits
+        Largest stable step of every fixed-step method.
+    bdf
+        (mode, effects of BDF of order 1 to 5) for the oscillating modes that the run follows.
+    step
+        The step [s] by which the picture scales the stability regions.
+    """
+
+    model: str
+    solver: str
+    tolerance: float
+    span: float
+    states: tuple[str, ...]
+    locals: tuple[Local, ...]
+    character: Character
+    limits: tuple[Limit, ...]
+    bdf: tuple[tuple[Mode, tuple[BdfEffect, ...]], ...]
+    facts: Facts
+    verdict: Verdict
+    step: float
+
+    def __repr__(self) -> str:
+        return f"Stability({self.model}: {self.verdict.kind}, take {self.verdict.solver})"
+
+    @property
+    def stiffness_ratio(self) -> float:
+        """Largest over the run of max|Re|/min|Re| among decaying modes."""
+        return self.character.stiffness_ratio
+
+    @property
+    def fastest_mode(self) -> Mode | None:
+        """The mode of largest |eigenvalue| over the run."""
+        return self.character.fastest
+
+    def largest_step(self, method: str) -> float:
+        """Largest stable step [s] of a method by its name or its solver's: `euler`, `rk2`, `rk4`, `erk` ..."""
+        return next(q.largest_step for q in self.limits if method in (q.method.name, q.method.solver))
+
+    def content(self) -> dict[str, object]:
+        """All numbers, for JSON."""
+        ch = self.character
+        return {
+            "model": self.model,
+            "solver": self.solver,
+            "tolerance": self.tolerance,
+            "span": self.span,
+            "states": list(self.states),
+            "points": [
+                {
+                    "t": local.point.t,
+                    "eigenvalues": [[v.real, v.imag] for v in local.eigenvalues[:_MOST_EIGENVALUES].tolist()],
+                    "activity": local.activity,
+                }
+                for local in self.locals
+            ],
+            "stiffness_ratio": ch.stiffness_ratio,
+            "stiffness_against_solution": ch.stiffness,
+            "explicit_steps": ch.explicit_steps,
+            "steps": ch.steps,
+            "fastest_mode": None if ch.fastest is None else ch.fastest.content(),
+            "ringing_mode": None if ch.ringing is None else ch.ringing.content(),
+            "oscillation": None if ch.oscillation is None else {**ch.oscillation.content(), "periods": ch.periods},
+            "largest_stable_step": {limit.method.name: limit.largest_step for limit in self.limits},
+            "methods": [limit.content() for limit in self.limits],
+            "bdf": [{"mode": mode.content(), "orders": [e.content() for e in effects]} for mode, effects in self.bdf],
+            "step": self.step,
+            "verdict": self.verdict.content(),
+        }
+
+    def lines(self) -> Iterator[str]:
+        """The report for people."""
+        ch = self.character
+        size = f"{len(self.states)} states, {len(self.locals)} points"
+        yield f"{self.model}: {self.span:g} s run with {self.solver}, {size}"
+        if ch.fastest is not None:
+            names = ", ".join(f"{n} ({100 * share:.0f} %)" for n, share in ch.fastest.states[:4])
+            yield f"  fastest mode     {ch.fastest.text} at t = {ch.fastest.t:.4g} s, in {names or 'many states'}"
+        yield f"  stiffness ratio  {ch.stiffness_ratio:.3g}; {ch.stiffness:.3g} against the solution's own changes"
+        yield from _table(self.limits)
+        for mode, effects in self.bdf[:2]:
+            factors = ", ".join(f"{e.order}: x{e.over_run:.4g}" for e in effects)
+            yield f"  BDF on {mode.text} ({', '.join(mode.names[:2])}), amplitude over the run by order  {factors}"
+        yield f"verdict: {self.verdict.solver} ({self.verdict.kind})"
+        for text in self.verdict.why:
+            yield f"  because  {text}"
+        for a in self.verdict.avoid:
+            yield f"  avoid    {a.method}{f' ({a.solver})' if a.solver else ''}: {a.why}"
+        for f in self.verdict.findings:
+            yield f"  note     {f.fact}"
+            yield f"           {f.remedy}"
+
+    def __str__(self) -> str:
+        return "\n".join(self.lines())
+
+    def plot(self, file: str | Path | None = None) -> object:
+        """Eigenvalues in the complex plane with the methods' stability regions at `step`; a matplotlib figure."""
+        from acausal.study.stability.picture import draw
+
+        return draw(self, file)
+
+
+def _table(limits: Sequence[Limit]) -> Iterator[str]:
+    yield "  largest stable step, checked by runs at 0.9 and 1.1 of it (factor of a disturbance in one step)"
+    for limit in limits:
+        name = limit.method.title + (f" ({limit.method.solver})" if limit.method.solver else "")
+        if not limit.method.explicit or math.isinf(limit.largest_step):
+            note = "any" if limit.method.explicit else f"any; keeps {limit.rings:.0%} of infinitely fast modes"
+            yield f"    {name:<38} {note}"
+        elif limit.largest_step == 0.0:
+            yield f"    {name:<38} none for an undamped mode; harmless below {limit.usable_step:.3g} s"
+        else:
+            checks = [c for c in (limit.below, limit.above) if c is not None]
+            runs = ", ".join(f"x{c.measured:.4g}" for c in checks)
+            doubt = "" if limit.confirmed in (True, None) else "   not confirmed: the mode changes within these steps"
+            yield f"    {name:<38} {limit.largest_step:.4g} s   {runs}{doubt}"

@@ -1,0 +1,123 @@
+"""The study: run, linearise, limit, judge."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from acausal.errors import UsageError
+from acausal.language.component import Component
+from acausal.lower.compile import compile
+from acausal.lower.compiled import CompiledModel
+from acausal.simulate.solvers import solver_named
+from acausal.study.stability.bdf import BdfEffect, bdf_effects
+from acausal.study.stability.character import Character, character
+from acausal.study.stability.findings import findings
+from acausal.study.stability.limits import Limit, limits
+from acausal.study.stability.modes import Local, Mode, along, mode
+from acausal.study.stability.report import Stability
+from acausal.study.stability.structure import facts
+from acausal.study.stability.trajectory import Trajectory, trajectory
+from acausal.study.stability.verdict import verdict
+
+_OSCILLATES = 0.1
+_MOST_MODES = 8
+
+
+def stability(
+    model: Component | CompiledModel,
+    *,
+    points: int = 20,
+    solver: str | None = None,
+    step: float | None = None,
+    start_time: float | None = None,
+    stop_time: float | None = None,
+    tolerance: float | None = None,
+    parameters: Mapping[str, float] | None = None,
+    inputs: Mapping[str, float] | None = None,
+    check: bool = True,
+) -> Stability:
+    """Study where methods fail on a model: eigenvalues along a run, largest stable steps, a verdict.
+
+    Parameters
+    ----------
+    points
+        How many points of the run to linearise at.
+    solver
+        Solver of that run; None: the model's own, when its steps are not fixed, else `rosenbrock` or `idas`.
+    step
+        The step [s] by which the picture scales the stability regions; None: the model's own, or one just stable.
+    start_time, stop_time, tolerance, parameters, inputs
+        As for `simulate`.
+    check
+        Whether to try the largest steps by runs.
+
+    Raises
+    ------
+    UsageError
+        AC034 for fewer than two points.
+    AcausalError
+        When no solver leaves the start.
+    """
+    if points < 2:
+        raise UsageError("AC034", f"{points} points are too few", help="points=20, or --points 20")
+    if solver is not None and solver_named(solver).fixed_step:
+        raise UsageError(
+            "AC034",
+            f"'{solver}' has fixed steps: its run says nothing about them",
+            help="idas, rosenbrock, cvodes or erk",
+        )
+    compiled = model if isinstance(model, CompiledModel) else compile(model, parameters=parameters)
+    given = parameters if isinstance(model, CompiledModel) else None
+    options = {"start_time": start_time, "stop_time": stop_time, "tolerance": tolerance, "inputs": inputs}
+    run = trajectory(compiled, points, solver, given, options)
+    locals, undetermined = along(run)
+    ch = character(run, locals)
+    known = facts(compiled, run)
+    bounds = limits(run, locals, check)
+    wanted = float(run.result.stats["tolerance"])  # type: ignore[arg-type]
+    bdf = _oscillations(run, locals, ch, wanted)
+    found = findings(run, known, ch, locals, undetermined)
+    judged = verdict(ch, known, bounds, _main(bdf, ch), found, len(compiled.states), run.span)
+    own = step or compiled.flat.experiment.step
+    return Stability(
+        model=compiled.name,
+        solver=str(run.result.stats["solver"]),
+        tolerance=wanted,
+        span=run.span,
+        states=compiled.states,
+        locals=locals,
+        character=ch,
+        limits=bounds,
+        bdf=bdf,
+        facts=known,
+        verdict=judged,
+        step=own or _shown(bounds, ch),
+    )
+
+
+def _oscillations(
+    run: Trajectory, locals: Sequence[Local], ch: Character, tolerance: float
+) -> tuple[tuple[Mode, tuple[BdfEffect, ...]], ...]:
+    """BDF's effects on the oscillating modes at the middle of the run, the one of the verdict first."""
+    chosen = [m for m in (ch.oscillation, ch.ringing) if m is not None]
+    if locals:
+        middle = locals[len(locals) // 2]
+        for v in middle.eigenvalues:
+            if v.imag > 0.0 and abs(v.real) < _OSCILLATES * abs(v) and len(chosen) < _MOST_MODES:
+                chosen.append(mode(run, middle, complex(v)))
+    distinct = {complex(m.eigenvalue): m for m in reversed(chosen)}
+    kept = [m for m in chosen if distinct.get(complex(m.eigenvalue)) is m]
+    return tuple((m, bdf_effects(m.eigenvalue, run.span, tolerance)) for m in kept)
+
+
+def _main(bdf: Sequence[tuple[Mode, tuple[BdfEffect, ...]]], ch: Character) -> tuple[BdfEffect, ...]:
+    return next((effects for m, effects in bdf if m is ch.oscillation), ())
+
+
+def _shown(bounds: Sequence[Limit], ch: Character) -> float:
+    """A step that shows something: nine tenths of what RK4 allows."""
+    rk4 = next(limit.largest_step for limit in bounds if limit.method.name == "rk4")
+    if 0.0 < rk4 < math.inf:
+        return 0.9 * rk4
+    return 1.0 / abs(ch.fastest.eigenvalue) if ch.fastest is not None and ch.fastest.eigenvalue else 1.0

@@ -1,0 +1,197 @@
+"""A plain verdict: which solver, why, and what to avoid."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from acausal.simulate.amplification import METHODS
+from acausal.study.stability.bdf import BdfEffect
+from acausal.study.stability.character import Character
+from acausal.study.stability.findings import Finding
+from acausal.study.stability.limits import Limit
+from acausal.study.stability.structure import Facts
+
+# Steps that stability may ask of an explicit method for each step that an implicit one takes: it saves the matrices.
+_WORTH = 4.0
+# Beyond so many states IDAS is the cheaper of the two (docs/devdocs/numerics.md).
+_MANY = 100
+_PERIODS = 5.0
+
+
+@dataclass(frozen=True)
+class Avoided:
+    """A method that fails or wastes on this run; `solver` where it is one of ours."""
+
+    method: str
+    solver: str | None
+    why: str
+
+    def content(self) -> dict[str, object]:
+        """For JSON."""
+        return {"method": self.method, "solver": self.solver, "why": self.why}
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Which solver to take.
+
+    Attributes
+    ----------
+    solver
+        Name of a solver of ours.
+    kind
+        `stiff`, `ringing`, `oscillating`, `smooth` or `static`.
+    why, avoid
+        Reasons, one sentence each, and methods to avoid.
+    findings
+        What else can go wrong on this run, and what is done about it.
+    """
+
+    solver: str
+    kind: str
+    why: tuple[str, ...]
+    avoid: tuple[Avoided, ...]
+    findings: tuple[Finding, ...]
+
+    def content(self) -> dict[str, object]:
+        """For JSON."""
+        return {
+            "solver": self.solver,
+            "kind": self.kind,
+            "why": list(self.why),
+            "avoid": [a.content() for a in self.avoid],
+            "findings": [f.content() for f in self.findings],
+        }
+
+
+def kind_of(ch: Character) -> str:
+    """The kind of problem."""
+    if ch.fastest is None or ch.fastest.eigenvalue == 0.0:
+        return "static"
+    if ch.ringing is not None:
+        return "ringing"
+    if ch.explicit_steps > _WORTH * max(ch.steps, 20.0):
+        return "stiff"
+    if ch.oscillation is not None and ch.periods >= _PERIODS:
+        return "oscillating"
+    return "smooth"
+
+
+def verdict(
+    ch: Character,
+    facts: Facts,
+    limits: Sequence[Limit],
+    bdf: Sequence[BdfEffect],
+    findings: Sequence[Finding],
+    states: int,
+    span: float,
+) -> Verdict:
+    """Decide."""
+    kind = kind_of(ch)
+    large = states > _MANY
+    by_name = {limit.method.name: limit for limit in limits}
+    if kind == "stiff":
+        solver, why = ("idas" if large else "rosenbrock"), _stiff(ch, large)
+    elif kind == "ringing":
+        solver, why = "rosenbrock", _ringing(ch)
+    else:
+        solver = "erk" if not facts.algebraic else ("idas" if large and kind == "smooth" else "rosenbrock")
+        why = _gentle(kind, ch, facts)
+    avoid = [*_explicit(kind, by_name, ch, span), *_undamping(kind, by_name, ch, span), *_multistep(kind, ch, bdf)]
+    own = [Avoided(method, None, why_not) for f in findings for method, why_not in f.avoid]
+    return Verdict(solver, kind, tuple(why), (*avoid, *own), tuple(findings))
+
+
+def _stiff(ch: Character, large: bool) -> list[str]:
+    assert ch.fastest is not None
+    names = ", ".join(ch.fastest.names[:3]) or "many states"
+    text = [
+        f"the mode {ch.fastest.text} of {names} is {ch.stiffness:.2g} times faster than the solution changes"
+        if ch.stiffness > 1.0
+        else f"the fastest mode is {ch.fastest.text}, of {names}",
+        f"stability asks {ch.explicit_steps:.3g} steps of an explicit method; this run took {ch.steps:.0f}",
+    ]
+    text.append(
+        "BDF needs few right-hand sides, and the model is large"
+        if large
+        else "L-stable: fast modes are forgotten in one step"
+    )
+    return text
+
+
+def _ringing(ch: Character) -> list[str]:
+    assert ch.ringing is not None
+    names = ", ".join(ch.ringing.names[:3]) or "many states"
+    return [
+        f"{names} can oscillate at {ch.ringing.text} (damping ratio {ch.ringing.damping:.2g}), "
+        "but the solution does not follow it",
+        "an L-stable one-step method damps it away and steps with the slow solution",
+    ]
+
+
+def _gentle(kind: str, ch: Character, facts: Facts) -> list[str]:
+    if kind == "static":
+        return ["no state has dynamics of its own: any method integrates it exactly or nearly so"]
+    text = [f"stability asks at most {ch.explicit_steps:.3g} steps of an explicit method: the run is not stiff"]
+    if kind == "oscillating" and ch.oscillation is not None:
+        text = [
+            f"the solution is an oscillation of {', '.join(ch.oscillation.names[:3])} at {ch.oscillation.text}, "
+            f"{ch.periods:.3g} periods with damping ratio {ch.oscillation.damping:.2g}",
+            "order 5 keeps its amplitude where BDF damps or amplifies it",
+        ]
+    if facts.algebraic:
+        text.append(
+            f"{facts.algebraic} algebraic unknowns: a method for DAEs takes them without a rootfinder per stage"
+        )
+    return text
+
+
+def _explicit(kind: str, limits: dict[str, Limit], ch: Character, span: float) -> list[Avoided]:
+    found = []
+    for method in (m for m in METHODS if m.explicit):
+        limit = limits[method.name]
+        names = "" if limit.mode is None else ", ".join(limit.mode.names[:2])
+        by = "" if limit.usable_by is None else ", ".join(limit.usable_by.names[:2])
+        if kind in ("stiff", "ringing") and math.isfinite(limit.usable_step):
+            count = span / limit.usable_step if limit.usable_step else math.inf
+            text = f"unstable above {limit.usable_step:.3g} s (mode of {by}): {count:.3g} steps for this run"
+            found.append(Avoided(method.title, method.solver, text))
+        elif limit.largest_step == 0.0 and method.name in ("euler", "rk2"):
+            text = f"amplifies the undamped mode of {names} at any step, twofold above {limit.usable_step:.3g} s"
+            found.append(Avoided(method.title, method.solver, text))
+    return found
+
+
+def _undamping(kind: str, limits: dict[str, Limit], ch: Character, span: float) -> list[Avoided]:
+    """Implicit methods that do not forget fast modes."""
+    if kind not in ("stiff", "ringing") or ch.fastest is None:
+        return []
+    step = span / max(ch.steps, 20.0)
+    found = []
+    for name in ("trapezoid", "implicit_midpoint", "gauss2", "lobatto3"):
+        method = limits[name].method
+        size = float(abs(complex(method.amplification(step * ch.fastest.eigenvalue))))
+        if size > 0.5:
+            order = "" if method.stiffly_accurate else ", and its order drops on stiff components"
+            found.append(
+                Avoided(
+                    method.title, None, f"rings: {size:.4g} of a fast error is left after a step of {step:.2g} s{order}"
+                )
+            )
+    return found
+
+
+def _multistep(kind: str, ch: Character, bdf: Sequence[BdfEffect]) -> list[Avoided]:
+    """IDAS and CVODES where their formulas damp, amplify or crawl."""
+    if kind == "ringing":
+        text = "BDF of order 3 to 5 is unstable near the imaginary axis: it follows the fast oscillation step by step"
+        return [Avoided("BDF", "idas", text), Avoided("BDF", "cvodes", text)]
+    # variable order never stays at 1
+    worst = [e for e in bdf if e.order > 1 and e.effect != "keeps"]
+    if kind != "oscillating" or not worst:
+        return []
+    shown = "; ".join(f"order {e.order} x{e.over_run:.3g}" for e in worst)
+    text = f"changes the amplitude over the run by {shown} (at this tolerance)"
+    return [Avoided("BDF", "idas", text), Avoided("BDF", "cvodes", text)]
