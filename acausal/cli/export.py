@@ -12,6 +12,7 @@ from acausal.cli.outputs import check_writable
 from acausal.cli.reference import find_model
 from acausal.cli.report import quantity, record, remark, say, table
 from acausal.cli.settings import prepare
+from acausal.cli.simulate import seconds_of
 
 export = typer.Typer(help="Write a model in another form.", no_args_is_help=True)
 
@@ -62,4 +63,46 @@ def casadi(
     table(rows, ("", "name", "start", "meaning"))
     for note in made.notes:
         remark(f"note: {note}")
+    remark(f"wrote {target}")
+
+
+@export.command()
+def step(
+    model: ModelArgument,
+    size: Annotated[str, typer.Option("--step", metavar="TIME", help="Length of a step, in s or with a unit.")] = "1ms",
+    method: Annotated[str, typer.Option("--method", help="rk2, rk4 or rosenbrock.")] = "rk4",
+    output_file: Annotated[
+        Path | None,
+        typer.Option("--output-file", "-o", help="C file to write. Default: MODEL_step.c.", show_default=False),
+    ] = None,
+    outputs: Annotated[
+        list[str] | None,
+        typer.Option("--output", metavar="VAR", help="What y holds; repeatable. Default: the model's own variables."),
+    ] = None,
+    settings: SetOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Write step(x, u, p) -> x, y as C for real time: no allocation, no loops, the same work in every call."""
+    cls = find_model(model)
+    prepared = prepare(cls, settings or ())
+    seconds = seconds_of("step", size) or 0.0
+    target = output_file or Path(f"{cls.__name__}_step.c")
+    check_writable(target)
+    from acausal.export.step import step_function
+    from acausal.lower.compile import compile
+
+    made = step_function(compile(prepared.model, parameters=prepared.parameters), seconds, method, outputs)
+    made.save(target)
+    vectors = {name: [vars(port) for port in getattr(made, name)] for name in ("x", "u", "p", "y")}
+    content = {"model": made.name, "method": made.method, "step": made.step, **vectors}
+    if as_json:
+        record({**content, "operations": int(made.function.n_instructions()), "files": [str(target)]})
+        return
+    say(f"{made.function}  {made.method}, {made.step:g} s, {made.function.n_instructions()} operations")
+    rows = [
+        (name if k == 0 else "", port["name"], quantity(port["start"], port["unit"]), port["doc"])
+        for name, ports in vectors.items()
+        for k, port in enumerate(ports)
+    ]
+    table(rows, ("", "name", "start", "meaning"))
     remark(f"wrote {target}")

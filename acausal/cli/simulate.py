@@ -13,6 +13,7 @@ from acausal.cli.clock import Clock
 from acausal.cli.options import JsonOption, ModelArgument, SetOption
 from acausal.cli.outputs import check_picture, check_result_file
 from acausal.cli.progress import ProgressBar
+from acausal.cli.real_time import paces, say_paces
 from acausal.cli.reference import find_model
 from acausal.cli.report import record
 from acausal.cli.session import Session
@@ -37,6 +38,14 @@ def simulate(
     output_interval: Annotated[TimeOption, _time("--output-interval", "Distance of the rows of the result")] = None,
     tolerance: Annotated[
         float | None, typer.Option("--tolerance", help="Relative tolerance of the solver.", show_default=False)
+    ] = None,
+    accuracy: Annotated[
+        float | None,
+        typer.Option(
+            "--accuracy",
+            help="Wanted accuracy: a bench finds the cheapest solver and tolerance first.",
+            show_default=False,
+        ),
     ] = None,
     solver: Annotated[
         str | None,
@@ -71,6 +80,10 @@ def simulate(
         Path | None,
         typer.Option("--plot-file", help="Draw it to this file: .png, .svg or .pdf.", show_default=False),
     ] = None,
+    real_time_factor: Annotated[
+        bool,
+        typer.Option("--real-time-factor", help="Report how fast the run and compiled fixed steps are."),
+    ] = False,
     stats: Annotated[bool, typer.Option("--stats", help="Solver counters and times of all stages too.")] = False,
     as_json: JsonOption = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
@@ -112,16 +125,19 @@ def simulate(
         {
             **times,
             "tolerance": tolerance,
+            "accuracy": accuracy,
             "solver": solver,
             "native": native,
             "force": force,
             "inputs": _inputs(inputs),
         },
     )
+    paced = paces(compiled, result, times["step"], _inputs(inputs)) if real_time_factor else {}
     if as_json:
-        record(session.content(result))
+        record({**session.content(result), **({"real_time": paced} if paced else {})})
     elif not quiet:
         session.summary(result, stats)
+        say_paces(paced)
 
 
 def _run(session: Session, quiet: bool, options: dict[str, Any]) -> Result:

@@ -1,0 +1,108 @@
+"""`acausal bench`, `simulate --accuracy`, `--real-time-factor` and `export step` as a user calls them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from acausal.simulate.native import cache
+from tests.cli.running import run
+
+QUICK = ("--repeat", "1", "--no-native")
+
+
+def test_the_table_names_runs_and_reference() -> None:
+    found = run("bench", "Pendulum", "--solver", "rosenbrock", "--tolerance", "1e-4", "--tolerance", "1e-8", *QUICK)
+    assert found.code == 0
+    lines = found.out.splitlines()
+    assert "digits trusted" in lines[1]
+    assert [line.split()[:3] for line in lines[3:5]] == [
+        ["rosenbrock", "tolerance", "0.0001"],
+        ["rosenbrock", "tolerance", "1e-08"],
+    ]
+    assert "reference: rosenbrock" in found.err
+
+
+def test_json_and_chart(folder: Path) -> None:
+    found = run(
+        "bench", "Pendulum", "--solver", "rk2", "--step", "10ms", "--formulation", "torn", "--stop-time", "1s", "-q",
+        "--json", "--output", "chart.svg", *QUICK,
+    )  # fmt: skip
+    assert found.code == 0
+    assert found.err == ""
+    content = found.json
+    (only,) = content["runs"]
+    assert only["solver"] == "rk2"
+    assert only["step"] == 0.01
+    assert only["steps"] == 200  # two in each of the 200 intervals of 5 ms: a step is never longer than an interval
+    assert only["error"] > 0
+    assert not only["failed"]
+    assert content["reference"]["trusted_digits"] > 8
+    assert "<svg" in (folder / "chart.svg").read_text()
+
+
+def test_data_go_to_a_file(folder: Path) -> None:
+    code = run("bench", "RCLadder", "--solver", "erk", "--tolerance", "1e-6", "-o", "data.json", "-q", *QUICK).code
+    assert code == 0
+    assert json.loads((folder / "data.json").read_text())["model"] == "RCLadder"
+
+
+def test_the_recommendation_can_be_typed_in() -> None:
+    found = run(
+        "bench", "Pendulum", "--recommend", "--accuracy", "1e-5", "--solver", "rosenbrock", "--tolerance", "1e-5",
+        "--tolerance", "1e-7", "-q", *QUICK,
+    )  # fmt: skip
+    assert found.code == 0
+    command = found.out.strip().splitlines()[-1].split()
+    assert command[:3] == ["acausal", "simulate", "Pendulum"]
+    assert run(*command[1:], "--no-output").code == 0
+
+
+def test_accuracy_instead_of_a_tolerance() -> None:
+    found = run("simulate", "Pendulum", "--accuracy", "1e-5", "--stop-time", "1s", "--json", "--no-output")
+    assert found.code == 0
+    chosen = found.json["stats"]["accuracy"]
+    assert chosen["error"] <= 1e-5
+    assert found.json["stats"]["solver"] == chosen["solver"]
+    assert found.json["stats"]["tolerance"] == chosen["tolerance"]
+
+
+@pytest.mark.skipif(cache.compiler() is None, reason="no C compiler")
+def test_real_time_factor() -> None:
+    found = run("simulate", "ThinPlate", "--real-time-factor", "--json", "--no-output")
+    paced = found.json["real_time"]
+    assert paced["method"] == "rk2"
+    assert paced["steps"] == 10_000
+    assert paced["factor"] == pytest.approx(1e-3 / paced["mean"])
+    # rk2 is exact for constant feed, and so is the run
+    assert paced["largest_difference"] < 1e-9
+
+
+def test_a_model_without_compiled_steps_says_why() -> None:
+    found = run(
+        "simulate", "RCLadder", "--set", "n=100", "--solver", "idas", "--real-time-factor", "--json", "--no-output"
+    )
+    assert found.json["real_time"]["failure"].startswith("AC606")
+
+
+def test_a_step_function_is_exported(folder: Path) -> None:
+    assert run("export", "step", "Pendulum", "--step", "2ms", "--method", "rosenbrock").code == 0
+    assert "pendulum_step(" in (folder / "Pendulum_step.c").read_text()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code"),
+    [
+        (("bench", "Pendulum", "--recommend"), "AC042"),
+        (("bench", "Pendulum", "--recommend", "--accuracy", "2"), "AC041"),
+        (("bench", "Pendulum", "--solver", "euler"), "AC032"),
+        (("bench", "Pendulum", "-o", "chart.bmp"), "AC013"),
+        (("simulate", "Pendulum", "--accuracy", "1e-6", "--tolerance", "1e-6"), "AC043"),
+    ],
+)
+def test_wrong_requests(arguments: tuple[str, ...], code: str) -> None:
+    found = run(*arguments)
+    assert found.code == 2
+    assert code in found.err

@@ -1,0 +1,146 @@
+"""Step functions: order of the methods, the C they become, what cannot be exported."""
+
+from __future__ import annotations
+
+import math
+import subprocess
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+import pytest
+
+import acausal
+from acausal import Component, Equations, Experiment, Real, der, fixed, parameter, reset, signal_input, variable, when
+from acausal.errors import ExportError, UsageError
+from acausal.export.real_time import real_time
+from acausal.export.step import step_function
+from acausal.models.pendulum import Pendulum
+from acausal.models.rc_ladder import RCLadder
+from acausal.simulate.native import cache
+
+needs_compiler = pytest.mark.skipif(cache.compiler() is None, reason="no C compiler")
+
+
+class Driven(Component):
+    """x' = a (u - x) + cos t, with x observed twice as large through an algebraic loop."""
+
+    a: Real = parameter(default=3.0, unit="1/s")
+    u: Real = signal_input()
+    x: Real = variable(default=fixed(1.0))
+    q: Real = variable()
+
+    experiment: ClassVar[Experiment] = Experiment(stop_time=2.0)
+
+    def equations(self) -> Equations:
+        yield der(self.x) == self.a * (self.u - self.x) + self.a * acausal.cos(self.a * acausal.time) / 3.0
+        yield self.q + 0.1 * self.q * self.q * self.q == self.x
+
+
+class Ball(Component):
+    """A ball on the floor."""
+
+    h: Real = variable(default=fixed(1.0), unit="m")
+    v: Real = variable(default=fixed(0.0), unit="m/s")
+
+    def equations(self) -> Equations:
+        yield der(self.h) == self.v
+        yield der(self.v) == -9.81
+        yield when(self.h < 0, reset(self.v, -0.8 * self.v))
+
+
+def end(method: str, h: float, formulation: str = "torn", stop: float = 2.0) -> float:
+    step = step_function(acausal.compile(Pendulum(), formulation=formulation), h, method)
+    x = np.array(step.x.start)
+    for _ in range(round(stop / h)):
+        x = np.array(step.function(x, [], step.p.start)[0]).ravel()
+    return float(x[step.x.position("revolute.phi")])
+
+
+@pytest.mark.parametrize("formulation", ["torn", "dae"])
+@pytest.mark.parametrize(("method", "order"), [("rk2", 2.0), ("rk4", 4.0), ("rosenbrock", 3.0)])
+def test_errors_fall_with_the_order_of_the_method(method: str, order: float, formulation: str) -> None:
+    exact = float(
+        acausal.simulate(Pendulum(), tolerance=1e-11, solver="rosenbrock", stop_time=2.0).final("revolute.phi")
+    )
+    coarse, fine = (abs(end(method, h, formulation) - exact) for h in (0.01, 0.005))
+    assert math.log2(coarse / fine) == pytest.approx(order, abs=0.2)
+
+
+def test_time_and_algebraic_variables_travel_in_x_and_inputs_are_held() -> None:
+    step = step_function(acausal.compile(Driven()), 0.01, "rk4", ["x", "q"])
+    assert step.x.names == ("x", "q", "time")
+    assert step.u.names == ("u",)
+    x = np.array(step.x.start)
+    for _ in range(200):
+        new, y = step.function(x, [0.5], step.p.start)
+        x = np.array(new).ravel()
+    assert x[2] == pytest.approx(2.0)
+    run = acausal.simulate(Driven(), inputs={"u": 0.5}, tolerance=1e-11, solver="rosenbrock")
+    assert x[0] == pytest.approx(run.final("x"), abs=1e-8)
+    np.testing.assert_allclose(np.array(y).ravel(), [x[0], x[1]], atol=1e-15)
+    assert x[1] + 0.1 * x[1] ** 3 == pytest.approx(x[0], abs=1e-14)
+
+
+def test_a_stiff_method_stands_steps_far_beyond_the_explicit_limit() -> None:
+    # eigenvalues of the ladder reach -4/(R C); R = C = 1: rk4 is stable below 0.7 s
+    model = acausal.compile(RCLadder(n=4))
+    for method, stable in (("rosenbrock", True), ("rk4", False)):
+        step = step_function(model, 2.0, method)
+        x = np.array(step.x.start)
+        for _ in range(100):
+            x = np.array(step.function(x, [], step.p.start)[0]).ravel()
+        assert np.allclose(x, 1.0, atol=1e-6) == stable
+
+
+@pytest.mark.parametrize("method", ["rk2", "rk4", "rosenbrock"])
+def test_the_c_has_no_loop_and_no_allocation(method: str) -> None:
+    code = step_function(acausal.compile(Pendulum(), formulation="dae"), 1e-3, method).source()
+    body = code[code.index("*/") :]
+    assert not [word for word in ("for (", "while", "do {", "goto", "alloc", "static double") if word in body]
+    assert "void pendulum_step(const double* x, const double* u, const double* p, double* x_next, double* y)" in body
+    assert "x[0]  revolute.phi [rad]" in code
+
+
+@needs_compiler
+def test_the_c_stands_alone_and_gives_the_same_numbers(tmp_path: Path) -> None:
+    step = step_function(acausal.compile(Driven()), 0.01, "rk4", ["q"])
+    step.save(tmp_path / "driven.c")
+    (tmp_path / "main.c").write_text(
+        '#include <stdio.h>\n#include <string.h>\n#include "driven.c"\n'
+        "int main(void) { double x[DRIVEN_NX], n[DRIVEN_NX], u[1] = {0.5}, y[DRIVEN_NY]; int k;\n"
+        "memcpy(x, driven_x0, sizeof x);\n"
+        "for (k = 0; k < 200; ++k) { driven_step(x, u, driven_p0, n, y); memcpy(x, n, sizeof x); }\n"
+        'printf("%.17g %.17g\\n", x[0], y[0]); return 0; }\n'
+    )
+    program = tmp_path / "main"
+    subprocess.run([str(cache.compiler()), "-O1", "-o", program, tmp_path / "main.c", "-lm"], check=True)
+    x0, y0 = map(float, subprocess.run([program], capture_output=True, text=True, check=True).stdout.split())
+    x = np.array(step.x.start)
+    for _ in range(200):
+        new, y = step.function(x, [0.5], step.p.start)
+        x = np.array(new).ravel()
+    assert x0 == pytest.approx(x[0], rel=1e-14)
+    assert y0 == pytest.approx(float(y), rel=1e-14)
+
+
+@needs_compiler
+def test_compiled_steps_are_timed_one_by_one() -> None:
+    step = step_function(acausal.compile(Pendulum()), 1e-3, "rk4")
+    times, x = real_time(step, 2000)
+    assert times.steps == 2000
+    assert 0 < times.median <= times.worst
+    assert times.factor == pytest.approx(1e-3 / times.mean)
+    assert times.worst_factor <= times.factor
+    assert x[0] == pytest.approx(end("rk4", 1e-3), abs=1e-12)
+
+
+def test_what_has_no_step() -> None:
+    with pytest.raises(ExportError, match="AC605"):
+        step_function(acausal.compile(Ball()), 1e-3)
+    with pytest.raises(ExportError, match="AC606"):
+        step_function(acausal.compile(RCLadder(n=100)), 1e-3, "rosenbrock")
+    with pytest.raises(UsageError, match="AC034"):
+        step_function(acausal.compile(RCLadder()), 1e-3, "euler")
+    with pytest.raises(UsageError, match="AC030"):
+        step_function(acausal.compile(RCLadder()), 0.0)
