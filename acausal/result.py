@@ -107,7 +107,11 @@ class Result:
             "AC010",
             f"{self.model} has no signal '{name}'",
             evidence=[f"nearest  {', '.join(close)}"] if close else [],
-            help=f"the names of all {len(self.names)} signals are in result.names",
+            help=(
+                f"the run kept only what the outputs {', '.join(map(str, asked[:4]))} need: add it to outputs"
+                if isinstance(asked := self.stats.get("outputs"), tuple) and asked
+                else f"the names of all {len(self.names)} signals are in result.names"
+            ),
         )
 
     def __contains__(self, name: object) -> bool:

@@ -74,6 +74,11 @@ class CompiledModel:
         """The flat system the model was compiled from."""
         return self.solution.structure.reduced.flat
 
+    @property
+    def asked(self) -> tuple[str, ...]:
+        """The outputs that a reduced model was reduced to; empty for a full one."""
+        return (self.selection.outputs or ()) if self.selection is not None else ()
+
     @cached_property
     def states(self) -> tuple[str, ...]:
         """Names of the states, in the order of x."""

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from fnmatch import fnmatchcase
 
 from acausal.errors import UsageError, nearest
 from acausal.flatten.flat import FlatEquation, FlatParameter, FlatSystem, suffixes
 from acausal.flatten.pool import LEAVES, Pool
+from acausal.lower.outputs import fitting
 from acausal.lower.reduce import nominal, reduce
 
 ZEROS = "zeros"
@@ -110,8 +110,8 @@ def _frozen(flat: FlatSystem, names: Sequence[str]) -> set[int]:
             found.update(entries[name])
         elif name == ZEROS:
             found.update(k for k, v in enumerate(flat.parameter_values) if v == 0.0)
-        elif fitting := [e for e in entries if fnmatchcase(e, name)] if "*" in name else []:
-            found.update(k for e in fitting for k in entries[e])
+        elif fit := fitting(name, entries):
+            found.update(k for e in fit for k in entries[e])
         else:
             raise _unknown(flat, name, list(entries))
     return found

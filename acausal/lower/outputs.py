@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from fnmatch import fnmatchcase
+import re
+from collections.abc import Iterable, Sequence
 
 from acausal.errors import UsageError, nearest
 from acausal.flatten.flat import FlatSystem, suffixes
@@ -28,8 +28,8 @@ def output_scalars(flat: FlatSystem, names: Sequence[str]) -> dict[str, int]:
     for name in (n.strip() for n in names):
         if name in entries:
             found |= entries[name]
-        elif "*" in name and (fitting := [e for e in entries if fnmatchcase(e, name)]):
-            for entry in fitting:
+        elif fit := fitting(name, entries):
+            for entry in fit:
                 found |= entries[entry]
         elif name != "time":
             raise _unknown(flat, name, list(entries))
@@ -40,6 +40,15 @@ def output_scalars(flat: FlatSystem, names: Sequence[str]) -> dict[str, int]:
             help="name the variables that are wanted, for example outputs=['" + next(iter(entries), "mass.s") + "']",
         )
     return found
+
+
+def fitting(pattern: str, names: Iterable[str]) -> list[str]:
+    """Names that a pattern fits, in which `*` stands for any text; none for what is no pattern."""
+    if "*" not in pattern:
+        return []
+    # Not fnmatch: brackets are indices here.
+    form = re.compile(".*".join(map(re.escape, pattern.split("*"))))
+    return [name for name in names if form.fullmatch(name)]
 
 
 def _unknown(flat: FlatSystem, name: str, known: list[str]) -> UsageError:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from acausal.errors import StructureError
 from acausal.lower.cone import restrict
@@ -94,7 +94,9 @@ def _folded(solution: Solution, formulation: str) -> tuple[Solution, Constants]:
         except StructureError:
             break  # what keeps the equations independent is zero in this motion: the general solution is good for it
         solution, found = again, constants(again)
-        if found.variables.keys() == before.variables.keys() and len(found.relations) >= len(before.relations):
+        # What was decided before stands in no equation any more.
+        found = replace(found, relations={**before.relations, **found.relations})
+        if found.variables.keys() == before.variables.keys() and found.relations == before.relations:
             break
     return solution, found
 

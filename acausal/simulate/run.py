@@ -271,6 +271,7 @@ class _Run:
             **recorder.counters,
             "segments": recorder.segments,
             "native": bool(problem.native.used),
+            "outputs": self.compiled.asked,
             "notes": (*self.compiled.flat.notes, *notes),
             "time": {**self.compiled.timings, **self.timings},
         }
