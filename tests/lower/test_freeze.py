@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -60,7 +62,8 @@ def test_frozen_values_are_those_of_the_model_and_of_this_compilation() -> None:
 
 def test_a_frozen_parameter_cannot_be_changed() -> None:
     compiled = acausal.compile(Tree(), freeze=["leaves[0].r[1]"])
-    for value in ({"leaves[0].r[1]": 1.0}, {"leaves[0].r": (1.0, 1.0, 1.0)}):
+    values: tuple[Any, ...] = ({"leaves[0].r[1]": 1.0}, {"leaves[0].r": (1.0, 1.0, 1.0)})
+    for value in values:
         with pytest.raises(UsageError, match="frozen") as caught:
             acausal.simulate(compiled, stop_time=1.0, parameters=value)
         assert caught.value.code == "AC022"

@@ -108,7 +108,8 @@ def test_parameters_change_without_compiling(
     model = Web(terms=web, starts=start)
     part = acausal.compile(model, outputs=wanted)
     options: dict[str, Any] = {"stop_time": 2.0, "tolerance": 1e-9, "output_interval": 0.25, "native": False}
-    changed = acausal.simulate(part, parameters={"k": new}, **options)
-    anew = acausal.simulate(acausal.compile(model, parameters={"k": new}), **options)
+    values: Any = {"k": new}
+    changed = acausal.simulate(part, parameters=values, **options)
+    anew = acausal.simulate(acausal.compile(model, parameters=values), **options)
     for name in wanted:
         np.testing.assert_allclose(changed[name], anew[name], rtol=2e-8, atol=2e-9, err_msg=name)

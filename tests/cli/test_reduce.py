@@ -1,0 +1,45 @@
+"""`acausal reduce` as a user types it."""
+
+from __future__ import annotations
+
+from tests.cli.running import run
+
+MODEL = "ThickBlock"
+
+
+def test_report() -> None:
+    found = run("reduce", MODEL, "--outputs", "drill.s,drill.F_f", "--stop-time", "2s", "--repeat", "1")
+    assert found.code == 0
+    assert "spindle.phi: no output depends on it" in found.out
+    assert "times as fast" in found.out
+
+
+def test_json() -> None:
+    found = run(
+        *("reduce", MODEL, "--outputs", "drill.s", "--outputs", "drill.F_f", "--freeze", "zeros,drill.k"),
+        *("--set", "m=6kg", "--no-compare", "--json"),
+    )
+    assert found.code == 0
+    content = found.json
+    assert content["states"]["after"] == ["slide.s", "slide.v", "drill.s_tar"]
+    assert {"drill.k", "world.g"} <= {item["name"] for item in content["dropped"] if item["kind"] == "parameter"}
+    assert content["after"]["states"] < content["before"]["states"]
+    assert content["error"] is None
+
+
+def test_entries_of_arrays_hold_commas() -> None:
+    found = run("reduce", MODEL, "--outputs", "body.frame_a.R[0,1],body.frame_a.r_0[2]", "--no-compare", "--json")
+    assert found.code == 0
+    assert found.json["outputs"] == ["body.frame_a.R[0,1]", "body.frame_a.r_0[2]"]
+
+
+def test_what_is_wrong_with_names() -> None:
+    wrong = run("reduce", MODEL, "--outputs", "drill.F_g")
+    assert wrong.code == 2
+    assert "drill.F_f" in wrong.err
+    none = run("reduce", MODEL)
+    assert none.code == 2
+    assert "--outputs" in none.err
+    frozen = run("reduce", MODEL, "--outputs", "drill.s", "--freeze", "drill.q")
+    assert frozen.code == 2
+    assert "AC020" in frozen.err

@@ -1,0 +1,116 @@
+"""The report of a reduction: counts, reasons, times, errors."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import acausal
+from acausal import Component, Equations, Real, fixed, parameter, part, variable
+from acausal.models.drilling_dynamic import ThickBlock
+from tests.lower.test_quasi_static import Stack
+from tests.lower.test_select import Arm, TwoIslands
+
+
+def test_three_dimensional_drilling_keeps_the_states_of_one_axis() -> None:
+    """The hand-written model of benchmarks/thick_block_vs_casadi.py has s, v, s_tar, and the angle that nobody asked
+    for here."""
+    found = acausal.reduce(ThickBlock(), ["drill.s", "drill.F_f"], repeat=1, stop_time=8.0)
+    assert set(found.compiled.states) == {"slide.s", "slide.v", "drill.s_tar"}
+    assert found.before.states == 4
+    assert found.after.equations < found.before.solved < found.before.equations
+    assert [(item.kind, item.name) for item in found.dropped] == [("state", "spindle.phi")]
+    assert found.comparison is not None
+    assert found.comparison.failed is None
+    assert max(e.absolute for e in found.comparison.errors) < 1e-12
+
+
+def test_the_report_is_json_and_text() -> None:
+    found = acausal.reduce(TwoIslands(), ["mass_a.s", "spring_b.f"], repeat=1, stop_time=1.0, tolerance=1e-8)
+    content = json.loads(json.dumps(found.record()))
+    assert content["states"]["after"] == ["mass_a.s", "mass_a.v", "mass_b.s", "mass_b.v"]
+    assert {item["name"] for item in content["dropped"] if item["kind"] == "state"} == {"h", "v"}
+    assert content["speed"]["gained"] > 0
+    assert content["error"]["mass_a.s"]["absolute"] < 1e-6
+    assert [set(i["states"]) for i in content["islands"]] == [{"mass_a.s", "mass_a.v"}, {"mass_b.s", "mass_b.v"}]
+    text = str(found)
+    assert "no output depends on it" in text
+    assert "2 islands" in text
+
+
+def test_islands_solved_apart_give_the_same() -> None:
+    found = acausal.reduce(TwoIslands(), ["mass_a.s", "mass_b.s"], compare=False)
+    result = found.simulate(stop_time=1.0, tolerance=1e-9)
+    # closed forms: sqrt(100/1) and sqrt(400/1) rad/s
+    np.testing.assert_allclose(result["mass_a.s"], 0.1 * np.cos(10.0 * result.time), atol=1e-7)
+    np.testing.assert_allclose(result["mass_b.s"], 0.2 * np.cos(20.0 * result.time), atol=1e-7)
+
+
+class TwoPulses(Component):
+    """Two lags that switch at different times."""
+
+    t_a: Real = parameter(default=0.3, unit="s")
+    t_b: Real = parameter(default=0.7, unit="s")
+    T: Real = parameter(default=0.1, unit="s")
+    a: Real = variable(default=fixed(0.0))
+    b: Real = variable(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        yield self.T * acausal.der(self.a) == acausal.where(acausal.time < self.t_a, 0.0, 1.0) - self.a
+        yield self.T * acausal.der(self.b) == acausal.where(acausal.time < self.t_b, 0.0, 1.0) - self.b
+
+
+def test_islands_with_events_of_their_own_are_joined_at_all_times() -> None:
+    result = acausal.reduce(TwoPulses(), ["a", "b"], compare=False).simulate(stop_time=1.0, tolerance=1e-9)
+    for name, start in (("a", 0.3), ("b", 0.7)):
+        expected = np.where(result.time < start, 0.0, 1.0 - np.exp(-(result.time - start) / 0.1))
+        np.testing.assert_allclose(result[name], expected, atol=1e-7)
+    assert [e.time for e in result.events] == [0.3, 0.7]
+
+
+def test_zeros_that_hide_a_plane_are_hinted_at() -> None:
+    found = acausal.reduce(Arm(), ["links[2].frame_b.r_0"], compare=False)
+    assert any("freeze zeros" in hint for hint in found.hints)
+
+
+def test_error_of_the_quasi_static_limit_is_estimated_and_measured() -> None:
+    found = acausal.reduce(
+        Stack(), ["heavy.s", "light.s"], quasi_static=["light"], repeat=1, stop_time=2.0, tolerance=1e-9
+    )
+    comparison = found.comparison
+    assert comparison is not None
+    assert comparison.estimate is not None
+    # light.s = 0.99e-3 cos(10 t) lags by d/k of its rate: 5/10100 s times 0.0099 m/s
+    assert comparison.estimate["states"]["light.s"] == pytest.approx(5 / 10100 * 0.00985, rel=0.05)
+    # slowest root of m z^2 + d z + k + c = 0 with m = 1e-3 kg, d = 5 N s/m, k + c = 10100 N/m
+    assert comparison.estimate["slowest"] == pytest.approx(1 / 2500, rel=0.01)
+    error = {e.name: e for e in comparison.errors}["light.s"]
+    assert 1e-6 < error.absolute < 2e-3  # the start does not lie on the limit: 1e-3 m of it decay in the full model
+    assert {item.name for item in found.dropped if item.kind == "quasi-static"} == {"light.s", "light.v"}
+
+
+class Nothing(Component):
+    """One output that never changes."""
+
+    k: Real = parameter(default=2.0)
+    x: Real = variable(default=fixed(1.0))
+    y: Real = variable()
+    leaf: TwoPulses = part()
+
+    def build(self) -> None:
+        self.leaf = TwoPulses()
+
+    def equations(self) -> Equations:
+        yield acausal.der(self.x) == 0.0 * self.x
+        yield self.y == self.k * self.x
+
+
+def test_an_output_that_depends_on_nothing_is_named() -> None:
+    found = acausal.reduce(Nothing(), ["y"], repeat=1, stop_time=1.0)
+    assert found.constant == ("y",)
+    assert found.after.states == 0
+    assert "never change: y" in str(found)
+    assert found.compiled.selection is not None
+    assert acausal.simulate(found.compiled, stop_time=1.0, parameters={"k": 3.0}).final("y") == 3.0
