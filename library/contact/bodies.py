@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal import Component
+from acausal.errors import DeclarationError
 from acausal.library.contact.friction import Coulomb, FrictionLaw
 from acausal.library.contact.laws import NormalLaw
 from acausal.library.contact.shapes import Shape
@@ -48,7 +49,7 @@ class ContactBody:
     reach: Corners | None = None
     group: str | None = None
 
-    def contact(self, other: ContactBody, surfaces: Surfaces | None) -> Component | None:
+    def contact(self, other: ContactBody, surfaces: Surfaces) -> Component | None:
         """What acts between this body and another; None leaves the decision to the other, then to the scene."""
         return None
 
@@ -95,18 +96,24 @@ def _unbounded(origin: Array, R: Array) -> tuple[Array, Array]:
 class Surfaces:
     """The laws between the surfaces of a scene: one for all, or others for named pairs.
 
-    `pairs` maps two names, in any order, to a normal law and a friction law.
+    `pairs` holds rows of two names, in any order, a normal law and a friction law.
     """
 
-    law: NormalLaw
+    law: NormalLaw | None = None
     friction: FrictionLaw = field(default_factory=lambda: Coulomb(mu=0.0))
     pairs: tuple[tuple[str, str, NormalLaw, FrictionLaw], ...] = ()
 
     def between(self, a: ContactBody, b: ContactBody) -> tuple[NormalLaw, FrictionLaw]:
-        """Laws between two bodies."""
+        """Laws between two bodies; DeclarationError AC171 when none is given."""
         for one, two, law, friction in self.pairs:
             if {one, two} == {a.name, b.name}:
                 return law, friction
+        if self.law is None:
+            raise DeclarationError(
+                "AC171",
+                f"{a.name} and {b.name} can touch, and the scene does not say with which law",
+                help="ContactScene(surfaces=Surfaces(law=HuntCrossley(...), friction=Coulomb(...)), ...)",
+            )
         return self.law, self.friction
 
     def contact(self, a: ContactBody, b: ContactBody) -> SurfaceContact:

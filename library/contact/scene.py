@@ -35,7 +35,7 @@ class ContactScene(Component):
     """
 
     bodies: tuple[ContactBody, ...] = structural(doc="The bodies of the scene")
-    surfaces: Surfaces | None = structural(default=None, doc="Laws between surfaces; not needed when no surfaces touch")
+    surfaces: Surfaces = structural(default=Surfaces(), doc="Laws between surfaces")
     keep: int = structural(default=12, doc="Up to so many pairs stay in the equations for the whole run")
     skin: float = structural(default=0.01, doc="By how much boxes are inflated [m]")
 
@@ -157,14 +157,7 @@ class ContactScene(Component):
             found = self.bodies[one].contact(self.bodies[two], self.surfaces)
             if found is not None:
                 return one, found
-        a, b = self.bodies[i], self.bodies[j]
-        if self.surfaces is None:
-            raise DeclarationError(
-                "AC171",
-                f"{a.name} and {b.name} can touch, and the scene does not say with which law",
-                help="ContactScene(surfaces=Surfaces(law=HuntCrossley(...), friction=Coulomb(...)), ...)",
-            )
-        return i, self.surfaces.contact(a, b)
+        return i, self.surfaces.contact(self.bodies[i], self.bodies[j])
 
     def _frame_of(self, body: ContactBody) -> Frame:
         return self.ground.frame_b if body.at_rest else self.frame(body.name)

@@ -26,6 +26,9 @@ from acausal.library.drilling.friction import MarginFriction as MarginFriction
 from acausal.library.drilling.friction import TipFriction as TipFriction
 from acausal.library.drilling.full_drilling_force import FullDrillingForce as FullDrillingForce
 from acausal.library.drilling.geometry import DrillGeometry as DrillGeometry
+from acausal.library.drilling.geometry_convex import ConvexDrillGeometry as ConvexDrillGeometry
+from acausal.library.drilling.geometry_convex import ConvexLevel as ConvexLevel
+from acausal.library.drilling.geometry_convex import PlateLevel as PlateLevel
 from acausal.library.drilling.kinematic import KinematicCuttingForce as KinematicCuttingForce
 from acausal.library.drilling.kinematic import KinematicDrillingForce as KinematicDrillingForce
 from acausal.library.drilling.material_table import load_materials as load_materials

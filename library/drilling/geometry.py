@@ -1,4 +1,7 @@
-"""Where drill and plate stand to each other: depth, diameters, rotation. Purely geometric, no force."""
+"""Where drill and workpiece stand to each other: depth, diameters, rotation. Purely geometric, no force.
+
+There are levels of detail with the same connectors: the analytic plate here, any convex body in `geometry_convex.py`.
+"""
 
 from __future__ import annotations
 
@@ -25,14 +28,14 @@ from acausal.library.multibody.frames import Frame
 from acausal.library.multibody.orientation import Vector, unit_vector
 
 
-class DrillGeometry(Component):
-    """Depth of the drill behind the entry face of a plate, and the diameters between which it cuts.
+class PartialDrillGeometry(Component):
+    """Depth of the drill in a workpiece, and the diameters between which it cuts.
 
-    `frame_a` is fixed to the drill, its axis points from the shank to the tip. `frame_w` lies in the centre of the
-    entry face, its z axis points into the plate. Both may move and turn in any way.
+    `frame_a` is fixed to the drill, its axis points from the shank to the tip; `frame_w` is fixed to the workpiece.
+    Both may move and turn in any way. A subclass says how deep the tip is.
 
     The depth `s` is measured along the drill axis, not along the normal of the face: the force law needs the first,
-    while a penetration depth in the sense of collision detection is the second. A tip beside the plate is not in
+    while a penetration depth in the sense of collision detection is the second. A tip beside the workpiece is not in
     contact, however deep it is: `s` is then not positive.
 
     Source: founding paper, section 2 and Figure 3; the paper computes the same quantities by collision detection.
@@ -42,25 +45,19 @@ class DrillGeometry(Component):
     frame_w: Frame = Frame()
 
     axis_a: Vector = structural(default=(0.0, 0.0, 1.0), doc="Direction from shank to tip, resolved in frame_a")
-    max_tilt: float = structural(
-        default=math.radians(60.0),
-        doc="Angle between drill axis and face normal [rad] beyond which there is no contact",
-    )
     d: Real = parameter(unit="m", min=0.0, doc="Diameter of the drill")
     sigma: Real = parameter(unit="rad", min=0.0, max=math.pi, doc="Point angle of the drill")
     length: Real = parameter(default=0.0, unit="m", doc="Distance from frame_a to the tip along the axis")
-    t: Real = parameter(unit="m", min=0.0, doc="Thickness of the plate")
-    width: Real = parameter(default=0.1, unit="m", min=0.0, doc="Extent of the plate along x of frame_w")
-    height: Real = parameter(default=0.1, unit="m", min=0.0, doc="Extent of the plate along y of frame_w")
 
     tip: Real = signal_output(unit="m", shape=3, doc="Tip, seen from frame_w and resolved there")
     axis: Real = signal_output(unit="1", shape=3, doc="Drill axis towards the tip, resolved in frame_w")
     s: Real = signal_output(unit="m", doc="Depth of the tip behind the entry face, along the drill axis")
+    s_exit: Real = signal_output(unit="m", doc="Depth of the tip behind the exit face, along the drill axis")
     v: Real = signal_output(unit="m/s", doc="Rate of the depth s")
     d_O: Real = signal_output(unit="m", doc="Outer diameter of the engaged part of the edges")
     d_I: Real = signal_output(unit="m", doc="Inner diameter of the engaged part of the edges")
     omega: Real = signal_output(
-        unit="rad/s", doc="Angular velocity of the drill against the plate, about the drill axis"
+        unit="rad/s", doc="Angular velocity of the drill against the workpiece, about the drill axis"
     )
     n: Real = signal_output(unit="1/s", doc="Rotational speed, without sign")
 
@@ -71,20 +68,13 @@ class DrillGeometry(Component):
         a, w = self.frame_a, self.frame_w
         yield self.axis == w.R.T @ (a.R @ self._e)
         yield self.tip == w.R.T @ (a.r_0 - w.r_0) + self.axis * self.length
-
-        # The limit is constant, so a perpendicular drill is no division by zero.
-        cos_min = math.cos(self.max_tilt)
-        cos_tilt = maximum(self.axis[2], cos_min)
-        depth = self.tip[2] / cos_tilt
-        beside = (fabs(self.tip[0]) > self.width / 2) | (fabs(self.tip[1]) > self.height / 2) | (self.axis[2] < cos_min)
-        yield self.s == where(beside, minimum(depth, 0.0), depth)
         yield self.v == der(self.s)
 
         # One clamp covers free, penetrating, within, leaving and through; kinks at s in {0, h_c, t, t + h_c}.
         slope = tan(self.sigma / 2)
         h_c = self.d / (2 * slope)
         yield self.d_O == 2 * slope * clamp(self.s, 0.0, h_c)
-        yield self.d_I == 2 * slope * clamp(self.s - self.t / cos_tilt, 0.0, h_c)
+        yield self.d_I == 2 * slope * clamp(self.s_exit, 0.0, h_c)
 
         yield self.omega == dot(a.w, self._e) - dot(w.w, self.axis)
         yield self.n == fabs(self.omega) / (2 * math.pi)
@@ -93,3 +83,27 @@ class DrillGeometry(Component):
         yield a.t == zeros(3)
         yield w.f == zeros(3)
         yield w.t == zeros(3)
+
+
+class DrillGeometry(PartialDrillGeometry):
+    """Level 0: a plate with parallel faces, in closed form.
+
+    `frame_w` lies in the centre of the entry face, its z axis points into the plate.
+    """
+
+    max_tilt: float = structural(
+        default=math.radians(60.0),
+        doc="Angle between drill axis and face normal [rad] beyond which there is no contact",
+    )
+    t: Real = parameter(unit="m", min=0.0, doc="Thickness of the plate")
+    width: Real = parameter(default=0.1, unit="m", min=0.0, doc="Extent of the plate along x of frame_w")
+    height: Real = parameter(default=0.1, unit="m", min=0.0, doc="Extent of the plate along y of frame_w")
+
+    def equations(self) -> Equations:
+        # The limit is constant, so a perpendicular drill is no division by zero.
+        cos_min = math.cos(self.max_tilt)
+        cos_tilt = maximum(self.axis[2], cos_min)
+        depth = self.tip[2] / cos_tilt
+        beside = (fabs(self.tip[0]) > self.width / 2) | (fabs(self.tip[1]) > self.height / 2) | (self.axis[2] < cos_min)
+        yield self.s == where(beside, minimum(depth, 0.0), depth)
+        yield self.s_exit == self.s - self.t / cos_tilt

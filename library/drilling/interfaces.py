@@ -18,8 +18,10 @@ from acausal import (
     sin,
     structural,
 )
+from acausal.library.contact.shapes import PointedDrill
 from acausal.library.drilling.cutting import PartialCuttingForce
-from acausal.library.drilling.geometry import DrillGeometry
+from acausal.library.drilling.geometry import DrillGeometry, PartialDrillGeometry
+from acausal.library.drilling.geometry_convex import ConvexDrillGeometry, ConvexLevel, PlateLevel
 from acausal.library.drilling.materials import STEEL_34CRMO4, Material
 from acausal.library.drilling.tool import TWIST_DRILL_16MM, Tool
 from acausal.library.multibody.frames import Frame
@@ -32,6 +34,8 @@ class PartialDrillingForce(Component):
     `frame_a` belongs to the body of the drill, `frame_w` to the entry face of the workpiece (`Workpiece.frame_b`).
     The dimensions of the plate are bound to those of the workpiece. Tool and material are records that give the
     defaults; every number can be set by itself.
+
+    With a `ConvexLevel` the workpiece is any convex body, and `frame_w` is its own frame.
     """
 
     frame_a: Frame = Frame()
@@ -40,6 +44,7 @@ class PartialDrillingForce(Component):
     tool: Tool = structural(default=TWIST_DRILL_16MM, doc="Record that gives d, sigma, z_E")
     material: Material = structural(default=STEEL_34CRMO4, doc="Record that gives k_c11, z")
     axis_a: Vector = structural(default=(0.0, 0.0, 1.0), doc="Direction from shank to tip, resolved in frame_a")
+    level: PlateLevel | ConvexLevel = structural(default=PlateLevel(), doc="Level of detail of the geometry")
     d: Real = parameter(default=lambda self: self.tool.d, unit="m", min=0.0, doc="Diameter of the drill")
     sigma: Real = parameter(
         default=lambda self: self.tool.sigma, unit="rad", min=0.0, max=math.pi, doc="Point angle of the drill"
@@ -63,7 +68,7 @@ class PartialDrillingForce(Component):
     width: Real = parameter(default=0.1, unit="m", min=0.0, doc="Extent of the plate along x of frame_w")
     height: Real = parameter(default=0.1, unit="m", min=0.0, doc="Extent of the plate along y of frame_w")
 
-    geometry: DrillGeometry = part()
+    geometry: PartialDrillGeometry = part()
 
     s: Real = signal_output(unit="m", nominal=1e-3, doc="Depth of the tip behind the entry face, along the drill axis")
     d_O: Real = signal_output(unit="m", nominal=1e-3, doc="Outer diameter of the engaged part of the edges")
@@ -77,7 +82,11 @@ class PartialDrillingForce(Component):
     v_axial: Real = signal_output(unit="m/s", nominal=1e-3, doc="Velocity of the tip against the plate, along the axis")
 
     def build(self) -> None:
-        self.geometry = DrillGeometry(
+        level = self.level
+        self.geometry = self._convex(level) if isinstance(level, ConvexLevel) else self._plate()
+
+    def _plate(self) -> DrillGeometry:
+        return DrillGeometry(
             axis_a=self.axis_a,
             d=self.d,
             sigma=self.sigma,
@@ -85,6 +94,22 @@ class PartialDrillingForce(Component):
             t=self.t,
             width=self.width,
             height=self.height,
+        )
+
+    def _convex(self, level: ConvexLevel) -> ConvexDrillGeometry:
+        level.shape.check(level.name)
+        if "t" not in self.__dict__["_given"]:
+            lowest, highest = level.shape.bounding_box()
+            self.t = min(highest[2] - lowest[2], 1e3)
+        return ConvexDrillGeometry(
+            axis_a=self.axis_a,
+            d=self.d,
+            sigma=self.sigma,
+            length=self.length,
+            workpiece=level.shape,
+            pose=level.pose,
+            body=level.name,
+            drill=PointedDrill(self.tool.d, self.tool.sigma, 10 * self.tool.d),
         )
 
     def corrected_k_c11(self) -> Expr:
