@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from acausal import Equations, Real, clamp, parameter
+from acausal import Equations, Real, clamp, parameter, where
 from acausal.library.blocks.interfaces import PartialSISO
 
 
@@ -14,3 +14,14 @@ class Limiter(PartialSISO):
 
     def equations(self) -> Equations:
         yield self.y == clamp(self.u, self.u_min, self.u_max)
+
+
+class DeadZone(PartialSISO):
+    """Zero for inputs from `u_min` to `u_max`; beyond, the input less the limit it has passed."""
+
+    u_max: Real = parameter(default=1.0, doc="Upper end of the dead zone")
+    u_min: Real = parameter(default=lambda self: -self.u_max, doc="Lower end of the dead zone")
+
+    def equations(self) -> Equations:
+        below = where(self.u < self.u_min, self.u - self.u_min, 0.0)
+        yield self.y == where(self.u > self.u_max, self.u - self.u_max, below)

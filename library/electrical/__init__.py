@@ -8,6 +8,15 @@ from acausal.library.electrical.components import Ground as Ground
 from acausal.library.electrical.components import IdealTransformer as IdealTransformer
 from acausal.library.electrical.components import Inductor as Inductor
 from acausal.library.electrical.components import Resistor as Resistor
+from acausal.library.electrical.ideal import CloserWithArc as CloserWithArc
+from acausal.library.electrical.ideal import IdealClosingSwitch as IdealClosingSwitch
+from acausal.library.electrical.ideal import IdealDiode as IdealDiode
+from acausal.library.electrical.ideal import IdealGTOThyristor as IdealGTOThyristor
+from acausal.library.electrical.ideal import IdealOpeningSwitch as IdealOpeningSwitch
+from acausal.library.electrical.ideal import IdealThyristor as IdealThyristor
+from acausal.library.electrical.ideal import OpenerWithArc as OpenerWithArc
+from acausal.library.electrical.ideal import PartialIdealSwitching as PartialIdealSwitching
+from acausal.library.electrical.ideal import PartialIdealSwitchWithArc as PartialIdealSwitchWithArc
 from acausal.library.electrical.interfaces import PartialOnePort as PartialOnePort
 from acausal.library.electrical.interfaces import PartialTwoPort as PartialTwoPort
 from acausal.library.electrical.interfaces import Pin as Pin

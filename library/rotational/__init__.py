@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from acausal.library.rotational.components import Backlash as Backlash
 from acausal.library.rotational.components import Damper as Damper
 from acausal.library.rotational.components import ElastoBacklash as ElastoBacklash
 from acausal.library.rotational.components import Fixed as Fixed
@@ -12,6 +13,13 @@ from acausal.library.rotational.components import IdealRollingWheel as IdealRoll
 from acausal.library.rotational.components import Inertia as Inertia
 from acausal.library.rotational.components import Spring as Spring
 from acausal.library.rotational.components import SpringDamper as SpringDamper
+from acausal.library.rotational.friction import BearingFriction as BearingFriction
+from acausal.library.rotational.friction import Brake as Brake
+from acausal.library.rotational.friction import Clutch as Clutch
+from acausal.library.rotational.friction import OneWayClutch as OneWayClutch
+from acausal.library.rotational.friction import PartialBetweenShaftAndGround as PartialBetweenShaftAndGround
+from acausal.library.rotational.friction import PartialFriction as PartialFriction
+from acausal.library.rotational.friction import PartialNormalForce as PartialNormalForce
 from acausal.library.rotational.interfaces import Flange as Flange
 from acausal.library.rotational.interfaces import PartialAbsoluteSensor as PartialAbsoluteSensor
 from acausal.library.rotational.interfaces import PartialCompliant as PartialCompliant

@@ -100,6 +100,10 @@ class ElastoBacklash(PartialCompliantWithRelativeStates):
         yield self.tau == where(self.phi_diff > half, pushing_right, beyond_left)
 
 
+Backlash = ElastoBacklash
+"""The same under the shorter name."""
+
+
 class IdealGear(PartialTwoFlanges):
     """Gear without losses and inertia, its housing fixed to the ground: `flange_a.phi = ratio*flange_b.phi`."""
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from acausal.library.translational.bouncing import BouncingMass as BouncingMass
+from acausal.library.translational.components import Backlash as Backlash
 from acausal.library.translational.components import Damper as Damper
 from acausal.library.translational.components import ElastoGap as ElastoGap
 from acausal.library.translational.components import Fixed as Fixed
@@ -9,6 +11,11 @@ from acausal.library.translational.components import Mass as Mass
 from acausal.library.translational.components import Rod as Rod
 from acausal.library.translational.components import Spring as Spring
 from acausal.library.translational.components import SpringDamper as SpringDamper
+from acausal.library.translational.friction import Brake as Brake
+from acausal.library.translational.friction import MassWithStopAndFriction as MassWithStopAndFriction
+from acausal.library.translational.friction import PartialFriction as PartialFriction
+from acausal.library.translational.friction import PartialGuided as PartialGuided
+from acausal.library.translational.friction import SupportFriction as SupportFriction
 from acausal.library.translational.interfaces import Flange as Flange
 from acausal.library.translational.interfaces import PartialAbsoluteSensor as PartialAbsoluteSensor
 from acausal.library.translational.interfaces import PartialCompliant as PartialCompliant

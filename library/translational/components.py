@@ -79,6 +79,31 @@ class SpringDamper(PartialCompliantWithRelativeStates):
         yield self.loss_power == self.f_d * self.v_rel
 
 
+class Backlash(PartialCompliantWithRelativeStates):
+    """Spring and damper in series with a play of total width `b`: free inside, pushing at either end of it.
+
+    The damping force is limited to the size of the spring force, so that the ends never pull.
+    """
+
+    c: Real = parameter(unit="N/m", min=0.0, doc="Stiffness of the ends")
+    d: Real = parameter(unit="N.s/m", min=0.0, doc="Damping constant of the ends")
+    b: Real = parameter(default=0.0, unit="m", min=0.0, doc="Total play")
+    s_rel0: Real = parameter(default=0.0, unit="m", doc="Distance in the middle of the play")
+    f_c: Real = variable(unit="N", doc="Spring force")
+    f_d: Real = variable(unit="N", doc="Damping force")
+    loss_power: Real = variable(unit="W", doc="Power turned into heat")
+
+    def equations(self) -> Equations:
+        offset, half = self.s_rel - self.s_rel0, self.b / 2.0
+        damping = self.d * self.v_rel
+        beyond, below = offset > half, offset < -half
+        yield self.f_c == self.c * where(beyond, offset - half, where(below, offset + half, 0.0))
+        pushed = where(below, clamp(damping, self.f_c, -self.f_c), 0.0)
+        yield self.f_d == where(beyond, clamp(damping, -self.f_c, self.f_c), pushed)
+        yield self.f == self.f_c + self.f_d
+        yield self.loss_power == self.f_d * self.v_rel
+
+
 class ElastoGap(PartialCompliantWithRelativeStates):
     """Spring and damper that act only while the flanges are nearer than `s_rel0`.
 

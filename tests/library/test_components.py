@@ -11,9 +11,14 @@ import pytest
 from acausal import Component, Connector
 from acausal.language.declare import Kind
 from acausal.language.dimensions import check_dimensions
+from acausal.language.expression import Equation, assigned
 from acausal.library import blocks, electrical, rotational, translational
 
-TABLE = ((0.0, 0.0), (1.0, 2.0), (1.0, 3.0), (2.0, 3.0))
+TABLES: dict[str, Any] = {
+    "TimeTable": ((0.0, 0.0), (1.0, 2.0), (1.0, 3.0), (2.0, 3.0)),
+    "CombiTable1D": ((0.0, 0.0), (1.0, 2.0), (2.0, 3.0)),
+    "BooleanTable": (1.0, 2.0, 3.0),
+}
 
 
 def _leaves() -> list[Any]:
@@ -32,17 +37,18 @@ def _made(cls: type[Component]) -> Component:
     given: dict[str, Any] = {
         name: 1.0 for name, d in cls._declarations.items() if d.kind is Kind.PARAMETER and d.default is None
     }
-    if "table" in cls._declarations:
-        given["table"] = TABLE
+    if cls.__name__ in TABLES:
+        given["table"] = TABLES[cls.__name__]
     return cls(**given)
 
 
-def _equations(component: Component) -> list[Any]:
+def _equations(component: Component) -> list[Equation]:
     return [
         equation
         for base in reversed(type(component).__mro__)
         if "equations" in base.__dict__
         for equation in base.__dict__["equations"](component)
+        if isinstance(equation, Equation)
     ]
 
 
@@ -54,16 +60,22 @@ def test_dimensions_agree_in_every_equation(cls: type[Component]) -> None:
 
 @pytest.mark.parametrize("cls", _leaves())
 def test_as_many_equations_as_own_unknowns_and_flows(cls: type[Component]) -> None:
-    """Local balance, Modelica specification 3.6 section 4.8: connections bring one equation for each potential."""
+    """Local balance, Modelica specification 3.6 section 4.8: connections bring one equation for each potential.
+
+    Discrete variables are apart: they have an equation each at most, and `when`s may reset the others.
+    """
     component = _made(cls)
     size = {Kind.VARIABLE: 0, Kind.OUTPUT: 0, Kind.FLOW: 0}
     for name, declaration in cls._declarations.items():
         if declaration.kind is Kind.PART:
             inner = getattr(component, name)._declarations.values()
             size[Kind.FLOW] += sum(math.prod(d.shape) for d in inner if d.kind is Kind.FLOW)
-        elif declaration.kind in size:
+        elif declaration.kind in size and not declaration.discrete:
             size[declaration.kind] += math.prod(declaration.shape)
-    assert sum(math.prod(e.left.shape or e.right.shape) for e in _equations(component)) == sum(size.values())
+    continuous = [e for e in _equations(component) if assigned(e) is None]
+    assert sum(math.prod(e.left.shape or e.right.shape) for e in continuous) == sum(size.values())
+    names = [a.name for e in _equations(component) if (a := assigned(e)) is not None]
+    assert len(names) == len(set(names))
 
 
 @pytest.mark.parametrize("cls", _leaves())
@@ -72,7 +84,7 @@ def test_every_declaration_says_what_it_is(cls: type[Component]) -> None:
     physical = cls.__module__.split(".")[2] != "blocks"
     for name, declaration in cls._declarations.items():
         assert declaration.doc, name
-        if physical and declaration.kind not in (Kind.STRUCTURAL, Kind.PART):
+        if physical and declaration.kind not in (Kind.STRUCTURAL, Kind.PART) and not declaration.discrete:
             assert declaration.unit, name
 
 

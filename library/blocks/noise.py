@@ -1,0 +1,82 @@
+"""Random signals that are the same in every run: numbers drawn at the ticks of a clock, held between them.
+
+Generator: S. K. Park, K. W. Miller, Random number generators: good ones are hard to find, Comm. ACM 31 (1988):
+x becomes 16807*x modulo 2^31 - 1. All its numbers are whole and below 2^53, so that the arithmetic is exact, on every
+machine and in generated C.
+"""
+
+from __future__ import annotations
+
+import random
+
+from acausal import (
+    Equations,
+    Expr,
+    Real,
+    cos,
+    discrete,
+    floor,
+    log,
+    parameter,
+    pre,
+    reset,
+    signal_output,
+    sqrt,
+    structural,
+    when,
+)
+from acausal.library.blocks.discrete import PartialDiscrete
+
+_MULTIPLIER = 16807.0
+_MODULUS = 2147483647.0
+
+
+class PartialNoise(PartialDiscrete):
+    """A new random number at each tick; equal seeds give equal signals."""
+
+    seed: int = structural(default=1, doc="Whole number that chooses the signal")
+    y: Real = signal_output(doc="The number drawn last")
+    state: Real = discrete(default=lambda self: _first_state(self.seed), doc="State of the generator")
+    held: Real = discrete(doc="The number drawn last")
+
+    def equations(self) -> Equations:
+        yield self.y == self.held
+
+
+class UniformNoise(PartialNoise):
+    """Every number between `y_min` and `y_max` equally often."""
+
+    y_min: Real = parameter(default=0.0, doc="Smallest number")
+    y_max: Real = parameter(default=1.0, doc="Largest number")
+
+    def equations(self) -> Equations:
+        new = _following(pre(self.state))
+        drawn = self.y_min + (self.y_max - self.y_min) * (new / _MODULUS)
+        yield when(self.tick(), reset(self.state, new), reset(self.held, drawn))
+
+
+class NormalNoise(PartialNoise):
+    """Normal distribution with mean `mu` and standard deviation `sigma`.
+
+    Source: G. E. P. Box, M. E. Muller, Ann. Math. Statist. 29 (1958).
+    """
+
+    mu: Real = parameter(default=0.0, doc="Mean")
+    sigma: Real = parameter(default=1.0, min=0.0, doc="Standard deviation")
+
+    def equations(self) -> Equations:
+        first = _following(pre(self.state))
+        second = _following(first)
+        length = sqrt(-2.0 * log(first / _MODULUS))
+        drawn = self.mu + self.sigma * (length * cos(6.283185307179586 * (second / _MODULUS)))
+        yield when(self.tick(), reset(self.state, second), reset(self.held, drawn))
+
+
+def _following(state: Expr) -> Expr:
+    product = _MULTIPLIER * state
+    return product - _MODULUS * floor(product / _MODULUS)
+
+
+def _first_state(seed: int) -> float:
+    """A seed far from those of its neighbours: small ones would begin with small numbers."""
+    return float(random.Random(seed).randrange(1, int(_MODULUS)))

@@ -1,0 +1,156 @@
+"""Functions given by points: steps, straight segments, or a smooth curve through them.
+
+Names as in Modelica.Blocks.Tables and Modelica.Blocks.Types.Smoothness. Kinks and steps are located as events; a curve
+with a continuous derivative has none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from enum import Enum
+from itertools import pairwise
+
+from acausal import Equations, Expr, as_expr, structural, where
+from acausal.errors import DeclarationError
+from acausal.library.blocks.interfaces import PartialSISO
+
+Points = tuple[tuple[float, float], ...]
+"""Abscissa and ordinate of each point, abscissas strictly increasing."""
+
+
+class Smoothness(Enum):
+    """What lies between two points of a table."""
+
+    CONSTANT_SEGMENTS = "the value of the left point"
+    LINEAR_SEGMENTS = "a straight line"
+    CONTINUOUS_DERIVATIVE = "a cubic of Akima's spline: smooth, with few overshoots"
+    MONOTONE_CONTINUOUS_DERIVATIVE = "a cubic of the Fritsch-Butland spline: smooth, without overshoots"
+
+
+class Extrapolation(Enum):
+    """What lies beyond the first and the last point."""
+
+    HOLD_LAST_POINT = "its value"
+    LAST_TWO_POINTS = "the line through it with the slope it has there"
+
+
+def table(
+    points: Sequence[Sequence[float]],
+    u: Expr,
+    smoothness: Smoothness = Smoothness.LINEAR_SEGMENTS,
+    extrapolation: Extrapolation = Extrapolation.LAST_TWO_POINTS,
+) -> Expr:
+    """The function through `points` at `u`.
+
+    One point alone is a constant. The segment is found by halving, so that a value costs as many decisions as the
+    logarithm of the number of points.
+
+    Raises
+    ------
+    DeclarationError
+        AC160 when there is no point, or the abscissas do not increase.
+    """
+    known = checked_points(points)
+    if len(known) == 1:
+        return as_expr(known[0][1])
+    steps = smoothness is Smoothness.CONSTANT_SEGMENTS
+    slopes = _SLOPES[smoothness](known)
+    pieces: list[tuple[float, Expr]] = []
+    for (x0, y0), (x1, y1), (left, right) in zip(known[:-1], known[1:], slopes, strict=True):
+        pieces.append((x0, _cubic(u, x0, y0, x1, y1, left, right)))
+    (x0, y0), (xn, yn) = known[0], known[-1]
+    hold = extrapolation is Extrapolation.HOLD_LAST_POINT or steps
+    straight = not hold and smoothness is Smoothness.LINEAR_SEGMENTS
+    if not straight:  # the outer segments of a broken line go on by themselves
+        first, last = (0.0, 0.0) if hold else (slopes[0][0], slopes[-1][1])
+        pieces = [(-float("inf"), y0 + first * (u - x0)), *pieces, (xn, yn + last * (u - xn))]
+    smooth = not steps and smoothness is not Smoothness.LINEAR_SEGMENTS and not hold
+    return _choice(u, pieces, smooth)
+
+
+def checked_points(points: Sequence[Sequence[float]]) -> Points:
+    """The points of a table; see `table`."""
+    known = tuple((float(x), float(y)) for x, y in points)
+    if not known or any(b[0] <= a[0] for a, b in pairwise(known)):
+        raise DeclarationError(
+            "AC160",
+            f"{list(points)} is no table",
+            help="give at least one point (x, y), with x strictly increasing: ((0.0, 1.0), (2.0, 5.0))",
+        )
+    return known
+
+
+def _choice(u: Expr, pieces: Sequence[tuple[float, Expr]], smooth: bool) -> Expr:
+    if len(pieces) == 1:
+        return pieces[0][1]
+    middle = len(pieces) // 2
+    left, right = (_choice(u, part, smooth) for part in (pieces[:middle], pieces[middle:]))
+    return where(u < pieces[middle][0], left, right, smooth=smooth)
+
+
+def _cubic(u: Expr, x0: float, y0: float, x1: float, y1: float, left: float, right: float) -> Expr:
+    """Hermite's cubic on one segment, as a polynomial in u - x0."""
+    h = x1 - x0
+    chord = (y1 - y0) / h
+    c2 = (3.0 * chord - 2.0 * left - right) / h
+    c3 = (left + right - 2.0 * chord) / h**2
+    if abs(c2) * h + abs(c3) * h**2 <= 1e-12 * (abs(left) + abs(right)):
+        return y0 + left * (u - x0) if left else as_expr(y0)
+    s = u - x0
+    return y0 + s * (left + s * (c2 + c3 * s))
+
+
+def _no_slopes(points: Points) -> list[tuple[float, float]]:
+    return [(0.0, 0.0)] * (len(points) - 1)
+
+
+def _chords(points: Points) -> list[float]:
+    return [(y1 - y0) / (x1 - x0) for (x0, y0), (x1, y1) in pairwise(points)]
+
+
+def _straight(points: Points) -> list[tuple[float, float]]:
+    return [(d, d) for d in _chords(points)]
+
+
+def _akima(points: Points) -> list[tuple[float, float]]:
+    """H. Akima, A new method of interpolation and smooth curve fitting, J. ACM 17 (1970), equations 1 and 8."""
+    d = _chords(points)
+    d = [3 * d[0] - 2 * d[min(1, len(d) - 1)], 2 * d[0] - d[min(1, len(d) - 1)], *d]
+    d += [2 * d[-1] - d[-2], 3 * d[-1] - 2 * d[-2]]
+    slopes = []
+    for a, b, c, e in zip(d, d[1:], d[2:], d[3:], strict=False):
+        left, right = abs(e - c), abs(b - a)
+        slopes.append((left * b + right * c) / (left + right) if left + right > 0.0 else 0.5 * (b + c))
+    return list(pairwise(slopes))
+
+
+def _fritsch_butland(points: Points) -> list[tuple[float, float]]:
+    """F. N. Fritsch and J. Butland, SIAM J. Sci. Stat. Comput. 5 (1984), equation 5; chords at the ends."""
+    d = _chords(points)
+    slopes = [d[0]]
+    for (x0, _), (x1, _), (x2, _), a, b in zip(points, points[1:], points[2:], d, d[1:], strict=False):
+        share = (1.0 + (x2 - x1) / (x2 - x0)) / 3.0
+        slopes.append(a * b / (share * b + (1.0 - share) * a) if a * b > 0.0 else 0.0)
+    return list(pairwise([*slopes, d[-1]]))
+
+
+_SLOPES: dict[Smoothness, Callable[[Points], list[tuple[float, float]]]] = {
+    Smoothness.CONSTANT_SEGMENTS: _no_slopes,
+    Smoothness.LINEAR_SEGMENTS: _straight,
+    Smoothness.CONTINUOUS_DERIVATIVE: _akima,
+    Smoothness.MONOTONE_CONTINUOUS_DERIVATIVE: _fritsch_butland,
+}
+
+
+class CombiTable1D(PartialSISO):
+    """Table of one variable: `y` is the function through the points of `table` at `u`."""
+
+    table: Points = structural(doc="Points (u, y), u strictly increasing")
+    smoothness: Smoothness = structural(default=Smoothness.LINEAR_SEGMENTS, doc="What lies between two points")
+    extrapolation: Extrapolation = structural(default=Extrapolation.LAST_TWO_POINTS, doc="What lies beyond the ends")
+
+    def build(self) -> None:
+        checked_points(self.table)
+
+    def equations(self) -> Equations:
+        yield self.y == table(self.table, self.u, self.smoothness, self.extrapolation)

@@ -1,0 +1,136 @@
+"""Ideal switches and semiconductors. Names as in Modelica.Electrical.Analog.Ideal.
+
+Each is a broken line in the plane of voltage and current, written with its own path length `s`: conducting, s is the
+current and the voltage Ron*s; blocking, s is the voltage and the current Goff*s. Several of them decide together, in a
+mixed system of equations at events.
+
+Source: C. Clauss, J. Haase, G. Kurth, P. Schwarz, Extended Admittance Description of Nonlinear n-Poles, AEU 40 (1995);
+Modelica.Electrical.Analog.Interfaces.IdealSemiconductor.
+"""
+
+from __future__ import annotations
+
+from acausal import (
+    Equations,
+    Real,
+    boolean,
+    boolean_input,
+    discrete,
+    edge,
+    fabs,
+    minimum,
+    parameter,
+    pre,
+    reset,
+    time,
+    variable,
+    when,
+    where,
+)
+from acausal.library.electrical.interfaces import PartialOnePort
+
+
+class PartialIdealSwitching(PartialOnePort):
+    """Broken line in the plane of voltage and current; a subclass says when it is `off`."""
+
+    Ron: Real = parameter(default=1e-5, unit="Ohm", min=0.0, doc="Resistance while conducting")
+    Goff: Real = parameter(default=1e-5, unit="S", min=0.0, doc="Conductance while blocking")
+    Vknee: Real = parameter(default=0.0, unit="V", min=0.0, doc="Voltage above which it can conduct")
+    off: Real = boolean(default=True, doc="Blocking")
+    s: Real = variable(
+        unit="1", doc="Path: the current [A] while conducting, the voltage [V] less Vknee while blocking"
+    )
+    loss_power: Real = variable(unit="W", doc="Power turned into heat")
+
+    def equations(self) -> Equations:
+        # literals take out the units: s is a voltage and a current
+        yield self.v == 1.0 * self.s * where(self.off, 1.0, 1.0 * self.Ron) + self.Vknee
+        yield self.i == 1.0 * self.s * where(self.off, 1.0 * self.Goff, 1.0) + self.Goff * self.Vknee
+        yield self.loss_power == self.v * self.i
+
+
+class IdealDiode(PartialIdealSwitching):
+    """Diode: conducts from p to n above `Vknee`."""
+
+    def equations(self) -> Equations:
+        yield self.off == (self.s < 0.0)
+
+
+class IdealThyristor(PartialIdealSwitching):
+    """Thyristor: begins to conduct when `fire` is true, and goes on until its current ends."""
+
+    fire: Real = boolean_input(doc="Lets it begin to conduct")
+
+    def equations(self) -> Equations:
+        yield self.off == ((self.s < 0.0) | (pre(self.off) & ~self.fire))
+
+
+class IdealGTOThyristor(PartialIdealSwitching):
+    """Thyristor that conducts only while `fire` is true."""
+
+    fire: Real = boolean_input(doc="Lets it conduct")
+
+    def equations(self) -> Equations:
+        yield self.off == ((self.s < 0.0) | ~self.fire)
+
+
+class IdealOpeningSwitch(PartialIdealSwitching):
+    """Switch that opens while `control` is true; it conducts in both directions."""
+
+    control: Real = boolean_input(doc="Opens the switch")
+
+    def equations(self) -> Equations:
+        yield self.off == self.control
+
+
+class IdealClosingSwitch(PartialIdealSwitching):
+    """Switch that closes while `control` is true; it conducts in both directions."""
+
+    control: Real = boolean_input(doc="Closes the switch")
+
+    def equations(self) -> Equations:
+        yield self.off == ~self.control
+
+
+class PartialIdealSwitchWithArc(PartialOnePort):
+    """Switch that goes on conducting through an arc after opening, until the arc is quenched.
+
+    The voltage of the arc is `V0 + dVdt*(t - t_opened)`, at most `Vmax`, against the current. It is quenched when the
+    current is so small that an open switch would carry it; a subclass says when the switch is `off`.
+    """
+
+    Ron: Real = parameter(default=1e-5, unit="Ohm", min=0.0, doc="Resistance while closed")
+    Goff: Real = parameter(default=1e-5, unit="S", min=0.0, doc="Conductance while open")
+    V0: Real = parameter(unit="V", doc="Voltage of the arc at first")
+    dVdt: Real = parameter(unit="V/s", doc="Rate of it")
+    Vmax: Real = parameter(unit="V", doc="Its largest value")
+    off: Real = boolean(doc="Not closed: open, or with an arc")
+    quenched: Real = boolean(default=True, doc="No arc")
+    t_opened: Real = discrete(unit="s", default=-1e10, doc="When it opened last")
+
+    def equations(self) -> Equations:
+        yield when(edge(self.off), reset(self.t_opened, time))
+        small = fabs(self.i) <= fabs(self.v) * self.Goff
+        yield self.quenched == (self.off & (small | pre(self.quenched)))
+        arc = minimum(self.Vmax, self.V0 + self.dVdt * (time - self.t_opened))
+        burning = self.v - where(self.i < 0.0, -arc, arc)
+        is_open, closed = self.i - self.Goff * self.v, self.v - self.Ron * self.i
+        yield where(self.off, where(self.quenched, 1.0 * is_open, 1.0 * burning), 1.0 * closed) == 0.0
+
+
+class OpenerWithArc(PartialIdealSwitchWithArc):
+    """Switch with an arc that opens while `control` is true."""
+
+    control: Real = boolean_input(doc="Opens the switch")
+
+    def equations(self) -> Equations:
+        yield self.off == self.control
+
+
+class CloserWithArc(PartialIdealSwitchWithArc):
+    """Switch with an arc that closes while `control` is true."""
+
+    control: Real = boolean_input(doc="Closes the switch")
+
+    def equations(self) -> Equations:
+        yield self.off == ~self.control
