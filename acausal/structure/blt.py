@@ -6,10 +6,9 @@ import heapq
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse.csgraph import connected_components
 
 from acausal.errors import InternalError
+from acausal.structure.components import strong_components
 from acausal.structure.graph import Incidence, IntArray, inverse
 
 
@@ -42,8 +41,8 @@ def blocks(incidence: Incidence, row_to_column: IntArray) -> tuple[Block, ...]:
 
     Raises InternalError (AC902) when a row is unmatched: such systems go to `diagnose`, not here.
 
-    Source: Tarjan, "Depth-first search and linear graph algorithms", SIAM J. Comput. 1 (1972), for the strong
-    components (SciPy's iterative one); Kahn, "Topological sorting of large networks", CACM 5 (1962), for the order.
+    Source: strong components are Tarjan's, see `components.strong_components`; Kahn, "Topological sorting of large
+    networks", CACM 5 (1962), for the order.
     """
     n_rows = incidence.n_rows
     if n_rows == 0:
@@ -70,9 +69,8 @@ def blocks(incidence: Incidence, row_to_column: IntArray) -> tuple[Block, ...]:
 
 def _components(user: IntArray, needed: IntArray, n_rows: int) -> IntArray:
     """Strong component of each row, numbered by the smallest row in it."""
-    edges = sparse.csr_array((np.ones(len(user)), (user, needed)), shape=(n_rows, n_rows))
-    _, labels = connected_components(edges, directed=True, connection="strong")
-    # SciPy's labels happen to be sorted topologically, which it does not promise: only the partition is used.
+    # Labels happen to be sorted topologically, which SciPy does not promise: only the partition is used.
+    labels = strong_components(user, needed, n_rows)
     _, first, compact = np.unique(labels, return_index=True, return_inverse=True)
     number = np.empty(len(first), dtype=np.int64)
     number[np.argsort(first)] = np.arange(len(first))

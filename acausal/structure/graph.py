@@ -9,13 +9,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import numpy.typing as npt
-from scipy import sparse
 
 from acausal.errors import InternalError
+
+if TYPE_CHECKING:
+    from scipy import sparse
 
 IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
@@ -120,6 +122,8 @@ class Incidence:
 
     def to_csr(self) -> sparse.csr_array:
         """SciPy matrix of shape (n_rows, n_columns) with a one for every occurrence."""
+        from scipy import sparse  # a quarter of a second that small models do without
+
         # csgraph works on 32-bit indices and would convert in every call.
         return sparse.csr_array(
             (np.ones(self.n_entries), self.indices.astype(np.int32), self.indptr.astype(np.int32)),

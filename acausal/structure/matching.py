@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
-from scipy.sparse.csgraph import maximum_bipartite_matching
 
 from acausal.structure.graph import Incidence, IntArray
+
+_SMALL = 500
+"""Rows up to which SciPy is not loaded for it: loading takes a quarter of a second, these paths some milliseconds."""
 
 
 def match(incidence: Incidence) -> IntArray:
@@ -16,7 +20,8 @@ def match(incidence: Incidence) -> IntArray:
 
     Sources: Karp and Sipser, "Maximum matchings in sparse random graphs", FOCS 1981, for rows and columns with one
     partner; Hopcroft and Karp, "An n^(5/2) algorithm for maximum matchings in bipartite graphs", SIAM J. Comput. 2
-    (1973), as implemented by SciPy, for what is left.
+    (1973), as implemented by SciPy, for what is left; augmenting paths one by one (H. W. Kuhn, Naval Res. Logist. Q. 2
+    (1955)) when that is little.
     """
     # Why not SciPy alone: on a causal (triangular) system of 1e5 rows its time grows with n^1.9, to 1.8 s; most models
     # are causal up to small loops, and for these the first step is linear and leaves next to nothing.
@@ -26,10 +31,45 @@ def match(incidence: Incidence) -> IntArray:
     rows, columns = np.flatnonzero(row_to_column < 0), np.flatnonzero(free_column)
     core = incidence.restrict(rows, columns)
     if core.n_entries:
-        # SciPy names the side that is *returned*, not the side that is permuted: "column" is the column of each row.
-        found = np.asarray(maximum_bipartite_matching(core.to_csr(), perm_type="column"), dtype=np.int64)
+        found = _match_small(core) if len(rows) <= _SMALL else _match_large(core)
         row_to_column[rows[found >= 0]] = columns[found[found >= 0]]
     return row_to_column
+
+
+def _match_large(core: Incidence) -> IntArray:
+    from scipy.sparse.csgraph import maximum_bipartite_matching
+
+    # SciPy names the side that is *returned*, not the side that is permuted: "column" is the column of each row.
+    return np.asarray(maximum_bipartite_matching(core.to_csr(), perm_type="column"), dtype=np.int64)
+
+
+def _match_small(core: Incidence) -> IntArray:
+    """The column of each row; rows one by one, each by a depth-first search for an augmenting path."""
+    columns_of = core.rows()
+    row_of = [-1] * core.n_columns
+    for start in range(core.n_rows):
+        seen: set[int] = set()
+        path: list[tuple[int, Iterator[int]]] = [(start, iter(columns_of[start]))]
+        taken: list[int] = []  # taken[k] leads from path[k] to the row it is matched to, path[k + 1]
+        while path:
+            column = next((c for c in path[-1][1] if c not in seen), None)
+            if column is None:
+                path.pop()
+                if taken:
+                    taken.pop()
+                continue
+            seen.add(column)
+            taken.append(column)
+            if row_of[column] < 0:
+                for (row, _), c in zip(path, taken, strict=True):
+                    row_of[c] = row
+                break
+            path.append((row_of[column], iter(columns_of[row_of[column]])))
+    found = np.full(core.n_rows, -1, dtype=np.int64)
+    for column, row in enumerate(row_of):
+        if row >= 0:
+            found[row] = column
+    return found
 
 
 def _match_only_partners(incidence: Incidence) -> IntArray:

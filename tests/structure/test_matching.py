@@ -7,7 +7,7 @@ import random
 import pytest
 from hypothesis import given
 
-from acausal.structure import Incidence, match
+from acausal.structure import Incidence, match, matching
 from tests.structure.graphs import generic_rank, graphs
 
 # Unique matchings, so that the vector is determined and not only its size.
@@ -37,9 +37,13 @@ def test_two_sources_at_one_node_leave_one_row() -> None:
     assert columns[2] == 1
 
 
-@given(graphs())
-def test_size_is_the_generic_rank(graph: Incidence) -> None:
-    columns = match(graph)
+@pytest.mark.parametrize("small", [500, 0])
+@given(graph=graphs())
+def test_size_is_the_generic_rank(small: int, graph: Incidence) -> None:
+    """By our own augmenting paths, and by SciPy's algorithm."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(matching, "_SMALL", small)
+        columns = match(graph)
     assert columns.shape == (graph.n_rows,)
     pairs = [(r, c) for r, c in enumerate(columns.tolist()) if c >= 0]
     assert all(c in graph.row(r) for r, c in pairs)

@@ -16,10 +16,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import scipy.linalg
-import scipy.sparse
 from numpy.typing import NDArray
-from scipy.sparse.linalg import splu
 
 from acausal.flatten.flat import FlatSystem
 from acausal.lower.evaluate import gradients, values
@@ -102,7 +99,9 @@ def pencil_rows(flat: FlatSystem, equations: Sequence[int], parameters: Sequence
                 rows.append(i)
                 columns.append(base)
                 entries.append(factor * float(slope))
-    return scipy.sparse.csr_matrix((entries, (rows, columns)), shape=(len(roots), flat.n_scalars))
+    from scipy.sparse import csr_matrix
+
+    return csr_matrix((entries, (rows, columns)), shape=(len(roots), flat.n_scalars))
 
 
 def _at_zero(flat: FlatSystem, roots: list[int], leaves: Mapping[str, Any]) -> NDArray[np.float64]:
@@ -127,18 +126,20 @@ def null_vectors(matrix: Any) -> tuple[list[Vector], list[Vector]]:
 def _equilibrated(matrix: Any) -> tuple[Any, NDArray[np.float64], NDArray[np.float64]]:
     """Scaled so that the largest entry of every row and column is about one."""
     by_row, by_column = np.ones(matrix.shape[0]), np.ones(matrix.shape[1])
-    scaled = scipy.sparse.csr_matrix(matrix)
+    from scipy.sparse import csr_matrix, diags
+
+    scaled = csr_matrix(matrix)
     for _ in range(4):
         for axis in (1, 0):
             largest = np.asarray(abs(scaled).max(axis=axis).todense()).ravel()
             factor = 1.0 / np.sqrt(np.where(largest > 0.0, largest, 1.0))
             if axis:
                 by_row *= factor
-                scaled = scipy.sparse.diags(factor) @ scaled
+                scaled = diags(factor) @ scaled
             else:
                 by_column *= factor
-                scaled = scaled @ scipy.sparse.diags(factor)
-    return scipy.sparse.csr_matrix(scaled), by_row, by_column
+                scaled = scaled @ diags(factor)
+    return csr_matrix(scaled), by_row, by_column
 
 
 def _dense(scaled: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -152,10 +153,13 @@ def _sparse(scaled: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
     A block of vectors finds several at a time; more than its width are not needed for a message.
     """
+    from scipy.sparse import bmat, eye
+    from scipy.sparse.linalg import splu
+
     m, n = scaled.shape
     shift = 1e-9
-    zero = scipy.sparse.eye(m) * shift, scipy.sparse.eye(n) * -shift
-    factor = splu(scipy.sparse.bmat([[zero[0], scaled], [scaled.T, zero[1]]], format="csc"))
+    zero = eye(m) * shift, eye(n) * -shift
+    factor = splu(bmat([[zero[0], scaled], [scaled.T, zero[1]]], format="csc"))
     block = np.random.default_rng(7).standard_normal((m + n, 6))
     for _ in range(4):
         block, _ = np.linalg.qr(factor.solve(block))
@@ -171,9 +175,11 @@ def _sparse(scaled: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 def _sparsest(basis: NDArray[np.float64]) -> list[Vector]:
     """Each vector gets an entry of its own that the others do not have; small ones are zero."""
+    from scipy.linalg import qr
+
     if not len(basis):
         return []
-    order: Any = scipy.linalg.qr(basis, pivoting=True, mode="economic")[-1]
+    order: Any = qr(basis, pivoting=True, mode="economic")[-1]
     own = order[: len(basis)]
     vectors = []
     for row in np.linalg.solve(basis[:, own], basis):
