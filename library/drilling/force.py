@@ -121,10 +121,12 @@ class DrillContactForce(PartialCuttingForce):
     def feed_under(self, force: Expr, edge: Expr, indentation: Expr) -> Expr:
         """Feed per edge [m] at which edges, indentation and damper together take up `force` [N]: (20), solved.
 
-        All three terms grow with the feed along concave curves. Their sum reaches the force at the latest where one
-        of them would take its share of it alone: from the smallest of these feeds, which is below the solution by
-        less than a factor of 4, Newton's method comes nearer from below, for it follows tangents that lie above the
-        curve. The error falls below 1e-12 of the feed in five steps, or eight with the indentation.
+        All terms grow with the feed along concave curves. Their sum reaches the force at the latest where one of them
+        would take its equal share of it alone, and, as the indentation force is bounded, where edges and damper would
+        share the rest. From the larger of these feeds, which is below the solution, Newton's method comes nearer from
+        below, for it follows tangents that lie above the curve. What is left of the force after five steps, or nine
+        with the indentation, is rounding: less than 1e-14 of it for forces of 1 mN to 1 MN, widths of 1 nm to 20 mm
+        and speeds of 0 to 100 1/s.
         """
         slowest = self.h_min / sin(self.sigma / 2)
         damper = self.d_c * self.z_E * self.n
@@ -134,7 +136,9 @@ class DrillContactForce(PartialCuttingForce):
         f = minimum(self.feed(share / edge), share / maximum(damper, 1e-6))
         if self.chisel:
             f = minimum(f, self.f_indent * share / maximum(indentation - share, 1e-6 * share + 1e-6))
-        for _ in range(8 if self.chisel else 5):
+            half = maximum(force - indentation, 0.0) / 2
+            f = maximum(f, minimum(self.feed(half / edge), half / maximum(damper, 1e-6)))
+        for _ in range(9 if self.chisel else 5):
             k_c = self.k_c11 * (maximum(f, slowest) * sin(self.sigma / 2) / self.h_1) ** (-self.z)
             rest = force - edge * k_c * f - damper * f
             slope = edge * k_c * where(no_event(f > slowest), 1 - self.z, 1.0) + damper
