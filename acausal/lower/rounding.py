@@ -18,28 +18,39 @@ CERTAIN = 1e-10
 """What is smaller than this, measured by its error bound, has less than six digits that are not rounding errors."""
 
 
-def is_certain(pool: Pool, node: int, values: dict[int, Any]) -> Samples | bool:
-    """Where a node is larger than rounding errors can be; `values` holds it and every node below it that is a sum.
+def is_certain(pool: Pool, node: int, values: dict[int, Any], bounds: dict[int, Any]) -> Samples:
+    """Where a node is larger than rounding errors can be.
 
-    A product of parameters and variables is as exact as these are: only sums can cancel.
+    `values` holds it and every node below it; `bounds` is filled with the bounds of these nodes, each computed once as
+    long as the values are the same.
     """
     nodes = pool.nodes
-    bounds: dict[int, Any] = {}
-    below = pool.reachable([node])
-    if not any(nodes[n][0] in ("add", "sub") for n in below):
-        return True
+    stack = [node]
     with np.errstate(all="ignore"):
-        for number in below:
-            op, *operands = nodes[number]
-            y = values[number]
-            if op in LEAVES:
-                bounds[number] = np.abs(y)
-            elif op == "where":
-                bounds[number] = np.where(values[operands[0]], bounds[operands[1]], bounds[operands[2]])
-            elif op in PARTIALS:
-                slopes = PARTIALS[op](y, *[values[c] for c in operands])
-                passed = [np.abs(s) * bounds[c] for s, c in zip(slopes, operands, strict=True)]
-                bounds[number] = sum(passed, np.abs(y) if op != "neg" else 0.0)
-            else:
-                bounds[number] = np.abs(np.asarray(y, dtype=float))
+        while stack:
+            here = stack[-1]
+            if here in bounds:
+                stack.pop()
+                continue
+            op, *operands = nodes[here]
+            missing = [] if op in LEAVES else [c for c in operands if c not in bounds]
+            if missing:
+                stack.extend(missing)
+                continue
+            bounds[here] = _bound(op, operands, values[here], values, bounds)
+            stack.pop()
         return np.asarray(np.abs(values[node]) > CERTAIN * bounds[node])
+
+
+def _bound(op: str, operands: list[int], y: Any, values: dict[int, Any], bounds: dict[int, Any]) -> Any:
+    """Error bound of one operation whose operands have theirs."""
+    if op in LEAVES:
+        return np.abs(y)
+    if op == "where":
+        return np.where(values[operands[0]], bounds[operands[1]], bounds[operands[2]])
+    if op not in PARTIALS:
+        return np.abs(np.asarray(y, dtype=float))
+    total = np.abs(y) if op != "neg" else 0.0
+    for slope, operand in zip(PARTIALS[op](y, *[values[c] for c in operands]), operands, strict=True):
+        total = total + np.abs(slope) * bounds[operand]
+    return total

@@ -38,6 +38,7 @@ class SamplePoints:
         self._known: dict[int, Samples] = {}
         self._definition: dict[int, int] = {}
         self._values: dict[int, Any] = {}
+        self._bounds: dict[int, Any] = {}
         self._varies: dict[int, bool] = {}
 
     def define(self, variable: int, node: int) -> None:
@@ -45,6 +46,7 @@ class SamplePoints:
         self._definition[variable] = node
         self._known.pop(variable, None)
         self._values.clear()
+        self._bounds.clear()
 
     def of(self, node: int) -> Samples:
         """Values of a node, shape (COUNT,)."""
@@ -57,8 +59,8 @@ class SamplePoints:
     def certainly(self, node: int) -> Samples:
         """As `everywhere`, with zero for values that are nothing but rounding errors of terms that cancel."""
         found = self.everywhere(node)
-        certain = is_certain(self.reduced.pool, node, self._values)
-        return found if certain is True else np.where(certain | ~np.isfinite(found), found, 0.0)
+        certain = is_certain(self.reduced.pool, node, self._values, self._bounds)
+        return np.where(certain | ~np.isfinite(found), found, 0.0)
 
     def varies(self, node: int) -> bool:
         """True when the node depends on a variable or on time."""

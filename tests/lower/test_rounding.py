@@ -15,7 +15,7 @@ THIRD = 1.0 / 3.0
 
 def certain(pool: Pool, node: int, parameters: list[float]) -> bool:
     found = values(pool, [node], {"par": parameters.__getitem__, "time": lambda _: 0.0})
-    return bool(is_certain(pool, node, found))
+    return bool(is_certain(pool, node, found, {}))
 
 
 @pytest.mark.parametrize(
