@@ -10,8 +10,9 @@ cutting force.
 from __future__ import annotations
 
 import math
+import sys
 
-from acausal.errors import DeclarationError
+from acausal.errors import DeclarationError, Span
 
 SPEED_CARBIDE = 1.0
 """Factor of the cutting speed for carbide, at whose speeds the tables are measured."""
@@ -39,12 +40,14 @@ def rake_correction(gamma: float, gamma_0: float = RAKE_STEEL) -> float:
     Raises
     ------
     DeclarationError
-        AC160 outside of -30 to 45 degrees: no angle of a drill, perhaps given in degrees.
+        AC180 outside of -30 to 45 degrees: no angle of a drill, perhaps given in degrees.
     """
     if not -30.0 <= math.degrees(gamma) <= 45.0:
+        caller = sys._getframe(1)
         raise DeclarationError(
-            "AC160",
+            "AC180",
             f"a rake angle of {gamma:g} rad is none of a drill",
+            where=(Span(caller.f_code.co_filename, caller.f_lineno),),
             cause="perhaps it is meant in degrees" if abs(gamma) > 1.0 else None,
             help="rake_correction(math.radians(20.0)), between -30 and 45 degrees",
         )

@@ -12,8 +12,8 @@ import math
 from acausal import (
     Component,
     Equations,
+    Expr,
     Real,
-    clamp,
     cross,
     der,
     dot,
@@ -52,6 +52,11 @@ class PartialFriction(Component):
         self._e = unit_vector(self.axis_a, "axis_a")
 
 
+def inside(depth: Expr, beyond: Expr) -> Expr:
+    """Length [m] within a workpiece of a line that ends `depth` behind its entry and `beyond` behind its exit."""
+    return maximum(depth, 0.0) - maximum(beyond, 0.0)
+
+
 class MarginFriction(PartialFriction):
     """Friction of the margins on the wall of the hole, along the axis and around it.
 
@@ -66,24 +71,23 @@ class MarginFriction(PartialFriction):
 
     d: Real = parameter(unit="m", min=0.0, doc="Diameter of the drill")
     sigma: Real = parameter(unit="rad", min=0.0, max=math.pi, doc="Point angle of the drill")
-    t: Real = parameter(unit="m", min=0.0, doc="Thickness of the plate")
     line_load: Real = parameter(
         default=0.0, unit="N/m", min=0.0, doc="Normal force of the wall per length of engaged margin"
     )
     length: Real = parameter(default=1.0, unit="m", min=0.0, doc="Length of the margins, from the corner up the drill")
 
-    s: Real = signal_input(unit="m", doc="Depth of the tip, from DrillGeometry")
+    s: Real = signal_input(unit="m", doc="Depth of the tip behind the entry face, from DrillGeometry")
+    s_exit: Real = signal_input(unit="m", doc="Depth of the tip behind the exit face, from DrillGeometry")
     engaged: Real = signal_output(unit="m", nominal=1e-2, doc="Length of the margins in the hole")
     F: Real = signal_output(unit="N", nominal=100.0, doc="Force on the drill along its axis, against its motion")
     torque: Real = signal_output(unit="N.m", nominal=1.0, doc="Torque on the drill, against its rotation")
 
     def equations(self) -> Equations:
-        # How deep the corner, where the cone ends, stands behind the entry face, and how deep the upper end of the
-        # margins; a plate is thicker along a tilted axis.
-        corner = self.s - self.d / (2 * tan(self.sigma / 2))
-        thickness = self.t / maximum(self.axis[2], 0.1)
-        upper = corner - self.length
-        yield self.engaged == clamp(corner, 0.0, thickness) - clamp(upper, 0.0, thickness)
+        # From the corner, where the cone ends, up to the upper end of the margins, as far as both are in the workpiece.
+        cone = self.d / (2 * tan(self.sigma / 2))
+        yield self.engaged == inside(self.s - cone, self.s_exit - cone) - inside(
+            self.s - cone - self.length, self.s_exit - cone - self.length
+        )
 
         along = dot(self.axis, der(self.tip))
         around = self.omega * self.d / 2

@@ -38,7 +38,6 @@ class FullDrillingForce(DrillingForce):
             length=self.margin_length,
             d=self.d,
             sigma=self.sigma,
-            t=self.t,
         )
         self.side = TipFriction(
             axis_a=self.axis_a,
@@ -56,6 +55,7 @@ class FullDrillingForce(DrillingForce):
         yield connect(geometry.axis, margin.axis, side.axis)
         yield connect(geometry.omega, margin.omega, side.omega)
         yield connect(geometry.s, margin.s)
+        yield connect(geometry.s_exit, margin.s_exit)
         yield self.total_thrust == self.thrust + margin.F
         yield self.total_torque == self.force.braking() + margin.torque
         yield self.power_friction == margin.power + side.power

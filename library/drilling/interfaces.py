@@ -64,7 +64,7 @@ class PartialDrillingForce(Component):
     feed_force_factor: Real = parameter(
         default=lambda self: sin(self.sigma), unit="1", min=0.0, doc="F_f / F_c; sin(sigma) as printed in the paper"
     )
-    t: Real = parameter(unit="m", min=0.0, doc="Thickness of the plate")
+    t: Real = parameter(unit="m", min=1e-6, doc="Thickness of the plate")
     width: Real = parameter(default=0.1, unit="m", min=0.0, doc="Extent of the plate along x of frame_w")
     height: Real = parameter(default=0.1, unit="m", min=0.0, doc="Extent of the plate along y of frame_w")
 

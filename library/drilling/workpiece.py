@@ -14,6 +14,6 @@ class Workpiece(FixedRotation):
     is this one with a body at frame_a.
     """
 
-    t: Real = parameter(unit="m", min=0.0, doc="Thickness, from the entry face along z of frame_b")
+    t: Real = parameter(unit="m", min=1e-6, doc="Thickness, from the entry face along z of frame_b")
     width: Real = parameter(default=0.1, unit="m", min=0.0, doc="Extent along x of frame_b")
     height: Real = parameter(default=0.1, unit="m", min=0.0, doc="Extent along y of frame_b")

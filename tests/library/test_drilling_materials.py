@@ -150,5 +150,5 @@ def test_one_percent_of_force_per_degree_of_rake() -> None:
     # Dietrich 2014: K = 1 - (gamma - gamma_0) / 100 degrees, gamma_0 = 6 degrees for steel.
     assert rake_correction(math.radians(26.0)) == pytest.approx(0.8)
     assert rake_correction(math.radians(6.0)) == 1.0
-    with pytest.raises(DeclarationError, match="AC160"):
+    with pytest.raises(DeclarationError, match="AC180"):
         rake_correction(20.0)
