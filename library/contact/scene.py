@@ -7,9 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from acausal import Component, Equations, connect, part, structural
+from acausal import Component, Equations, Expr, Real, as_expr, connect, part, signal_output, structural
 from acausal.errors import DeclarationError
-from acausal.library.contact.bodies import ContactBody, Surfaces
+from acausal.library.contact.bodies import ContactBody, PoseValue, Surfaces
 from acausal.library.contact.broad_phase import FAR, Dropped, Pair, PairReport, candidates, overlapping
 from acausal.library.multibody.frames import Frame
 from acausal.library.multibody.interfaces import PartialAbsoluteSensor
@@ -39,6 +39,11 @@ class ContactScene(Component):
     keep: int = structural(default=12, doc="Up to so many pairs stay in the equations for the whole run")
     skin: float = structural(default=0.01, doc="By how much boxes are inflated [m]")
 
+    energy: Real = signal_output(unit="J", doc="Stored in all contacts")
+    power_damping: Real = signal_output(unit="W", doc="Lost by the damping of all contacts")
+    power_friction: Real = signal_output(unit="W", doc="Lost by friction in all contacts")
+    power_cutting: Real = signal_output(unit="W", doc="Power of all cuts")
+
     frames: list[Frame] = part()
     contacts: list[Component] = part()
     untouched: list[Untouched] = part()
@@ -55,6 +60,9 @@ class ContactScene(Component):
         boxes = [b.box(*origin) if b.at_rest else origin[:1] * 2 for b in self.bodies]
         self._at_rest = tuple(np.array(side).reshape(-1, 3) for side in zip(*boxes, strict=True))
         self._candidates, self._dropped = candidates(self.bodies)
+        self._makers: dict[Pair, int] = {}
+        self._places: dict[Pair, list[Array]] = {}
+        self._site: dict[Pair, int] = {}
         self._select(self._candidates)
 
     def equations(self) -> Equations:
@@ -63,10 +71,20 @@ class ContactScene(Component):
         for (i, j), contact in zip(self._pairs, self.contacts, strict=True):
             a, b = self.bodies[i], self.bodies[j]
             # The one that made the contact knows its frames.
-            owner, other = (a, b) if self._makers[i, j] == i else (b, a)
+            owner, other = (a, b) if self._maker(i, j) == i else (b, a)
             end, other_end = owner.ends(contact)
             yield connect(self._frame_of(owner), end)
             yield connect(self._frame_of(other), other_end)
+        for name in ("energy", "power_damping", "power_friction", "power_cutting"):
+            yield getattr(self, name) == self._sum(name)
+
+    def _sum(self, name: str) -> Expr:
+        """Sum over the contacts that have a quantity of this name."""
+        total = as_expr(0.0)
+        for contact in self.contacts:
+            if hasattr(type(contact), name):
+                total = total + getattr(contact, name)
+        return total
 
     def frame(self, name: str) -> Frame:
         """The frame of a registered body that moves.
@@ -90,7 +108,7 @@ class ContactScene(Component):
         """Pairs kept and dropped, as the scene is now."""
         kept = []
         for i, j in self._pairs:
-            maker = self._makers[i, j]
+            maker = self._maker(i, j)
             how = self.bodies[maker].describe(self.bodies[i + j - maker])
             kept.append((self.bodies[i].name, self.bodies[j].name, how))
         counts = {**self._dropped, FAR: len(self._candidates) - len(self._pairs)}
@@ -100,27 +118,59 @@ class ContactScene(Component):
 
     def is_variable(self) -> bool:
         """Whether the structure changes during a run."""
-        return len(self._candidates) > self.keep
+        return len(self._candidates) > self.keep or any(
+            self.bodies[self._maker(i, j)].trace for i, j in self._candidates
+        )
 
     def watched(self) -> tuple[str, ...]:
         """Signals, relative to this component, that `restructure` and `moved` look at."""
-        return tuple(f"frames[{k}].{name}" for k in range(len(self.frames)) for name in ("r_0", "R"))
+        poses = [f"frames[{k}].{name}" for k in range(len(self.frames)) for name in ("r_0", "R")]
+        return (*poses, *(name for pair in self._pairs if (name := self._trace(pair))))
 
     def restructure(self, seen: Mapping[str, Array] | None) -> bool:
         """Choose the pairs for one instant, or none without it; True when they differ from those before."""
         chosen: list[Pair] = []
-        if seen is not None:
+        before = dict(self._site)
+        if seen is None:  # a new run
+            self._places.clear()
+            self._site.clear()
+        else:
             low, high = self._boxes(seen)
             first, second = (np.array(side, dtype=int) for side in zip(*self._candidates, strict=True))
             near = overlapping(low - self.skin / 2, high + self.skin / 2, first, second)
             chosen = [pair for pair, is_near in zip(self._candidates, near, strict=True) if is_near]
-        if chosen == self._pairs:
+            for pair in chosen:
+                self._find_site(pair, seen)
+        if chosen == self._pairs and all(before.get(pair, 0) == self._site.get(pair, 0) for pair in chosen):
             return False
         own = self.__dict__
         own["_building"] = True
         self._select(chosen)
         own["_building"] = False
         return True
+
+    def _trace(self, pair: Pair) -> str:
+        """The signal by which the contact of a pair shows that it left a trace; "" when it leaves none."""
+        maker = self._maker(*pair)
+        own = self.bodies[maker].trace
+        if not own or pair not in self._pairs:
+            return ""
+        k = self._pairs.index(pair)
+        return f"contacts[{k}].{own}" if hasattr(type(self.contacts[k]), own) else ""
+
+    def _find_site(self, pair: Pair, seen: Mapping[str, Array]) -> None:
+        maker = self._maker(*pair)
+        body, other = self.bodies[maker], self.bodies[sum(pair) - maker]
+        if body.trace:
+            poses = self._pose(body, seen), self._pose(other, seen)
+            known, current = self._places.get(pair, []), self._site.get(pair, 0)
+            # Left a while ago: what is remembered was marked, or it would not be worth to be remembered.
+            marked = bool(np.any(seen.get(self._trace(pair), np.ones(1)) > 0))
+            self._places[pair], self._site[pair] = body.site(other, *poses, known, current, marked)
+
+    def _pose(self, body: ContactBody, seen: Mapping[str, Array]) -> PoseValue:
+        k = self._place.get(body.name)
+        return (np.zeros(3), np.eye(3)) if k is None else (seen[f"frames[{k}].r_0"], seen[f"frames[{k}].R"])
 
     def moved(self, before: Mapping[str, Array], after: Mapping[str, Array]) -> Array:
         """How far the choice is used up at several instants [1]: some body has moved by so many halves of the skin.
@@ -130,34 +180,37 @@ class ContactScene(Component):
         """
         used = np.zeros(1)
         for k, body in enumerate(b for _, b in self._moving):
-            r, R = (before[f"frames[{k}].{q}"] for q in ("r_0", "R"))
-            r_n, R_n = (after[f"frames[{k}].{q}"] for q in ("r_0", "R"))
-            radius = body.radius()
-            turned = np.linalg.norm(R_n - R, axis=(1, 2)) * (radius if np.isfinite(radius) else 1.0)
-            used = np.maximum(used, (np.linalg.norm(r_n - r, axis=1) + turned) / (self.skin / 2))
+            start = before[f"frames[{k}].r_0"], before[f"frames[{k}].R"]
+            moved = body.displacement(start, after[f"frames[{k}].r_0"], after[f"frames[{k}].R"])
+            used = np.maximum(used, moved / (self.skin / 2))
         return np.asarray(used)
 
     def labels(self) -> list[tuple[str, str]]:
         """Each contact as it is called now, and by a name that stays the same while others come and go."""
-        names = [b.name for b in self.bodies]
-        return [(f"contacts[{k}]", f"contacts[{names[i]},{names[j]}]") for k, (i, j) in enumerate(self._pairs)]
+        found = []
+        for k, (i, j) in enumerate(self._pairs):
+            site = self._site.get((i, j), 0)
+            names = f"{self.bodies[i].name},{self.bodies[j].name}" + (f"#{site}" if site else "")
+            found.append((f"contacts[{k}]", f"contacts[{names}]"))
+        return found
 
     def _select(self, pairs: list[Pair]) -> None:
         self._pairs = list(pairs)
-        self._makers: dict[Pair, int] = {}
-        made = []
-        for i, j in pairs:
-            maker, contact = self._contact(i, j)
-            self._makers[i, j] = maker
-            made.append(contact)
-        self.contacts = made
+        self.contacts = [self._contact(i, j) for i, j in pairs]
 
-    def _contact(self, i: int, j: int) -> tuple[int, Component]:
-        for one, two in ((i, j), (j, i)):
-            found = self.bodies[one].contact(self.bodies[two], self.surfaces)
-            if found is not None:
-                return one, found
-        return i, self.surfaces.contact(self.bodies[i], self.bodies[j])
+    def _maker(self, i: int, j: int) -> int:
+        """Which of two bodies makes their contact: the first that has something to say about the other."""
+        known: int | None = self._makers.get((i, j))
+        if known is None:
+            made = self.bodies[i].contact(self.bodies[j], self.surfaces)
+            other = None if made is not None else self.bodies[j].contact(self.bodies[i], self.surfaces)
+            known = self._makers[i, j] = j if other is not None else i
+        return known
+
+    def _contact(self, i: int, j: int) -> Component:
+        maker = self._maker(i, j)
+        body, other = self.bodies[maker], self.bodies[i + j - maker]
+        return body.contact(other, self.surfaces) or self.surfaces.contact(body, other)
 
     def _frame_of(self, body: ContactBody) -> Frame:
         return self.ground.frame_b if body.at_rest else self.frame(body.name)

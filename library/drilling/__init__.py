@@ -35,6 +35,8 @@ from acausal.library.drilling.material_table import load_materials as load_mater
 from acausal.library.drilling.materials import STEEL_34CRMO4 as STEEL_34CRMO4
 from acausal.library.drilling.materials import STEEL_C45 as STEEL_C45
 from acausal.library.drilling.materials import Material as Material
+from acausal.library.drilling.scene import DrillBody as DrillBody
+from acausal.library.drilling.scene import WorkpieceBody as WorkpieceBody
 from acausal.library.drilling.tool import TWIST_DRILL_16MM as TWIST_DRILL_16MM
 from acausal.library.drilling.tool import Tool as Tool
 from acausal.library.drilling.workpiece import Workpiece as Workpiece

@@ -86,7 +86,7 @@ class ConvexDrillGeometry(PartialDrillGeometry):
         yield self.s == where(beside, minimum(depth, 0.0), depth)
         yield self.s_exit == minimum(beyond, self.s)
         a, w = self.frame_a, self.frame_w
-        turned = a.R @ as_expr(_shank_along_z(self._e))
+        turned = a.R @ as_expr(shank_along_z(self._e))
         tip = a.r_0 + (a.R @ self._e) * self.length
         overlap, normal, _, _ = penetration(self.drill, self.workpiece)(tip, turned, w.r_0 + w.R @ r, w.R @ R)
         yield self.overlap == overlap
@@ -177,7 +177,7 @@ def _faces_crossed(faces: list[tuple[Vector, float]], p: Expr, e: Expr) -> tuple
 _STEEP = math.sin(math.radians(1.0))
 
 
-def _shank_along_z(e: Vector) -> Rotation:
+def shank_along_z(e: Vector) -> Rotation:
     """Rotation that turns the z axis of a `PointedDrill`, which points to its shank, against `e`."""
     one, two = across(e)
     return axes_rotation(two, one)

@@ -1,0 +1,128 @@
+"""Drills and workpieces as bodies of a contact scene: which drill meets which workpiece, and in which hole."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal import Component
+from acausal.library.contact.bodies import ContactBody, PoseValue, Surfaces
+from acausal.library.contact.shapes import PointedDrill, Shape
+from acausal.library.contact.surface import Pose
+from acausal.library.drilling.drilling_force import DrillingForce
+from acausal.library.drilling.full_drilling_force import FullDrillingForce
+from acausal.library.drilling.geometry_convex import ConvexLevel, shank_along_z
+from acausal.library.drilling.materials import STEEL_34CRMO4, Material
+from acausal.library.drilling.tool import TWIST_DRILL_16MM, Tool
+from acausal.library.multibody.frames import Frame
+from acausal.library.multibody.orientation import Vector, unit_vector
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class WorkpieceBody(ContactBody):
+    """A body that drills cut into.
+
+    Parameters
+    ----------
+    material
+        What it is made of.
+    """
+
+    material: Material = STEEL_34CRMO4
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class DrillBody(ContactBody):
+    """A drill: it cuts into every `WorkpieceBody`, and touches other bodies as a surface.
+
+    A hole belongs to a workpiece and a place on it. A drill that comes back to a hole finds it as deep as it was; a
+    quarter of the diameter beside it, another hole begins. Holes that overlap do not know of each other.
+
+    Parameters
+    ----------
+    tool
+        Diameter, point angle and number of edges.
+    axis_a
+        Direction from shank to tip, resolved in the body's frame.
+    tip
+        Distance from the body's frame to the tip along the axis [m].
+    length
+        Of the drill, as far as it can touch anything [m].
+    k, d_c
+        Stiffness [N/m] and damping [N.s/m] of the contact with the ground of the hole.
+    settings
+        Further parameters of `FullDrillingForce`, as pairs of name and value.
+    wanders
+        False for a drill that never leaves a hole for another one.
+    """
+
+    tool: Tool = TWIST_DRILL_16MM
+    axis_a: Vector = (0.0, 0.0, 1.0)
+    tip: float = 0.0
+    length: float = 0.1
+    k: float = 1e8
+    d_c: float = 2e4
+    settings: tuple[tuple[str, object], ...] = ()
+    wanders: bool = True
+    shape: Shape = field(init=False)
+    pose: Pose = field(init=False)
+
+    def __post_init__(self) -> None:
+        e = unit_vector(self.axis_a, "axis_a")
+        tip = (e[0] * self.tip, e[1] * self.tip, e[2] * self.tip)
+        object.__setattr__(self, "shape", PointedDrill(self.tool.d, self.tool.sigma, self.length))
+        object.__setattr__(self, "pose", (tip, shank_along_z(e)))
+
+    @property
+    def trace(self) -> str:
+        return "s_tar" if self.wanders else ""
+
+    def contact(self, other: ContactBody, surfaces: Surfaces) -> Component | None:
+        if not isinstance(other, WorkpieceBody):
+            return None
+        kind = FullDrillingForce if self.settings else DrillingForce
+        return kind(
+            level=ConvexLevel(other.shape, other.pose, other.name),
+            tool=self.tool,
+            material=other.material,
+            axis_a=self.axis_a,
+            length=self.tip,
+            k=self.k,
+            d_c=self.d_c,
+            explicit=True,
+            **dict(self.settings),  # type: ignore[arg-type]
+        )
+
+    def ends(self, made: Component) -> tuple[Frame, Frame]:
+        if isinstance(made, DrillingForce):
+            return made.frame_a, made.frame_w
+        return super().ends(made)
+
+    def describe(self, other: ContactBody) -> str:
+        return "drilling" if isinstance(other, WorkpieceBody) else super().describe(other)
+
+    def site(
+        self, other: ContactBody, own: PoseValue, others: PoseValue, known: Sequence[Array], current: int, marked: bool
+    ) -> tuple[list[Array], int]:
+        if not isinstance(other, WorkpieceBody):
+            return super().site(other, own, others, known, current, marked)
+        r, R = others[0] + others[1] @ np.array(other.pose[0]), others[1] @ np.array(other.pose[1])
+        axis = R.T @ own[1] @ np.array(unit_vector(self.axis_a))
+        tip = R.T @ (own[0] + own[1] @ np.array(self.pose[0]) - r)
+        places = list(known)
+        low, high = (np.array(c) for c in other.shape.bounding_box())
+        if places and bool(np.all((tip >= low) & (tip <= high))):
+            places[current] = tip  # it is in there: nobody leaves a hole sideways
+            return places, current
+        beside = [float(np.linalg.norm(np.cross(place - tip, axis))) for place in places]
+        if beside and min(beside) < self.tool.d / 4:
+            return places, int(np.argmin(beside))
+        if places and not marked:
+            places[current] = tip  # no chip was cut there: it is no hole
+            return places, current
+        return [*places, tip], len(places)
