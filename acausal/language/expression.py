@@ -372,12 +372,17 @@ def checked_condition(e: object, example: str = "x > 0") -> Expr:
     """
     if isinstance(e, Expr) and is_condition(e) and not e.shape:
         return e
-    raise DeclarationError(
-        "AC108",
-        f"`{e}` ({type(e).__name__}) is not a condition",
-        help=f"write a relation such as {example}; what is known to Python is decided with a plain `if`"
-        + ("; declare what is true or false with boolean()" if isinstance(e, Symbol) else ""),
-    )
+    if isinstance(e, Equation):
+        fact, remedy = "is an equation, not a condition", "whole numbers are compared with equals(a, b)"
+    elif isinstance(e, Expr):
+        fact, remedy = (
+            "is a number, not a condition",
+            f"write a relation such as {example}, or declare it with boolean()",
+        )
+    else:
+        fact = f"({type(e).__name__}) is not a condition"
+        remedy = f"write a relation such as {example}; what is known to Python is decided with a plain `if`"
+    raise DeclarationError("AC108", f"`{e}` {fact}", help=remedy)
 
 
 def is_discrete(e: Expr) -> bool:
