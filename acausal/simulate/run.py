@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time as clock
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import pairwise
@@ -52,6 +52,7 @@ def simulate(
     step: float | None = None,
     parameters: Mapping[str, float] | None = None,
     inputs: Mapping[str, float] | None = None,
+    outputs: Sequence[str] | None = None,
     native: bool | None = None,
     force: bool = False,
     progress: Progress | None = None,
@@ -75,6 +76,9 @@ def simulate(
         Values by path, in SI; they never recompile a compiled model.
     inputs
         Constant values of the model's own inputs.
+    outputs
+        Names of variables: only what these depend on is simulated, as `compile(model, outputs=...)` says. For a
+        component; one whose contacts change its structure runs whole.
     native
         True compiles the equations to C, False interprets them; None uses what is compiled already, and compiles when
         a run is long (docs/devdocs/native.md). Without a C compiler everything is interpreted; results are the same.
@@ -103,7 +107,11 @@ def simulate(
     if isinstance(model, Component) and accuracy is None and variable_parts(model):
         chosen = wanted(getattr(type(model), "experiment", Experiment()))
         return Pieces(model, chosen, parameters, _piece(inputs, force), progress).result()
-    compiled = model if isinstance(model, CompiledModel) else compile(model, parameters=parameters)
+    if isinstance(model, CompiledModel) and outputs is not None:
+        raise UsageError(
+            "AC018", "a compiled model has its outputs already", help="give them to compile(model, outputs=[...])"
+        )
+    compiled = model if isinstance(model, CompiledModel) else compile(model, parameters=parameters, outputs=outputs)
     if accuracy is not None:
         from acausal.study.bench.accurate import simulated
 

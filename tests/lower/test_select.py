@@ -81,6 +81,13 @@ def test_events_belong_to_the_cone() -> None:
     assert result.final("h") == pytest.approx(0.7 * 9.81 * first * after - 0.5 * 9.81 * after**2, abs=1e-7)
 
 
+def test_simulate_takes_outputs_too() -> None:
+    result = acausal.simulate(TwoIslands(), outputs=["mass_b.s"], stop_time=1.0)
+    assert result.stats["states"] == 2
+    with pytest.raises(UsageError, match="already"):
+        acausal.simulate(acausal.compile(TwoIslands()), outputs=["h"], stop_time=1.0)
+
+
 def test_a_run_says_what_it_left_out() -> None:
     result = run(acausal.compile(TwoIslands(), outputs=["h"]))
     with pytest.raises(UsageError, match="mass_a") as caught:
