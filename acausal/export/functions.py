@@ -101,7 +101,7 @@ def dae_function(compiled: CompiledModel, outputs: Sequence[Output]) -> Any:
     image = compiled.solution.structure.reduced.image
     builder = s.builder(compiled)
     nodes = [image[output.scalar] for output in outputs]
-    builder.define(_definitions(compiled, nodes), compiled.time_events.rewritten)
+    builder.define(_definitions(compiled, nodes), compiled.rewritten)
     observed = builder.lower([builder.replaced(n) for n in nodes])
     y = ca.Function("y", s.inputs, [ca.vertcat(*observed) if observed else ca.SX(0, 1)])
     arguments = [s.t, s.x, s.z, s.u, s.p]

@@ -63,6 +63,7 @@ class Builder:
         self.definitions: dict[int, int] = {}
         self.done: dict[int, Any] = dict(modes)
         self.homotopy: Any = None  # 0 at the simplified, 1 at the actual side of homotopy(...); None means 1
+        self.blend = False  # whether `where` takes conditions between 0 and 1: a mean of its values (sliding modes)
         self._values: Any = ca.SX(0, 1)  # with room to grow, else each column would copy all before it
         self._filled = 0
         self._called: dict[tuple[External, tuple[int, ...]], list[Any]] = {}
@@ -148,6 +149,9 @@ class Builder:
             raise KeyError(f"variable {nodes[members[0]][1]} is neither known nor defined")
 
     def _operation(self, op: str, operands: Sequence[Any]) -> Any:
+        if op == "where" and self.blend:
+            c, a, b = operands
+            return ca.if_else(c, c * a, 0) + ca.if_else(c - 1, (1 - c) * b, 0)  # a branch that is off may be infinite
         if op != "homotopy":
             return _BUILD[op](*operands)
         actual, simplified = operands

@@ -153,7 +153,7 @@ def lower(solution: Solution) -> CompiledModel:
     shell = replace(shell, state_events=find_state_events(solution, states, events))
     symbols = Symbols(shell)
     builder = symbols.builder(shell)
-    builder.define([d for d in solution.definitions if d[0] in solution.needed], events.rewritten)
+    builder.define([d for d in solution.definitions if d[0] in solution.needed], shell.rewritten)
     ode = builder.column([reduced.pool.var(solution.structure.derivative(x)) for x in states])
     alg = builder.lower([builder.replaced(r) for r in solution.residuals])
     names = ["t", "x", "z", "u", "p", "m"]
@@ -170,7 +170,9 @@ def _sort_states(solution: Solution) -> tuple[tuple[int, ...], int]:
     """
     reach = Reach(solution)
     acting: set[int] = set()
-    clauses = [n for c, values in solution.structure.reduced.whens for n in (c, *values)]
+    reduced = solution.structure.reduced
+    clauses = [n for c, values in reduced.whens for n in (c, *values)]
+    clauses += [*reduced.assignments, *reduced.asserts]
     for node in [n for v, n in solution.definitions if v in solution.needed] + list(solution.residuals) + clauses:
         acting |= reach.pool.variables_in(node)
     acting |= {solution.structure.derivative(x) for x in solution.structure.states}

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from acausal.flatten.flat import FlatSystem
 from acausal.lower.build import Builder
+from acausal.lower.event_functions import EventFunctions
 from acausal.lower.reduce import nominal
 from acausal.lower.samples import STABILISATION_RATE
 from acausal.lower.select import Selection
@@ -43,7 +44,7 @@ class CompiledModel:
     instants
         `(p) -> times[nm]` at which the modes change.
     modes
-        `(t, p) -> m[nm]`, 0 or 1: relations of time, then samples and relations of variables, undecided as 0.
+        `(t, p) -> m[nm]`, 0 or 1: relations of time, then all others (`mode_nodes`), undecided as 0.
     selection
         What was left out of the model, and why; None for the full model.
     timings
@@ -140,11 +141,32 @@ class CompiledModel:
     @cached_property
     def observe(self) -> Any:
         """`(t, x, z, u, p, m) -> y[len(columns)]`: every trajectory of the model at one instant."""
+        return self._observe(blend=False)
+
+    @cached_property
+    def blended_observe(self) -> Any:
+        """`observe` for modes between 0 and 1."""
+        return self._observe(blend=True)
+
+    def _observe(self, blend: bool) -> Any:
         symbols = Symbols(self)
         builder = symbols.builder(self)
-        builder.define(self.solution.definitions, self.time_events.rewritten)
+        builder.blend = blend
+        builder.define(self.solution.definitions, self.rewritten)
         y = builder.column([builder.replaced(n) for n in self.columns])
         return ca.Function("observe", symbols.inputs, [ca.densify(y)], _INPUTS, ["y"])
+
+    @cached_property
+    def blended(self) -> Any:
+        """`rhs` for modes between 0 and 1: `where` is then a mean of its two values (sliding modes)."""
+        ode, alg = ([self.solution.structure.derivative(x) for x in self.state_variables], self.solution.residuals)
+        symbols = Symbols(self)
+        builder = symbols.builder(self)
+        builder.blend = True
+        builder.define(self.solution.definitions, self.rewritten)
+        pool = self.solution.structure.reduced.pool
+        parts = [builder.column([pool.var(v) for v in ode]), builder.column([builder.replaced(r) for r in alg])]
+        return ca.Function("blended", symbols.inputs, parts, _INPUTS, ["ode", "alg"])
 
     @cached_property
     def guess(self) -> Any:
@@ -163,7 +185,7 @@ class CompiledModel:
         """`(t, x, z, u, p, m) -> (used, surplus)`: residuals of the start conditions; see `StartProblem`."""
         symbols = Symbols(self)
         builder = symbols.builder(self)
-        builder.define(self.solution.definitions, self.time_events.rewritten)
+        builder.define(self.solution.definitions, self.rewritten)
         parts = [
             _column(builder.lower([builder.replaced(c.node) for c in group]))
             for group in (self.start.conditions, self.start.surplus)
@@ -173,7 +195,13 @@ class CompiledModel:
     @property
     def mode_nodes(self) -> tuple[int, ...]:
         """Nodes behind the modes, in the order of m."""
-        return (*self.time_events.relations, *self.state_events.samples, *self.state_events.relations)
+        events = self.state_events
+        return (*self.time_events.relations, *events.samples, *events.memories, *events.flags, *events.relations)
+
+    @cached_property
+    def rewritten(self) -> dict[int, int]:
+        """Nodes that jump or have a kink, by branches on modes."""
+        return {**self.time_events.rewritten, **self.state_events.rewritten}
 
     @property
     def n_modes(self) -> int:
@@ -182,50 +210,21 @@ class CompiledModel:
 
     @cached_property
     def all_modes(self) -> Any:
-        """`(t, x, z, u, p) -> m[nm]`: all relations as they hold at a point, for use outside a run; samples are 0."""
+        """`(t, x, z, u, p) -> m[nm]`: all relations as they hold at a point, for use outside a run.
+
+        Samples, `initial()` and `terminal()` are false there, and `pre(d)` is d.
+        """
         symbols = Symbols(self)
         builder = symbols.builder(self)
-        builder.done = {n: ca.SX(0) for n in self.state_events.samples}
-        builder.define(self.solution.definitions, self.time_events.rewritten)
+        builder.done = {n: ca.SX(0) for n in (*self.state_events.samples, *self.state_events.flags)}
+        builder.define(self.solution.definitions, self.rewritten)
         m = _column(builder.lower(self.mode_nodes))
         return ca.Function("all_modes", symbols.inputs[:-1], [m], _INPUTS[:-1], ["m"])
 
     @cached_property
-    def indicators(self) -> Any:
-        """`(t, x, z, u, p, m) -> (v, true)` of the relations of variables under given modes: v > 0 where one holds."""
-        symbols = Symbols(self)
-        builder = symbols.builder(self)
-        builder.define(self.solution.definitions, self.time_events.rewritten)
-        nodes = self.solution.structure.reduced.pool.nodes
-        found, true = [], []
-        for number in self.state_events.relations:
-            op, a, b = nodes[number]
-            left, right = builder.lower([a, b])
-            found.append(right - left if op in ("lt", "le") else left - right)
-            true.append(found[-1] > 0 if op in ("lt", "gt") else found[-1] >= 0)
-        return ca.Function("indicators", symbols.inputs, [_column(found), _column(true)], _INPUTS, ["v", "true"])
-
-    @cached_property
-    def indicator_rates(self) -> Any:
-        """`(t, x, z, u, p, m) -> (dv/dt without z, dv/dz, dalg/dt without z, dalg/dz, dv/dx)` along the solution."""
-        s = Symbols(self)
-        ode, alg = self.rhs(*s.inputs)
-        v = self.indicators(*s.inputs)[0]
-        tx, rate = ca.vertcat(s.t, s.x), ca.vertcat(1, ode)
-        parts = [ca.jtimes(v, tx, rate), ca.jacobian(v, s.z), ca.jtimes(alg, tx, rate), ca.jacobian(alg, s.z)]
-        parts.append(ca.jacobian(v, s.x))
-        return ca.Function("indicator_rates", s.inputs, [ca.densify(q) for q in parts])
-
-    @cached_property
-    def clauses(self) -> Any:
-        """`(t, x, z, u, p, m) -> (conditions, values)` of all `when` clauses; values in the order of their actions."""
-        symbols = Symbols(self)
-        builder = symbols.builder(self)
-        builder.define(self.solution.definitions, self.time_events.rewritten)
-        clauses = self.state_events.clauses
-        conditions = builder.lower([builder.replaced(c.condition) for c in clauses])
-        new = builder.lower([builder.replaced(n) for c in clauses for _, n in c.actions])
-        return ca.Function("clauses", symbols.inputs, [_column(conditions), _column(new)], _INPUTS, ["c", "values"])
+    def events(self) -> EventFunctions:
+        """What the event iteration asks for."""
+        return EventFunctions(self)
 
     @cached_property
     def homotopy(self) -> Any:
@@ -241,7 +240,7 @@ class CompiledModel:
         symbols = Symbols(self)
         builder = symbols.builder(self)
         builder.homotopy = ca.SX.sym("s")
-        builder.define(self.solution.definitions, self.time_events.rewritten)
+        builder.define(self.solution.definitions, self.rewritten)
         used, alg = (
             _column(builder.lower([builder.replaced(n) for n in group]))
             for group in (conditions, self.solution.residuals)
@@ -255,7 +254,7 @@ class CompiledModel:
         """`(t, x, z, u, p, m) -> (g, dg/dx)`: stabilised constraints, all levels, and their Jacobian."""
         symbols = Symbols(self)
         builder = symbols.builder(self)
-        builder.define(self.solution.definitions, self.time_events.rewritten)
+        builder.define(self.solution.definitions, self.rewritten)
         g = _column(builder.lower([builder.replaced(n) for _, n in self.solution.structure.invariants]))
         return ca.Function("constraints", symbols.inputs, [g, ca.jacobian(g, symbols.x)], _INPUTS, ["g", "J"])
 

@@ -1,19 +1,26 @@
-"""Relations of variables, samples and `when` clauses: what makes an instant an event.
+"""Relations of variables, samples, `when` clauses and discrete equations: what makes an instant an event.
 
-In a model with `when` clauses every relation on which an integrated quantity depends is a mode, constant between
-events, so that the right-hand side is smooth in each mode; `no_event` and `where(..., smooth=True)` exempt a relation.
-Relations of time only are known in advance and live in `time_events`.
+Every relation on which an integrated quantity depends is a mode, constant between events, so that the right-hand side
+is smooth in each mode; `no_event` and `where(..., smooth=True)` exempt a relation. `sign` of a variable becomes a
+relation too: it jumps. `minimum`, `maximum` and `fabs` have kinks only and are left to the error control, as in
+Modelica (3.6, section 3.7.2). Relations of time only are known in advance and live in `time_events`; relations of
+discrete variables change at events only.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from acausal.errors import Span, StructureError
 from acausal.flatten.pool import LEAVES, RELATIONS, Pool
+from acausal.lower.reduce import ReducedSystem
 from acausal.lower.solve import Solution
 from acausal.lower.time_events import TimeEvents
+
+if TYPE_CHECKING:
+    from acausal.lower.compiled import CompiledModel
 
 
 @dataclass(frozen=True)
@@ -22,18 +29,63 @@ class Clause:
 
     condition: int
     actions: tuple[tuple[int, int], ...]
+    terminate: str | None
     text: str
     component: str
     where: Span
 
 
 @dataclass(frozen=True)
+class Assignment:
+    """A discrete equation: the state at `position` takes the value of `node` at every event."""
+
+    position: int
+    node: int
+    text: str
+
+
+@dataclass(frozen=True)
+class Assert:
+    """A condition that must hold, and what to say when it does not."""
+
+    condition: int
+    message: str
+    level: str
+    component: str
+    where: Span
+
+
+@dataclass(frozen=True)
 class StateEvents:
-    """Samples, relations and clauses of a model, as nodes of the reduced pool."""
+    """What can happen between the time events, as nodes of the reduced pool.
+
+    Attributes
+    ----------
+    samples
+        `sample(start, interval)`: true at instants only.
+    memories
+        `pre(...)`: the value in the event iteration before.
+    flags
+        `initial()` and `terminal()`, where the model asks for them.
+    relations
+        Relations of variables, located.
+    rewritten
+        `sign` of variables, by branches on such relations.
+    clauses, assignments, asserts
+        What acts, in the order of the source.
+    """
 
     samples: tuple[int, ...] = ()
+    memories: tuple[int, ...] = ()
+    flags: tuple[int, ...] = ()
     relations: tuple[int, ...] = ()
+    rewritten: dict[int, int] = field(default_factory=dict)
     clauses: tuple[Clause, ...] = ()
+    assignments: tuple[Assignment, ...] = ()
+    asserts: tuple[Assert, ...] = ()
+
+    def __bool__(self) -> bool:
+        return bool(self.relations or self.clauses or self.assignments or self.asserts)
 
 
 def find_state_events(solution: Solution, states: tuple[int, ...], time_events: TimeEvents) -> StateEvents:
@@ -46,16 +98,35 @@ def find_state_events(solution: Solution, states: tuple[int, ...], time_events: 
     """
     reduced = solution.structure.reduced
     pool = reduced.pool
-    clauses = tuple(_clauses(solution, states))
-    if not clauses:
-        # Locating kinks of contact forces in DAEs costs more than it gains as yet: see docs/known-gaps.md
-        return StateEvents()
+    clauses = tuple(_clauses(reduced, states))
+    assignments = tuple(_assignments(reduced, states))
+    asserts = tuple(_asserts(reduced))
     own = [n for c in clauses for n in (c.condition, *(v for _, v in c.actions))]
+    own += [a.node for a in assignments] + [a.condition for a in asserts]
     roots = [*own, *solution.residuals, *_definitions(solution, own)]
-    done = dict(time_events.rewritten)
+    rewritten = dict(time_events.rewritten)
+    discrete = _discrete(reduced)
+    signs = _signs(pool, roots, discrete, rewritten)
+    done = {**rewritten, **signs}
     pool.rewrite(roots, pool.var, done)
-    samples, relations = _conditions(pool, [done[r] for r in roots], set(time_events.relations))
-    return StateEvents(samples, relations, clauses)
+    found = _conditions(pool, [done[r] for r in roots], set(time_events.relations), discrete)
+    return StateEvents(
+        tuple(sorted(found["sample"])),
+        tuple(sorted(found["pre"])),
+        tuple(sorted(found["flag"])),
+        tuple(sorted(found["relation"])),
+        signs,
+        clauses,
+        assignments,
+        asserts,
+    )
+
+
+def _discrete(reduced: ReducedSystem) -> frozenset[int]:
+    """Variables that change at events only."""
+    flat = reduced.flat
+    declared = {v.first + k for v in flat.variables if v.declaration.discrete for k in range(v.size)}
+    return frozenset(v for v, scalars in reduced.aliases.items() if any(s in declared for s in scalars))
 
 
 def _definitions(solution: Solution, roots: Iterable[int]) -> list[int]:
@@ -75,9 +146,45 @@ def _definitions(solution: Solution, roots: Iterable[int]) -> list[int]:
     return [node for v, node in solution.definitions if v in needed]
 
 
-def _conditions(pool: Pool, roots: Iterable[int], timely: set[int]) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    samples: set[int] = set()
-    relations: set[int] = set()
+def _moves(pool: Pool, node: int, discrete: frozenset[int]) -> bool:
+    """Whether a node changes between events."""
+    for n in pool.reachable([node]):
+        op, *rest = pool.nodes[n]
+        if op == "time" or (op == "var" and rest[0] not in discrete):
+            return True
+    return False
+
+
+def _signs(pool: Pool, roots: Iterable[int], discrete: frozenset[int], rewritten: dict[int, int]) -> dict[int, int]:
+    """`sign` of what moves, as a branch on a relation; exempt below `no_event`."""
+    found: dict[int, int] = {}
+    done = dict(rewritten)
+    for number in _visible(pool, roots):
+        node = pool.nodes[number]
+        if node[0] == "sign" and number not in rewritten and _moves(pool, node[1], discrete):
+            pool.rewrite([node[1]], pool.var, done)
+            relation = pool.make("gt", done[node[1]], pool.zero)
+            found[number] = done[number] = pool.where(relation, pool.one, pool.neg(pool.one))
+    return found
+
+
+def _visible(pool: Pool, roots: Iterable[int]) -> list[int]:
+    """All nodes below `roots` that are not below a `no_event`."""
+    seen: set[int] = set()
+    stack = list(roots)
+    while stack:
+        number = stack.pop()
+        if number not in seen:
+            seen.add(number)
+            node = pool.nodes[number]
+            if node[0] not in LEAVES and node[0] != "noevent":
+                stack.extend(node[1:])
+    return sorted(seen)
+
+
+def _conditions(pool: Pool, roots: Iterable[int], timely: set[int], discrete: frozenset[int]) -> dict[str, set[int]]:
+    """Nodes that become modes, by kind; nothing below a relation of time is looked at."""
+    found: dict[str, set[int]] = {"sample": set(), "pre": set(), "flag": set(), "relation": set()}
     seen: set[int] = set()
     stack = list(roots)
     while stack:
@@ -86,27 +193,35 @@ def _conditions(pool: Pool, roots: Iterable[int], timely: set[int]) -> tuple[tup
             continue
         seen.add(number)
         node = pool.nodes[number]
-        if node[0] == "sample":
-            samples.add(number)
-        elif node[0] not in LEAVES and node[0] != "noevent":
-            if node[0] in RELATIONS and any(pool.nodes[n][0] in ("var", "time") for n in pool.reachable([number])):
-                relations.add(number)
+        op = node[0]
+        if op in ("sample", "pre"):
+            found[op].add(number)
+        if op in ("initial", "terminal"):
+            found["flag"].add(number)
+        elif op not in LEAVES and op not in ("noevent", "sample"):
+            if op in RELATIONS and _moves(pool, number, discrete):
+                found["relation"].add(number)
             stack.extend(node[1:])
-    return tuple(sorted(samples)), tuple(sorted(relations))
+    return found
 
 
-def _clauses(solution: Solution, states: tuple[int, ...]) -> Iterable[Clause]:
-    reduced = solution.structure.reduced
+def _position(reduced: ReducedSystem, scalar: int, place: dict[int, int]) -> tuple[int, bool] | None:
+    """Place of a flat scalar among the states, and whether it is the negative of that state; None for no state."""
+    op, *rest = reduced.pool.nodes[reduced.image[scalar]]
+    negative = op == "neg"
+    if negative:
+        op, *rest = reduced.pool.nodes[rest[0]]
+    return (place[rest[0]], negative) if op == "var" and rest[0] in place else None
+
+
+def _clauses(reduced: ReducedSystem, states: tuple[int, ...]) -> Iterable[Clause]:
     pool = reduced.pool
     place = {v: k for k, v in enumerate(states)}
     for when, (condition, values) in zip(reduced.flat.whens, reduced.whens, strict=True):
         actions = []
         for (scalar, _), value in zip(when.actions, values, strict=True):
-            op, *rest = pool.nodes[reduced.image[scalar]]
-            negative = op == "neg"
-            if negative:
-                op, *rest = pool.nodes[rest[0]]
-            if op != "var" or rest[0] not in place:
+            found = _position(reduced, scalar, place)
+            if found is None:
                 raise StructureError(
                     "AC210",
                     f"{reduced.flat.scalar_name(scalar)} cannot be reset: it is not a state of {reduced.flat.name}",
@@ -115,5 +230,55 @@ def _clauses(solution: Solution, states: tuple[int, ...]) -> Iterable[Clause]:
                     cause="it follows from other variables, so a new value would contradict them",
                     help="reset the state it follows from, or declare it prefer_state=True or discrete()",
                 )
-            actions.append((place[rest[0]], pool.neg(value) if negative else value))
-        yield Clause(condition, tuple(actions), str(when.source), when.component, when.origin.span())
+            actions.append((found[0], pool.neg(value) if found[1] else value))
+        yield Clause(condition, tuple(actions), when.terminate, str(when.source), when.component, when.origin.span())
+
+
+def _assignments(reduced: ReducedSystem, states: tuple[int, ...]) -> Iterable[Assignment]:
+    place = {v: k for k, v in enumerate(states)}
+    for equation, node in zip(reduced.flat.assignments, reduced.assignments, strict=True):
+        found = _position(reduced, equation.scalar, place)
+        if found is not None:  # one that is equal to a parameter has nothing to be assigned
+            yield Assignment(found[0], reduced.pool.neg(node) if found[1] else node, str(equation.source))
+
+
+def _asserts(reduced: ReducedSystem) -> Iterable[Assert]:
+    for flat, node in zip(reduced.flat.asserts, reduced.asserts, strict=True):
+        yield Assert(node, flat.message, flat.level, flat.component, flat.origin.span())
+
+
+def origins(compiled: CompiledModel) -> list[tuple[Span | None, str]]:
+    """Place and component of the first statement that holds each relation."""
+    solution = compiled.solution
+    reduced = solution.structure.reduced
+    flat, pool, events = reduced.flat, reduced.pool, compiled.state_events
+    rows = {v: b.rows for b in solution.structure.blocks for v in b.columns}
+    held: list[tuple[int, Span | None, str]] = []
+    held += [(n, c.where, c.component) for c in events.clauses for n in (c.condition, *(v for _, v in c.actions))]
+    held += [(a.condition, a.where, a.component) for a in events.asserts]
+    held += [
+        (node, e.origin.span() if e.origin else None, e.component)
+        for e, node in zip(flat.assignments, reduced.assignments, strict=True)
+    ]
+    equations = [(node, solution.structure.flat_equation(rows[v][0])) for v, node in solution.definitions if v in rows]
+    equations += [(node, solution.structure.flat_equation(e)) for e, node in enumerate(solution.structure.residuals)]
+    found: dict[int, tuple[Span | None, str]] = {}
+    missing = set(events.relations)
+    for node, where, component in held:
+        for r in missing & _under(pool, node, compiled.rewritten):
+            found[r] = (where, component)
+        missing -= found.keys()
+    for node, k in equations:
+        if not missing:
+            break
+        for r in missing & _under(pool, node, compiled.rewritten):
+            equation = flat.equations[k]
+            found[r] = (equation.origin.span() if equation.origin else None, equation.component)
+        missing -= found.keys()
+    return [found.get(r, (None, "")) for r in events.relations]
+
+
+def _under(pool: Pool, node: int, rewritten: dict[int, int]) -> set[int]:
+    done = dict(rewritten)
+    pool.rewrite([node], pool.var, done)
+    return set(pool.reachable([done[node]]))

@@ -2,188 +2,224 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from acausal.lower.compiled import CompiledModel
-from acausal.lower.evaluate import values
-from acausal.simulate.events import Guards, Happened
+from acausal.simulate.event_errors import accumulated
+from acausal.simulate.guards import Guards, Moment, Tolerances, Truth
 from acausal.simulate.initialize import Start
+from acausal.simulate.iteration import Happened, Iteration
+from acausal.simulate.looking import LOOKS, first_crossing, locate
 from acausal.simulate.problem import Problem
 from acausal.simulate.record import Recorder
+from acausal.simulate.regime import Regime
+from acausal.simulate.rest import Bounces
 from acausal.simulate.solvers import Solver
 from acausal.simulate.solvers.base import Piece, Segment
 from acausal.simulate.stopping import Stop, integrate_to_event
 
 Vector = NDArray[np.float64]
-Integrate = Callable[[Segment, Vector], Piece]
-_PARTS = 16
-_MOST_LOOKS = 2000
-# Events accumulate when each of so many followed sooner than the one before, at last within this share of the run.
-_CROWDED = 1e-5
-_MOST_SHORTER = 20
-
-
-def clocks(compiled: CompiledModel, p: Vector) -> list[tuple[float, float]]:
-    """Start and interval of each sample [s]."""
-    pool = compiled.solution.structure.reduced.pool
-    leaves = {"par": p.__getitem__, "time": lambda _: 0.0}
-    found = []
-    for number in compiled.state_events.samples:
-        _, a, b = pool.nodes[number]
-        known = values(pool, [a, b], leaves)
-        found.append((float(known[a]), float(known[b])))
-    return found
-
-
-def sample_times(compiled: CompiledModel, p: Vector, start: float, stop: float) -> Vector:
-    """All instants of samples between two times."""
-    found = [np.zeros(0)]
-    for first, interval in clocks(compiled, p):
-        k = np.arange(
-            max(0.0, np.ceil((start - first) / interval - 1e-9)), np.floor((stop - first) / interval + 1e-9) + 1
-        )
-        found.append(first + interval * k)
-    return np.concatenate(found)
-
-
-def due(compiled: CompiledModel, p: Vector, t: float) -> Vector:
-    """Which samples are true at an instant."""
-    found = []
-    for first, interval in clocks(compiled, p):
-        turns = (t - first) / interval
-        found.append(float(abs(turns - round(turns)) <= 1e-9 and round(turns) >= 0))
-    return np.array(found)
+Integrate = Callable[[Regime, Segment], Piece]
+_log = logging.getLogger(__name__)
 
 
 @dataclass
 class Hybrid:
-    """The events of one run; `modes` are those in force when the last segment ended."""
+    """The events of one run."""
 
     problem: Problem
     solver: Solver
     recorder: Recorder
     integrate: Integrate
-    modes: Vector | None = None
+    tolerances: Tolerances
+    span: float
+    moment: Moment | None = None
+    notes: list[str] = field(default_factory=list)
+    terminated: str | None = None
+    history: list[tuple[float, Regime]] = field(default_factory=list)
+    _gap: float = np.inf
 
-    def segment(self, start: Start, m: Vector, template: Segment, outputs: Vector) -> Start:
-        """Integrate from `template.start` over `outputs`; `m` are the modes, those of time up to date."""
-        guards = Guards(self.problem, template.tolerance, template.absolute)
-        a = template.start
-        before = self.before(m, a, start)
-        m[guards.first :] = before[guards.first :]
-        happened = guards.settle(a, start, m, before, due(self.problem.compiled, self.problem.p, a))
-        here, times, crowd, last = a, outputs, 0, np.inf
+    def __post_init__(self) -> None:
+        self.guards = Guards(self.problem, self.tolerances, self.span)
+        self.iteration = Iteration(self.problem, self.guards)
+        self.bounces = Bounces(self.problem, self.guards, self.span)
+        self.single_step = self.solver.name in ("rosenbrock", "erk") and not self.problem.compiled.algebraic
+
+    def begin(self, t: float, start: Start, m: Vector) -> None:
+        """The event at the start of the run, when `initial()` is true; `m` is what the start has decided."""
+        moment = Moment(start.x, start.z, m.copy(), Regime(self.problem))
+        self._say(self.iteration.settle(t, moment, m, flag="initial"), t)
+
+    def regime_at(self, t: float) -> Regime:
+        """The regime in force just after a time."""
+        return next(regime for start, regime in reversed(self.history) if start <= t)
+
+    def segment(self, m: Vector, template: Segment, samples: Vector) -> None:
+        """Integrate from `template.start` over its output times; `m` has the relations of time, up to date."""
+        here, times = template.start, template.times
+        moment = self.moment
+        assert moment is not None, "a run begins before its first segment"
+        before = moment.m
+        timely = len(self.problem.compiled.time_events.relations)
+        changed = before.copy()
+        changed[:timely] = m[:timely]
+        happened = self.iteration.settle(here, replace(moment, m=changed), before, samples=samples)
         while True:
-            start, m = happened.start, happened.modes
-            self.recorder.begin(here, start.x, start.z, m, happened.texts, happened.changed)
-            if not len(times):
+            moment = self._say(happened, here)
+            self._record_start(here, moment, happened)
+            if not len(times) or self.terminated is not None:
                 break
-            stop = self.stretch(
-                guards, here == a, replace(template, start=here, times=times, x=start.x, z=start.z, p=m)
-            )
-            if stop is None or stop.time is None:
-                _, x, z, _ = self.recorder.point(-1)
-                start = Start(x, z, start.notes)
+            stop = self.stretch(replace(template, start=here, times=times, x=moment.x, z=moment.z, p=moment.m), moment)
+            if stop.time is None:
+                self.moment = replace(moment, x=stop.x, z=stop.z)
                 break
-            gap, span = stop.time - here, float(outputs[-1]) - a
-            crowd, last = (crowd + 1 if gap < last else 0), gap
-            if crowd > _MOST_SHORTER and gap <= _CROWDED * span:
-                raise guards.accumulated(stop.time, crowd)
+            self._gap = stop.time - here
             here = stop.time
-            left = guards.consistent(here, Start(stop.x, stop.z, start.notes), m)
-            self.recorder.add(np.array([here]), Piece(left.x[:, None], left.z[:, None], {}), m)
-            times = times[times > here + 1e-13 * max(1.0, abs(here))]
-            happened = self.event(guards, here, left, m)
-        self.modes = m
-        return start
+            left = self.iteration.consistent(here, replace(moment, x=stop.x, z=stop.z))
+            self._record(np.array([here]), left.x[:, None], left.z[:, None], left, {})
+            times = times[times > here + 1e-13 * max(self.span, abs(here))]
+            happened = self.event(here, left)
 
-    def event(self, guards: Guards, t: float, left: Start, m: Vector) -> Happened:
+    def end(self, t: float) -> None:
+        """The event at the end of the run, when `terminal()` is true."""
+        if "terminal" not in self.iteration.flag_names or self.moment is None:
+            return
+        happened = self.iteration.settle(t, self.moment, self.moment.m, flag="terminal")
+        if happened.causes:
+            self._record_start(t, self._say(happened, t), happened)
+
+    def event(self, t: float, left: Moment) -> Happened:
         """Flip what has reached its guard, and iterate."""
-        fired = guards.fired(t, left.x, left.z, m)
-        changed = m.copy()
-        changed[guards.first :] = np.where(fired, 1 - m[guards.first :], m[guards.first :])
-        samples = np.zeros(len(self.problem.compiled.state_events.samples))
-        happened = guards.settle(t, left, changed, m, samples, fired)
-        return replace(happened, texts=(*(guards.texts[k] for k in np.flatnonzero(fired)), *happened.texts))
+        fired = self.guards.fired(t, left)
+        relations = [left.regime.owners[k][0] for k in np.flatnonzero(fired)]
+        moment, rested, notes = self.bounces.rest(t, left, relations)
+        if rested:
+            moment = self.iteration.consistent(t, moment)
+            fired = np.array([side < 0 and k in relations and k not in rested for k, side in moment.regime.owners])
+        happened = self.iteration.settle(t, self.iteration.flipped(moment, fired), left.m)
+        if rested:
+            happened = replace(happened, notes=(*notes, *happened.notes))
+        self.bounces.saw(t, relations)
+        if self.bounces.is_endless:
+            names = [self.guards.texts[k] for k in self.bounces.crowded]
+            raise accumulated(self.problem.compiled.name, t, self.bounces.count, names)
+        return replace(happened, causes=(*(self.guards.causes[k] for k in relations), *happened.causes))
 
-    def before(self, m: Vector, t: float, start: Start) -> Vector:
-        """Modes just before a segment; at the start of the run, those that the start has decided."""
-        if self.modes is not None:
-            return self.modes
-        decided = m.copy()
-        compiled = self.problem.compiled
-        true = np.array(compiled.indicators(t, start.x, start.z, self.problem.u, self.problem.p, m)[1]).ravel()
-        decided[len(m) - len(true) :] = true
-        return decided
-
-    def stretch(self, guards: Guards, quiet: bool, segment: Segment) -> Stop | None:
-        """Integrate and record up to the next event; None when the segment ended without one.
-
-        On an ODE one-step methods stop at the event by themselves. The others are looked at after each chunk of
-        outputs; the interval in which the modes cease to hold is then crossed by itself. Chunks are short after an
-        event, for the next is often near, and what lies beyond it is computed in vain.
-        """
-        m = segment.p
-        if self.solver.name in ("rosenbrock", "erk") and not self.problem.compiled.algebraic:
-            stop = integrate_to_event(self.problem, segment, explicit=self.solver.name == "erk")
-            self.recorder.add(stop.times, stop.piece, m)
-            return stop
-        size = len(segment.times) if quiet else 16
-        while len(segment.times):
-            part = replace(segment, times=segment.times[:size])
-            piece = self.integrate(part, m)
-            wrong = guards.violated(part.times, piece.x, piece.z, m)
-            good = len(part.times) if wrong is None else wrong
-            if good:
-                self.recorder.add(part.times[:good], Piece(piece.x[:, :good], piece.z[:, :good], piece.counters), m)
-                segment = _after(segment, good, piece.x[:, good - 1], piece.z[:, good - 1])
-            if wrong is not None:
-                stop = self.locate(guards, replace(segment, times=segment.times[:1]))
-                self.recorder.add(stop.times, stop.piece, m)
-                if stop.time is not None:
-                    return stop
-                segment = _after(segment, 1, stop.x, stop.z)
-            size *= 2
-        return None
-
-    def locate(self, guards: Guards, segment: Segment) -> Stop:
-        """Cross the output interval in which the modes cease to hold.
-
-        An ODE is crossed by a one-step method that stops at the event. A DAE is integrated again by its own solver,
-        ever closer: one-step methods take a hundred times the steps where an algebraic variable is steep (a drill in
-        the air, measured).
-        """
-        if not self.problem.compiled.algebraic:
-            return integrate_to_event(self.problem, segment)
-        none = Piece(np.zeros((len(segment.x), 0)), np.zeros((len(segment.z), 0)), {})
-        m, end = segment.p, float(segment.times[0])
-        whole = span = end - segment.start
-        for _ in range(
-            _MOST_LOOKS
-        ):  # of several crossings the first: where one is seen, the next look is at the sixteenth before it
-            stop = min(segment.start + span, end)
-            times = np.append(segment.start + (stop - segment.start) * np.arange(1, _PARTS) / _PARTS, stop)
-            piece = self.integrate(replace(segment, times=times), m)
-            k = guards.violated(times, piece.x, piece.z, m)
-            if k is None and stop >= end:
-                last = Piece(piece.x[:, -1:], piece.z[:, -1:], piece.counters)
-                return Stop(last, times[-1:], None, piece.x[:, -1], piece.z[:, -1])
-            if k is None:  # what a longer step had seen is not there
-                segment = replace(segment, start=stop, x=piece.x[:, -1], z=piece.z[:, -1])
-                span = min(span * _PARTS, whole)
+    def stretch(self, segment: Segment, moment: Moment) -> Stop:
+        """Integrate and record up to the next event, or to the end."""
+        band = self.band(segment.start, moment)
+        while True:
+            looks = self.looks(segment)
+            wide = replace(segment, times=np.union1d(segment.times[segment.times <= looks[-1]], looks))
+            try:
+                stop = self.checked(segment, moment, self.attempt(moment, wide, band), band)
+            except RuntimeError:
+                # frozen modes may lead where nothing is defined, just beyond an event: not so far, then
+                self._gap = (looks[-1] - segment.start) / 64
+                if self._gap <= 1e-12 * max(self.span, abs(segment.start)):
+                    raise
                 continue
-            if span / _PARTS <= 1e-12 * max(1.0, abs(segment.start)):
-                return Stop(none, segment.times[:0], float(times[k]), piece.x[:, k], piece.z[:, k])
-            span /= _PARTS
-            if k:
-                segment = replace(segment, start=float(times[k - 1]), x=piece.x[:, k - 1], z=piece.z[:, k - 1])
-        raise guards.accumulated(segment.start, _MOST_LOOKS)
+            keep = np.isin(stop.times, segment.times)
+            self._record(stop.times[keep], stop.piece.x[:, keep], stop.piece.z[:, keep], moment, stop.piece.counters)
+            reached = stop.time if stop.time is not None else float(looks[-1])
+            if stop.time is not None or reached >= segment.times[-1]:
+                return stop
+            self._gap = reached - segment.start
+            rest = segment.times[segment.times > reached]
+            segment = replace(segment, start=reached, times=rest, x=stop.x, z=stop.z)
+            moment = replace(moment, x=stop.x, z=stop.z)
 
+    def attempt(self, moment: Moment, segment: Segment, band: Vector) -> Stop:
+        """Integrate with frozen modes, to the end or to the event that the solver itself stops at."""
+        if self.single_step:
+            return integrate_to_event(moment.regime, segment, band, self.solver.name)
+        piece = self.integrate(moment.regime, segment)
+        return Stop(piece, segment.times, None, piece.x[:, -1], piece.z[:, -1])
 
-def _after(segment: Segment, count: int, x: Vector, z: Vector) -> Segment:
-    """What is left of a segment after its first `count` output times."""
-    return replace(segment, start=float(segment.times[count - 1]), times=segment.times[count:], x=x, z=z)
+    def looks(self, segment: Segment) -> Vector:
+        """Where the guards are looked at: over the whole rest of the segment when events are rare.
+
+        What lies beyond an event is computed in vain, so the first look after one reaches not much farther than the
+        last two events were apart.
+        """
+        end = float(segment.times[-1])
+        span = end - segment.start
+        if self._gap < span / 4:
+            span = min(span, max(4 * self._gap, 1e-9 * self.span))
+        found = segment.start + span * np.arange(1, LOOKS + 1) / LOOKS
+        found[-1] = min(segment.start + span, end) if span < end - segment.start else end
+        return found
+
+    def checked(self, segment: Segment, moment: Moment, stop: Stop, band: Vector) -> Stop:
+        """The same stretch, ended at the first guard that was passed between the rows."""
+        if not moment.regime.owners or not len(stop.times):
+            return stop
+        g = self.guards.along(stop.times, stop.piece.x, stop.piece.z, moment.m, moment.regime)
+        g = np.vstack([np.maximum(self.guards.distances(segment.start, moment), 0.0), g])
+        times, x, z = stop.times, stop.piece.x, stop.piece.z
+        done = 0
+        while True:
+            found = first_crossing(g[done:], band)
+            if found is None:
+                return stop
+            k, seen = found[0] + done - 1, found[1]  # row of the stop
+            a = k - 1 if seen else k - 2
+            start = segment.start if a < 0 else float(times[a])
+            xa, za = (segment.x, segment.z) if a < 0 else (x[:, a], z[:, a])
+            inside = replace(segment, start=start, times=times[k : k + 1], x=xa, z=za)
+            at = replace(moment, x=xa, z=za)
+            closer = locate(self.guards, at, inside, band, lambda s: self.integrate(moment.regime, s))
+            if closer.time is None and not seen:
+                done = k + 1
+                continue
+            if closer.time is None:  # what the longer step had seen is not there: go on from its end
+                rows = Piece(x[:, : k + 1], z[:, : k + 1], stop.piece.counters)
+                return self._again(segment, moment, Stop(rows, times[: k + 1], None, closer.x, closer.z), stop, band)
+            keep = a + 1
+            rows = Piece(x[:, :keep], z[:, :keep], {**stop.piece.counters})
+            return Stop(rows, times[:keep], closer.time, closer.x, closer.z)
+
+    def _again(self, segment: Segment, moment: Moment, part: Stop, whole: Stop, band: Vector) -> Stop:
+        """A stretch whose middle had to be integrated again: its rest, from there on."""
+        here = float(part.times[-1])
+        rest = whole.times[whole.times > here]
+        if not len(rest):
+            return part
+        onward = replace(segment, start=here, times=rest, x=part.x, z=part.z)
+        piece = self.integrate(moment.regime, onward)
+        at = replace(moment, x=part.x, z=part.z)
+        stop = Stop(piece, rest[: piece.x.shape[1]], None, piece.x[:, -1], piece.z[:, -1])
+        after = self.checked(onward, at, stop, band)
+        joined = Piece(
+            np.hstack([part.piece.x, after.piece.x]), np.hstack([part.piece.z, after.piece.z]), after.piece.counters
+        )
+        return Stop(joined, np.append(part.times, after.times), after.time, after.x, after.z)
+
+    def band(self, t: float, moment: Moment) -> Vector:
+        """How far past its guard each one may go: the noise where it rests there and does not leave, else 0."""
+        if not moment.regime.owners:
+            return np.zeros(0)
+        g, (rate, noise) = self.guards.distances(t, moment), self.guards.rates(t, moment)
+        resting: Truth = (np.abs(g) <= noise) & (rate <= noise)
+        return np.where(resting, 2 * noise, 0.0)
+
+    def _say(self, happened: Happened, t: float) -> Moment:
+        self.moment = happened.moment
+        self.history.append((t, happened.moment.regime))
+        self.terminated = happened.terminated
+        for note in happened.notes:
+            if note not in self.notes:
+                self.notes.append(note)
+                _log.warning("%s: %s", self.problem.compiled.name, note)
+        return happened.moment
+
+    def _record_start(self, t: float, moment: Moment, happened: Happened) -> None:
+        m = moment.regime.modes(np.array([t]), moment.x[:, None], moment.z[:, None], moment.m)
+        self.recorder.begin(t, moment.x, moment.z, m, happened.causes, happened.changed)
+
+    def _record(self, times: Vector, x: Vector, z: Vector, moment: Moment, counters: dict[str, float]) -> None:
+        self.recorder.add(times, Piece(x, z, counters), moment.regime.modes(times, x, z, moment.m))

@@ -14,6 +14,7 @@ from acausal.lower.compiled import CompiledModel
 from acausal.lower.diagnosis.words import counted, listed, made_at
 from acausal.lower.evaluate import values
 from acausal.simulate.start_errors import contradicting, left_open, not_found, undefined
+from acausal.simulate.truth import truths
 
 Vector = NDArray[np.float64]
 
@@ -40,24 +41,40 @@ def initialize(compiled: CompiledModel, t: float, p: Vector, u: Vector, m: Vecto
         other, AC302 when conditions contradict each other, AC303 when the equations are not defined at the start
         (division by zero, root of a negative number).
     """
-    x, z = (np.array(v, dtype=float).ravel() for v in compiled.guess(p))
-    start = Start(x, z, ())
-    seen: list[bytes] = []
-    while compiled.state_events.relations:  # modes are decided by the solution they lead to
-        decided = np.array(compiled.indicators(t, start.x, start.z, u, p, m)[1]).ravel()
-        if decided.tobytes() in seen:
-            break
-        seen.append(decided.tobytes())
-        m[len(m) - len(decided) :] = decided
-        start = _initialized(compiled, t, p, u, m)
-    if not compiled.state_events.relations:
-        start = _initialized(compiled, t, p, u, m)
+    start = _decided(compiled, t, p, u, m) if compiled.state_events else _initialized(compiled, t, p, u, m, {})
     _check_surplus(compiled, t, start.x, start.z, u, p, m)
     return start
 
 
-def _initialized(compiled: CompiledModel, t: float, p: Vector, u: Vector, m: Vector) -> Start:
+def _decided(compiled: CompiledModel, t: float, p: Vector, u: Vector, m: Vector) -> Start:
+    """The start together with relations and discrete equations, which are decided by the solution they lead to."""
     x, z = (np.array(v, dtype=float).ravel() for v in compiled.guess(p))
+    events, nodes = compiled.state_events, compiled.solution.structure.reduced.pool.nodes
+    memories = len(compiled.time_events.relations) + len(events.samples)
+    flags = memories + len(events.memories)
+    relations = flags + len(events.flags)
+    reactions = compiled.events.reactions
+    m[memories:flags] = np.array(reactions(t, x, z, u, p, m)[4]).ravel()
+    m[flags:relations] = [float(nodes[n][0] == "initial") for n in events.flags]
+    m[relations:] = truths(compiled, t, x, z, u, p, m)
+    places = [a.position for a in events.assignments]
+    given: dict[int, float] = {k: x[k] for k in places}
+    seen: set[bytes] = set()
+    start = Start(x, z, ())
+    while (key := m.tobytes() + np.array(list(given.values())).tobytes()) not in seen:
+        seen.add(key)
+        start = _initialized(compiled, t, p, u, m, given)
+        m[relations:] = truths(compiled, t, start.x, start.z, u, p, m)
+        given = dict(zip(places, np.array(reactions(t, start.x, start.z, u, p, m)[1]).ravel(), strict=True))
+    m[flags:relations] = 0.0
+    return start
+
+
+def _initialized(
+    compiled: CompiledModel, t: float, p: Vector, u: Vector, m: Vector, assigned: dict[int, float]
+) -> Start:
+    x, z = (np.array(v, dtype=float).ravel() for v in compiled.guess(p))
+    x[list(assigned)] = list(assigned.values())
     free = [k for k, v in enumerate(compiled.state_variables) if v not in compiled.start.direct]
     free = [k for k in free if compiled.state_variables[k] not in compiled.start.defaulted]
     notes = _defaulted(compiled, x)

@@ -30,6 +30,11 @@ class Options:
     absolute_factor: float = 1e-3
     native: bool | None = None
 
+    @property
+    def span(self) -> float:
+        """Length of the run [s]."""
+        return self.stop_time - self.start_time
+
     def grid(self) -> NDArray[np.float64]:
         """Output times: multiples of the interval from the start, and the stop time."""
         count = math.floor((self.stop_time - self.start_time) / self.output_interval * (1 + 1e-12) + 1e-9)

@@ -46,7 +46,7 @@ def constraints(
 ) -> tuple[Vector, Vector]:
     """Values, shape (n, k), and Jacobians, shape (n, k, nx), of the stabilised constraints at n instants."""
     n = len(times)
-    wide = [np.tile(v[:, None], (1, n)) for v in (u, p, m)]
+    wide = [v if v.ndim == 2 else np.tile(v[:, None], (1, n)) for v in (u, p, m)]
     function = compiled.constraints.map(n)
     g, slope = function(times[None, :], x, z, *wide)
     count = g.shape[0]

@@ -12,6 +12,7 @@ from acausal.flatten.flat import suffixes
 from acausal.lower.compiled import CompiledModel
 from acausal.result import Event, Result, Signal
 from acausal.simulate.direct import rows
+from acausal.simulate.guards import Cause
 from acausal.simulate.project import projection
 from acausal.simulate.solvers.base import Piece
 
@@ -25,7 +26,7 @@ class Recorder:
         self.compiled = compiled
         self.p, self.u = p, u
         self.counters: dict[str, float] = {}
-        self.boundaries: list[tuple[float, tuple[str, ...], tuple[str, ...]]] = []
+        self.boundaries: list[tuple[float, tuple[Cause, ...], tuple[str, ...]]] = []
         self.segments = 0
         self._times: list[Vector] = []
         self._x: list[Vector] = []
@@ -38,11 +39,11 @@ class Recorder:
         return float(self._times[-1][-1])
 
     def begin(
-        self, t: float, x: Vector, z: Vector, m: Vector, texts: tuple[str, ...] = (), changed: tuple[str, ...] = ()
+        self, t: float, x: Vector, z: Vector, m: Vector, causes: tuple[Cause, ...] = (), changed: tuple[str, ...] = ()
     ) -> None:
         """The first row of a segment: the values after the event, what happened in it, or the values at the start."""
         if self._times:
-            self.boundaries.append((t, texts, changed))
+            self.boundaries.append((t, causes, changed))
         self.segments += 1
         self._append(np.array([t]), x[:, None], z[:, None], m)
 
@@ -60,7 +61,7 @@ class Recorder:
         self._times.append(times)
         self._x.append(x)
         self._z.append(z)
-        self._m.append(np.tile(m[:, None], (1, len(times))))
+        self._m.append(m if m.ndim == 2 else np.tile(m[:, None], (1, len(times))))
 
     def rows(self) -> tuple[Vector, Vector, Vector, Vector]:
         """(times, x, z, modes) of all rows; columns are instants."""
@@ -85,7 +86,10 @@ class Recorder:
         p = self.p.copy()
         if self.compiled.solution.structure.rate is not None:
             p[-1] = 0.0
-        return rows(self.compiled.observe, (times[:, None], x.T, z.T, self.u, p, m.T))
+        first = len(m) - len(self.compiled.state_events.relations)
+        slides = bool(((m[first:] > 0.0) & (m[first:] < 1.0)).any())
+        observe = self.compiled.blended_observe if slides else self.compiled.observe
+        return rows(observe, (times[:, None], x.T, z.T, self.u, p, m.T))
 
 
 def make_result(

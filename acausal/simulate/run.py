@@ -5,14 +5,14 @@ from __future__ import annotations
 import logging
 import time as clock
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from acausal.errors import IntegrationError, UsageError, nearest
+from acausal.errors import EventError, IntegrationError, UsageError, nearest
 from acausal.flatten.flat import suffixes
 from acausal.flatten.parameters import check_limit, entries
 from acausal.language.component import Component
@@ -21,17 +21,21 @@ from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.samples import STABILISATION_RATE
 from acausal.result import Event, Result
-from acausal.simulate.hybrid import Hybrid, sample_times
+from acausal.simulate.guards import Cause, Tolerances
+from acausal.simulate.hybrid import Hybrid
 from acausal.simulate.initialize import Start, consistent, initialize
 from acausal.simulate.interrupt import Interruptible
 from acausal.simulate.options import Options, options
 from acausal.simulate.problem import Problem
 from acausal.simulate.project import projected
 from acausal.simulate.record import Recorder, make_result
+from acausal.simulate.regime import Regime
 from acausal.simulate.restructure import Pieces, RunPiece, variable_parts
+from acausal.simulate.sampling import due, sample_times
 from acausal.simulate.solvers import Solver, choose
 from acausal.simulate.solvers.base import TOLERANCE_SHARE, Piece, Segment
 from acausal.simulate.step_limit import StepLimit
+from acausal.simulate.truth import truths
 
 Vector = NDArray[np.float64]
 Progress = Callable[[float, float], None]
@@ -229,17 +233,23 @@ class _Run:
         recorder = Recorder(self.compiled, self.p, self.u)
         limit = StepLimit(problem, solver.name, opts, self.force)
         limit.check_start(opts.start_time, start.x, start.z, m)
-        if self.compiled.state_events.relations or self.compiled.state_events.clauses:
-            self.hybrid = Hybrid(
-                problem, solver, recorder, lambda segment, m: self.integrate(problem, solver, recorder, segment, m)
-            )
+        if self.compiled.state_events:
+            self.hybrid = Hybrid(problem, solver, recorder, self.plain(solver), self.tolerances, opts.span)
         began = clock.perf_counter()
         grid = opts.grid() if self.outputs is None else self.outputs
         try:
             with self.interrupt:
+                if self.hybrid is not None:
+                    self.hybrid.begin(opts.start_time, start, m)
                 for a, b in pairwise(boundaries):
                     start = self.segment(problem, solver, recorder, start, a, b, grid)
-        except (IntegrationError, KeyboardInterrupt) as error:
+                    if self.hybrid is not None and self.hybrid.terminated is not None:
+                        break
+                if self.hybrid is not None:
+                    self.hybrid.end(recorder.time)
+        except (IntegrationError, EventError, KeyboardInterrupt) as error:
+            if not recorder.segments:
+                raise
             error.result = self.finish(problem, recorder, solver, reason, start.notes)  # type: ignore[union-attr]
             if isinstance(error, IntegrationError):
                 limit.check_run(recorder, error.result)
@@ -250,11 +260,32 @@ class _Run:
         limit.check_run(recorder, result)
         return result
 
+    @property
+    def tolerances(self) -> Tolerances:
+        """What the solvers get."""
+        tolerance = TOLERANCE_SHARE * self.options.tolerance
+        return Tolerances(tolerance, tolerance * self.options.absolute_factor)
+
+    def plain(self, solver: Solver) -> Callable[[Regime, Segment], Piece]:
+        """The solver under any regime; RuntimeError when it cannot go on."""
+
+        def integrate(regime: Regime, segment: Segment) -> Piece:
+            try:
+                return solver.integrate(regime.problem, segment)
+            except RuntimeError:
+                self.interrupt.check()
+                raise
+
+        return integrate
+
     def begun(self, m: Vector) -> Start:
         """Where the run starts: at the states it was given, or where the start conditions say."""
         t = self.options.start_time
         if self.given is None:
             return initialize(self.compiled, t, self.p, self.u, m)
+        if self.compiled.state_events:
+            first = len(m) - len(self.compiled.state_events.relations)
+            m[first:] = truths(self.compiled, t, self.given.x, self.given.z, self.u, self.p, m)
         return consistent(self.compiled, t, self.given, self.p, self.u, m)
 
     def stabilise(self, start: Start, m: Vector) -> None:
@@ -280,14 +311,13 @@ class _Run:
             "segments": recorder.segments,
             "native": bool(problem.native.used),
             "outputs": self.compiled.asked,
-            "notes": (*self.compiled.flat.notes, *notes),
+            "notes": (*self.compiled.flat.notes, *notes, *(self.hybrid.notes if self.hybrid else ())),
+            **({"terminated": self.hybrid.terminated} if self.hybrid and self.hybrid.terminated is not None else {}),
+            **({"events": len(recorder.boundaries)} if recorder.boundaries else {}),
             "time": {**self.compiled.timings, **self.timings},
         }
         relations = np.array(self.compiled.instants(self.p)).ravel()
-        events = tuple(
-            Event(t, "; ".join(texts) or _event_text(t, relations), changed=changed)
-            for t, texts, changed in recorder.boundaries
-        )
+        events = tuple(_event(t, causes, changed, relations) for t, causes, changed in recorder.boundaries)
         return make_result(recorder, events, stats, self.dense(problem, solver, recorder))
 
     def instants(self) -> list[float]:
@@ -323,7 +353,17 @@ class _Run:
         span = b - a
         times = np.append(grid[(grid > a + 1e-12 * span) & (grid < b - 1e-12 * span)], b)
         if self.hybrid is not None:
-            return self.hybrid.segment(start, m, self.stretch(a, times, start, m), times)
+            template = self.stretch(a, times, start, m)
+            try:
+                self.hybrid.segment(m, template, due(self.compiled, self.p, a))
+            except RuntimeError as error:
+                self.interrupt.check()
+                moment = self.hybrid.moment
+                assert moment is not None, "a run begins before its first segment"
+                reached = replace(template, start=recorder.time, x=moment.x, z=moment.z, p=moment.m)
+                raise integration_error(moment.regime.problem, solver.name, reached, str(error)) from None
+            self.report(recorder.time)
+            return start
         z = problem.restarted(a, start.x, start.z, m) if len(start.z) else start.z
         start = consistent(self.compiled, a, start, self.p, self.u, m) if z is None else Start(start.x, z, start.notes)
         recorder.begin(a, start.x, start.z, m)
@@ -332,10 +372,13 @@ class _Run:
             piece = self.integrate(problem, solver, recorder, segment, m)
             piece = recorder.add(part[-piece.x.shape[1] :], piece, m)
             start = Start(piece.x[:, -1], piece.z[:, -1], start.notes)
-            if self.progress is not None:
-                whole = self.options.stop_time - self.options.start_time
-                self.progress((part[-1] - self.options.start_time) / whole, float(part[-1]))
+            self.report(float(part[-1]))
         return start
+
+    def report(self, t: float) -> None:
+        """Say how far the run is."""
+        if self.progress is not None:
+            self.progress((t - self.options.start_time) / self.options.span, t)
 
     def stretch(self, here: float, times: Vector, start: Start, m: Vector) -> Segment:
         """The segment from `here` over the output times `times`."""
@@ -413,6 +456,7 @@ class _Run:
         def row(t: float) -> Vector:
             k = recorder.before(t)
             start, x, z, m = recorder.point(k)
+            regime = self.hybrid.regime_at(start) if self.hybrid is not None else None
             segment = Segment(
                 start=start,
                 times=np.array([t]),
@@ -424,11 +468,21 @@ class _Run:
                 step=self.options.step,
                 max_step=self.options.max_step,
             )
-            piece = solver.integrate(problem, segment)
+            piece = solver.integrate(problem if regime is None else regime.problem, segment)
+            if regime is not None:
+                m = regime.modes(segment.times, piece.x, piece.z, m)
             on = projected(self.compiled, segment.times, piece.x, piece.z, self.u, self.p, m)
-            return np.asarray(recorder.observe(segment.times, on, piece.z, m[:, None])[0])
+            return np.asarray(recorder.observe(segment.times, on, piece.z, m if m.ndim == 2 else m[:, None])[0])
 
         return row
+
+
+def _event(t: float, causes: tuple[Cause, ...], changed: tuple[str, ...], relations: Vector) -> Event:
+    if not causes:
+        return Event(t, _event_text(t, relations), changed=changed)
+    where = next((c.where for c in causes if c.where is not None), None)
+    component = next((c.component for c in causes if c.component), "")
+    return Event(t, "; ".join(dict.fromkeys(c.text for c in causes)), where, component, changed)
 
 
 def _event_text(t: float, relations: Vector) -> str:

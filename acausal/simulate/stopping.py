@@ -18,8 +18,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from acausal.simulate.problem import Problem
-from acausal.simulate.solvers.base import Piece, Segment, counted, islands
+from acausal.simulate.regime import Regime
+from acausal.simulate.solvers.base import Piece, Segment, bounded, counted, islands
 
 Vector = NDArray[np.float64]
 _NAMES = ["t", "x", "z", "p", "u"], ["ode", "alg", "quad", "zero"]
@@ -36,18 +36,25 @@ class Stop:
     z: Vector
 
 
-def integrate_to_event(problem: Problem, segment: Segment, explicit: bool = False) -> Stop:
-    """Integrate one segment until a relation of variables changes its truth.
+def integrate_to_event(regime: Regime, segment: Segment, band: Vector, plugin: str) -> Stop:
+    """Integrate one segment of an ODE until a guard is reached.
+
+    Parameters
+    ----------
+    band
+        How far beyond its guard each one may go: the noise for those that rest there, else 0.
+    plugin
+        "rosenbrock" or "erk".
 
     Raises
     ------
     RuntimeError
         When the solver cannot go on.
     """
+    problem = regime.problem
     n = problem.n_dynamic
     grid = (segment.times - segment.start).tolist()
-    plugin = "erk" if explicit and not problem.compiled.algebraic else "rosenbrock"
-    dae, transition = _stopping(problem)
+    dae, transition = _stopping(regime)
     settings: dict[str, Any] = {
         "reltol": segment.tolerance,
         "abstol": segment.absolute,
@@ -55,15 +62,15 @@ def integrate_to_event(problem: Problem, segment: Segment, explicit: bool = Fals
         "transition": transition,
         "event_tol": 1e-13,
         "max_events": 3,
+        **bounded(segment),
     }
     if segment.step:
         settings["step_size"] = segment.step
     x0 = np.concatenate([segment.x[:n] / problem.scale_x, [0.0, 0.0]])
     with contextlib.redirect_stderr(io.StringIO()):  # CasADi says at every construction that events are experimental
         integrator = ca.integrator("stopping", plugin, dae, 0.0, grid, settings)
-        found = integrator(x0=x0, z0=segment.z / problem.scale_z, p=np.append(segment.p, segment.start))
+        found = integrator(x0=x0, z0=[], p=np.concatenate([segment.p, [segment.start], band]))
     xf = np.array(found["xf"]).reshape(n + 2, len(grid), order="F")
-    zf = np.array(found["zf"]).reshape(-1, len(grid), order="F")
     if not np.isfinite(xf).all():
         raise RuntimeError("the solution is not finite")
     stopped = xf[n + 1] > 0.5
@@ -71,33 +78,33 @@ def integrate_to_event(problem: Problem, segment: Segment, explicit: bool = Fals
     counters = counted(integrator.stats())
     times = segment.times[:count]
     x = xf[:n] * problem.scale_x[:, None]
-    z = zf * problem.scale_z[:, None]
     time = segment.start + float(xf[n, -1]) if stopped.any() else None
+    if time is not None and count:  # an event on an output time, to rounding
+        time = max(time, float(times[-1]))
     ends = times if time is None else np.append(times, time)
     apart = islands(problem, Segment(**{**segment.__dict__, "times": ends})) if len(ends) else np.zeros((0, 0))
     rows = np.vstack([x[:, :count], apart[:, :count]])
-    piece = Piece(rows, z[:, :count], counters)
-    return Stop(piece, times, time, np.concatenate([x[:, -1], apart[:, -1]]), z[:, -1])
+    piece = Piece(rows, np.zeros((0, count)), counters)
+    return Stop(piece, times, time, np.concatenate([x[:, -1], apart[:, -1]]), np.zeros(0))
 
 
 @lru_cache(maxsize=16)
-def _stopping(problem: Problem) -> tuple[Any, Any]:
-    """The DAE with a stop watch and a stop flag, and the transition that sets the flag."""
+def _stopping(regime: Regime) -> tuple[Any, Any]:
+    """The ODE with a stop watch and a stop flag, and the transition that sets the flag."""
+    problem = regime.problem
     t, x, z, p, ode, alg, _ = problem.scaled
     compiled = problem.compiled
     watch, flag = ca.SX.sym("watch"), ca.SX.sym("flag")
+    band = ca.SX.sym("band", len(regime.owners))
     full_x = ca.vertcat(x * ca.DM(problem.scale_x), ca.SX(compiled.quadratures, 1))
-    m, shift = p[:-1], p[-1]
-    arguments = (t + shift, full_x, z * ca.DM(problem.scale_z), problem.u, problem.p, m)
-    signs = 2 * m[m.numel() - len(compiled.state_events.relations) :] - 1
-    none = ca.SX(0, 1)
-    zero = signs * compiled.indicators(*arguments)[0] if compiled.state_events.relations else none
+    guards = regime.watch(t + p[-1], full_x, z, problem.u, problem.p, p[:-1])
     state = ca.vertcat(x, watch, flag)
     rates = ca.vertcat((1 - flag) * ode, 1 - flag, 0)
     u = ca.SX.sym("u", 0)
-    dae = ca.Function("stopping", [t, state, z, p, u], [rates, alg, none, ca.densify(zero)], *_NAMES)
+    arguments = [t, state, z, ca.vertcat(p, band), u]
+    dae = ca.Function("stopping", arguments, [rates, alg, ca.SX(0, 1), ca.densify(guards + band)], *_NAMES)
     index = ca.SX.sym("index")
-    inputs = {"index": index, "t": t, "x": state, "z": z, "p": p, "u": u}
+    inputs = {"index": index, "t": t, "x": state, "z": z, "p": arguments[3], "u": u}
     outputs = {"post_x": ca.vertcat(x, watch, 1), "post_z": z}
     transition = ca.Function(
         "stop", [inputs[n] for n in ca.event_in()], [outputs[n] for n in ca.event_out()], ca.event_in(), ca.event_out()

@@ -87,8 +87,10 @@ class MosCircuit(Component):
         weak = self.Cox * self.gamma * (sqrt(half**2 + ugb - vfb) - half)
         strong = self.Cox * (2 / 3 * mean + self.gamma * sqrt(self.phi - ubs))
         off = ugs <= vte
-        gate = where(ugb <= vfb, flat, where(off, weak, strong))
-        return gate, where(ugb <= vfb, 0.0, where(off, 0.0, -self.Cox / 3 * mean))
+        # The charges are continuous; as published, their regions are decided at every evaluation.
+        gate = where(ugb <= vfb, flat, where(off, weak, strong, smooth=True), smooth=True)
+        channel = where(off, 0.0, -self.Cox / 3 * mean, smooth=True)
+        return gate, where(ugb <= vfb, 0.0, channel, smooth=True)
 
 
 class ChargePump(Component):

@@ -110,7 +110,7 @@ class Contact(Component):
         tx = -most * tanh(self.GM * c**2 * self.C11 * nu_x / most)
         ty = -most * tanh((self.GM * c**2 * self.C22 * nu_y + self.GM * c**3 * self.C23 * spin) / most)
         square = tx**2 + ty**2
-        share = where(square > most**2, fabs(most) / sqrt(square), 1.0)
+        share = where(square > most**2, fabs(most) / sqrt(square), 1.0, smooth=True)
         yield self.T[0] == share * (st * tx + ct * cd * ty)
         yield self.T[1] == share * self.side * sd * ty
         yield self.T[2] == share * (ct * tx - st * cd * ty)

@@ -1,0 +1,43 @@
+"""Errors of the event iteration: they name who takes part."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from acausal.errors import EventError, Span
+from acausal.lower.state_events import Assert
+
+
+def accumulated(model: str, t: float, count: int, names: Sequence[str]) -> EventError:
+    """Events without end in next to no time."""
+    return EventError(
+        "AC502",
+        f"{count} events follow one another at t = {t:.9g} s in {model} without time passing",
+        evidence=[f"relations that take part: {'; '.join(names[:4])}"],
+        cause="events that come ever sooner (Zeno) and whose limit is no state of rest that could be held",
+        help="let the model come to rest below a threshold, or use a compliant contact or a smooth switch",
+    )
+
+
+def unsettled(model: str, t: float, names: Sequence[str]) -> EventError:
+    """An event iteration without end."""
+    return EventError(
+        "AC501",
+        f"events do not settle at t = {t:.9g} s in {model}: {'; '.join(names)}",
+        evidence=[f"changes again and again: {n}" for n in names],
+        cause="each of the two modes leads straight back to the other (chattering)",
+        help="give the relation a hysteresis, or declare the switch smooth: where(..., smooth=True), no_event(...)",
+    )
+
+
+def violated(model: str, t: float, broken: Assert) -> EventError:
+    """An assertion that does not hold."""
+    where: tuple[Span, ...] = (broken.where,)
+    place = f" in {broken.component}" if broken.component else ""
+    return EventError(
+        "AC503",
+        f"{model} stopped at t = {t:.9g} s: {broken.message}",
+        where=where,
+        evidence=[f"an assertion of the model{place} does not hold"],
+        help="the model says itself what it cannot do: look at its parameters and inputs",
+    )

@@ -1,0 +1,126 @@
+"""Where the guards of a regime stand: distances, rates, and how far they can be wrong."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.errors import Span
+from acausal.lower.compiled import CompiledModel
+from acausal.lower.state_events import origins
+from acausal.lower.text import to_text
+from acausal.simulate.direct import rows
+from acausal.simulate.problem import Problem
+from acausal.simulate.regime import Regime
+
+Vector = NDArray[np.float64]
+Truth = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """States, algebraic variables and modes at one instant, and the regime they belong to."""
+
+    x: Vector
+    z: Vector
+    m: Vector
+    regime: Regime
+
+
+@dataclass(frozen=True)
+class Cause:
+    """What made an event: its words, and where it stands in the source."""
+
+    text: str
+    where: Span | None = None
+    component: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Tolerances:
+    """Tolerances of the solver, relative and absolute (in nominal magnitudes)."""
+
+    relative: float
+    absolute: float
+
+
+class Guards:
+    """Distances of one problem; the regime says which of them count."""
+
+    def __init__(self, problem: Problem, tolerances: Tolerances, span: float) -> None:
+        self.problem = problem
+        self.tolerances = tolerances
+        self.span = span
+        compiled = problem.compiled
+        self.first = compiled.n_modes - len(compiled.state_events.relations)
+
+    @cached_property
+    def texts(self) -> tuple[str, ...]:
+        """The relations as the user reads them."""
+        return texts(self.problem.compiled)
+
+    @cached_property
+    def causes(self) -> tuple[Cause, ...]:
+        """The relations with the place of the first statement that holds each of them."""
+        places = origins(self.problem.compiled)
+        return tuple(Cause(text, *place) for text, place in zip(self.texts, places, strict=True))
+
+    def distances(self, t: float, at: Moment) -> Vector:
+        """Guards of the regime: positive while it lasts."""
+        return at.regime.guards(t, at.x, at.z, self.problem.u, self.problem.p, at.m)[0]
+
+    def rates(self, t: float, at: Moment) -> tuple[Vector, Vector]:
+        """Time derivatives of the guards along the solution, and by how much the distances can be wrong."""
+        own, by_z, alg, alg_z, slope = at.regime.rates(t, at.x, at.z, self.problem.u, self.problem.p, at.m)
+        if len(at.z):
+            own = (
+                own
+                - by_z.reshape(len(own), -1) @ np.linalg.lstsq(alg_z.reshape(len(at.z), -1), alg.ravel(), rcond=None)[0]
+            )
+        noise = self._error(np.abs(slope.reshape(len(own), -1)), at.x, self._nominal)
+        return own, noise + self._error(np.abs(by_z.reshape(len(own), -1)), at.z, self.problem.compiled.nominal_z)
+
+    def _error(self, slope: Vector, values: Vector, nominal: Vector) -> Vector:
+        """By how much distances are wrong because values are; never quite nothing, for rounding."""
+        error = 10 * (self.tolerances.relative * np.abs(values) + self.tolerances.absolute * nominal)
+        return np.asarray(np.nan_to_num(slope) @ error + 1e-15)
+
+    def held(self, t: float, at: Moment) -> Vector:
+        """States nearest to those given that are on the guards which the regime holds."""
+        x = at.x.copy()
+        for _ in range(4):
+            value, slope, ways = at.regime.kept(t, x, at.z, self.problem.u, self.problem.p, at.m)
+            slope, ways = slope.reshape(len(value), -1), ways.reshape(len(x), -1)
+            x = x - ways @ np.linalg.lstsq(slope @ ways, value, rcond=None)[0]
+        return x
+
+    @cached_property
+    def _nominal(self) -> Vector:
+        return self.problem.compiled.nominal_x
+
+    def along(self, times: Vector, x: Vector, z: Vector, m: Vector, regime: Regime) -> Vector:
+        """Guards at n instants, shape (n, guards)."""
+        return rows(regime.watch, (times[:, None], x.T, z.T, self.problem.u, self.problem.p, m))
+
+    def fired(self, t: float, at: Moment) -> Truth:
+        """Guards that end the regime at this event: all that are reached and falling; at least the nearest."""
+        g = self.distances(t, at)
+        rate, noise = self.rates(t, at)
+        near = np.abs(g) <= np.maximum(1e-2 * noise, 1e-12 * np.abs(rate) * max(self.span, abs(t)))
+        found = (g < 0) | (near & (rate < 0))
+        if not found.any():
+            found[int(np.argmin(np.abs(g) / (np.abs(rate) + 1e-300)))] = True
+        return np.asarray(found)
+
+
+def texts(compiled: CompiledModel) -> tuple[str, ...]:
+    """The relations of variables as the user reads them."""
+    reduced = compiled.solution.structure.reduced
+
+    def name_of(kind: str, k: int) -> str:
+        return reduced.name(k) if kind == "var" else compiled.parameters[k]
+
+    return tuple(to_text(reduced.pool, n, name_of, 80) for n in compiled.state_events.relations)

@@ -1,0 +1,43 @@
+"""Instants of `sample(start, interval)`."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.lower.compiled import CompiledModel
+from acausal.lower.evaluate import values
+
+Vector = NDArray[np.float64]
+
+
+def clocks(compiled: CompiledModel, p: Vector) -> list[tuple[float, float]]:
+    """Start and interval of each sample [s]."""
+    pool = compiled.solution.structure.reduced.pool
+    leaves = {"par": p.__getitem__, "time": lambda _: 0.0}
+    found = []
+    for number in compiled.state_events.samples:
+        _, a, b = pool.nodes[number]
+        known = values(pool, [a, b], leaves)
+        found.append((float(known[a]), float(known[b])))
+    return found
+
+
+def sample_times(compiled: CompiledModel, p: Vector, start: float, stop: float) -> Vector:
+    """All instants of samples between two times."""
+    found = [np.zeros(0)]
+    for first, interval in clocks(compiled, p):
+        k = np.arange(
+            max(0.0, np.ceil((start - first) / interval - 1e-9)), np.floor((stop - first) / interval + 1e-9) + 1
+        )
+        found.append(first + interval * k)
+    return np.concatenate(found)
+
+
+def due(compiled: CompiledModel, p: Vector, t: float) -> Vector:
+    """Which samples are true at an instant."""
+    found = []
+    for first, interval in clocks(compiled, p):
+        turns = (t - first) / interval
+        found.append(float(abs(turns - round(turns)) <= 1e-9 and round(turns) >= 0))
+    return np.array(found)
