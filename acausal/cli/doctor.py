@@ -5,8 +5,8 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import math
+import os
 import platform
-import shutil
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -39,7 +39,8 @@ class Finding:
 def doctor(as_json: JsonOption = False) -> None:
     """Check the installation; exit 1 when something is broken.
 
-    Versions, the solvers on a small model against its closed form, a C compiler, optional packages.
+    Versions, the solvers on a small model against its closed form, a C compiler, the folder of
+    compiled models, optional packages.
     """
     findings = list(_findings())
     healthy = all(f.status != "broken" for f in findings)
@@ -64,12 +65,7 @@ def _findings() -> Iterator[Finding]:
     for package in _PACKAGES:
         yield _tried(package, partial(_version, package))
     yield from _solvers()
-    compiler = next((c for c in ("gcc", "cc", "clang", "cl") if shutil.which(c)), None)
-    yield Finding(
-        "C compiler",
-        "ok" if compiler else "missing",
-        str(shutil.which(compiler)) if compiler else "none found; models run interpreted",
-    )
+    yield from _native()
     for package, use in _EXTRAS.items():
         there = importlib.util.find_spec(package) is not None
         yield Finding(
@@ -106,6 +102,26 @@ def _solvers() -> Iterator[Finding]:
     for name, solver in SOLVERS.items():
         step = 1e-3 if solver.fixed_step else None
         yield _tried(f"solver {name}", partial(_run, compiled, name, step))
+
+
+def _native() -> Iterator[Finding]:
+    """The C compiler, and the folder in which compiled models are kept."""
+    try:
+        from acausal.simulate.native import cache
+    except Exception as error:
+        yield Finding("C compiler", "broken", f"{type(error).__name__}: {error}".split("\n")[0])
+        return
+    compiler = cache.compiler()
+    yield Finding("C compiler", "ok" if compiler else "missing", compiler or "none found; models run interpreted")
+    folder = cache.folder()
+    kept = [f for f in folder.glob("*") if f.is_file()] if folder.is_dir() else []
+    size = sum(f.stat().st_size for f in kept) / 1e6
+    holds = f"{len(kept)} files, {size:.1f} MB" if kept else "empty"
+    there = next(p for p in (folder, *folder.parents) if p.exists())
+    if os.access(there, os.W_OK):
+        yield Finding("compiled models", "ok", f"{folder}: {holds}")
+    else:
+        yield Finding("compiled models", "missing", f"{folder}: not writable; nothing is kept")
 
 
 def _run(compiled: CompiledModel, solver: str, step: float | None) -> str:

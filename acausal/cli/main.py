@@ -20,6 +20,7 @@ from acausal.cli.equations import equations
 from acausal.cli.export import export
 from acausal.cli.failure import INTERRUPTED, as_error, exit_code, interruption
 from acausal.cli.info import info
+from acausal.cli.linearize import linearize
 from acausal.cli.list import list_models
 from acausal.cli.plot import plot
 from acausal.cli.reduce import reduce
@@ -113,6 +114,7 @@ app.command()(plot)
 app.command()(equations)
 app.command()(bench)
 app.command()(reduce)
+app.command()(linearize)
 app.command()(stability)
 app.add_typer(export, name="export")
 app.command()(compare)

@@ -62,6 +62,18 @@ def prepare(cls: type[Component], assignments: Sequence[str] = ()) -> Prepared:
     return Prepared(model, _values(model, numeric) if numeric else {}, structural)
 
 
+def numbers_of(flag: str, given: Sequence[str] | None) -> dict[str, float]:
+    """Numbers by name, from texts NAME=VALUE; AC009 names the flag they were given with."""
+    found = {}
+    for text in given or ():
+        name, sign, value = text.partition("=")
+        try:
+            found[name.strip()] = float(value)
+        except ValueError as error:
+            raise UsageError("AC009", f"{flag} {text}: {'no number' if sign else 'write NAME=VALUE'}") from error
+    return found
+
+
 @dataclass(frozen=True)
 class _Definition(Origin):
     """The place of a class, as the origin of the outermost instance."""
