@@ -57,7 +57,7 @@ def table(
     slopes = _SLOPES[smoothness](known)
     pieces: list[tuple[float, Expr]] = []
     for (x0, y0), (x1, y1), (left, right) in zip(known[:-1], known[1:], slopes, strict=True):
-        pieces.append((x0, _cubic(u, x0, y0, x1, y1, left, right)))
+        pieces.append((x0, as_expr(y0) if steps else _cubic(u, x0, y0, x1, y1, left, right)))
     (x0, y0), (xn, yn) = known[0], known[-1]
     hold = extrapolation is Extrapolation.HOLD_LAST_POINT or steps
     straight = not hold and smoothness is Smoothness.LINEAR_SEGMENTS
