@@ -146,4 +146,5 @@ def test_surge_at_breakthrough_with_and_without_a_feed_cap() -> None:
     assert 0.18 < exit_speed("free") < 0.30
     # The brake takes the 2000 N at a slope of 1e7 N s/m above its 2 mm/s.
     assert exit_speed("capped") == pytest.approx(2e-3 + 2000.0 / 1e7, rel=1e-3)
-    assert r["capped.drill.f_z"].max() < 1.2e-4 < 20 * 1.2e-4 < r["free.drill.f_z"].max()
+    assert r["capped.drill.f_z"].max() < 1.3e-4
+    assert r["free.drill.f_z"].max() > 20 * 1.3e-4
