@@ -97,6 +97,13 @@ class Session:
                 found.append((name, float(matrix[-1, column]) * signal.sign + 0.0, unit_of(reduced, v)))
         return found
 
+    def reports(self) -> list[tuple[str, str]]:
+        """What components have to say about themselves, such as the pairs of a contact scene; by path."""
+        from acausal.flatten.instances import instances
+
+        found = [i for i in instances(self.model) if hasattr(type(i.component), "report")]
+        return [(i.path, repr(i.component.report())) for i in found]
+
     def content(self, result: Result) -> dict[str, Any]:
         """Everything, for JSON."""
         stats = {k: v for k, v in result.stats.items() if k != "time"}
@@ -128,6 +135,8 @@ class Session:
         if everything:
             say("  compile  " + ", ".join(f"{k} {seconds(timings[k])}" for k in _COMPILATION if k in timings))
             known = ("solver", "reason", "tolerance", "notes", "time")
+            for component, report in self.reports():
+                say(f"  {component}: " + report.replace("\n", "\n    "))
             say("  counts   " + ", ".join(f"{k} {v:g}" for k, v in stats.items() if k not in known and _is_number(v)))
         final = self.final(result)
         if final:

@@ -113,9 +113,11 @@ def simulate(
     if picture is not None:
         check_picture(picture)
     from acausal.lower.compile import compile
+    from acausal.simulate.restructure import shrink
     from acausal.simulate.run import simulate as _  # noqa: F401  (its import belongs to the first stage)
 
     clock.lap("import")
+    changing = shrink(prepared.model)
     compiled = compile(prepared.model, parameters=prepared.parameters, formulation=formulation)
     clock.lap("compile")
     session = Session(model, prepared.model, compiled, result_file, picture, clock)
@@ -130,6 +132,8 @@ def simulate(
             "native": native,
             "force": force,
             "inputs": _inputs(inputs),
+            # a model of changing structure is compiled again and again during its run
+            **({"model": prepared.model, "parameters": prepared.parameters} if changing else {"model": compiled}),
         },
     )
     paced = paces(compiled, result, times["step"], _inputs(inputs)) if real_time_factor else {}
@@ -148,7 +152,7 @@ def _run(session: Session, quiet: bool, options: dict[str, Any]) -> Result:
     chatter = io.StringIO()
     try:
         with ProgressBar(session.compiled.name, quiet) as bar, redirect_stderr(chatter):
-            result = simulate(session.compiled, **options, progress=bar)
+            result = simulate(**options, progress=bar)
     except (AcausalError, KeyboardInterrupt) as error:
         error.add_note(chatter.getvalue())
         session.rescue(error)

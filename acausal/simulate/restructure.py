@@ -54,6 +54,14 @@ def variable_parts(model: Component) -> dict[str, Any]:
     }
 
 
+def shrink(model: Component) -> bool:
+    """Give a model the structure its run begins with; False when its structure never changes."""
+    parts = variable_parts(model)
+    for part in parts.values():
+        part.restructure(None)
+    return bool(parts)
+
+
 @dataclass(frozen=True, eq=False)
 class _Rows:
     """The rows of one piece that count."""
@@ -84,8 +92,7 @@ class Pieces:
         """Run, and put the pieces together."""
         opts = self.options
         self.parts = variable_parts(self.model)
-        for part in self.parts.values():
-            part.restructure(None)
+        shrink(self.model)
         self.compile()
         t, stop = opts.start_time, opts.stop_time
         # The poses at the start come from the start problem of the model without contacts.

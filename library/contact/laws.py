@@ -21,12 +21,6 @@ class NormalLaw:
 
     def force(self, depth: Expr, rate: Expr) -> Expr:
         """Normal force [N], zero without overlap, never negative."""
-        pressed = self.elastic(depth) + self.damping(depth, rate)
-        # Relations rather than `maximum`: touch and release can be located.
-        return where((depth > 0) & self.is_pushing(depth, rate), pressed, 0.0)
-
-    def is_pushing(self, depth: Expr, rate: Expr) -> Expr:
-        """Condition under which bodies that overlap push; at touch it must not be on the edge."""
         raise NotImplementedError
 
     def elastic(self, depth: Expr) -> Expr:
@@ -59,8 +53,10 @@ class KelvinVoigt(NormalLaw):
     k: Number
     d: Number = 0.0
 
-    def is_pushing(self, depth: Expr, rate: Expr) -> Expr:
-        return self.elastic(depth) + self.damping(depth, rate) > 0
+    def force(self, depth: Expr, rate: Expr) -> Expr:
+        pressed = self.elastic(depth) + self.damping(depth, rate)
+        # Relations rather than `maximum`: the jump at touch and the release are located.
+        return where((depth > 0) & (pressed > 0), pressed, 0.0)
 
     def elastic(self, depth: Expr) -> Expr:
         return self.k * maximum(depth, 0.0)
@@ -102,8 +98,9 @@ class PartialPowerLaw(NormalLaw):
         """a: damping force per rate over the elastic force [s/m]."""
         raise NotImplementedError
 
-    def is_pushing(self, depth: Expr, rate: Expr) -> Expr:
-        return self.rate_factor * rate > -1
+    def force(self, depth: Expr, rate: Expr) -> Expr:
+        # Continuous, so that no event is needed; many bodies at rest on each other would make many.
+        return maximum(self.elastic(depth) + self.damping(depth, rate), 0.0)
 
     def elastic(self, depth: Expr) -> Expr:
         share = maximum(depth, 0.0) / self.depth_1

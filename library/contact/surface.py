@@ -4,7 +4,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from acausal import Component, Equations, Expr, Real, as_expr, cross, der, dot, maximum, structural, variable, where
+from acausal import (
+    Component,
+    Equations,
+    Expr,
+    Real,
+    as_expr,
+    cross,
+    der,
+    dot,
+    maximum,
+    no_event,
+    structural,
+    variable,
+    where,
+)
 from acausal.library.contact.friction import Coulomb, FrictionLaw, LuGre, smooth_speed
 from acausal.library.contact.laws import NormalLaw
 from acausal.library.contact.shapes import Shape
@@ -66,7 +80,7 @@ class SurfaceContact(Component):
             slip = self._slip(points[0])
             straight = self.bristle / -self.friction.relaxation
             bent = self.friction.bristle_rate(self.bristle, slip)
-            touching = self.depth > 0
+            touching = no_event(self.depth > 0)
             yield der(self.bristle) == as_expr([where(touching, bent[k], straight[k]) for k in range(3)])
         else:
             yield self.bristle == 0

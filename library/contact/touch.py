@@ -3,6 +3,8 @@
 A round body touches at one point; a box that lies on something touches at its corners. A single deepest point of a
 face would jump from corner to corner with the slightest tilt, and no box would come to rest on it. Hence closed forms
 with several points where faces lie on faces, and MPR (one point, any convex shapes) for everything else.
+
+Which face, which corner: these relations are not events. The forces that follow from them are continuous.
 """
 
 from __future__ import annotations
@@ -11,7 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import product
 
-from acausal import Expr, as_expr, clamp, dot, fabs, maximum, minimum, norm, sqrt, where
+from acausal import Expr, as_expr, clamp, dot, fabs, maximum, minimum, no_event, norm, sqrt, where
 from acausal.library.contact.penetration import penetration
 from acausal.library.contact.shapes import Box, Capsule, ConvexHull, HalfSpace, Shape, Sphere
 
@@ -108,13 +110,13 @@ def _sphere_in_box(r_a: Expr, r_b: Expr, R_b: Expr, radius: float, half: list[fl
     distance = sqrt(dot(outside, outside) + 1e-30)
     sideways = outside / maximum(distance, 1e-12)
     x, y, z = (half[k] - fabs(centre[k]) for k in range(3))
-    is_x, is_y = (x <= y) & (x <= z), y <= z
+    is_x, is_y = no_event((x <= y) & (x <= z)), no_event(y <= z)
     faces = (
         where(is_x, _sense(centre[0]), 0.0),
         where(is_x, 0.0, where(is_y, _sense(centre[1]), 0.0)),
         where(is_x, 0.0, where(is_y, 0.0, _sense(centre[2]))),
     )
-    apart = distance > 1e-12
+    apart = no_event(distance > 1e-12)
     out = R_b @ as_expr([where(apart, sideways[k], faces[k]) for k in range(3)])
     height = where(apart, distance, -minimum(x, minimum(y, z)))
     depth = radius - height
@@ -122,7 +124,7 @@ def _sphere_in_box(r_a: Expr, r_b: Expr, R_b: Expr, radius: float, half: list[fl
 
 
 def _sense(x: Expr) -> Expr:
-    return where(x < 0, -1.0, 1.0)
+    return where(no_event(x < 0), -1.0, 1.0)
 
 
 def _boxes(
@@ -165,14 +167,14 @@ def _back(x: Expr, half: float) -> Expr:
 
 def _pressed(along: Expr) -> Expr:
     """Whether an axis of a box is the one its face is pressed along."""
-    return fabs(along) > 0.71
+    return no_event(fabs(along) > 0.71)
 
 
 def _facing(R: Expr, along: Expr, half: list[float]) -> tuple[Expr, Expr, Expr]:
     """From a box's centre to the face that looks along a direction, and half its edges [m], all in world axes."""
     columns = [as_expr([R[i, k] for i in range(3)]) * half[k] for k in range(3)]
     x, y, z = (fabs(along[k]) for k in range(3))
-    is_x, is_y = (x >= y) & (x >= z), y >= z
+    is_x, is_y = no_event((x >= y) & (x >= z)), no_event(y >= z)
     sense = where(is_x, along[0], where(is_y, along[1], along[2]))
 
     def pick(of_x: Expr, of_y: Expr, of_z: Expr) -> Expr:
@@ -203,7 +205,7 @@ def _face_normal(r_a: Expr, R_a: Expr, r_b: Expr, R_b: Expr, half_a: list[float]
                 best, normal = overlap, axis * sense
                 continue
             # An equal overlap changes nothing: faces that lie on each other have two equal normals.
-            nearer = overlap < best - _TIE
+            nearer = no_event(overlap < best - _TIE)
             normal = as_expr([where(nearer, axis[i] * sense, normal[i]) for i in range(3)])
             best = where(nearer, overlap, best)
     assert normal is not None

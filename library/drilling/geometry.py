@@ -17,6 +17,7 @@ from acausal import (
     fabs,
     maximum,
     minimum,
+    no_event,
     parameter,
     signal_output,
     structural,
@@ -105,5 +106,5 @@ class DrillGeometry(PartialDrillGeometry):
         cos_tilt = maximum(self.axis[2], cos_min)
         depth = self.tip[2] / cos_tilt
         beside = (fabs(self.tip[0]) > self.width / 2) | (fabs(self.tip[1]) > self.height / 2) | (self.axis[2] < cos_min)
-        yield self.s == where(beside, minimum(depth, 0.0), depth)
+        yield self.s == where(no_event(beside), minimum(depth, 0.0), depth)
         yield self.s_exit == self.s - self.t / cos_tilt

@@ -13,6 +13,7 @@ from acausal import (
     dot,
     maximum,
     minimum,
+    no_event,
     signal_output,
     sqrt,
     structural,
@@ -83,7 +84,7 @@ class ConvexDrillGeometry(PartialDrillGeometry):
         r, R = as_expr(self.pose[0]), as_expr(self.pose[1])
         place, direction = R.T @ (self.tip - r), R.T @ self.axis
         depth, beyond, beside = _crossed(self.workpiece, place, direction, self.body)
-        yield self.s == where(beside, minimum(depth, 0.0), depth)
+        yield self.s == where(no_event(beside), minimum(depth, 0.0), depth)
         yield self.s_exit == minimum(beyond, self.s)
         a, w = self.frame_a, self.frame_w
         turned = a.R @ as_expr(shank_along_z(self._e))
@@ -165,8 +166,8 @@ def _faces_crossed(faces: list[tuple[Vector, float]], p: Expr, e: Expr) -> tuple
     for n, distance in faces:
         below, slope = distance - dot(as_expr(n), p), dot(as_expr(n), e)
         # What stands along the axis is not crossed by it; the limits are constants, so nothing is divided by zero.
-        entered = where(slope < -_STEEP, below / maximum(-slope, _STEEP), _NEVER)
-        left = where(slope > _STEEP, -below / maximum(slope, _STEEP), -_NEVER)
+        entered = where(no_event(slope < -_STEEP), below / maximum(-slope, _STEEP), _NEVER)
+        left = where(no_event(slope > _STEEP), -below / maximum(slope, _STEEP), -_NEVER)
         outside = (below < 0) & (slope >= -_STEEP) & (slope <= _STEEP)
         depth, beyond = minimum(depth, entered), maximum(beyond, left)
         beside = outside if beside is None else beside | outside
