@@ -33,6 +33,7 @@ class Core:
     rings: Vector
     half: tuple[float, float, float] | None
     inner: Inner
+    way_back: float = 0.0
 
     @property
     def round(self) -> bool:
@@ -60,6 +61,7 @@ def core(shape: Shape, unit: float) -> Core:
             (inner.half[0] / unit, inner.half[1] / unit, inner.half[2] / unit),
             None if inner.radius is None else inner.radius / unit,
         ),
+        shape.way_back / unit,
     )
 
 
@@ -145,25 +147,37 @@ class Pair:
         e = -(self.R.T @ d)
         return curvature(feature[:4], d) + self.R @ curvature(feature[4:], e) @ self.R.T
 
+    def retreat(self) -> tuple[Any, float] | None:
+        """Direction (3, 1) from a to b in which a tool is drawn back, and from which depth on; None without a tool."""
+        if bool(self.a.way_back) == bool(self.b.way_back):
+            return None
+        if self.a.way_back:
+            return ca.SX(ca.DM([0, 0, -1])), self.a.way_back
+        return self.R[:, 2], self.b.way_back
+
     def inner(self) -> Any:
         """A point inside the difference from which the origin is seen through the nearest faces, (3, 1).
 
         Of each shape the point of its inner body next to the other's is taken, found by projecting to and fro; the
-        difference of the centres, as published, lets the ray leave a wide plate through its rim.
+        difference of the centres, as published, lets the ray leave a wide plate through its rim. Wide inner bodies are
+        better as long as they are far enough apart to give a direction.
         """
+        wide, deep = self._inner(True), self._inner(False)
+        return ca.if_else(ca.sumsqr(wide) > 0.5 * ca.sumsqr(deep), wide, deep)
+
+    def _inner(self, wide: bool) -> Any:
         b = self.p + self.R @ ca.DM(self.b.inner.centre)
         for _ in range(2):
-            a = _nearest(self.a.inner, b)
-            b = self.p + self.R @ _nearest(self.b.inner, self.R.T @ (a - self.p))
+            a = _nearest(self.a.inner, wide, b)
+            b = self.p + self.R @ _nearest(self.b.inner, wide, self.R.T @ (a - self.p))
         return a - b
 
 
-def _nearest(inner: Inner, y: Any) -> Any:
+def _nearest(inner: Inner, wide: bool, y: Any) -> Any:
+    half, radius = inner.reduced(wide)
     centre = ca.DM(inner.centre)
     d = y - centre
-    if inner.radius is None:
-        return centre + ca.vertcat(*(ca.fmin(ca.fmax(d[k], -h), h) for k, h in enumerate(inner.half)))
-    across = ca.sqrt(d[0] ** 2 + d[1] ** 2 + _TINY)
-    scale = ca.fmin(1, inner.radius / across)
-    h = inner.half[2]
-    return centre + ca.vertcat(scale * d[0], scale * d[1], ca.fmin(ca.fmax(d[2], -h), h))
+    if radius is None:
+        return centre + ca.vertcat(*(ca.fmin(ca.fmax(d[k], -h), h) for k, h in enumerate(half)))
+    scale = ca.fmin(1, radius / ca.sqrt(d[0] ** 2 + d[1] ** 2 + _TINY))
+    return centre + ca.vertcat(scale * d[0], scale * d[1], ca.fmin(ca.fmax(d[2], -half[2]), half[2]))

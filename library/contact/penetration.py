@@ -100,9 +100,11 @@ def _relative(shape_a: Shape, shape_b: Shape, p: Any, R: Any) -> tuple[Any, Any,
     found = polish.contact(search(pair.a, pair.b)(pair.p, pair.R))
     for _ in range(2):
         found = polish.newton(pair, found)
-    offset, a, b = polish.witnesses(pair, found)
-    margin_a, margin_b, n = shape_a.margin, shape_b.margin, found.normal
-    return unit * offset + margin_a + margin_b, n, unit * a + margin_a * n, unit * b - margin_b * n
+    offset, point = polish.witness(pair, found)
+    n = found.normal
+    depth = unit * offset + shape_a.margin + shape_b.margin
+    deepest = unit * point + shape_a.margin * n
+    return depth, n, deepest, deepest - depth * n
 
 
 def _size(*shapes: Shape) -> float:

@@ -17,7 +17,7 @@ from typing import Any
 
 import casadi as ca
 
-from acausal.library.contact.minkowski import Pair
+from acausal.library.contact.minkowski import Pair, ring
 
 _F = [slice(8 * k, 8 * k + 8) for k in range(3)]
 _ON = [24, 25]
@@ -30,13 +30,19 @@ SIZE = 33
 
 GOING = SIZE
 _COUNT = SIZE + 1
-_FIRST = slice(SIZE + 2, SIZE + 5)
-_START = slice(SIZE + 5, SIZE + 13)
-WORKING = SIZE + 13
-"""While it is searched: whether it goes on, number of steps, and the normal and a feature to fall back upon."""
+_HEIGHT = SIZE + 2
+_RADIUS = SIZE + 3
+_EXACT = SIZE + 4
+WORKING = SIZE + 5
+"""While it is searched: whether it goes on, number of steps, height of the plane, longest step, whether exact."""
 
-ROUNDING = 1e-13
-_MOST = 12
+_ROUNDING = 1e-13
+_LONGEST = 0.3
+# After a step as short as this one Newton's method converges by itself; else a positive matrix leads downhill.
+_SAFE = 5e-3
+_TILT = 0.05
+_NEARLY_FLAT = 0.1
+_TRIANGLE = ((1.0, 0.0), (-0.5, 0.75**0.5), (-0.5, -(0.75**0.5)))
 
 
 @dataclass(frozen=True)
@@ -73,8 +79,11 @@ def contact(vector: Any) -> Contact:
     )
 
 
-def newton(pair: Pair, c: Contact) -> Contact:
-    """One step of Newton's method; where the system is not sound the normal stays as it is."""
+def newton(pair: Pair, c: Contact, downhill: Any = 0, longest: Any = None) -> Contact:
+    """One step of Newton's method; where the system is not sound the normal stays as it is.
+
+    With `downhill` the matrix is changed so that the step leads to a lower plane from anywhere; `longest` limits it.
+    """
     n, weights = c.normal, c.all_weights
     w = [_difference(pair, f, n) for f in c.features]
     bend = ca.SX(3, 3)
@@ -84,7 +93,7 @@ def newton(pair: Pair, c: Contact) -> Contact:
         mean += weight * x
     edges = [(x - w[0]) * on for x, on in zip(w[1:], c.on, strict=True)]
     matrix = ca.SX(6, 6)
-    matrix[:3, :3] = bend - c.offset * ca.SX.eye(3)
+    matrix[:3, :3] = bend - ca.if_else(downhill, -ca.fabs(c.offset), c.offset) * ca.SX.eye(3)
     right = ca.SX(6, 1)
     right[:3] = c.offset * n - mean
     for k, (edge, on, weight) in enumerate(zip(edges, c.on, c.weights, strict=True)):
@@ -97,7 +106,10 @@ def newton(pair: Pair, c: Contact) -> Contact:
     fixed = c.sound <= 0
     matrix, right = ca.if_else(fixed, ca.SX.eye(6), matrix), ca.if_else(fixed, ca.SX.zeros(6), right)
     change = ca.solve(matrix, right)
-    moved = n + change[:3]
+    turn = change[:3]
+    if longest is not None:
+        turn *= ca.fmin(1, longest / (ca.norm_2(turn) + 1e-300))
+    moved = n + turn
     return Contact(
         c.features,
         c.on,
@@ -108,37 +120,109 @@ def newton(pair: Pair, c: Contact) -> Contact:
     )
 
 
-def witnesses(pair: Pair, c: Contact) -> tuple[Any, Any, Any]:
-    """Offset of the support plane, and the points of both shapes that touch, in the frame of the first."""
-    a, b = ca.SX(3, 1), ca.SX(3, 1)
+def witness(pair: Pair, c: Contact) -> tuple[Any, Any]:
+    """Offset of the support plane, and the point of the first shape that touches, in its frame.
+
+    The other shape's point is below it by the offset, along the normal.
+    """
+    a, difference = ca.SX(3, 1), ca.SX(3, 1)
     for weight, f in zip(c.all_weights, c.features, strict=True):
         of_a, of_b = pair.points(f, c.normal)
-        a, b = a + weight * of_a, b + weight * of_b
-    return ca.dot(c.normal, a - b), a, b
+        a, difference = a + weight * of_a, difference + weight * (of_a - of_b)
+    return ca.dot(c.normal, difference), a
 
 
 def start(pair: Pair, vertices: list[Any], normal: Any, offset: Any) -> Any:
     """The state of the search with the features of three vertices; equal ones count once."""
+    normal = _off_axis(pair, normal)
     f = [pair.settled(v, normal) for v in vertices]
     second = ca.logic_not(_same(f[1], f[0]))
     third = ca.logic_not(ca.logic_or(_same(f[2], f[0]), _same(f[2], f[1])))
-    top = pair.settled(pair.support(normal), normal)
     share = 1 / (1 + second + third)
     c = Contact(f, [second, third], normal, [second * share, third * share], offset, 1)
-    return ca.vertcat(c.vector, 1, 0, normal, top)
+    begin, going = c.vector, ca.SX(1)
+    for disc, snapped in _discs(pair, normal):
+        begin, going = ca.if_else(disc, snapped.vector, begin), ca.if_else(disc, 0, going)
+    return ca.vertcat(begin, going, 0, _height(pair, begin[_N]), _LONGEST, 0)
+
+
+def _discs(pair: Pair, n: Any) -> list[tuple[Any, Contact]]:
+    """Whether a flat disc of each shape is what the other touches, and the contact with its normal.
+
+    The offset has a kink there, which Newton's method does not see. Three points in the plane of the disc, fixed to its
+    body, give the plane.
+    """
+    found = []
+    for disc in _facing(pair, n):
+        near = ca.logic_and(disc.across < _NEARLY_FLAT**2, disc.circle[3] > 0)
+        hit = ca.logic_and(near, ca.sumsqr(disc.place) <= disc.circle[3] ** 2)
+        size, height = 2 * disc.circle[3], disc.circle[2]
+        corners = [ca.vertcat(size * x, size * y, height, 0) for x, y in _TRIANGLE]
+        rest = disc.features
+        fixed = [ca.vertcat(q, rest[4:]) if disc.first else ca.vertcat(rest[:4], q) for q in corners]
+        third = ca.SX(1) / 3
+        found.append((hit, Contact(fixed, [1, 1], disc.normal, [third, third], disc.offset, 1)))
+    return found
+
+
+def _off_axis(pair: Pair, n: Any) -> Any:
+    """The normal, tilted a little where it is that of a disc which the other shape misses: it touches the rim."""
+    for disc in _facing(pair, n):
+        distance = ca.sqrt(ca.sumsqr(disc.place))
+        flat = ca.logic_and(disc.across <= 1e-12, disc.circle[3] > 0)
+        missed = ca.logic_and(flat, distance > disc.circle[3])
+        tilt = ca.vertcat(_TILT * disc.place / ca.fmax(distance, 1e-300), 0)
+        tilted = disc.normal + (tilt if disc.first else -(pair.R @ tilt))
+        n = ca.if_else(missed, tilted / ca.sqrt(ca.sumsqr(tilted)), n)
+    return n
+
+
+@dataclass(frozen=True)
+class _Disc:
+    """A circle of one shape that faces the other: its normal, and the place on it that is next to the other."""
+
+    first: bool
+    circle: Any
+    normal: Any
+    across: Any
+    place: Any
+    offset: Any
+    features: Any
+
+
+def _facing(pair: Pair, n: Any) -> list[_Disc]:
+    found = []
+    e = -(pair.R.T @ n)
+    for body, d, first in ((pair.a, n, True), (pair.b, e, False)):
+        if not body.round:
+            continue
+        axis = ca.vertcat(0, 0, ca.sign(d[2]))
+        normal = axis if first else -(pair.R @ axis)
+        top = pair.support(normal)
+        features = pair.settled(top, normal)
+        # The point of the disc below the origin: there the difference has no part across the normal.
+        across = (normal * ca.dot(normal, top[:3]) - top[:3]) if first else pair.R.T @ top[:3]
+        place = (features[:2] if first else features[4:6]) + across[:2]
+        offset = ca.dot(normal, top[:3])
+        found.append(_Disc(first, ring(body, axis), normal, d[0] ** 2 + d[1] ** 2, place, offset, features))
+    return found
 
 
 def step(pair: Pair, state: Any) -> Any:
-    """A Newton step; then a feature that pulls is dropped, or one that stands out is added."""
-    old = contact(state[:SIZE])
-    new = newton(pair, old)
-    change = ca.fmax(ca.norm_inf(new.normal - old.normal), ca.fabs(new.offset - old.offset))
-    lost = ca.logic_or(ca.logic_not(change < 0.5), state[_COUNT] >= _MOST)
+    """A step that lowers the plane, or shortens the next one; who pulls is dropped, and who stands out is added."""
+    old, height, radius = contact(state[:SIZE]), state[_HEIGHT], state[_RADIUS]
+    far = state[_EXACT] <= 0
+    tried = newton(pair, old, far, radius)
+    change = ca.norm_2(tried.normal - old.normal)
+    top = pair.support(tried.normal)
+    new_height = ca.dot(tried.normal, top[:3])
+    # Near the solution rounding alone may keep the plane from becoming lower.
+    lower = ca.logic_or(new_height <= height + 1e-15, ca.logic_and(ca.logic_not(far), change <= 1e-9))
+    normal = ca.if_else(lower, tried.normal, old.normal)
+    new = Contact(tried.features, tried.on, normal, tried.weights, tried.offset, tried.sound)
+
     dropped, pulling = _dropped(new)
-    top = pair.support(new.normal)
-    gap = ca.dot(new.normal, top[:3]) - new.offset
-    feature = pair.settled(top, new.normal)
-    standing = gap > ROUNDING * 10
+    feature = pair.settled(top, tried.normal)
     known = ca.logic_or(
         _same(feature, new.features[0]),
         ca.logic_or(
@@ -146,24 +230,42 @@ def step(pair: Pair, state: Any) -> Any:
             ca.logic_and(new.on[1], _same(feature, new.features[2])),
         ),
     )
-    added = _added(new, feature)
-    adding = ca.logic_and(standing, ca.logic_and(ca.logic_not(known), ca.logic_not(pulling)))
-    following = ca.if_else(pulling, dropped.vector, ca.if_else(adding, added.vector, new.vector))
-    going = ca.logic_or(ca.logic_or(pulling, adding), change > ROUNDING)
-    # Rounding may keep the change from falling further.
-    going = ca.logic_and(
-        going, ca.logic_or(state[_COUNT] < 5, ca.logic_or(change > 1e-11, ca.logic_or(pulling, adding)))
-    )
-    found = ca.vertcat(following, going, state[_COUNT] + 1, state[_FIRST], state[_START])
-    return ca.if_else(lost, _given_up(pair, state), found)
+    standing = new_height > _model_height(pair, tried) + 1e-13
+    adding = ca.logic_and(standing, ca.logic_not(known))
+    base = contact(ca.if_else(pulling, dropped.vector, new.vector))
+    still = ca.logic_or(pulling, adding)
+    settled = ca.logic_and(change <= ca.if_else(far, _ROUNDING, 1e-9), ca.logic_not(still))
+    next_radius = ca.if_else(lower, ca.fmin(_LONGEST, 2 * radius), 0.3 * ca.fmin(radius, change))
+    exact = ca.logic_and(lower, change < _SAFE)
+    going = ca.logic_and(ca.logic_not(settled), ca.logic_and(change < 10, next_radius > 1e-12))
+    following = ca.if_else(adding, _added(base, feature).vector, base.vector)
+    for disc, snapped in _discs(pair, normal):
+        following = ca.if_else(disc, snapped.vector, following)
+        going = ca.if_else(disc, 0, going)
+    return ca.vertcat(following, going, state[_COUNT] + 1, _height(pair, following[_N]), next_radius, exact)
 
 
-def _given_up(pair: Pair, state: Any) -> Any:
-    """The plane that portal or distance found, kept as it is."""
-    n, f = state[_FIRST], state[_START]
-    offset = ca.dot(n, _difference(pair, f, n))
-    c = Contact([f, f, f], [0, 0], n, [0, 0], offset, 0)
-    return ca.vertcat(c.vector, 0, state[_COUNT] + 1, state[_FIRST], state[_START])
+def finish(pair: Pair, state: Any) -> Any:
+    """The contact (SIZE, 1) at the end; without convergence the plane as it is: it touches the shapes nevertheless."""
+    c = contact(state[:SIZE])
+    check = newton(pair, c)
+    error = ca.norm_2(check.normal - c.normal) + ca.fabs(check.offset - c.offset)
+    height = _height(pair, check.normal)
+    sound = ca.logic_and(error < 1e-6, ca.fabs(height - check.offset) < 1e-9)
+    feature = pair.settled(pair.support(c.normal), c.normal)
+    plane = Contact([feature] * 3, [0, 0], c.normal, [0, 0], _height(pair, c.normal), 0)
+    return ca.if_else(sound, c.vector, plane.vector)
+
+
+def _height(pair: Pair, n: Any) -> Any:
+    return ca.dot(n, pair.support(n)[:3])
+
+
+def _model_height(pair: Pair, c: Contact) -> Any:
+    """Height of the highest of the features in the direction of the normal."""
+    n = c.normal
+    first, second, third = (ca.dot(n, _difference(pair, f, n)) for f in c.features)
+    return ca.fmax(first, ca.fmax(ca.if_else(c.on[0], second, first), ca.if_else(c.on[1], third, first)))
 
 
 def _dropped(c: Contact) -> tuple[Contact, Any]:

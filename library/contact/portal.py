@@ -15,13 +15,13 @@ import casadi as ca
 
 from acausal.library.contact.minkowski import VERTEX, Pair
 
-# The state: start of the ray, three vertices, normal, offset of the support plane, the phase, and two counters.
+# The state: start of the ray, three vertices, normal, offset of the support plane, the phase, and the number of steps.
 _V = [slice(3 + k * VERTEX, 3 + (k + 1) * VERTEX) for k in range(3)]
 _N = slice(3 + 3 * VERTEX, 6 + 3 * VERTEX)
 OFFSET = 6 + 3 * VERTEX
 GOING = OFFSET + 1
-_ROUND = GOING + 1
-SIZE = _ROUND + 1
+_COUNT = GOING + 1
+SIZE = _COUNT + 1
 
 # Phases, counted down to the end.
 _FIRST, _SECOND, _DISCOVER, _REFINE = 4.0, 3.0, 2.0, 1.0
@@ -29,7 +29,8 @@ _FIRST, _SECOND, _DISCOVER, _REFINE = 4.0, 3.0, 2.0, 1.0
 _ASIDE = (0.43e-4, 0.27e-4, -0.61e-4)
 """Moves the ray out of the planes of symmetry in which it would meet edges: the answer does not depend on it."""
 
-_MOST_ROUNDS = 4
+# Steps after which no new ray is shot: it would not come to an end.
+_LAST_RAY = 36
 _TINY = 1e-300
 
 
@@ -39,8 +40,12 @@ def start(pair: Pair) -> Any:
     return ca.vertcat(v0, ca.SX.zeros(3 * VERTEX + 3), 0, _FIRST, 0)
 
 
-def step(pair: Pair, state: Any, tolerance: float) -> Any:
-    """One support point more."""
+def step(pair: Pair, state: Any, tolerance: float, near: float) -> Any:
+    """One support point more.
+
+    `tolerance` is how far the last support point may lie outside the portal. A new ray is shot when the foot of the
+    origin on its plane lies outside the portal, and farther than `near` from its vertices.
+    """
     v0, phase = state[:3], state[GOING]
     v = [state[place] for place in _V]
     w = [x[:3] for x in v]
@@ -61,16 +66,24 @@ def step(pair: Pair, state: Any, tolerance: float) -> Any:
     following = ca.if_else(searching, ca.if_else(turning, phase, phase - 1), ca.if_else(close, 0, phase))
 
     # The nearest point of the plane is outside the portal: a ray along the normal leaves elsewhere, and sooner.
-    worth = ca.logic_and(state[_ROUND] < _MOST_ROUNDS, offset > 1e-6)
-    again = ca.logic_and(ca.logic_and(phase == _REFINE, close), ca.logic_and(worth, _outside(w, n, offset)))
+    worth = ca.logic_and(state[_COUNT] < _LAST_RAY, offset > 1e-6)
+    again = ca.logic_and(ca.logic_and(phase == _REFINE, close), ca.logic_and(worth, _outside(w, n, offset, near)))
     restart = (ca.DM(_ASIDE) - 0.5 * n) * ca.fmin(offset, 0.1)
+    retreat = pair.retreat()
+    if retreat is not None:
+        # The way out leads on through: the tool goes back where it came from.
+        direction, deep = retreat
+        forward = ca.logic_and(ca.dot(n, direction) < -0.5, offset > deep)
+        through = ca.logic_and(ca.logic_and(phase == _REFINE, close), ca.logic_and(worth, forward))
+        back = (ca.DM(_ASIDE) - 0.5 * direction) * ca.fmin(offset, 0.1)
+        restart, again = ca.if_else(through, back, restart), ca.logic_or(through, again)
     return ca.vertcat(
         ca.if_else(again, restart, v0),
         *portal,
         n,
         offset,
         ca.if_else(again, _FIRST, following),
-        ca.if_else(again, state[_ROUND] + 1, state[_ROUND]),
+        state[_COUNT] + 1,
     )
 
 
@@ -125,11 +138,12 @@ def _refined(v0: Any, v: list[Any], found: Any) -> list[Any]:
     ]
 
 
-def _outside(w: list[Any], n: Any, offset: Any) -> Any:
+def _outside(w: list[Any], n: Any, offset: Any, near: float) -> Any:
     """Whether the point of the plane nearest to the origin lies outside the portal."""
     x = n * offset
     area = ca.dot(ca.cross(w[1] - w[0], w[2] - w[0]), n)
     parts = [ca.dot(ca.cross(w[i] - x, w[j] - x), n) for i, j in ((0, 1), (1, 2), (2, 0))]
     # The portal may run either way round.
     lowest = ca.fmin(ca.fmin(parts[0] * area, parts[1] * area), parts[2] * area)
-    return lowest < -1e-9 * area**2
+    distance = ca.fmin(ca.fmin(*(ca.sumsqr(v - x) for v in w[:2])), ca.sumsqr(w[2] - x))
+    return ca.logic_and(lowest < -1e-9 * area**2, distance > near**2)

@@ -10,11 +10,14 @@ from acausal.library.contact import distance, polish, portal
 from acausal.library.contact.chain import frozen, repeat
 from acausal.library.contact.minkowski import Core, Pair
 
-_MOST_PORTAL, _MOST_DISTANCE, _MOST_POLISH = 48, 32, 14
+_MOST_PORTAL, _MOST_DISTANCE, _MOST_POLISH = 64, 32, 24
 """Bounds of the iterations; what is typical is 8, 3 and 2."""
 
-_CURVED, _FLAT = 1e-6, 1e-12
-"""How far a support point may lie outside the portal at the end, when circles are there to be polished, and not."""
+_CURVED, _FLAT = (1e-3, 0.3), (1e-12, 0.0)
+"""Tolerance and nearness of the portal (see there), when there are circles, and when there are none.
+
+A portal on something round shrinks by half at each step; polishing finds the rest in two or three.
+"""
 
 
 def search(a: Core, b: Core) -> Any:
@@ -38,15 +41,16 @@ def search(a: Core, b: Core) -> Any:
     state = ca.SX.sym("state", polish.WORKING)
     step = ca.Function("polish", [state, data], [polish.step(pair, state)], _CALL)
     polished = repeat(step, polish.GOING, _MOST_POLISH)(contact, pose)
-    whole = ca.Function("contact", [pose], [polished[: polish.SIZE]], _CALL)
+    finish = ca.Function("finish", [state, data], [polish.finish(pair, state)], _CALL)
+    whole = ca.Function("contact", [pose], [finish(polished, pose)], _CALL)
     P, Q = ca.MX.sym("p", 3), ca.MX.sym("R", 3, 3)
     return frozen("contact_search", [P, Q], whole(ca.vertcat(P, ca.vec(Q))))
 
 
-def _apart(pair: Pair, data: Any, tolerance: float) -> Any:
+def _apart(pair: Pair, data: Any, tolerance: tuple[float, float]) -> Any:
     """`(state of distance, pose) -> state of polish`."""
     state = ca.SX.sym("state", distance.SIZE)
-    step = ca.Function("distance", [state, data], [distance.step(pair, state, tolerance)], _CALL)
+    step = ca.Function("distance", [state, data], [distance.step(pair, state, tolerance[0])], _CALL)
     vertices, _, x = distance.result(state)
     length = ca.sqrt(ca.sumsqr(x))
     n = ca.if_else(length > distance.TOUCHING, -x / ca.fmax(length, distance.TOUCHING), ca.DM([0, 0, 1]))
@@ -56,10 +60,10 @@ def _apart(pair: Pair, data: Any, tolerance: float) -> Any:
     return ca.Function("apart", [s, pose], [finish(end, pose)], _CALL)
 
 
-def _with_portal(pair: Pair, data: Any, tolerance: float, apart: Any) -> Any:
+def _with_portal(pair: Pair, data: Any, tolerance: tuple[float, float], apart: Any) -> Any:
     """`pose -> state of polish`."""
     state = ca.SX.sym("state", portal.SIZE)
-    step = ca.Function("portal", [state, data], [portal.step(pair, state, tolerance)], _CALL)
+    step = ca.Function("portal", [state, data], [portal.step(pair, state, *tolerance)], _CALL)
     vertices, n, offset = portal.result(state)
     begin = ca.Function("begin", [data], [portal.start(pair)], _CALL)
     overlap = ca.Function("overlap", [state, data], [polish.start(pair, vertices, n, offset)], _CALL)

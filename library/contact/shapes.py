@@ -21,19 +21,34 @@ Vector = NDArray[np.float64]
 Bounds = tuple[tuple[float, float, float], tuple[float, float, float]]
 
 _DEEP = 0.95
-"""How far into a shape its inner body begins, as part of the way to where nothing would be left."""
+"""Part of a straight core from whose points rays may start."""
 
 
 @dataclass(frozen=True)
 class Inner:
-    """A body inside a shape, from whose points the portal's ray starts: a box, or round about the z axis.
+    """A body inside a shape, from whose points the portal's ray starts: around a box, or round about the z axis.
 
-    `radius` None means a box of half lengths `half` around `centre`; else a cylinder of half length `half[2]`.
+    `half` are half lengths [m], of a box or with `radius` of a cylinder, of which the third counts.
     """
 
     centre: tuple[float, float, float]
     half: tuple[float, float, float]
     radius: float | None = None
+
+    def reduced(self, wide: bool) -> tuple[tuple[float, float, float], float | None]:
+        """Half lengths and radius of the inner body: well inside, or `wide` and reaching out along the long sides.
+
+        A wide one is next to nothing across the shape and almost all along it: the middle of a plate.
+        """
+        lengths = np.array([*self.half[:2], self.half[2]] if self.radius is None else [self.radius, self.half[2]])
+        least = float(lengths.min())
+        if least == 0.0:
+            return self.half, self.radius
+        inset = least * (0.05 + 0.9 * (least / lengths) ** 2) if wide else _DEEP * least
+        left = (lengths - inset).tolist()
+        if self.radius is None:
+            return (left[0], left[1], left[2]), None
+        return (0.0, 0.0, left[1]), left[0]
 
 
 @dataclass(frozen=True)
@@ -54,6 +69,11 @@ class Shape:
     def inner(self) -> Inner:
         """The body from whose points rays start."""
         raise NotImplementedError
+
+    @property
+    def way_back(self) -> float:
+        """Depth [m] from which on a tool that points to -z is drawn back rather than pushed through; 0 for no tool."""
+        return 0.0
 
     def check(self, body: str) -> None:
         """Raise DeclarationError AC145 when the shape of `body` has no volume or is not convex."""
@@ -138,9 +158,7 @@ class Box(Shape):
 
     @property
     def inner(self) -> Inner:
-        x, y, z = self.half
-        inset = _DEEP * min(x, y, z)
-        return Inner((0.0, 0.0, 0.0), (x - inset, y - inset, z - inset))
+        return Inner((0.0, 0.0, 0.0), self.half)
 
     def check(self, body: str) -> None:
         x, y, z = self.size
@@ -160,8 +178,7 @@ class Cylinder(Shape):
 
     @property
     def inner(self) -> Inner:
-        inset = _DEEP * min(self.radius, self.length / 2)
-        return Inner((0.0, 0.0, 0.0), (0.0, 0.0, self.length / 2 - inset), self.radius - inset)
+        return Inner((0.0, 0.0, 0.0), (0.0, 0.0, self.length / 2), self.radius)
 
     def check(self, body: str) -> None:
         self._positive(body, radius=self.radius, length=self.length)
@@ -194,7 +211,8 @@ class Capsule(Shape):
 class Cone(Shape):
     """A cone with its tip at the origin that opens towards +z; its base has `radius` and lies at z = `length`.
 
-    Its ray starts near the base, so that a plate is left where the tip came in until the base has passed the middle.
+    It leaves another body where its tip came in, also when that is no longer the shortest way out; only within a tenth
+    of its length of the base does it touch with the base.
     """
 
     radius: float
@@ -208,6 +226,10 @@ class Cone(Shape):
     def inner(self) -> Inner:
         return Inner((0.0, 0.0, _DEEP * self.length), (0.0, 0.0, 0.0))
 
+    @property
+    def way_back(self) -> float:
+        return 0.1 * self.length
+
     def check(self, body: str) -> None:
         self._positive(body, radius=self.radius, length=self.length)
 
@@ -216,7 +238,8 @@ class Cone(Shape):
 class PointedDrill(Shape):
     """A drill with its tip at the origin and its shank towards +z.
 
-    Its ray starts at the end of the shank: a workpiece is left on the side where the drill came in.
+    The ray starts at the end of the shank: the drill leaves a workpiece on the side where it came in, also when that is
+    no longer the shortest way out.
 
     Parameters
     ----------
@@ -338,8 +361,9 @@ class ConvexHull(Shape):
         extent = (corners.max(axis=0) - corners.min(axis=0)) / 2
         room = -(faces[:, :3] @ centre + faces[:, 3])
         half = extent * float((room / (np.abs(faces[:, :3]) @ extent)).min())
-        half = half - _DEEP * half.min()
-        return Inner((*map(float, centre),), (*map(float, half),))  # type: ignore[arg-type]
+        x, y, z = centre.tolist()
+        a, b, c = half.tolist()
+        return Inner((x, y, z), (a, b, c))
 
     @property
     def inner(self) -> Inner:
