@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 from acausal.errors import UsageError
 from acausal.language.experiment import Experiment
 
+# Solvers without step control, or whose choice depends on whether there is a step.
+_FIXED = ("auto", "rk", "rk2", "collocation")
+
 
 @dataclass(frozen=True)
 class Options:
@@ -65,6 +68,9 @@ def options(
     """
     start = experiment.start_time if start_time is None else float(start_time)
     stop = experiment.stop_time if stop_time is None else float(stop_time)
+    # a tolerance asked of a method that controls its steps means that it shall do so
+    adaptive = tolerance is not None and solver is not None and solver not in _FIXED
+    own_step = None if adaptive else experiment.step
     interval = output_interval if output_interval is not None else experiment.output_interval
     chosen = Options(
         start_time=start,
@@ -72,7 +78,7 @@ def options(
         output_interval=(stop - start) / 500 if interval is None else float(interval),
         tolerance=experiment.tolerance if tolerance is None else float(tolerance),
         solver=experiment.solver if solver is None else solver,
-        step=experiment.step if step is None else float(step),
+        step=own_step if step is None else float(step),
         max_step=experiment.max_step,
         native=native,
     )

@@ -94,7 +94,7 @@ def test_the_cheapest_run_that_is_exact_enough(swing: Bench) -> None:
         recommend(swing, 1e-14)
 
 
-def test_failures_stay_with_their_reason_and_a_dead_method_costs_its_limit_once(tmp_path: Path) -> None:
+def test_failures_stay_with_their_reason(tmp_path: Path) -> None:
     found = acausal.bench(
         Stiff,
         solvers=("idas", "erk", "rk2"),
@@ -102,22 +102,20 @@ def test_failures_stay_with_their_reason_and_a_dead_method_costs_its_limit_once(
         steps=(1e-3,),
         formulations=("torn",),
         repeat=1,
-        time_limit=1.0,
+        time_limit=10.0,
         native=False,
     )
     by_name = {(r.case.series, r.case.tolerance): r for r in found.runs}
-    assert by_name["rk2", None].failure.startswith("AC404")
+    # far beyond the largest stable step: refused, or not finite
+    assert by_name["rk2", None].failure.startswith("AC40")
     assert by_name["erk fixed", None].failure.startswith("AC40")
-    # 3e5 steps of erk take more than a second, or are refused
-    assert by_name["erk", 1e-3].failure
-    assert by_name["erk", 1e-6].failure
     assert not by_name["idas", 1e-6].failure
     picture = tmp_path / "stiff.svg"
     found.plot(picture)
     text = picture.read_text()
     assert text.count("the solution is not finite") == 0 or "rk2" in text
     assert len(found.record()["runs"]) == 6
-    assert sum(r["failed"] for r in found.record()["runs"]) == 4
+    assert sum(r["failed"] for r in found.record()["runs"]) >= 2
 
 
 def test_a_reference_can_be_given(tmp_path: Path) -> None:
@@ -173,3 +171,33 @@ def test_parameters_and_variables_are_taken() -> None:
 def test_wrong_requests(options: dict[str, object], code: str) -> None:
     with pytest.raises(UsageError, match=code):
         acausal.bench(Swing, **options)  # type: ignore[arg-type]
+
+
+def test_a_tolerance_asks_for_step_control_though_the_model_has_a_step() -> None:
+    class Stepped(Swing):
+        experiment: ClassVar[Experiment] = Experiment(stop_time=10.0, solver="erk", step=0.001)
+
+    assert acausal.simulate(Stepped()).stats["steps"] == 10_000
+    assert float(str(acausal.simulate(Stepped(), solver="erk", tolerance=1e-4).stats["steps"])) < 1000
+    assert acausal.simulate(Stepped(), solver="rk2", tolerance=1e-4).stats["steps"] == 10_000
+
+
+def test_a_dead_method_costs_its_limit_once(tmp_path: Path) -> None:
+    reference = tmp_path / "end.json"
+    reference.write_text('{"values": {"x": 1.0}}')
+    found = acausal.bench(
+        Stiff,
+        solvers=("erk",),
+        tolerances=(1e-3, 1e-5, 1e-7),
+        steps=(),
+        formulations=("torn",),
+        reference=reference,
+        repeat=1,
+        time_limit=0.05,  # 3e5 steps take ten times as long
+        stop_time=1.0,
+        native=False,
+        variables=("x",),
+    )
+    reasons = [run.failure for run in found.runs]
+    assert reasons[0] == "no end after 0.05 s"
+    assert reasons[1:] == ["not tried: no end after 0.05 s at tolerance 0.001"] * 2
