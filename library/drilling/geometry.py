@@ -16,7 +16,6 @@ from acausal import (
     dot,
     fabs,
     maximum,
-    minimum,
     no_event,
     parameter,
     signal_output,
@@ -106,5 +105,7 @@ class DrillGeometry(PartialDrillGeometry):
         cos_tilt = maximum(self.axis[2], cos_min)
         depth = self.tip[2] / cos_tilt
         beside = (fabs(self.tip[0]) > self.width / 2) | (fabs(self.tip[1]) > self.height / 2) | (self.axis[2] < cos_min)
-        yield self.s == where(no_event(beside), minimum(depth, 0.0), depth)
+        # Beside it there is no contact to locate the beginning of.
+        in_front = where(no_event(depth < 0), depth, 0.0)
+        yield self.s == where(no_event(beside), in_front, depth)
         yield self.s_exit == self.s - self.t / cos_tilt

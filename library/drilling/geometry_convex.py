@@ -84,7 +84,9 @@ class ConvexDrillGeometry(PartialDrillGeometry):
         r, R = as_expr(self.pose[0]), as_expr(self.pose[1])
         place, direction = R.T @ (self.tip - r), R.T @ self.axis
         depth, beyond, beside = _crossed(self.workpiece, place, direction, self.body)
-        yield self.s == where(no_event(beside), minimum(depth, 0.0), depth)
+        # Beside it there is no contact to locate the beginning of.
+        in_front = where(no_event(depth < 0), depth, 0.0)
+        yield self.s == where(no_event(beside), in_front, depth)
         yield self.s_exit == minimum(beyond, self.s)
         a, w = self.frame_a, self.frame_w
         turned = a.R @ as_expr(shank_along_z(self._e))
