@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
+from acausal.flatten.flat import FlatWhen
 from acausal.lower.reduce import ReducedSystem
 from acausal.lower.solve import Solution, needed
 from acausal.lower.start import StartProblem, start_problem
@@ -97,8 +98,9 @@ def restrict(solution: Solution, scalars: Sequence[int]) -> Solution:
     reduced = structure.reduced
     pool = reduced.pool
     wanted = pool.variables_in(*(reduced.image[s] for s in scalars))
-    whens = [k for k, when in enumerate(reduced.flat.whens) if not when.actions]  # they act on the run as a whole
-    wanted |= pool.variables_in(*(reduced.whens[k][0] for k in whens))
+    wanted |= pool.variables_in(
+        *(node for when, (node, _) in zip(reduced.flat.whens, reduced.whens, strict=True) if _ends_runs(when))
+    )
     kept = dependence(solution).closure(solution, wanted)
     states = tuple(x for x in structure.states if x in kept)
     structure = replace(
@@ -121,6 +123,11 @@ def restrict(solution: Solution, scalars: Sequence[int]) -> Solution:
     )
 
 
+def _ends_runs(when: FlatWhen) -> bool:
+    """Whether a clause acts on the run as a whole."""
+    return when.terminate is not None or not when.actions
+
+
 def _restricted(reduced: ReducedSystem, kept: frozenset[int], scalars: Sequence[int]) -> ReducedSystem:
     """The reduced system without starts, initial equations, actions and names of what is not kept."""
     pool, flat = reduced.pool, reduced.flat
@@ -134,7 +141,7 @@ def _restricted(reduced: ReducedSystem, kept: frozenset[int], scalars: Sequence[
     whens, when_nodes = [], []
     for when, (condition, values) in zip(flat.whens, reduced.whens, strict=True):
         own = [k for k, (s, _) in enumerate(when.actions) if pool.variables_in(reduced.image[s]) & kept]
-        if own or not when.actions:
+        if own or _ends_runs(when):
             whens.append(when._replace(actions=tuple(when.actions[k] for k in own)))
             when_nodes.append((condition, tuple(values[k] for k in own)))
     return replace(

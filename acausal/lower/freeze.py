@@ -87,6 +87,8 @@ def _translated(flat: FlatSystem, pool: Pool, image: dict[int, int]) -> FlatSyst
             w._replace(condition=image[w.condition], actions=tuple((s, image[n]) for s, n in w.actions))
             for w in flat.whens
         ),
+        assignments=tuple(a._replace(node=image[a.node]) for a in flat.assignments),
+        asserts=tuple(a._replace(condition=image[a.condition]) for a in flat.asserts),
         parameters=tuple(map(parameter, flat.parameters)),
         starts={s: start._replace(node=image[start.node]) for s, start in flat.starts.items()},
     )

@@ -12,6 +12,7 @@ from acausal import (
     Component,
     Equations,
     Real,
+    assert_,
     connect,
     der,
     fixed,
@@ -20,11 +21,12 @@ from acausal import (
     part,
     reset,
     sqrt,
+    terminate,
     variable,
     when,
     where,
 )
-from acausal.errors import UsageError
+from acausal.errors import AcausalError, UsageError
 from acausal.library.multibody import Body, BodyShape, FreeMotion, Revolute, World
 from acausal.library.translational import Fixed, Mass, Spring
 from acausal.lower.compiled import CompiledModel
@@ -93,6 +95,36 @@ def test_a_run_says_what_it_left_out() -> None:
     with pytest.raises(UsageError, match="mass_a") as caught:
         _ = result["mass_a.s"]
     assert "outputs" in str(caught.value)
+
+
+class Watched(Component):
+    """Two decays; one ends the run, and each has an assertion about it."""
+
+    limit: Real = parameter(default=0.0)
+    x: Real = variable(default=fixed(1.0))
+    y: Real = variable(default=fixed(1.0))
+    z: Real = variable(default=fixed(1.0))
+
+    def equations(self) -> Equations:
+        yield der(self.x) == -self.x
+        yield der(self.y) == -2 * self.y
+        yield der(self.z) == -3 * self.z
+        yield when(self.y < 0.5, terminate("y is small"))
+        yield assert_(self.x > self.limit, "x is large enough")
+        yield assert_(self.z > self.limit, "z is large enough")
+
+
+@pytest.mark.parametrize("freeze", [[], ["limit"], ["zeros"]])
+def test_what_ends_a_run_is_kept_and_assertions_about_what_is_kept(freeze: list[str]) -> None:
+    compiled = acausal.compile(Watched(), outputs=["x"], freeze=freeze)
+    assert set(compiled.states) == {"x", "y"}
+    assert left(compiled, "assert") == {"z is large enough"}
+    result = run(compiled)
+    # y = exp(-2 t) falls below 0.5 at ln(2)/2
+    assert result.time[-1] == pytest.approx(np.log(2.0) / 2.0, abs=1e-7)
+    if not freeze:
+        with pytest.raises(AcausalError, match="x is large enough"):
+            run(compiled, parameters={"limit": 0.8})
 
 
 class Falling(Component):
