@@ -26,7 +26,7 @@ class ConstantForceDrilling(Component):
     v_max: Real = parameter(default=NO_CAP, unit="m/s", min=0.0, doc="Feed cap")
     n: Real = parameter(default=9.28, unit="1/s", min=0.0, doc="Rotational speed")
     m: Real = parameter(default=5.0, unit="kg", min=0.0, doc="Mass of the drill with its spindle")
-    t: Real = parameter(default=10e-3, unit="m", min=0.0, doc="Thickness of the plate")
+    t: Real = parameter(default=10e-3, unit="m", min=1e-6, doc="Thickness of the plate")
     depth_start: Real = parameter(default=8e-3, unit="m", min=0.0, doc="Depth of the hole at the start")
     clearance: Real = parameter(default=0.2e-3, unit="m", min=0.0, doc="From the full diameter through to the stop")
 

@@ -46,8 +46,8 @@ class ForceControlledDrilling(Component):
 
     F_set: Real = parameter(default=3000.0, unit="N", min=0.0, doc="Thrust to hold")
     n: Real = parameter(default=9.28, unit="1/s", min=0.0, doc="Wanted rotational speed")
-    t_1: Real = parameter(default=10e-3, unit="m", min=0.0, doc="Thickness of the upper plate")
-    t_2: Real = parameter(default=10e-3, unit="m", min=0.0, doc="Thickness of the lower plate")
+    t_1: Real = parameter(default=10e-3, unit="m", min=1e-6, doc="Thickness of the upper plate")
+    t_2: Real = parameter(default=10e-3, unit="m", min=1e-6, doc="Thickness of the lower plate")
     plate_gap: Real = parameter(default=1e-3, unit="m", min=0.0, doc="Gap between the plates")
     gap: Real = parameter(default=2e-3, unit="m", doc="Distance from the tip to the upper plate at the start")
     m: Real = parameter(default=5.0, unit="kg", min=0.0, doc="Mass of the drill with its chuck")

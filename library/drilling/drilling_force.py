@@ -2,7 +2,20 @@
 
 from __future__ import annotations
 
-from acausal import Equations, Real, connect, maximum, no_event, parameter, part, signal_output, structural, where
+from acausal import (
+    Equations,
+    Real,
+    assert_,
+    connect,
+    initial,
+    maximum,
+    no_event,
+    parameter,
+    part,
+    signal_output,
+    structural,
+    where,
+)
 from acausal.library.drilling.depth import DrillDepthCalculation
 from acausal.library.drilling.force import DrillContactForce
 from acausal.library.drilling.interfaces import PartialDrillingForce
@@ -65,6 +78,14 @@ class DrillingForce(PartialDrillingForce):
         yield self.v_tar == depth.v_tar
         yield self.s_tar == depth.s_tar
         yield from self.powers()
+        # A contact that begins with more force than a cut of 1 mm per edge throws the drill out of the plate.
+        pressed = self.k * (self.s - self.s_start)
+        blunt = self.feed_force_factor * self.z_E / 2 * self.d * self.corrected_k_c11() * force.h_1
+        outside = (self.s - self.s_start < self.d / 100) | (pressed < blunt)
+        yield assert_(
+            ~initial() | no_event(outside),
+            "the drill starts inside of the material: move it back, or give it a hole with s_start",
+        )
 
     def powers(self) -> Equations:
         """Where the power goes that the two frames give, thrust * v_axial + braking * omega.

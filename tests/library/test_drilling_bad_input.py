@@ -1,0 +1,64 @@
+"""Scenes that cannot be meant end with a code and the name of the part."""
+
+from __future__ import annotations
+
+import pytest
+
+import acausal
+from acausal.errors import AcausalError
+from acausal.library.drilling import FullDrillingForce, Workpiece
+from acausal.models.drilling_control import ForceControlledDrilling
+from acausal.models.drilling_dynamic import ThickBlock
+
+
+@pytest.mark.parametrize("t", [0.0, -0.01])
+def test_a_plate_without_thickness_is_refused_with_its_name(t: float) -> None:
+    with pytest.raises(AcausalError) as caught:
+        acausal.simulate(ThickBlock(), parameters={"workpiece.t": t})
+    assert caught.value.code == "AC136"
+    assert "workpiece.t" in caught.value.fact
+    with pytest.raises(AcausalError) as caught:
+        acausal.simulate(ForceControlledDrilling(), parameters={"t_2": t})
+    assert caught.value.code == "AC136"
+
+
+def test_a_plate_without_thickness_in_a_constructor() -> None:
+    class Flat(ThickBlock):
+        """The scene with a plate of a thickness of its own."""
+
+        def build(self) -> None:
+            super().build()
+            self.workpiece = Workpiece(t=0.0)
+            self.drill = FullDrillingForce(t=self.workpiece.t, k=1e8, d_c=2e4)
+
+    with pytest.raises(AcausalError) as caught:
+        acausal.simulate(Flat())
+    assert caught.value.code == "AC136"
+    assert "workpiece.t = 0 m is outside its limits" in caught.value.fact
+
+
+@pytest.mark.parametrize("values", [{"gap": -5e-3}, {"gap": -0.01, "drill.s_start": 5e-3}])
+def test_a_drill_that_starts_inside_of_the_material_is_refused_with_its_name(values: dict[str, float]) -> None:
+    with pytest.raises(AcausalError) as caught:
+        acausal.simulate(ThickBlock(), parameters=values)
+    error = caught.value
+    assert error.code == "AC503"
+    assert "the drill starts inside of the material" in error.fact
+    assert "an assertion of the model in drill does not hold" in error.evidence
+
+
+def test_it_is_the_second_plate_that_the_drill_is_in() -> None:
+    values = {"gap": -14e-3, "drills[0].s_start": 14e-3}
+    with pytest.raises(AcausalError) as caught:
+        acausal.simulate(ForceControlledDrilling(), parameters=values)
+    assert "drills[1]" in caught.value.evidence[0]
+
+
+@pytest.mark.parametrize("values", [{"gap": -1e-5}, {"gap": -0.01, "drill.s_start": 0.01}, {"gap": 0.0}])
+def test_a_drill_that_starts_in_contact_or_in_its_hole_is_fine(values: dict[str, float]) -> None:
+    acausal.simulate(ThickBlock(), parameters=values, stop_time=0.1)
+
+
+def test_a_soft_contact_may_be_pressed_in_far() -> None:
+    # 1e5 N/m under 500 N: 5 mm, and no mistake.
+    acausal.simulate(ThickBlock(), parameters={"gap": -5e-3, "drill.k": 1e5}, stop_time=0.1)
