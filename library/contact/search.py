@@ -44,7 +44,7 @@ def search(a: Core, b: Core) -> Any:
     finish = ca.Function("finish", [state, data], [polish.finish(pair, state)], _CALL)
     whole = ca.Function("contact", [pose], [finish(polished, pose)], _CALL)
     P, Q = ca.MX.sym("p", 3), ca.MX.sym("R", 3, 3)
-    return frozen("contact_search", [P, Q], whole(ca.vertcat(P, ca.vec(Q))))
+    return frozen("contact_search", ca.Function("pose", [P, Q], [whole(ca.vertcat(P, ca.vec(Q)))], _CALL))
 
 
 def _apart(pair: Pair, data: Any, tolerance: tuple[float, float]) -> Any:
