@@ -8,49 +8,37 @@ from dataclasses import dataclass, replace
 from acausal.flatten.flat import FlatWhen
 from acausal.lower.reduce import ReducedSystem
 from acausal.lower.solve import Solution, needed
-from acausal.lower.start import StartProblem, start_problem
+from acausal.lower.start import start_problem
+from acausal.structure import Incidence, match
 
 
 @dataclass(frozen=True, eq=False)
 class Dependence:
-    """Who depends directly on whom in a solution, as nodes: a variable on all variables of its nodes."""
+    """Who depends directly on whom in a solution.
+
+    Attributes
+    ----------
+    nodes
+        A variable depends on all variables of its nodes.
+    at_start
+        And, for its start value, on these.
+    """
 
     nodes: dict[int, tuple[int, ...]]
-    start: StartProblem
+    at_start: dict[int, frozenset[int]]
 
     def closure(self, solution: Solution, variables: Iterable[int]) -> frozenset[int]:
         """All variables that these depend on, themselves included; inputs too."""
         pool = solution.structure.reduced.pool
-        undecided = set(solution.structure.states) - self.start.direct.keys() - set(self.start.defaulted)
         found: set[int] = set()
         stack = list(variables)
-        while True:
-            while stack:
-                v = stack.pop()
-                if v not in found:
-                    found.add(v)
-                    stack.extend(pool.variables_in(*self.nodes.get(v, ())))
-            # Conditions that determine a start are needed with all they hold.
-            for condition in self.start.conditions:
-                behind = self.plain(solution, condition.node)
-                if behind & found & undecided and not behind <= found:
-                    stack.extend(behind)
-            if not stack:
-                return frozenset(found)
-
-    def plain(self, solution: Solution, node: int) -> set[int]:
-        """States and unknowns behind a node at one instant, without the rates of the states."""
-        pool = solution.structure.reduced.pool
-        states = set(solution.structure.states)
-        found: set[int] = set()
-        stack = list(pool.variables_in(node))
         while stack:
             v = stack.pop()
             if v not in found:
                 found.add(v)
-                if v not in states:
-                    stack.extend(pool.variables_in(*self.nodes.get(v, ())))
-        return found
+                stack.extend(pool.variables_in(*self.nodes.get(v, ())))
+                stack.extend(self.at_start.get(v, ()))
+        return frozenset(found)
 
 
 def dependence(solution: Solution) -> Dependence:
@@ -73,7 +61,36 @@ def dependence(solution: Solution) -> Dependence:
     for assignment, value in zip(reduced.flat.assignments, reduced.assignments, strict=True):
         for x in reduced.pool.variables_in(reduced.image[assignment.scalar]):
             nodes.setdefault(x, []).append(value)
-    return Dependence({v: tuple(n) for v, n in nodes.items()}, start_problem(solution))
+    return Dependence({v: tuple(n) for v, n in nodes.items()}, _at_start(solution, nodes))
+
+
+def _at_start(solution: Solution, nodes: dict[int, list[int]]) -> dict[int, frozenset[int]]:
+    """What else is needed at the start: all variables of the condition that a state or unknown is solved from."""
+    start = start_problem(solution)
+    if not start.conditions:
+        return {}
+    given = {*start.direct, *start.defaulted}
+    order = [*solution.algebraic, *(x for x in solution.structure.states if x not in given)]
+    place = {v: k for k, v in enumerate(order)}
+    rows = [_plain(solution, nodes, c.node) for c in start.conditions]
+    rows += [_plain(solution, nodes, r) for r in solution.residuals]
+    incidence = Incidence.from_rows([sorted(place[v] for v in row if v in place) for row in rows], len(order))
+    return {order[int(c)]: frozenset(row) for c, row in zip(match(incidence), rows, strict=True) if c >= 0}
+
+
+def _plain(solution: Solution, nodes: dict[int, list[int]], node: int) -> set[int]:
+    """Variables behind a node at one instant: through definitions, not through rates or blocks."""
+    pool = solution.structure.reduced.pool
+    ends = {*solution.structure.states, *solution.algebraic}
+    found: set[int] = set()
+    stack = list(pool.variables_in(node))
+    while stack:
+        v = stack.pop()
+        if v not in found:
+            found.add(v)
+            if v not in ends:
+                stack.extend(pool.variables_in(*nodes.get(v, ())))
+    return found
 
 
 def loops(solution: Solution) -> list[tuple[tuple[int, ...], tuple[int, ...]]]:

@@ -17,6 +17,7 @@ from acausal.simulate.run import simulate
 from acausal.study.reduction.lag import lag
 
 Vector = NDArray[np.float64]
+_ROUNDING = 1e-13
 
 
 @dataclass(frozen=True)
@@ -138,7 +139,9 @@ def error_of(full: Result, reduced: Result, name: str) -> OutputError:
     k = int(np.argmax(difference)) if len(times) else 0
     worst = float(difference[k]) if len(times) else 0.0
     size = float(np.nanmax(np.abs(a), initial=0.0))
-    return OutputError(name, worst, worst / size if size > 0.0 else worst, float(times[k]) if len(times) else 0.0)
+    # What is nothing but rounding has no relative error.
+    relative = worst / size if size > _ROUNDING else worst
+    return OutputError(name, worst, relative, float(times[k]) if len(times) else 0.0)
 
 
 def _plain(result: Result) -> Vector:
