@@ -254,7 +254,7 @@ def _check_defined(compiled: CompiledModel, t: float, x: Vector, z: Vector, u: V
     leaves = {"var": known.__getitem__, "par": p.__getitem__, "time": lambda _: t}
     rows = {v: b.rows for b in solution.structure.blocks for v in b.columns}
     for variable, node in solution.definitions:
-        value = float(values(reduced.pool, [node], leaves)[node])
+        value = float(np.ravel(values(reduced.pool, [node], leaves)[node])[0])
         known[variable] = value
         if not np.isfinite(value):
             equation = reduced.flat.equations[solution.structure.flat_equation(rows[variable][0])]
