@@ -81,6 +81,7 @@ class Guards:
                 - by_z.reshape(len(own), -1) @ np.linalg.lstsq(alg_z.reshape(len(at.z), -1), alg.ravel(), rcond=None)[0]
             )
         noise = self._error(np.abs(slope.reshape(len(own), -1)), at.x, self._nominal)
+        noise += 1e-15 * np.abs(np.nan_to_num(own)) * max(self.span, abs(t))  # time, too, is known to rounding only
         return own, noise + self._error(np.abs(by_z.reshape(len(own), -1)), at.z, self.problem.compiled.nominal_z)
 
     def _error(self, slope: Vector, values: Vector, nominal: Vector) -> Vector:

@@ -68,10 +68,15 @@ class PartialFriction(Component):
     def equations(self) -> Equations:
         w, sa = self.w_relfric, 1.0 * self.sa  # without a unit: a torque and an acceleration
         forward, backward, stuck, idle = map(self.was, (self.FORWARD, self.BACKWARD, self.STUCK, self.FREE))
-        breaks_forward = (sa > self.tau0_max) | (pre(self.startForward) & (sa > self.tau0))
-        breaks_backward = (sa < -self.tau0_max) | (pre(self.startBackward) & (sa < -self.tau0))
-        yield self.startForward == (stuck & breaks_forward | backward & (w > self.w_small) | initial() & (w > 0.0))
-        yield self.startBackward == (stuck & breaks_backward | forward & (w < -self.w_small) | initial() & (w < 0.0))
+        # What does not count in a mode is kept away from its guard there: a stuck element whose speed is zero up to
+        # rounding would make events for nothing, and so would the force on the path of a sliding one.
+        path = where(stuck, sa, 0.0)
+        breaks_forward = (path > self.tau0_max) | (pre(self.startForward) & (path > self.tau0))
+        breaks_backward = (path < -self.tau0_max) | (pre(self.startBackward) & (path < -self.tau0))
+        positive = where(forward | idle | self.startForward | initial(), w, -1.0 * self.w_small) > 0.0
+        negative = where(backward | idle | self.startBackward | initial(), w, 1.0 * self.w_small) < 0.0
+        yield self.startForward == (stuck & breaks_forward | backward & (w > self.w_small) | initial() & positive)
+        yield self.startBackward == (stuck & breaks_backward | forward & (w < -self.w_small) | initial() & negative)
         yield self.locked == (~self.free & ~(forward | self.startForward | backward | self.startBackward))
         slides_forward = self.startForward | ~self.startBackward & forward
         shifted = where(slides_forward, sa - 1.0 * self.tau0_max, sa + 1.0 * self.tau0_max)
@@ -80,9 +85,9 @@ class PartialFriction(Component):
             self.free,
             self.FREE,
             where(
-                (forward | idle | self.startForward) & (w > 0.0),
+                (forward | idle | self.startForward) & positive,
                 self.FORWARD,
-                where((backward | idle | self.startBackward) & (w < 0.0), self.BACKWARD, self.STUCK),
+                where((backward | idle | self.startBackward) & negative, self.BACKWARD, self.STUCK),
             ),
         )
 

@@ -74,10 +74,19 @@ class PartialFriction(Component):
         v, sa = self.v_relfric, 1.0 * self.sa  # without a unit: a force and an acceleration
         forward, backward, stuck, idle = map(self.was, (self.FORWARD, self.BACKWARD, self.STUCK, self.FREE))
         ahead, behind = self.may_move()
-        breaks_forward = ((sa > self.f0_max) | (pre(self.startForward) & (sa > self.f0))) & ahead
-        breaks_backward = ((sa < -self.f0_max) | (pre(self.startBackward) & (sa < -self.f0))) & behind
-        yield self.startForward == (stuck & breaks_forward | backward & (v > self.v_small) | initial() & (v > 0.0))
-        yield self.startBackward == (stuck & breaks_backward | forward & (v < -self.v_small) | initial() & (v < 0.0))
+        # What does not count in a mode is kept away from its guard there: a stuck element whose speed is zero up to
+        # rounding would make events for nothing, and so would the force on the path of a sliding one.
+        path = where(stuck, sa, 0.0)
+        breaks_forward = (path > self.f0_max) | (pre(self.startForward) & (path > self.f0))
+        breaks_backward = (path < -self.f0_max) | (pre(self.startBackward) & (path < -self.f0))
+        positive = where(forward | idle | self.startForward | initial(), v, -1.0 * self.v_small) > 0.0
+        negative = where(backward | idle | self.startBackward | initial(), v, 1.0 * self.v_small) < 0.0
+        yield self.startForward == (
+            stuck & breaks_forward & ahead | backward & (v > self.v_small) | initial() & positive
+        )
+        yield self.startBackward == (
+            stuck & breaks_backward & behind | forward & (v < -self.v_small) | initial() & negative
+        )
         yield self.locked == (~self.free & ~(forward | self.startForward | backward | self.startBackward))
         slides_forward = self.startForward | ~self.startBackward & forward
         shifted = where(slides_forward, sa - 1.0 * self.f0_max, sa + 1.0 * self.f0_max)
@@ -86,9 +95,9 @@ class PartialFriction(Component):
             self.free,
             self.FREE,
             where(
-                (forward | idle | self.startForward) & (v > 0.0) & ahead,
+                (forward | idle | self.startForward) & positive & ahead,
                 self.FORWARD,
-                where((backward | idle | self.startBackward) & (v < 0.0) & behind, self.BACKWARD, self.STUCK),
+                where((backward | idle | self.startBackward) & negative & behind, self.BACKWARD, self.STUCK),
             ),
         )
 
