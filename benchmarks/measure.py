@@ -9,6 +9,7 @@ import platform
 import statistics
 import time
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 
@@ -66,3 +67,21 @@ def rounded(value: Any, digits: int = 4) -> Any:
     if isinstance(value, Mapping):
         return {k: rounded(v, digits) for k, v in value.items()}
     return [rounded(v, digits) for v in value] if isinstance(value, list | tuple) else value
+
+
+def drawn_lines(file: Path, lines: Mapping[str, list[tuple[float, float]]], across: str, up: str) -> None:
+    """A log-log picture of some lines, each with its points."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(6.4, 4.0), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots()
+    for (name, points), marker in zip(lines.items(), "osD^vP*X<>", strict=False):
+        if points:
+            axes.loglog(*zip(*points, strict=True), marker=marker, markersize=5, label=name)
+    axes.set_xlabel(across)
+    axes.set_ylabel(up)
+    axes.grid(True, color="0.9")
+    axes.legend(frameon=False, fontsize=8)
+    figure.savefig(file, dpi=150)

@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 class Run:
     """One case: its errors and costs, or the `failure` that took their place. Times in seconds.
 
-    `solve_time` is the best of the repetitions, without making integrators; that and the start values are
-    `startup_time`. `constraint_drift` is the largest residual of stabilised constraints before projection, None where
-    the form of the equations has none.
+    `solve_time` is the best of the repetitions, without making integrators and without waiting for the processor;
+    start values and making integrators are `startup_time`. `constraint_drift` is the largest residual of stabilised
+    constraints before projection, None where the form of the equations has none.
     """
 
     case: Case

@@ -1,0 +1,208 @@
+"""Claim: which solver is the right one depends on the model and the accuracy, and `acausal bench` shows it.
+
+Draws the work-precision charts of docs/speed-and-accuracy.md, writes their data beside them, and the page itself.
+
+    python benchmarks/charts.py [--only ThickBlock,Andrews] [--repeat 5] [--time-limit 10]
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from scenes import BouncingBall, SpatialChain
+
+import acausal
+from acausal.errors import AcausalError
+from acausal.models.drilling_dynamic import ThickBlock
+from acausal.models.drilling_kinematic import ThinPlate
+from acausal.models.ivp.andrews_squeezer import AndrewsSqueezer
+from acausal.models.rc_ladder import RCLadder
+from acausal.study.bench.chart import chart
+from acausal.study.bench.recommend import recommend
+from acausal.study.bench.report import Bench
+
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+IMAGES = DOCS / "images"
+PAGE = DOCS / "speed-and-accuracy.md"
+ACCURACIES = (1e-3, 1e-6, 1e-8, 1e-10)
+
+
+@dataclass(frozen=True)
+class Scene:
+    """One chart: the model, its options and what is seen in it."""
+
+    name: str
+    title: str
+    model: acausal.Component
+    remark: str
+    options: dict[str, Any]
+
+    @property
+    def file(self) -> str:
+        return f"bench-{self.name.lower()}"
+
+
+def scenes() -> tuple[Scene, ...]:
+    """The six scenes."""
+    return (
+        Scene(
+            "ThinPlate",
+            "ThinPlate: drilling at given feed, 10 s",
+            ThinPlate(),
+            "The states grow evenly, so every method is exact to rounding, and what is drawn is overhead.",
+            {},
+        ),
+        Scene(
+            "ThickBlock",
+            "ThickBlock: drilling with given force, 40 s, stiff contact, one algebraic variable",
+            ThickBlock(),
+            "Stiff: explicit methods need steps below 0.2 ms, and a rootfinder at each evaluation.",
+            {"steps": (1e-2, 1e-3, 1e-4)},
+        ),
+        Scene(
+            "Chain",
+            "Spatial chain of 8 damped links, 10 s",
+            SpatialChain(n=8),
+            "Smooth and hardly stiff: the explicit method of order five wins at all accuracies.",
+            {},
+        ),
+        Scene(
+            "RCLadder",
+            "RC ladder of 1000 sections, 1 s",
+            RCLadder(n=1000),
+            "1000 states, mildly stiff over this second: the multistep methods win where little accuracy is wanted.",
+            {},
+        ),
+        Scene(
+            "BouncingBall",
+            "Bouncing ball, 10 bounces in 5 s",
+            BouncingBall(),
+            "Between bounces the motion is a parabola: what is left is how exactly a bounce is located.",
+            {},
+        ),
+        Scene(
+            "Andrews",
+            "Andrews' squeezing mechanism, 0.03 s, three closed loops",
+            AndrewsSqueezer(),
+            "Index 3 as published; loops are stabilised, and recorded points projected onto them.",
+            {},
+        ),
+    )
+
+
+def drawn(scene: Scene, repeat: int, limit: float) -> Bench:
+    """Bench, chart and data of a scene."""
+    found = acausal.bench(
+        scene.model,
+        repeat=repeat,
+        time_limit=limit,
+        progress=lambda text: print(text, file=sys.stderr),
+        **scene.options,
+    )
+    trusted = f"reference: {found.reference.source}, {found.reference.trusted_digits:.1f} digits trusted"
+    chart(found, IMAGES / f"{scene.file}.png", title=f"{scene.title}\n{trusted}")
+    (IMAGES / f"{scene.file}.json").write_text(
+        json.dumps(plain({**found.record(), "best": best(found)}), indent=0) + "\n"
+    )
+    return found
+
+
+def best(found: Bench) -> list[dict[str, Any]]:
+    """The cheapest run of each accuracy."""
+    rows = []
+    for accuracy in ACCURACIES:
+        try:
+            rows.append(recommend(found, accuracy).record())
+        except AcausalError as error:
+            rows.append({"accuracy": accuracy, "failure": error.fact})
+    return rows
+
+
+def plain(value: Any) -> Any:
+    """Numbers to four digits; no nan, which JSON has not."""
+    if isinstance(value, dict):
+        return {k: plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(v) for v in value]
+    if isinstance(value, float):
+        return float(f"{value:.4g}") if value == value and abs(value) < 1e300 else None
+    return value
+
+
+def section(scene: Scene, data: dict[str, Any]) -> str:
+    """The part of the page about one scene."""
+    lines = [f"## {scene.title}", "", scene.remark, "", f"![{scene.title}](images/{scene.file}.png)", ""]
+    lines += ["| accuracy | cheapest | error | solve ms | with start ms |", "|---|---|---|---|---|"]
+    for row in data["best"]:
+        if "failure" in row:
+            lines.append(f"| {row['accuracy']:g} | {row['failure']} | | | |")
+            continue
+        knob = f"step {row['step']:.3g} s" if row["step"] else f"tolerance {row['tolerance']:g}"
+        form = "" if row["formulation"] == "torn" else f", {row['formulation']}"
+        cost = f"{1e3 * row['solve_time']:.3g} | {1e3 * row['cost']:.3g}"
+        lines.append(f"| {row['accuracy']:g} | {row['solver']}, {knob}{form} | {row['error']:.1e} | {cost} |")
+    failures = {(r["series"], r["failure"].split(" at ")[0]) for r in data["runs"] if r["failed"]}
+    times, machine = data["times"], data["machine"]
+    compiled = ", ".join(
+        f"{k.removeprefix('compile ')} {1e3 * v:.0f} ms" for k, v in times.items() if "compile" in k and v
+    )
+    native = ", ".join(
+        f"{k.removeprefix('native ')} {v:.1f} s" for k, v in times.items() if "native" in k and v and v > 0.2
+    )
+    lines += ["", f"Apart from that: compiled {compiled}" + (f"; C made in this run: {native}." if native else ".")]
+    if failures:
+        told = "; ".join(f"{who}: {why}" for who, why in sorted(failures))
+        lines += ["", f"Failed: {told}."]
+    lines += ["", f"Best of {data['repeat']}; {machine['cores']} cores, load {machine['load']}.", ""]
+    return "\n".join(lines)
+
+
+def page(everything: tuple[Scene, ...]) -> str:
+    """The whole page, from the data on disk."""
+    import casadi
+
+    head = f"""# Speed against accuracy
+
+Written by `python benchmarks/charts.py`; do not edit. Each picture is what `acausal bench MODEL -o chart.png` draws.
+
+- Error: the largest mixed error |y - r| / (f + |r|) of all states at 200 points of the run, f as in
+  [devdocs/bench.md](devdocs/bench.md). The reference is made by two different solvers; digits that they do not share
+  are not trusted (grey).
+- Solve time: best of some runs, each in a process of its own after a warm-up; compiled to C where a solver can use it
+  (`idas`, `cvodes`: right-hand sides; `rosenbrock`, `erk`, `rk2`: all). Making integrators and start values are apart.
+- Hollow squares are fixed steps, dashed lines `dae`, dotted lines `projected`; crosses on the upper edge are failures,
+  numbered as below the picture.
+- Times are from two cores that others use too: trust ratios. CasADi {casadi.CasadiMeta.version()}.
+
+"""
+    parts = []
+    for scene in everything:
+        file = IMAGES / f"{scene.file}.json"
+        if file.is_file():
+            parts.append(section(scene, json.loads(file.read_text())))
+    return head + "\n".join(parts)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--only", default="", help="names of scenes, separated by commas")
+    parser.add_argument("--repeat", type=int, default=5)
+    parser.add_argument("--time-limit", type=float, default=10.0, help="of a single run [s]")
+    options = parser.parse_args()
+    everything = scenes()
+    wanted = options.only.split(",") if options.only else [s.name for s in everything]
+    for scene in everything:
+        if scene.name in wanted:
+            found = drawn(scene, options.repeat, options.time_limit)
+            print(json.dumps({"scene": scene.name, "best": plain(best(found)), "times": plain(dict(found.times))}))
+    PAGE.write_text(page(everything))
+    print(f"written: {PAGE.relative_to(DOCS.parent)}")
+
+
+if __name__ == "__main__":
+    main()
