@@ -43,7 +43,8 @@ _BUILD: dict[str, Callable[..., Any]] = {
     **{n: getattr(ca, n) for n in UNARY},
 }
 
-_ONE_BY_ONE = frozenset(("where", "homotopy", "sample", "initial", "terminal"))
+_LOGIC = frozenset(("where", "and", "or", "not"))
+_ONE_BY_ONE = frozenset((*_LOGIC, "homotopy", "sample", "initial", "terminal"))
 
 # Equal operations on one level from which a column is cheaper than scalars.
 _FEW = 6
@@ -105,7 +106,8 @@ class Builder:
                     self.done[number] = self._external(op, tuple(operands[number]))
             elif len(members) < _FEW or op in _ONE_BY_ONE:
                 for number in members:
-                    self.done[number] = self._operation(op, [self._scalar(c) for c in operands[number]])
+                    known = [self._scalar(c) for c in operands[number]]
+                    self.done[number] = self._operation(op, self._decided(op, operands[number], known))
             else:
                 columns = zip(*(operands[number] for number in members), strict=True)
                 self._append(members, _BUILD[op](*[self._gathered(c) for c in columns]))
@@ -163,6 +165,20 @@ class Builder:
         if key not in self._called:
             self._called[key] = call(op.external, [self._scalar(c) for c in operands])
         return self._called[key][op.entry]
+
+    def _decided(self, op: str, operands: Sequence[int], values: list[Any]) -> list[Any]:
+        """Operands, with the truth of boolean variables taken at one half.
+
+        They are states of rate zero to an integrator, whose corrections leave 1e-20 of a zero: that would be true.
+        """
+        if op not in _LOGIC:
+            return values
+        nodes = self.pool.nodes
+        conditions = 1 if op == "where" else len(values)
+        return [
+            v > 0.5 if k < conditions and nodes[n][0] in ("var", "where", "noevent") else v
+            for k, (n, v) in enumerate(zip(operands, values, strict=True))
+        ]
 
     def _append(self, members: Sequence[int], values: Any) -> None:
         first, room = self._filled, self._values.numel()
