@@ -41,6 +41,7 @@ _LONGEST = 0.3
 # After a step as short as this one Newton's method converges by itself; else a positive matrix leads downhill.
 _SAFE = 5e-3
 _TILT = 0.05
+_ADDED = 10.0
 _NEARLY_FLAT = 0.1
 _TRIANGLE = ((1.0, 0.0), (-0.5, 0.75**0.5), (-0.5, -(0.75**0.5)))
 
@@ -71,11 +72,11 @@ def contact(vector: Any) -> Contact:
     """The contact in a column."""
     return Contact(
         [vector[f] for f in _F],
-        [vector[k] for k in _ON],
+        [vector[k] > 0.5 for k in _ON],  # a frozen call adds next to nothing, which is not nothing
         vector[_N],
         [vector[k] for k in _L],
         vector[_S],
-        vector[_OK],
+        vector[_OK] > 0.5,
     )
 
 
@@ -91,33 +92,53 @@ def newton(pair: Pair, c: Contact, downhill: Any = 0, longest: Any = None) -> Co
     for weight, f, x in zip(weights, c.features, w, strict=True):
         bend += weight * pair.bend(f, n)
         mean += weight * x
+    bend -= ca.if_else(downhill, -ca.fabs(c.offset), c.offset) * ca.SX.eye(3)
     edges = [(x - w[0]) * on for x, on in zip(w[1:], c.on, strict=True)]
-    matrix = ca.SX(6, 6)
-    matrix[:3, :3] = bend - ca.if_else(downhill, -ca.fabs(c.offset), c.offset) * ca.SX.eye(3)
-    right = ca.SX(6, 1)
-    right[:3] = c.offset * n - mean
-    for k, (edge, on, weight) in enumerate(zip(edges, c.on, c.weights, strict=True)):
-        matrix[:3, 3 + k] = edge
-        matrix[3 + k, :3] = edge.T
-        matrix[3 + k, 3 + k] = 1 - on
-        right[3 + k] = -ca.dot(edge, n) - (1 - on) * weight
-    matrix[:3, 5], matrix[5, :3] = -n, n.T
-    right[5] = (1 - ca.sumsqr(n)) / 2
-    fixed = c.sound <= 0
-    matrix, right = ca.if_else(fixed, ca.SX.eye(6), matrix), ca.if_else(fixed, ca.SX.zeros(6), right)
-    change = ca.solve(matrix, right)
-    turn = change[:3]
+    lengths = [ca.if_else(on, ca.norm_2(edge), 1) for edge, on in zip(edges, c.on, strict=True)]
+    rows = [*(edge / length for edge, length in zip(edges, lengths, strict=True)), n]
+    right = [*(-ca.dot(row, n) for row in rows[:2]), (1 - ca.sumsqr(n)) / 2]
+    turn, changes = _saddle(bend, rows, c.offset * n - mean, right, [*c.on, 1])
     if longest is not None:
         turn *= ca.fmin(1, longest / (ca.norm_2(turn) + 1e-300))
-    moved = n + turn
+    moved = n + ca.if_else(c.sound, turn, 0)
+    changes = [ca.if_else(c.sound, change, 0) for change in changes]
+    both = zip(c.weights, changes, lengths, c.on, strict=False)
     return Contact(
         c.features,
         c.on,
         moved / ca.sqrt(ca.sumsqr(moved)),
-        [c.weights[0] + change[3], c.weights[1] + change[4]],
-        c.offset + change[5],
+        [ca.if_else(on, weight + change / length, 0) for weight, change, length, on in both],
+        c.offset - changes[2],
         c.sound,
     )
+
+
+def _saddle(bend: Any, rows: list[Any], force: Any, right: list[Any], on: list[Any]) -> tuple[Any, list[Any]]:
+    """x, y with `bend x + sum y_k row_k = force`, and `row_k . x = right_k` where `on`, else y_k = 0; |row_k| = 1.
+
+    `bend` alone may be singular, on corners it is zero: multiples of the rows are added, which changes nothing.
+    """
+    for row, value in zip(rows, right, strict=True):
+        bend = bend + _ADDED * row @ row.T
+        force = force + _ADDED * value * row
+    inverse = _inverse(bend)
+    columns = [inverse @ row for row in rows]
+    free = inverse @ force
+    small = ca.SX(3, 3)
+    rest = ca.SX(3, 1)
+    for i, row in enumerate(rows):
+        for k, column in enumerate(columns):
+            small[i, k] = ca.dot(row, column)
+        small[i, i] = ca.if_else(on[i], small[i, i], 1)
+        rest[i] = ca.dot(row, free) - right[i]
+    y = _inverse(small) @ rest
+    return free - sum((y[k] * column for k, column in enumerate(columns)), ca.SX(3, 1)), [y[k] for k in range(3)]
+
+
+def _inverse(m: Any) -> Any:
+    """Inverse of a 3x3 matrix by cofactors."""
+    rows = [ca.cross(m[:, 1], m[:, 2]), ca.cross(m[:, 2], m[:, 0]), ca.cross(m[:, 0], m[:, 1])]
+    return ca.horzcat(*rows).T / ca.dot(m[:, 0], rows[0])
 
 
 def witness(pair: Pair, c: Contact) -> tuple[Any, Any]:
