@@ -43,3 +43,9 @@ def test_what_is_wrong_with_names() -> None:
     frozen = run("reduce", MODEL, "--outputs", "drill.s", "--freeze", "drill.q")
     assert frozen.code == 2
     assert "AC020" in frozen.err
+
+
+def test_contacts_that_come_and_go_are_not_reduced() -> None:
+    found = run("reduce", "BoxStack", "--outputs", "boxes[0].r_0")
+    assert found.code == 2
+    assert "AC027" in found.err

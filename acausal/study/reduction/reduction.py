@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import Any
 
-from acausal.errors import AcausalError
+from acausal.errors import AcausalError, UsageError
 from acausal.language.component import Component
 from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
@@ -16,6 +16,7 @@ from acausal.lower.freeze import ZEROS
 from acausal.lower.motionless import event_nodes
 from acausal.lower.select import KINDS, Left
 from acausal.result import Result
+from acausal.simulate.restructure import variable_parts
 from acausal.study.reduction.apart import Island, islands, simulate_apart
 from acausal.study.reduction.comparison import Comparison, compared
 
@@ -185,10 +186,17 @@ def reduce(
     Raises
     ------
     UsageError
-        AC010, AC018, AC020, AC026 for wrong names.
+        AC010, AC018, AC020, AC026 for wrong names, AC027 for a scene whose contacts come and go.
     AcausalError
         Whatever is wrong with the model.
     """
+    if variable_parts(model):
+        raise UsageError(
+            "AC027",
+            f"contacts of {type(model).__name__} enter and leave the equations during a run: it cannot be reduced",
+            evidence=[f"changing: {', '.join(variable_parts(model))}"],
+            help="such a scene holds only contacts that can touch; with a larger keep=... it holds all of them",
+        )
     full = compile(model, parameters=parameters, formulation=formulation)
     compiled = compile(
         model,
