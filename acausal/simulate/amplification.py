@@ -133,7 +133,7 @@ class Method:
         usable = strict / np.abs(decaying)
         for k in np.argsort(usable, kind="stable")[:4]:
             trial = np.geomspace(1e-6, 30.0, 400) / abs(decaying[k])
-            size = np.array([float(self.growth(decaying[k : k + 1], h)[0]) for h in trial])
+            size = np.log(np.abs(self.amplification(trial * decaying[k]))) / trial - max(decaying[k].real, 0.0)
             bad = np.flatnonzero(size * np.maximum(span, trial) > MOST_GROWTH)
             usable[k] = math.inf if not len(bad) else max(usable[k], float(trial[max(bad[0] - 1, 0)]))
         if not len(usable) or not np.isfinite(usable.min()):

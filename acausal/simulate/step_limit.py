@@ -27,7 +27,8 @@ Vector = NDArray[np.float64]
 # Growth in the first part of the run by which the start alone condemns it.
 _CERTAIN = math.log(1e3)
 _FIRST_PART = 0.05
-_POINTS = 12
+_POINTS, _POINTS_OF_SMALL, _SMALL = 12, 48, 50
+_FIRST_STEPS = 3
 _FEWEST_SHOWN = 0.1
 
 
@@ -49,13 +50,23 @@ class StepLimit:
         self.method = found if found is not None and found.explicit else None
 
     def check_start(self, t: float, x: Vector, z: Vector, m: Vector) -> None:
-        """Refuse (AC405) a step that amplifies the start's modes a thousandfold within a twentieth of the run."""
+        """Refuse (AC405) a step that amplifies the start's modes a thousandfold within a twentieth of the run.
+
+        The first steps count too: a tool that stands beside the work is in stiff contact after one of them.
+        """
         if self.method is None or not self.problem.n_dynamic:
             return
-        rate = self._rate(t, x, z, m)
         span = self.options.stop_time - self.options.start_time
-        if rate * max(_FIRST_PART * span, self.step) > _CERTAIN:
-            raise self._refusal(t, x, z, m, rate * span)
+        n = self.problem.n_dynamic
+        for _ in range(_FIRST_STEPS):
+            rate = self._rate(t, x, z, m)
+            if rate * max(_FIRST_PART * span, self.step) > _CERTAIN:
+                raise self._refusal(t, x, z, m, rate * span)
+            speed, second = self.matrix.rates(t, x, z, m)
+            ahead = x[:n] + self.step * speed + 0.5 * self.step**2 * second
+            if not np.isfinite(ahead).all():
+                return
+            t, x = t + self.step, np.concatenate([ahead, x[n:]])
 
     def check_run(self, recorder: Recorder, result: Result) -> None:
         """Refuse (AC405) a run after it was made, when its step amplified a mode somewhere; also one that failed.
@@ -68,7 +79,8 @@ class StepLimit:
         good = np.flatnonzero(np.isfinite(x).all(axis=0) & np.isfinite(z).all(axis=0))
         if not len(good):
             return
-        chosen = np.unique(good[np.linspace(0, len(good) - 1, min(_POINTS, len(good))).round().astype(int)])
+        count = min(_POINTS_OF_SMALL if self.problem.n_dynamic <= _SMALL else _POINTS, len(good))
+        chosen = np.unique(good[np.linspace(0, len(good) - 1, count).round().astype(int)])
         points = [(float(times[k]), x[:, k], z[:, k], m[:, k]) for k in chosen]
         rates = np.array([self._rate(*point) for point in points])
         at = times[chosen]

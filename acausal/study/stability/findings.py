@@ -15,6 +15,8 @@ from acausal.study.stability.structure import Facts
 from acausal.study.stability.trajectory import Trajectory
 
 _LONGEST = 90
+# Below this size a state feels an absolute tolerance that was meant for 1.
+_SMALL = 0.05
 
 
 @dataclass(frozen=True)
@@ -52,6 +54,9 @@ def findings(
 
 
 def _failed(run: Trajectory) -> Finding | None:
+    if run.failure is None and run.failed:
+        shown = ", ".join(f"{solver} at t = {t:.6g} s" for solver, t in run.failed)
+        return Finding("failed", f"other solvers gave up: {shown}", "the equations are singular or kinked there")
     if run.failure is None:
         return None
     return Finding(
@@ -206,18 +211,21 @@ def _growing(ch: Character) -> Finding | None:
 
 
 def _scales(run: Trajectory) -> Finding | None:
-    small = []
-    for name, nominal in zip(run.compiled.states, run.compiled.nominal_x, strict=True):
-        size = float(np.max(np.abs(run.result[name])))
-        if 0.0 < size < 0.05 * nominal:
-            small.append((name, size, float(nominal)))
+    """The state that one absolute tolerance for all units would serve worst."""
+    sizes = [float(np.max(np.abs(run.result[name]))) for name in run.compiled.states]
+    small = [
+        (size, name, float(nominal))
+        for name, size, nominal in zip(run.compiled.states, sizes, run.compiled.nominal_x, strict=True)
+        if 0.0 < size < _SMALL
+    ]
     if not small:
         return None
-    name, size, nominal = min(small, key=lambda s: s[1] / s[2])
+    size, name, nominal = min(small)
+    scaled = "absolute tolerances are scaled by nominal values, variable by variable: "
+    known = f"that of {name} is {nominal:g}" if nominal < size / _SMALL else f"declare nominal={size:.1g} for {name}"
     return Finding(
         "scale",
-        f"{name} stays below {size:.2g}, {nominal / size:.2g} times below its nominal {nominal:g}"
-        + (f"; and {len(small) - 1} more like it" if len(small) > 1 else ""),
-        f"absolute tolerances are scaled by nominal values, variable by variable: declare nominal={size:.1g}",
-        (("one absolute tolerance for all units", f"{name} would be known to few digits"),),
+        f"{name} stays below {size:.2g}" + (f", and {len(small) - 1} more states below {_SMALL}" if small[1:] else ""),
+        scaled + known,
+        (("one absolute tolerance for all units", f"1e-6 would leave {max(math.log10(size / 1e-6), 0.0):.1g} digits"),),
     )

@@ -182,7 +182,8 @@ def _parted(
         if end is None:
             return None
         ends.append(end[:n])
-    before, after = left.conj() @ (_SIZE * direction), left.conj() @ (ends[1] - ends[0])
+    with np.errstate(all="ignore"):
+        before, after = left.conj() @ (_SIZE * direction), left.conj() @ (ends[1] - ends[0])
     if before == 0.0 or not np.isfinite(after) or after == 0.0:
         return None
     return float(abs(complex(after / before)) ** (1.0 / steps))
@@ -226,5 +227,8 @@ def _euler(problem: Problem, point: Point, step: float, steps: int) -> Vector:
     if problem.compiled.algebraic:
         p = np.concatenate([p, point.z / problem.scale_z])
     for k in range(steps):
-        x = x + step * np.array(problem.ode(point.t + k * step, x, [], p, [])[0]).ravel()
+        if not np.isfinite(x).all():
+            break
+        with np.errstate(all="ignore"):
+            x = x + step * np.array(problem.ode(point.t + k * step, x, [], p, [])[0]).ravel()
     return np.concatenate([x * problem.scale_x, point.x[n:]])

@@ -78,11 +78,12 @@ def stability(
     wanted = float(run.result.stats["tolerance"])  # type: ignore[arg-type]
     bdf = _oscillations(run, locals, ch, wanted)
     found = findings(run, known, ch, locals, undetermined)
-    judged = verdict(ch, known, bounds, _main(bdf, ch), found, len(compiled.states), run.span)
+    own_solver = str(run.result.stats["solver"])
+    judged = verdict(ch, known, bounds, _main(bdf, ch), found, len(compiled.states), run.span, own_solver, run.failed)
     own = step or compiled.flat.experiment.step
     return Stability(
         model=compiled.name,
-        solver=str(run.result.stats["solver"]),
+        solver=own_solver,
         tolerance=wanted,
         span=run.span,
         states=compiled.states,

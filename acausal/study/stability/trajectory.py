@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -34,7 +35,8 @@ class Point:
 class Trajectory:
     """A run, whole or up to where it failed.
 
-    `p` and `u` are the values of parameters and inputs; `failure` is why it ended early.
+    `p` and `u` are the values of parameters and inputs; `failure` is why it ended early; `failed` are (solver, time)
+    of the solvers that were tried before and stopped there.
     """
 
     compiled: CompiledModel
@@ -43,6 +45,7 @@ class Trajectory:
     u: Vector
     points: tuple[Point, ...]
     failure: AcausalError | None
+    failed: tuple[tuple[str, float], ...]
 
     @property
     def span(self) -> float:
@@ -72,11 +75,14 @@ def trajectory(
     tried = [solver] if solver else [*([own] if own in ("idas", "rosenbrock", "cvodes", "erk") else []), first, "idas"]
     failure: AcausalError | None = None
     result: Result | None = None
+    failed = []
+    options = {**options, "output_interval": _interval(compiled, options)}
     for name in dict.fromkeys(tried):
         found, error = _run(compiled, name, parameters, options)
         if error is None:
             result, failure = found, None
             break
+        failed.append((name, math.nan if found is None else float(found.time[-1])))
         if failure is None or (found is not None and (result is None or found.time[-1] > result.time[-1])):
             result, failure = found, error
     if result is None or len(result.time) < 2:
@@ -86,7 +92,18 @@ def trajectory(
     u = input_vector(compiled, options.get("inputs") or {})
     if compiled.solution.structure.rate is not None:
         p[-1] = _rate(compiled, result, p, u)
-    return Trajectory(compiled, result, p, u, points(compiled, result, p, u, count), failure)
+    return Trajectory(compiled, result, p, u, points(compiled, result, p, u, count), failure, tuple(failed))
+
+
+def _interval(compiled: CompiledModel, options: dict[str, Any]) -> float | None:
+    """Distance of the rows [s]; no simple fraction of the run, which may be many periods of something."""
+    own = compiled.flat.experiment
+    if own.output_interval is not None:
+        return own.output_interval
+    start, stop = (
+        getattr(own, name) if options.get(name) is None else options[name] for name in ("start_time", "stop_time")
+    )
+    return float(stop - start) / (300.0 * 0.5 * (1.0 + math.sqrt(5.0)))
 
 
 def _run(

@@ -42,7 +42,8 @@ class Verdict:
     solver
         Name of a solver of ours.
     kind
-        `stiff`, `ringing`, `oscillating`, `smooth` or `static`.
+        `stiff`, `ringing` (a fast mode that the solution does not follow), `oscillating`, `smooth`, `static` (no
+        dynamics but integrals), or `singular` (solvers that should do it give up).
     why, avoid
         Reasons, one sentence each, and methods to avoid.
     findings
@@ -87,8 +88,10 @@ def verdict(
     findings: Sequence[Finding],
     states: int,
     span: float,
+    own_solver: str,
+    failed: Sequence[tuple[str, float]] = (),
 ) -> Verdict:
-    """Decide."""
+    """Decide; `own_solver` made the run, the `failed` ones (solver, time) did not come through."""
     kind = kind_of(ch)
     large = states > _MANY
     by_name = {limit.method.name: limit for limit in limits}
@@ -99,6 +102,13 @@ def verdict(
     else:
         solver = "erk" if not facts.algebraic else ("idas" if large and kind == "smooth" else "rosenbrock")
         why = _gentle(kind, ch, facts)
+    gave_up = dict(failed)
+    if "rosenbrock" in gave_up and own_solver not in gave_up:
+        kind, solver = "singular", own_solver
+        when = gave_up["rosenbrock"]
+        why = [
+            f"rosenbrock gives up at t = {when:.6g} s, where the equations are singular; {own_solver} passes by chance"
+        ]
     avoid = [*_explicit(kind, by_name, ch, span), *_undamping(kind, by_name, ch, span), *_multistep(kind, ch, bdf)]
     own = [Avoided(method, None, why_not) for f in findings for method, why_not in f.avoid]
     return Verdict(solver, kind, tuple(why), (*avoid, *own), tuple(findings))

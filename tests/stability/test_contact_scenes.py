@@ -1,0 +1,163 @@
+"""Scenes `explicit-penalty`, `hunt-crossley`, `drill-dynamic`, `abstol`, `wind-up`, `power-law`, `kv-tension`."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import acausal
+from acausal.errors import IntegrationError
+from acausal.models.stability.contact import ExplicitPenalty, HuntCrossleyImpact, KelvinVoigtImpact
+from acausal.models.stability.drilling import DrillDynamic, PowerLaw, WindUp
+
+
+# `explicit-penalty`: k = 1e8, m = 10, zeta = 1 has a double eigenvalue -omega: RK2 2/omega, RK4 2.785/omega; without
+# damping RK4 2.828/omega and RK2 none; Euler 2*zeta/omega.
+@pytest.mark.parametrize(
+    ("zeta", "euler", "rk2", "rk4"),
+    [(1.0, 2.0, 2.0, 2.785293563), (0.0, 0.0, 0.0, math.sqrt(8.0)), (0.1, 0.2, None, None)],
+)
+def test_explicit_penalty_limits(zeta: float, euler: float, rk2: float | None, rk4: float | None) -> None:
+    omega = math.sqrt(1e8 / 10.0)
+    study = acausal.stability(ExplicitPenalty(zeta=zeta), points=4, stop_time=0.1)
+    for name, limit in (("euler", euler), ("rk2", rk2), ("rk4", rk4)):
+        if limit is not None:
+            # a double eigenvalue is known to the square root of rounding
+            assert study.largest_step(name) * omega == pytest.approx(limit, rel=1e-6)
+
+
+@pytest.mark.parametrize(("solver", "number"), [("rk2", "0.0006325"), ("rk", "0.0008808")])
+def test_explicit_penalty_is_refused_with_the_number(solver: str, number: str) -> None:
+    """A step of 1 ms blows up with RK2 and RK4: refused before the run."""
+    with pytest.raises(IntegrationError) as refused:
+        acausal.simulate(ExplicitPenalty(), solver=solver, step=1e-3)
+    assert refused.value.code == "AC405"
+    assert number in refused.value.fact
+    assert "states s, v" in refused.value.evidence[0] or "states v, s" in refused.value.evidence[0]
+
+
+def test_explicit_penalty_verdict() -> None:
+    study = acausal.stability(ExplicitPenalty())
+    assert (study.verdict.kind, study.verdict.solver) == ("stiff", "rosenbrock")
+    assert {"rk2", "rk", "erk"} <= {a.solver for a in study.verdict.avoid}
+
+
+@pytest.mark.parametrize(
+    ("a", "rebound"), [(0.2, 0.88218998624730637932), (0.5, 0.74843493159743415812), (1.0, 0.59362426004004009232)]
+)
+def test_hunt_crossley(a: float, rebound: float) -> None:
+    """`hunt-crossley`: rebound speed to 10*rtol; no method fails, so none but fixed steps is advised against."""
+    assert acausal.simulate(HuntCrossleyImpact(a=a)).final("v") == pytest.approx(-rebound, abs=1e-7)
+    study = acausal.stability(HuntCrossleyImpact(a=a), points=6)
+    assert (study.verdict.kind, study.verdict.solver) == ("smooth", "erk")
+    assert {a.solver for a in study.verdict.avoid} == {None}
+
+
+# clipped law; the plain one would pull by 27 to 67 N before release
+@pytest.mark.parametrize(("zeta", "restitution"), [(0.05, 0.858758), (0.2, 0.571740), (0.5, 0.298436)])
+def test_kv_tension(zeta: float, restitution: float) -> None:
+    """`kv-tension`: no negative normal force, restitution to 6 digits (that touch and release are events: pending)."""
+    result = acausal.simulate(KelvinVoigtImpact(zeta=zeta))
+    assert result["f"].min() >= 0.0
+    assert -result.final("v") == pytest.approx(restitution, abs=6e-7)
+    study = acausal.stability(KelvinVoigtImpact(zeta=zeta), points=6)
+    assert study.verdict.solver in ("erk", "rosenbrock")
+    assert {f.kind for f in study.verdict.findings} & {"kinks", "events"}
+
+
+# s(10) [m], from IDAS at 1e-12 in segments, self-agreement 1e-13 m
+DEPTHS = [
+    (1e6, 10.0, 1.0, 1.284243480e-2),
+    (1e7, 10.0, 1.0, 1.282439797e-2),
+    (1e8, 10.0, 1.0, 1.282259563e-2),
+    (1e8, 1.0, 1.0, 1.282259583e-2),
+    (1e8, 50.0, 0.1, 1.282259965e-2),
+]
+
+
+@pytest.mark.parametrize(("k", "m", "zeta", "depth"), DEPTHS)
+def test_drill_dynamic(k: float, m: float, zeta: float, depth: float) -> None:
+    """`drill-dynamic`: s(10) within 1e-9 m with the solver that the verdict names."""
+    study = acausal.stability(DrillDynamic(k=k, m=m, zeta=zeta), points=10, check=False)
+    assert study.verdict.solver == "rosenbrock" or study.verdict.kind == "smooth"
+    result = acausal.simulate(DrillDynamic(k=k, m=m, zeta=zeta), solver=study.verdict.solver, tolerance=1e-8)
+    assert result.final("s") == pytest.approx(depth, abs=1e-9)
+
+
+def test_drill_dynamic_limits_are_those_of_the_table() -> None:
+    """README of the reference data, at the drilling equilibrium, zeta = 1, k = 1e8, m = 1: 1.86e-4, 1.86e-4, 2.60e-4.
+
+    At 6 s, in the middle of the full force; 'unstable' there for RK2 and RK4 at 1 ms and m = 10.
+    """
+    study = acausal.stability(DrillDynamic(k=1e8, m=1.0, zeta=1.0), points=40, check=False)
+    middle = min(study.locals, key=lambda local: abs(local.point.t - 6.0))
+    for name, limit in (("euler", 1.86e-4), ("rk2", 1.86e-4), ("rk4", 2.60e-4)):
+        method = next(q.method for q in study.limits if q.method.name == name)
+        assert method.largest_step(middle.eigenvalues)[0] == pytest.approx(limit, rel=1e-2)
+    for solver in ("rk2", "rk"):
+        with pytest.raises(IntegrationError, match="largest stable step"):
+            acausal.simulate(DrillDynamic(k=1e8), solver=solver, step=1e-3)
+
+
+def test_abstol() -> None:
+    """`abstol`: error 3.3e-6 m at rtol 1e-4 with atol 1e-6 for metres; with nominals per variable below 1e-6 m."""
+    result = acausal.simulate(DrillDynamic(k=1e6), tolerance=1e-4)
+    assert result.final("s") == pytest.approx(1.284243480e-2, abs=7.5e-7)
+    study = acausal.stability(DrillDynamic(k=1e6), points=4, check=False)
+    assert "one absolute tolerance for all units" in {a.method for a in study.verdict.avoid}
+    finding = next(f for f in study.verdict.findings if f.kind == "scale")
+    assert "scaled by nominal values, variable by variable" in finding.remedy
+
+
+def test_wind_up() -> None:
+    """`wind-up`: s_tar unchanged to 1e-15 m during approach and after lift-off, though the damper alone feeds."""
+    result = acausal.simulate(WindUp())
+    t, s, s_tar = result.time, result["s"], result["s_tar"]
+    touch = t[s > s_tar][0]
+    assert 0.05 < touch < 0.15
+    assert np.max(np.abs(s_tar[t < touch])) <= 1e-15
+    gone = t > t[s > s_tar][-1] + 1e-6
+    assert np.count_nonzero(gone) > 10
+    assert np.ptp(s_tar[gone]) <= 1e-15
+    assert s_tar[-1] > 1e-5
+    study = acausal.stability(WindUp(), points=10)
+    kinds = {f.kind for f in study.verdict.findings}
+    assert "time-events" in kinds
+    assert kinds & {"kinks", "events"}
+
+
+def test_power_law_has_finite_derivatives() -> None:
+    """`power-law`: finite first derivatives of the feed for all forces; the printed form has an infinite slope."""
+    compiled = acausal.compile(PowerLaw())
+    dae = compiled.casadi(outputs=["f"]).dae
+    slope = dae.factory("slope", ["t", "x", "z", "u", "p"], ["jac:y:p", "jac:ode:p", "jac:ode:t"])
+    p = np.array(compiled.parameter_values, dtype=float)
+    where = compiled.parameters.index("force")
+    for force in (-4881.0, -1e-9, 0.0, 1e-300, 1e-9, 4881.0):
+        p[where] = force
+        for part in slope(0.1, [0.0], [], [], p):
+            assert np.isfinite(np.array(ca.DM(part))).all()
+
+
+def test_power_law_verdict() -> None:
+    study = acausal.stability(PowerLaw(), points=8)
+    assert study.verdict.solver == "erk"
+    printed = acausal.stability(PowerLaw(inverted=False), points=8)
+    assert printed.verdict.solver == "erk"  # it needs no slope
+    assert "Newton's method through that point" in {a.method for a in printed.verdict.avoid}
+    singular = next(f for f in printed.verdict.findings if f.kind == "singular")
+    assert "no finite linearisation at t = 0 s" in singular.fact
+    assert "infinite slope" in singular.fact
+
+
+def test_scenes_are_those_of_the_reference(reference: Path) -> None:
+    """Every scene of the reference data is one of the models of the gallery, by its docstring, or problem E5."""
+    scenes = json.loads((reference / "ivp" / "stability_scenes.json").read_text(encoding="utf-8"))["scenes"]
+    folder = Path(__file__).resolve().parents[2] / "models" / "stability"
+    text = "".join(path.read_text(encoding="utf-8") for path in folder.glob("*.py"))
+    assert {s["id"] for s in scenes if f"`{s['id']}`" not in text} == {"invariant"}
