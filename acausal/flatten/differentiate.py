@@ -108,11 +108,16 @@ def _where(p: Pool, n: int, c: int, a: int, b: int) -> int:
 
 
 def _min(p: Pool, n: int, a: int, b: int) -> int:
-    return p.where(p.make("lt", a, b), p._slopes[a], p._slopes[b])
+    return p.where(p.make("noevent", p.make("lt", a, b)), p._slopes[a], p._slopes[b])
 
 
 def _max(p: Pool, n: int, a: int, b: int) -> int:
-    return p.where(p.make("gt", a, b), p._slopes[a], p._slopes[b])
+    return p.where(p.make("noevent", p.make("gt", a, b)), p._slopes[a], p._slopes[b])
+
+
+def _positive(p: Pool, a: int) -> int:
+    """What has a kink only, min, max and fabs, makes no event; nor does its derivative, which jumps."""
+    return p.make("noevent", p.make("gt", a, p.zero))
 
 
 def _homotopy(p: Pool, n: int, a: int, s: int) -> int:
@@ -173,5 +178,5 @@ _RULES: dict[str, Callable[..., int]] = {
     "exp": _chain(lambda p, n, a: n),
     "log": _chain(lambda p, n, a: p.div(p.one, a)),
     "sqrt": _chain(lambda p, n, a: p.div(p.const(0.5), n)),
-    "fabs": _chain(lambda p, n, a: p.make("sign", a)),
+    "fabs": _chain(lambda p, n, a: p.where(_positive(p, a), p.one, p.neg(p.one))),
 }

@@ -18,6 +18,8 @@ from acausal.simulate.regime import Regime
 
 Vector = NDArray[np.float64]
 Truth = NDArray[np.bool_]
+# Instants are located to this share of the run, or of the time.
+_INSTANT = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,8 +83,8 @@ class Guards:
                 - by_z.reshape(len(own), -1) @ np.linalg.lstsq(alg_z.reshape(len(at.z), -1), alg.ravel(), rcond=None)[0]
             )
         noise = self._error(np.abs(slope.reshape(len(own), -1)), at.x, self._nominal)
-        noise += 1e-15 * np.abs(np.nan_to_num(own)) * max(self.span, abs(t))  # time, too, is known to rounding only
-        return own, noise + self._error(np.abs(by_z.reshape(len(own), -1)), at.z, self.problem.compiled.nominal_z)
+        noise += self._error(np.abs(by_z.reshape(len(own), -1)), at.z, self.problem.compiled.nominal_z)
+        return own, noise + np.abs(np.nan_to_num(own)) * _INSTANT * max(self.span, abs(t))
 
     def _error(self, slope: Vector, values: Vector, nominal: Vector) -> Vector:
         """By how much distances are wrong because values are; never quite nothing, for rounding."""
@@ -110,7 +112,7 @@ class Guards:
         """Guards that end the regime at this event: all that are reached and falling; at least the nearest."""
         g = self.distances(t, at)
         rate, noise = self.rates(t, at)
-        near = np.abs(g) <= np.maximum(1e-2 * noise, 1e-12 * np.abs(rate) * max(self.span, abs(t)))
+        near = np.abs(g) <= np.maximum(1e-2 * noise, np.abs(rate) * _INSTANT * max(self.span, abs(t)))
         found = (g < 0) | (near & (rate < 0))
         if not found.any():
             found[int(np.argmin(np.abs(g) / (np.abs(rate) + 1e-300)))] = True

@@ -42,6 +42,7 @@ class Hybrid:
     terminated: str | None = None
     history: list[tuple[float, Regime]] = field(default_factory=list)
     _gap: float = np.inf
+    _failed: bool = False
 
     def __post_init__(self) -> None:
         self.guards = Guards(self.problem, self.tolerances, self.span)
@@ -77,7 +78,7 @@ class Hybrid:
             if stop.time is None:
                 self.moment = replace(moment, x=stop.x, z=stop.z)
                 break
-            self._gap = stop.time - here
+            self._gap = max(stop.time - here, self._gap / 8 if np.isfinite(self._gap) else 0.0)
             here = stop.time
             left = self.iteration.consistent(here, replace(moment, x=stop.x, z=stop.z))
             self._record(np.array([here]), left.x[:, None], left.z[:, None], left, {})
@@ -119,7 +120,7 @@ class Hybrid:
                 stop = self.checked(segment, moment, self.attempt(moment, wide, band), band)
             except RuntimeError:
                 # frozen modes may lead where nothing is defined, just beyond an event: not so far, then
-                self._gap = (looks[-1] - segment.start) / 64
+                self._gap, self._failed = (looks[-1] - segment.start) / 64, True
                 if self._gap <= 1e-12 * max(self.span, abs(segment.start)):
                     raise
                 continue
@@ -144,13 +145,15 @@ class Hybrid:
         """Where the guards are looked at: over the whole rest of the segment when events are rare.
 
         What lies beyond an event is computed in vain, so the first look after one reaches not much farther than the
-        last two events were apart.
+        last two events were apart. One-step methods stop at the event by themselves.
         """
         end = float(segment.times[-1])
         span = end - segment.start
-        if self._gap < span / 4:
-            span = min(span, max(4 * self._gap, 1e-9 * self.span))
-        found = segment.start + span * np.arange(1, LOOKS + 1) / LOOKS
+        reach = np.inf if self.single_step and not self._failed else self._gap
+        if reach < span / 8:
+            span = min(span, max(8 * reach, 1e-9 * self.span))
+        count = LOOKS // 4 if self.single_step else LOOKS
+        found = segment.start + span * np.arange(1, count + 1) / count
         found[-1] = min(segment.start + span, end) if span < end - segment.start else end
         return found
 

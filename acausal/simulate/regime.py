@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.lower.compiled import CompiledModel, Symbols
+from acausal.simulate.native.policy import Library
 from acausal.simulate.problem import Problem
 from acausal.simulate.quick import Quick
 
@@ -42,6 +43,7 @@ class Regime:
 
     free: Problem
     holds: tuple[Hold, ...] = ()
+    _constants: Vector | None = None
 
     @cached_property
     def problem(self) -> Problem:
@@ -49,6 +51,14 @@ class Regime:
         if not self.holds:
             return self.free
         return Problem(self._variant, self.free.p, self.free.u, self.free.wanted_native)
+
+    def constants(self, library: Library[Any]) -> Vector:
+        """What parameters and inputs alone determine, for compiled code; computed once."""
+        if self._constants is None:
+            found = np.array(library.constants(self.free.p, self.free.u)).ravel()
+            object.__setattr__(self, "_constants", found)
+            return found
+        return self._constants
 
     @property
     def compiled(self) -> CompiledModel:

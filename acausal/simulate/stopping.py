@@ -18,10 +18,13 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from acausal.simulate.native.equations import CONSTANTS
 from acausal.simulate.regime import Regime
 from acausal.simulate.solvers.base import Piece, Segment, bounded, counted, islands
 
 Vector = NDArray[np.float64]
+# To make an interpreted integrator for one stretch takes as long as so many evaluations (2 to 15 ms).
+_MAKING = 3000.0
 _NAMES = ["t", "x", "z", "p", "u"], ["ode", "alg", "quad", "zero"]
 
 
@@ -53,29 +56,34 @@ def integrate_to_event(regime: Regime, segment: Segment, band: Vector, plugin: s
     """
     problem = regime.problem
     n = problem.n_dynamic
-    grid = (segment.times - segment.start).tolist()
-    dae, transition = _stopping(regime)
     settings: dict[str, Any] = {
         "reltol": segment.tolerance,
         "abstol": segment.absolute,
         "max_num_steps": 10**6,
-        "transition": transition,
         "event_tol": 1e-13,
         "max_events": 3,
         **bounded(segment),
     }
     if segment.step:
         settings["step_size"] = segment.step
+    grid = segment.times - segment.start
     x0 = np.concatenate([segment.x[:n] / problem.scale_x, [0.0, 0.0]])
-    with contextlib.redirect_stderr(io.StringIO()):  # CasADi says at every construction that events are experimental
-        integrator = ca.integrator("stopping", plugin, dae, 0.0, grid, settings)
-        found = integrator(x0=x0, z0=[], p=np.concatenate([segment.p, [segment.start], band]))
-    xf = np.array(found["xf"]).reshape(n + 2, len(grid), order="F")
+    numbers = np.concatenate([segment.p, [segment.start], band])
+    library = problem.native.stopping(plugin, settings, lambda: stopping_equations(regime), n + 2)
+    if library is not None:
+        p = np.concatenate([regime.constants(library), numbers])
+        rows, _, stats = library.run(
+            x0, np.zeros(0), p, grid, segment.tolerance, segment.absolute, segment.step or 0.0
+        )
+        xf = rows.T
+    else:
+        xf, stats = _interpreted(regime, plugin, settings, grid, x0, numbers)
+        problem.native.interpreted(f"{plugin}, events", stats.get("n_rhs", 0.0) + _MAKING)
     if not np.isfinite(xf).all():
         raise RuntimeError("the solution is not finite")
     stopped = xf[n + 1] > 0.5
     count = int(np.argmax(stopped)) if stopped.any() else len(grid)
-    counters = counted(integrator.stats())
+    counters = counted(stats)
     times = segment.times[:count]
     x = xf[:n] * problem.scale_x[:, None]
     time = segment.start + float(xf[n, -1]) if stopped.any() else None
@@ -88,23 +96,56 @@ def integrate_to_event(regime: Regime, segment: Segment, band: Vector, plugin: s
     return Stop(piece, times, time, np.concatenate([x[:, -1], apart[:, -1]]), np.zeros(0))
 
 
+def _interpreted(
+    regime: Regime, plugin: str, settings: dict[str, Any], grid: Vector, x0: Vector, numbers: Vector
+) -> tuple[Vector, dict[str, Any]]:
+    """States on the grid, shape (n + 2, len(grid)), and statistics, by an integrator made for this grid."""
+    dae, transition = _stopping(regime)
+    with contextlib.redirect_stderr(io.StringIO()):  # CasADi says at every construction that events are experimental
+        integrator = ca.integrator("stopping", plugin, dae, 0.0, grid.tolist(), {**settings, "transition": transition})
+        found = integrator(x0=x0, z0=[], p=numbers)
+    return np.array(found["xf"]).reshape(len(x0), len(grid), order="F"), integrator.stats()
+
+
 @lru_cache(maxsize=16)
 def _stopping(regime: Regime) -> tuple[Any, Any]:
-    """The ODE with a stop watch and a stop flag, and the transition that sets the flag."""
+    """The ODE with a stop watch and a stop flag, and the transition that sets the flag; parameters are numbers."""
     problem = regime.problem
-    t, x, z, p, ode, alg, _ = problem.scaled
-    compiled = problem.compiled
-    watch, flag = ca.SX.sym("watch"), ca.SX.sym("flag")
-    band = ca.SX.sym("band", len(regime.owners))
-    full_x = ca.vertcat(x * ca.DM(problem.scale_x), ca.SX(compiled.quadratures, 1))
+    t, x, z, p, ode, _, _ = problem.scaled
+    full_x = ca.vertcat(x * ca.DM(problem.scale_x), ca.SX(problem.compiled.quadratures, 1))
     guards = regime.watch(t + p[-1], full_x, z, problem.u, problem.p, p[:-1])
+    return _stopped(t, x, z, ca.SX(0, 1), p, ode, guards)
+
+
+def stopping_equations(regime: Regime) -> tuple[Any, Any, Any]:
+    """The same with free parameters, as compiled code needs it: DAE, transition, and `(p, u) -> c`.
+
+    The parameters of the DAE are `[c, m, shift, band]`; see `native/equations.py`.
+    """
+    compiled = regime.compiled
+    n, nq = regime.problem.n_dynamic, compiled.quadratures
+    scale = ca.DM(regime.problem.scale_x)
+    t, x, z = ca.SX.sym("t"), ca.SX.sym("x", n), ca.SX.sym("z", 0)
+    p, u = ca.SX.sym("p", len(compiled.parameters)), ca.SX.sym("u", len(compiled.inputs))
+    numbers = ca.SX.sym("m", compiled.n_modes + 1)
+    arguments = (t + numbers[-1], ca.vertcat(x * scale, ca.SX(nq, 1)), z, u, p, numbers[:-1])
+    ode, guards = ca.densify(compiled.rhs(*arguments)[0])[:n] / scale, ca.densify(regime.watch(*arguments))
+    (ode, guards), symbols, values = ca.extract_parametric(
+        [ode, guards], ca.vertcat(p, u), {"extract_trivial": True}
+    )
+    constants = ca.Function(CONSTANTS, [p, u], [ca.vertcat(*values) if values else ca.SX(0, 1)])
+    return *_stopped(t, x, z, ca.vertcat(ca.SX(0, 1), *symbols), numbers, ode, guards), constants
+
+
+def _stopped(t: Any, x: Any, z: Any, constants: Any, numbers: Any, ode: Any, guards: Any) -> tuple[Any, Any]:
+    watch, flag, band = ca.SX.sym("watch"), ca.SX.sym("flag"), ca.SX.sym("band", guards.numel())
     state = ca.vertcat(x, watch, flag)
     rates = ca.vertcat((1 - flag) * ode, 1 - flag, 0)
-    u = ca.SX.sym("u", 0)
-    arguments = [t, state, z, ca.vertcat(p, band), u]
-    dae = ca.Function("stopping", arguments, [rates, alg, ca.SX(0, 1), ca.densify(guards + band)], *_NAMES)
+    none, u = ca.SX(0, 1), ca.SX.sym("u", 0)
+    p = ca.vertcat(constants, numbers, band)
+    dae = ca.Function("dae", [t, state, z, p, u], [rates, none, none, ca.densify(guards + band)], *_NAMES)
     index = ca.SX.sym("index")
-    inputs = {"index": index, "t": t, "x": state, "z": z, "p": arguments[3], "u": u}
+    inputs = {"index": index, "t": t, "x": state, "z": z, "p": p, "u": u}
     outputs = {"post_x": ca.vertcat(x, watch, 1), "post_z": z}
     transition = ca.Function(
         "stop", [inputs[n] for n in ca.event_in()], [outputs[n] for n in ca.event_out()], ca.event_in(), ca.event_out()

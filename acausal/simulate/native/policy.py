@@ -13,6 +13,8 @@ Evaluations are counted, not seconds, so that a run does the same every time. Th
 
 from __future__ import annotations
 
+import contextlib
+import io
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -99,6 +101,24 @@ class Native:
 
         return self._library(kind, repr(sorted(neutral.items())), self._spent(plugin), text, load)
 
+    def stopping(
+        self, plugin: str, settings: Mapping[str, Any], equations: Callable[[], tuple[Any, Any, Any]], size: int
+    ) -> Library[Program] | None:
+        """A whole integrator that stops at events (`simulate/stopping.py`); `equations` makes what it integrates."""
+        fixed = {"step_size": 0.25} if settings.get("step_size") else {}
+        neutral = {**settings, "reltol": 1e-6, "abstol": 1e-8, **fixed}
+        kind = f"{plugin}, events" + (", fixed steps" if fixed else "")
+
+        def text() -> str | None:
+            dae, transition, constants = equations()
+            with contextlib.redirect_stderr(io.StringIO()):  # CasADi says that events are experimental
+                return source.integrator(plugin, dae, constants, {**neutral, "transition": transition})
+
+        def load(path: Path) -> Program:
+            return Program(path, size, 0)
+
+        return self._library(kind, repr(sorted(neutral.items())), self._spent(kind), text, load)
+
     def oracle(self, plugin: str, settings: Mapping[str, Any]) -> Library[Any] | None:
         """Right-hand side and Jacobian for one of CasADi's integrators, as the oracle to give it.
 
@@ -180,5 +200,6 @@ class Native:
         compiled = self.compiled
         scales = compiled.quadratures, compiled.nominal_x.tolist(), compiled.nominal_z.tolist()
         # What the equations are made from rather than they: a hit needs nothing that is symbolic.
-        key = cache.key(kind, details, compiled.rhs.serialize(), repr(scales))
+        guards = compiled.events.distances.serialize() if "events" in kind else ""
+        key = cache.key(kind, details, compiled.rhs.serialize(), guards, repr(scales))
         return made(key, text, lambda path: Library(load(path), ca.external(CONSTANTS, str(path))))
