@@ -26,7 +26,7 @@ from acausal.lower.reduce import reduce
 from acausal.lower.select import select
 from acausal.lower.solve import Solution, solve
 from acausal.lower.start import Reach, start_problem
-from acausal.lower.state_events import find_state_events
+from acausal.lower.state_events import discrete_variables, find_state_events
 from acausal.lower.time_events import TimeEvents, find_time_events
 
 _MOST_ROUNDS = 20
@@ -146,9 +146,9 @@ def lower(solution: Solution) -> CompiledModel:
     reduced = solution.structure.reduced
     roots = [n for _, n in solution.definitions] + list(solution.residuals)
     events = find_time_events(reduced.pool, roots)
-    states, quadratures = _sort_states(solution)
+    states, quadratures, discretes = _sort_states(solution)
     shell = CompiledModel(
-        reduced.flat.name, solution, states, quadratures, start_problem(solution), events, None, None, None
+        reduced.flat.name, solution, states, quadratures, discretes, start_problem(solution), events, None, None, None
     )
     shell = replace(shell, state_events=find_state_events(solution, states, events))
     symbols = Symbols(shell)
@@ -162,9 +162,11 @@ def lower(solution: Solution) -> CompiledModel:
     return replace(shell, rhs=rhs, modes=modes, instants=instants)
 
 
-def _sort_states(solution: Solution) -> tuple[tuple[int, ...], int]:
-    """States of the coupled system, then islands: integrals of functions of time that act on nothing; their number.
+def _sort_states(solution: Solution) -> tuple[tuple[int, ...], int, int]:
+    """States of the coupled system, then islands, then discrete variables; the number of these two.
 
+    Islands are integrals of functions of time that act on nothing. Discrete variables change at events only: to a
+    solver they are numbers, for a boolean that has been integrated is no longer exactly 0 or 1.
     Integrals of other states stay with them: as quadratures they would be integrated with the order that suits the
     others (IDAS took 1e5 steps of order 1 for the angle of an evenly accelerated shaft; 30 when it is a state).
     """
@@ -176,15 +178,17 @@ def _sort_states(solution: Solution) -> tuple[tuple[int, ...], int]:
     for node in [n for v, n in solution.definitions if v in solution.needed] + list(solution.residuals) + clauses:
         acting |= reach.pool.variables_in(node)
     acting |= {solution.structure.derivative(x) for x in solution.structure.states}
-    states = solution.structure.states
+    fixed = discrete_variables(reduced)
+    states = tuple(x for x in solution.structure.states if x not in fixed)
+    discretes = tuple(x for x in solution.structure.states if x in fixed)
     islands = [
         x
         for x in states
         if x not in acting and not reach.of(reach.pool.var(solution.structure.derivative(x))) - set(reach.inputs)
     ]
     if len(islands) == len(states):
-        return states, 0
-    return (*(x for x in states if x not in islands), *islands), len(islands)
+        islands = []
+    return (*(x for x in states if x not in islands), *islands, *discretes), len(islands), len(discretes)
 
 
 def _event_functions(shell: CompiledModel, events: TimeEvents) -> tuple[Any, Any]:

@@ -32,7 +32,8 @@ Vector = NDArray[np.float64]
 class CompiledModel:
     """A model ready to run; made by `acausal.compile`, never changed.
 
-    Sizes: `nx` states (the last `quadratures` of them are integrals of time that act on nothing), `nz` algebraic
+    Sizes: `nx` states (`n_dynamic` of the coupled system, then `quadratures` integrals of time that act on nothing,
+    then `discretes` variables that change at events only), `nz` algebraic
     variables, `nu` inputs, `np` free parameters, `nm` modes of events.
 
     Attributes
@@ -55,6 +56,7 @@ class CompiledModel:
     solution: Solution
     state_variables: tuple[int, ...]
     quadratures: int
+    discretes: int
     start: StartProblem
     time_events: TimeEvents
     rhs: Any
@@ -94,6 +96,11 @@ class CompiledModel:
     def inputs(self) -> tuple[str, ...]:
         """Names of the inputs, in the order of u."""
         return tuple(map(self.flat.scalar_name, self.flat.inputs))
+
+    @property
+    def n_dynamic(self) -> int:
+        """Number of states of the coupled system."""
+        return len(self.state_variables) - self.quadratures - self.discretes
 
     @property
     def parameters(self) -> tuple[str, ...]:

@@ -105,7 +105,7 @@ def find_state_events(solution: Solution, states: tuple[int, ...], time_events: 
     own += [a.node for a in assignments] + [a.condition for a in asserts]
     roots = [*own, *solution.residuals, *_definitions(solution, own)]
     rewritten = dict(time_events.rewritten)
-    discrete = _discrete(reduced)
+    discrete = discrete_variables(reduced)
     signs = _signs(pool, roots, discrete, rewritten)
     done = {**rewritten, **signs}
     pool.rewrite(roots, pool.var, done)
@@ -122,7 +122,7 @@ def find_state_events(solution: Solution, states: tuple[int, ...], time_events: 
     )
 
 
-def _discrete(reduced: ReducedSystem) -> frozenset[int]:
+def discrete_variables(reduced: ReducedSystem) -> frozenset[int]:
     """Variables that change at events only."""
     flat = reduced.flat
     declared = {v.first + k for v in flat.variables if v.declaration.discrete for k in range(v.size)}

@@ -115,7 +115,7 @@ class Guards:
         near = np.abs(g) <= np.maximum(1e-2 * noise, np.abs(rate) * _INSTANT * max(self.span, abs(t)))
         found = (g < 0) | (near & (rate < 0))
         if not found.any():
-            found[int(np.argmin(np.abs(g) / (np.abs(rate) + 1e-300)))] = True
+            found[int(np.argmin(np.abs(g) / np.maximum(np.abs(rate), 1e-30)))] = True
         return np.asarray(found)
 
 

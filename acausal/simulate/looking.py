@@ -104,7 +104,7 @@ def _ended(
             counters[name] = counters.get(name, 0.0) + count
     here = replace(moment, x=x, z=z)
     value, (rate, _) = guards.distances(t, here) + band, guards.rates(t, here)
-    nearest = int(np.argmin(np.abs(value) / (np.abs(rate) + 1e-100)))
+    nearest = int(np.argmin(np.abs(value) / np.maximum(np.abs(rate), 1e-30)))
     step = float(-value[nearest] / rate[nearest]) if rate[nearest] else 0.0
     if abs(step) <= 1e-3 * (all_times[k] - all_times[k - 1]):
         problem = moment.regime.problem

@@ -24,8 +24,9 @@ class Problem:
 
     States and algebraic variables are divided by their nominal magnitudes, so that one absolute tolerance fits all.
     The model's parameters `p` and inputs `u` are numbers here: what they alone determine is computed once, which halves
-    the operations of a drill on its guide. The integrator's parameter vector is `[m, shift]`: the modes of time events
-    and the time at which the segment starts (a CasADi integrator has its time frozen at construction).
+    the operations of a drill on its guide. The integrator's parameter vector is `[m, d, shift]`: modes of events,
+    discrete variables, and the time at which the segment starts (a CasADi integrator has its time frozen at
+    construction).
 
     `wanted_native` is the run's option `native`: whether to use the equations as compiled C.
     """
@@ -38,7 +39,11 @@ class Problem:
     @property
     def n_dynamic(self) -> int:
         """Number of states of the coupled system; the others are integrated apart."""
-        return len(self.compiled.states) - self.compiled.quadratures
+        return self.compiled.n_dynamic
+
+    def numbers(self, m: Vector, x: Vector, start: float) -> Vector:
+        """The integrator's parameter vector: modes, discrete variables out of all states, start of the segment."""
+        return np.concatenate([m, x[len(x) - self.compiled.discretes :], [start]])
 
     @cached_property
     def scale_x(self) -> Vector:
@@ -66,7 +71,8 @@ class Problem:
     def islands(self) -> Any:
         """`(t, [p, shift]) -> rate`, scaled, of the integrals of time that are solved apart."""
         t, _, _, p, _, _, rate = self.scaled
-        return ca.Function("islands", [t, p], [rate / ca.DM(self.compiled.nominal_x[self.n_dynamic :])])
+        n, nq = self.n_dynamic, self.compiled.quadratures
+        return ca.Function("islands", [t, p], [rate / ca.DM(self.compiled.nominal_x[n : n + nq])])
 
     @cached_property
     def ode(self) -> Any:
@@ -93,17 +99,18 @@ class Problem:
 
     @cached_property
     def scaled(self) -> tuple[Any, ...]:
-        """Symbols t, x, z, [m, shift], and the scaled expressions ode, alg and rates of the islands."""
+        """Symbols t, x, z, [m, d, shift], and the scaled expressions ode, alg and rates of the islands."""
         compiled = self.compiled
         n, nq = self.n_dynamic, compiled.quadratures
         t = ca.SX.sym("t")
         x, z = ca.SX.sym("x", n), ca.SX.sym("z", len(compiled.algebraic))
-        p = ca.SX.sym("p", compiled.n_modes + 1)
-        m, shift = p[:-1], p[-1]
-        full_x = ca.vertcat(x * ca.DM(self.scale_x), ca.SX(nq, 1))
+        nm, nd = compiled.n_modes, compiled.discretes
+        p = ca.SX.sym("p", nm + nd + 1)
+        m, d, shift = ca.vertsplit(p, [0, nm, nm + nd, nm + nd + 1])  # p[0:0] would be p[0]
+        full_x = ca.vertcat(x * ca.DM(self.scale_x), ca.SX(nq, 1), d)
         ode, alg = compiled.rhs(t + shift, full_x, z * ca.DM(self.scale_z), self.u, self.p, m)
         ode = ca.densify(ode)
-        return t, x, z, p, ode[:n] / ca.DM(self.scale_x), ca.densify(alg), ode[n:]
+        return t, x, z, p, ode[:n] / ca.DM(self.scale_x), ca.densify(alg), ode[n : n + nq]
 
     def solve_algebraic(self, times: Vector, x: Vector, z: Vector, p: Vector) -> Vector:
         """Algebraic variables along a trajectory, each point started from the one before; shape (nz, n)."""
@@ -114,7 +121,8 @@ class Problem:
         here = z / self.scale_z
         for k, time in enumerate(times):
             states = x[: self.n_dynamic, k] / self.scale_x
-            here = np.array(self.algebraic_root(here, np.concatenate([[time], states, p, [0.0]]))).ravel()
+            numbers = self.numbers(p, x[:, k], 0.0)
+            here = np.array(self.algebraic_root(here, np.concatenate([[time], states, numbers]))).ravel()
             found[:, k] = here * self.scale_z
         return found
 
@@ -124,7 +132,7 @@ class Problem:
         None when it does not converge at once, which happens after a jump. Asked at every time event: the start
         problem, which copes with more, builds its functions anew each time (1 ms).
         """
-        here, states, unshifted = z / self.scale_z, x[: self.n_dynamic] / self.scale_x, np.append(p, 0.0)
+        here, states, unshifted = z / self.scale_z, x[: self.n_dynamic] / self.scale_x, self.numbers(p, x, 0.0)
         for _ in range(8):
             alg, slope = (np.array(v) for v in self.algebraic_slope(time, states, here, unshifted))
             try:

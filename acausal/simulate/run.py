@@ -304,7 +304,7 @@ class _Run:
             "solver": solver.name,
             "reason": reason,
             "tolerance": self.options.tolerance,
-            "states": len(self.compiled.states) - self.compiled.quadratures,
+            "states": self.compiled.n_dynamic,
             "quadratures": self.compiled.quadratures,
             "algebraic": len(self.compiled.algebraic),
             **recorder.counters,

@@ -37,7 +37,7 @@ class StateMatrix:
     @property
     def size(self) -> int:
         """Number of states of the coupled system."""
-        return len(self.compiled.states) - self.compiled.quadratures
+        return self.compiled.n_dynamic
 
     @property
     def names(self) -> tuple[str, ...]:

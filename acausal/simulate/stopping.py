@@ -68,13 +68,11 @@ def integrate_to_event(regime: Regime, segment: Segment, band: Vector, plugin: s
         settings["step_size"] = segment.step
     grid = segment.times - segment.start
     x0 = np.concatenate([segment.x[:n] / problem.scale_x, [0.0, 0.0]])
-    numbers = np.concatenate([segment.p, [segment.start], band])
+    numbers = np.concatenate([problem.numbers(segment.p, segment.x, segment.start), band])
     library = problem.native.stopping(plugin, settings, lambda: stopping_equations(regime), n + 2)
     if library is not None:
         p = np.concatenate([regime.constants(library), numbers])
-        rows, _, stats = library.run(
-            x0, np.zeros(0), p, grid, segment.tolerance, segment.absolute, segment.step or 0.0
-        )
+        rows, _, stats = library.run(x0, np.zeros(0), p, grid, segment.tolerance, segment.absolute, segment.step or 0.0)
         xf = rows.T
     else:
         xf, stats = _interpreted(regime, plugin, settings, grid, x0, numbers)
@@ -91,9 +89,10 @@ def integrate_to_event(regime: Regime, segment: Segment, band: Vector, plugin: s
         time = max(time, float(times[-1]))
     ends = times if time is None else np.append(times, time)
     apart = islands(problem, Segment(**{**segment.__dict__, "times": ends})) if len(ends) else np.zeros((0, 0))
-    rows = np.vstack([x[:, :count], apart[:, :count]])
+    discrete = segment.x[len(segment.x) - problem.compiled.discretes :]
+    rows = np.vstack([x[:, :count], apart[:, :count], np.tile(discrete[:, None], (1, count))])
     piece = Piece(rows, np.zeros((0, count)), counters)
-    return Stop(piece, times, time, np.concatenate([x[:, -1], apart[:, -1]]), np.zeros(0))
+    return Stop(piece, times, time, np.concatenate([x[:, -1], apart[:, -1], discrete]), np.zeros(0))
 
 
 def _interpreted(
@@ -112,27 +111,28 @@ def _stopping(regime: Regime) -> tuple[Any, Any]:
     """The ODE with a stop watch and a stop flag, and the transition that sets the flag; parameters are numbers."""
     problem = regime.problem
     t, x, z, p, ode, _, _ = problem.scaled
-    full_x = ca.vertcat(x * ca.DM(problem.scale_x), ca.SX(problem.compiled.quadratures, 1))
-    guards = regime.watch(t + p[-1], full_x, z, problem.u, problem.p, p[:-1])
+    nq, nm, nd = problem.compiled.quadratures, problem.compiled.n_modes, problem.compiled.discretes
+    m, d, shift = ca.vertsplit(p, [0, nm, nm + nd, nm + nd + 1])
+    full_x = ca.vertcat(x * ca.DM(problem.scale_x), ca.SX(nq, 1), d)
+    guards = regime.watch(t + shift, full_x, z, problem.u, problem.p, m)
     return _stopped(t, x, z, ca.SX(0, 1), p, ode, guards)
 
 
 def stopping_equations(regime: Regime) -> tuple[Any, Any, Any]:
     """The same with free parameters, as compiled code needs it: DAE, transition, and `(p, u) -> c`.
 
-    The parameters of the DAE are `[c, m, shift, band]`; see `native/equations.py`.
+    The parameters of the DAE are `[c, m, d, shift, band]`; see `native/equations.py`.
     """
     compiled = regime.compiled
-    n, nq = regime.problem.n_dynamic, compiled.quadratures
+    n, nq, nm = compiled.n_dynamic, compiled.quadratures, compiled.n_modes
     scale = ca.DM(regime.problem.scale_x)
     t, x, z = ca.SX.sym("t"), ca.SX.sym("x", n), ca.SX.sym("z", 0)
     p, u = ca.SX.sym("p", len(compiled.parameters)), ca.SX.sym("u", len(compiled.inputs))
-    numbers = ca.SX.sym("m", compiled.n_modes + 1)
-    arguments = (t + numbers[-1], ca.vertcat(x * scale, ca.SX(nq, 1)), z, u, p, numbers[:-1])
+    numbers = ca.SX.sym("numbers", nm + compiled.discretes + 1)
+    m, d, shift = ca.vertsplit(numbers, [0, nm, nm + compiled.discretes, nm + compiled.discretes + 1])
+    arguments = (t + shift, ca.vertcat(x * scale, ca.SX(nq, 1), d), z, u, p, m)
     ode, guards = ca.densify(compiled.rhs(*arguments)[0])[:n] / scale, ca.densify(regime.watch(*arguments))
-    (ode, guards), symbols, values = ca.extract_parametric(
-        [ode, guards], ca.vertcat(p, u), {"extract_trivial": True}
-    )
+    (ode, guards), symbols, values = ca.extract_parametric([ode, guards], ca.vertcat(p, u), {"extract_trivial": True})
     constants = ca.Function(CONSTANTS, [p, u], [ca.vertcat(*values) if values else ca.SX(0, 1)])
     return *_stopped(t, x, z, ca.vertcat(ca.SX(0, 1), *symbols), numbers, ode, guards), constants
 

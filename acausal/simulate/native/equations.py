@@ -18,13 +18,13 @@ CONSTANTS = "constants"
 
 
 def equations(compiled: CompiledModel) -> tuple[Any, Any]:
-    """`(t, x, z, [c, m, shift], u) -> (ode, alg, quad, zero)`, scaled as in `Problem`, and `(p, u) -> c`."""
-    n, nq = len(compiled.states) - compiled.quadratures, compiled.quadratures
+    """`(t, x, z, [c, m, d, shift], u) -> (ode, alg, quad, zero)`, scaled as in `Problem`, and `(p, u) -> c`."""
+    n, nq, nd = compiled.n_dynamic, compiled.quadratures, compiled.discretes
     scale_x, scale_z = ca.DM(compiled.nominal_x[:n]), ca.DM(compiled.nominal_z)
     t, x, z = ca.SX.sym("t"), ca.SX.sym("x", n), ca.SX.sym("z", len(compiled.algebraic))
     p, u = ca.SX.sym("p", len(compiled.parameters)), ca.SX.sym("u", len(compiled.inputs))
-    m, shift = ca.SX.sym("m", compiled.rhs.numel_in("m")), ca.SX.sym("shift")
-    full = ca.vertcat(x * scale_x, ca.SX(nq, 1))
+    m, d, shift = ca.SX.sym("m", compiled.rhs.numel_in("m")), ca.SX.sym("d", nd), ca.SX.sym("shift")
+    full = ca.vertcat(x * scale_x, ca.SX(nq, 1), d)
     ode, alg = (ca.densify(e) for e in compiled.rhs(t + shift, full, z * scale_z, u, p, m))
     (ode, alg), symbols, values = ca.extract_parametric(
         [ode[:n] / scale_x, alg], ca.vertcat(p, u), {"extract_trivial": True}
@@ -32,7 +32,7 @@ def equations(compiled: CompiledModel) -> tuple[Any, Any]:
     none = ca.SX(0, 1)
     dae = ca.Function(
         "dae",
-        [t, x, z, ca.vertcat(*symbols, m, shift), ca.SX.sym("none", 0)],
+        [t, x, z, ca.vertcat(*symbols, m, d, shift), ca.SX.sym("none", 0)],
         [ode, alg, none, none],
         ["t", "x", "z", "p", "u"],
         ["ode", "alg", "quad", "zero"],

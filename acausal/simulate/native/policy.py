@@ -56,9 +56,9 @@ class Library(Generic[T]):
     run: T
     constants: Any
 
-    def vector(self, p: Vector, u: Vector, modes: Vector, start: float) -> Vector:
-        """The parameter vector of its equations."""
-        return np.concatenate([np.array(self.constants(p, u)).ravel(), modes, [start]])
+    def vector(self, p: Vector, u: Vector, numbers: Vector) -> Vector:
+        """The parameter vector of its equations; `numbers` as in `Problem.numbers`."""
+        return np.concatenate([np.array(self.constants(p, u)).ravel(), numbers])
 
 
 @dataclass(eq=False)
@@ -117,7 +117,8 @@ class Native:
         def load(path: Path) -> Program:
             return Program(path, size, 0)
 
-        return self._library(kind, repr(sorted(neutral.items())), self._spent(kind), text, load)
+        # with the derivatives that locate events there is four times as much to compile
+        return self._library(kind, repr(sorted(neutral.items())), self._spent(kind) / 4, text, load)
 
     def oracle(self, plugin: str, settings: Mapping[str, Any]) -> Library[Any] | None:
         """Right-hand side and Jacobian for one of CasADi's integrators, as the oracle to give it.
@@ -159,7 +160,7 @@ class Native:
 
     @property
     def _nx(self) -> int:
-        return len(self.compiled.states) - self.compiled.quadratures
+        return self.compiled.n_dynamic
 
     @property
     def _size(self) -> int:
@@ -198,7 +199,7 @@ class Native:
         if text is None and cache.is_empty():
             return None
         compiled = self.compiled
-        scales = compiled.quadratures, compiled.nominal_x.tolist(), compiled.nominal_z.tolist()
+        scales = compiled.quadratures, compiled.discretes, compiled.nominal_x.tolist(), compiled.nominal_z.tolist()
         # What the equations are made from rather than they: a hit needs nothing that is symbolic.
         guards = compiled.events.distances.serialize() if "events" in kind else ""
         key = cache.key(kind, details, compiled.rhs.serialize(), guards, repr(scales))

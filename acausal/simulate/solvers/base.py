@@ -79,13 +79,13 @@ class CasadiSolver:
         """Solve one segment."""
         if problem.n_dynamic == 0:
             # no plugin takes a problem without states: its algebraic variables are a function of time
-            none = np.zeros((0, len(segment.times)))
-            return Piece(none, problem.solve_algebraic(segment.times, none, segment.z, segment.p), {})
+            x = unmoved(problem, segment)
+            return Piece(x, problem.solve_algebraic(segment.times, x, segment.z, segment.p), {})
         scaled_x, scaled_z, stats = self._solved(problem, segment)
         x = scaled_x.T * problem.scale_x[:, None]
         if not np.isfinite(x).all():
             raise RuntimeError("the solution is not finite")
-        x = np.vstack([x, islands(problem, segment)])
+        x = np.vstack([x, islands(problem, segment), unmoved(problem, segment)])
         if self.algebraic:
             z = scaled_z.T * problem.scale_z[:, None]
         else:
@@ -97,20 +97,20 @@ class CasadiSolver:
         settings = self.settings(problem, segment)
         grid = segment.times - segment.start
         x0, z0 = segment.x[: problem.n_dynamic] / problem.scale_x, segment.z / problem.scale_z
-        native, p = problem.native, np.append(segment.p, segment.start)
+        native, p = problem.native, problem.numbers(segment.p, segment.x, segment.start)
         dae = problem.dae if self.algebraic else problem.ode
         # a rootfinder inside the right-hand side stays interpreted
         kind = self.native if self.algebraic or not problem.compiled.algebraic else "nothing"
         if kind == "integrator":
             whole = native.integrator(self.plugin, settings)
             if whole is not None:
-                p = whole.vector(problem.p, problem.u, segment.p, segment.start)
+                p = whole.vector(problem.p, problem.u, p)
                 sizes = settings["reltol"], settings["abstol"], settings.get("step_size", 0.0)
                 return whole.run(x0, z0, p, grid, *sizes)
         elif kind == "equations":
             library = native.oracle(self.plugin, settings)
             if library is not None:
-                dae, p = library.run, library.vector(problem.p, problem.u, segment.p, segment.start)
+                dae, p = library.run, library.vector(problem.p, problem.u, p)
         began = time.perf_counter()
         integrator = ca.integrator("segment", self.plugin, dae, 0.0, grid.tolist(), settings)
         making = time.perf_counter() - began
@@ -124,14 +124,20 @@ def islands(problem: Problem, segment: Segment) -> Vector:
     """Integrals of time that act on nothing, at the output times; shape (nq, n)."""
     if not problem.compiled.quadratures:
         return np.zeros((0, len(segment.times)))
-    scale = problem.compiled.nominal_x[problem.n_dynamic :]
-    p = np.append(segment.p, 0.0)[:, None]
+    own = slice(problem.n_dynamic, problem.n_dynamic + problem.compiled.quadratures)
+    scale = problem.compiled.nominal_x[own]
+    p = problem.numbers(segment.p, segment.x, 0.0)[:, None]
 
     def rates(times: Vector) -> Vector:
         return np.array(problem.islands(times[None, :], p))
 
     grown = integrals(rates, segment.start, segment.times, segment.tolerance, segment.absolute)
-    return np.asarray(segment.x[problem.n_dynamic :, None] + scale[:, None] * grown)
+    return np.asarray(segment.x[own, None] + scale[:, None] * grown)
+
+
+def unmoved(problem: Problem, segment: Segment) -> Vector:
+    """Discrete variables at the output times; shape (nd, n)."""
+    return np.tile(segment.x[len(segment.x) - problem.compiled.discretes :, None], (1, len(segment.times)))
 
 
 def bounded(segment: Segment) -> dict[str, float]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from acausal.errors import UsageError
 from acausal.simulate.problem import Problem
-from acausal.simulate.solvers.base import CasadiSolver, Piece, Segment, islands
+from acausal.simulate.solvers.base import CasadiSolver, Piece, Segment, islands, unmoved
 
 Vector = NDArray[np.float64]
 
@@ -70,7 +70,7 @@ class Rk2:
         values = found * problem.scale_x[:, None]
         if not np.isfinite(values).all():
             raise RuntimeError("the solution is not finite: the fixed step is too large for this model")
-        values = np.vstack([values, islands(problem, segment)])
+        values = np.vstack([values, islands(problem, segment), unmoved(problem, segment)])
         z = problem.solve_algebraic(segment.times, values, segment.z, segment.p)
         return Piece(values, z, {"steps": float(steps), "rhs_evaluations": 2.0 * steps})
 
@@ -81,12 +81,12 @@ class Rk2:
         evaluations = 2.0 * float(counts.sum())
         program = None if problem.compiled.algebraic else problem.native.heun(heun, evaluations)
         if program is not None:
-            p = program.vector(problem.p, problem.u, segment.p, segment.start)
+            p = program.vector(problem.p, problem.u, problem.numbers(segment.p, segment.x, segment.start))
             return program.run(x, p, spans, step)
         problem.native.interpreted("heun", evaluations)
         sizes = np.repeat(spans / counts, counts)
         steps = np.vstack([np.concatenate([[0.0], np.cumsum(sizes)[:-1]]), sizes])
-        p = np.concatenate([segment.p, [segment.start]])
+        p = problem.numbers(segment.p, segment.x, segment.start)
         if problem.compiled.algebraic:
             p = np.concatenate([p, segment.z / problem.scale_z])
         one = heun(problem.ode)

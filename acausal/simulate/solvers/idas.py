@@ -37,9 +37,8 @@ class Idas(CasadiSolver):
 
     def settings(self, problem: Problem, segment: Segment) -> dict[str, Any]:
         x = segment.x[: problem.n_dynamic] / problem.scale_x
-        rate = np.array(
-            problem.dae(0.0, x, segment.z / problem.scale_z, np.concatenate([segment.p, [segment.start]]), [])[0]
-        ).ravel()
+        numbers = problem.numbers(segment.p, segment.x, segment.start)
+        rate = np.array(problem.dae(0.0, x, segment.z / problem.scale_z, numbers, [])[0]).ravel()
         return {
             "reltol": segment.tolerance,
             "abstol": segment.absolute,

@@ -46,7 +46,7 @@ def components(compiled: CompiledModel, wanted: Sequence[str] | None) -> tuple[s
         shell = Result(compiled.name, np.zeros(1), np.zeros((1, len(compiled.columns))), known)
         found = [s.name for name in wanted for s in shell.elements(name)[1]]
     else:
-        dynamic = compiled.states[: len(compiled.states) - compiled.quadratures] or compiled.states
+        dynamic = compiled.states[: compiled.n_dynamic] or compiled.states
         found = [name for name in dynamic if name in known and known[name].column is not None]
     if not found:
         raise UsageError(

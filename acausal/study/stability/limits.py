@@ -223,7 +223,7 @@ def _end(problem: Problem, method: Method, point: Point, step: float, steps: int
 def _euler(problem: Problem, point: Point, step: float, steps: int) -> Vector:
     n = problem.n_dynamic
     x = point.x[:n] / problem.scale_x
-    p = np.append(point.m, 0.0)
+    p = problem.numbers(point.m, point.x, 0.0)
     if problem.compiled.algebraic:
         p = np.concatenate([p, point.z / problem.scale_z])
     for k in range(steps):
