@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from acausal import Component, Equations, Experiment, Panel, Real, der, fixed, maximum, parameter, sqrt, variable, where
+from acausal import Component, Equations, Experiment, Panel, Real, der, fixed, parameter, sqrt, variable, where
 
 
 class ExplicitPenalty(Component):
@@ -62,7 +62,9 @@ class KelvinVoigtImpact(PartialImpact):
 
     def equations(self) -> Equations:
         d = 2.0 * self.zeta * sqrt(self.k * self.m)
-        yield self.f == where(self.s > 0.0, maximum(self.k * self.s + d * self.v, 0.0), 0.0)
+        plain = self.k * self.s + d * self.v
+        # two relations, so that touch and release are events both
+        yield self.f == where((self.s > 0.0) & (plain > 0.0), plain, 0.0)
 
 
 class HuntCrossleyImpact(PartialImpact):

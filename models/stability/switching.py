@@ -45,7 +45,7 @@ class FrictionStop(Component):
     x: Real = variable(default=fixed(0.0))
     v: Real = variable(default=fixed(1.0))
 
-    experiment: ClassVar[Experiment] = Experiment(stop_time=100.0, tolerance=1e-8, solver="idas")
+    experiment: ClassVar[Experiment] = Experiment(stop_time=100.0, tolerance=1e-8, solver="rosenbrock")
     figure: ClassVar[tuple[Panel, ...]] = (Panel(("x", "v"), title="Motion"),)
 
     def equations(self) -> Equations:

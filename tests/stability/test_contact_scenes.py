@@ -58,11 +58,16 @@ def test_hunt_crossley(a: float, rebound: float) -> None:
     assert {a.solver for a in study.verdict.avoid} == {None}
 
 
-# clipped law; the plain one would pull by 27 to 67 N before release
-@pytest.mark.parametrize(("zeta", "restitution"), [(0.05, 0.858758), (0.2, 0.571740), (0.5, 0.298436)])
-def test_kv_tension(zeta: float, restitution: float) -> None:
-    """`kv-tension`: no negative normal force, restitution to 6 digits (that touch and release are events: pending)."""
+# clipped law, release in ms after touch; the plain law would pull by 27 to 67 N before release
+@pytest.mark.parametrize(
+    ("zeta", "restitution", "release"), [(0.05, 0.858758, 9.6303), (0.2, 0.571740, 8.8397), (0.5, 0.298436, 7.6476)]
+)
+def test_kv_tension(zeta: float, restitution: float, release: float) -> None:
+    """`kv-tension`: no negative normal force, restitution to 6 digits, touch and release located as events."""
     result = acausal.simulate(KelvinVoigtImpact(zeta=zeta))
+    times = [event.time for event in result.events]
+    assert min(abs(t - 1e-3) for t in times) < 1e-12
+    assert any(abs(t - 1e-3 - 1e-3 * release) < 1e-7 for t in times)
     assert result["f"].min() >= 0.0
     assert -result.final("v") == pytest.approx(restitution, abs=6e-7)
     study = acausal.stability(KelvinVoigtImpact(zeta=zeta), points=6)

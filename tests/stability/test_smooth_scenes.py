@@ -1,5 +1,5 @@
 """Scenes `undamped`, `fast-slow`, `ringing`, `order-reduction`, `gimbal`, `quaternion-drift`, `invariant`,
-`missed-pulse`, `inconsistent` (b), and `bang-bang` as far as its verdict goes.
+`missed-pulse`, `inconsistent` (b).
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from acausal.models.stability.attitude import GimbalAngles, GimbalMatrix, Quater
 from acausal.models.stability.nonlinear import DiodeStart
 from acausal.models.stability.oscillators import FastSlow, UndampedOscillator
 from acausal.models.stability.stiff import OrderReduction, Ringing
-from acausal.models.stability.switching import BangBang, MissedPulse
+from acausal.models.stability.switching import MissedPulse
 from acausal.simulate.amplification import METHODS
 
 
@@ -137,11 +137,3 @@ def test_inconsistent_guess(start: float) -> None:
     study = acausal.stability(model, points=3)
     assert study.verdict.solver in ("rosenbrock", "idas")
     assert study.facts.algebraic == 1
-
-
-def test_bang_bang_verdict() -> None:
-    """`bang-bang`: RK4 and adaptive methods fall to order 1 at the switch; no eigenvalue says so, the branch does."""
-    study = acausal.stability(BangBang())
-    assert {f.kind for f in study.verdict.findings} & {"kinks", "events"}
-    assert {"fixed steps across kinks", "any method across switches"} & avoided(study)
-    assert study.verdict.solver in ("erk", "rosenbrock")

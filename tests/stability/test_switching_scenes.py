@@ -1,0 +1,64 @@
+"""Scenes `zeno`, `friction-stop`, `bang-bang` of `stability_scenes.json`: events that switch the right-hand side."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import acausal
+from acausal.models.stability.switching import BangBang, FrictionStop, ZenoBall
+
+REST = 4.0637127688715781401
+"""Accumulation point of the bounces [s]: sqrt(2*h0/g)*(1 + e)/(1 - e)."""
+
+
+def test_zeno() -> None:
+    """`zeno`: h = 0 within 1e-9 at t = 5, fewer than 200 events, no fall through the floor."""
+    assert math.sqrt(2.0 / 9.81) * 1.8 / 0.2 == pytest.approx(REST, rel=1e-12)
+    result = acausal.simulate(ZenoBall())
+    assert result.final("h") == pytest.approx(0.0, abs=1e-9)
+    assert result["h"].min() > -1e-9
+    assert np.max(np.abs(result["h"][result.time > REST])) < 1e-9
+    assert len(result.events) < 200
+
+
+def test_zeno_verdict() -> None:
+    study = acausal.stability(ZenoBall())
+    kinds = {f.kind for f in study.verdict.findings}
+    assert {"events", "accumulation"} <= kinds
+    assert "restarting at every event" in {a.method for a in study.verdict.avoid}
+
+
+def test_friction_stop() -> None:
+    """`friction-stop`: x(100) = 0.25 within 1e-8, few steps after the stop; tanh regularisation creeps to 0.25007."""
+    result = acausal.simulate(FrictionStop())
+    assert result.final("x") == pytest.approx(0.25, abs=1e-8)
+    until = acausal.simulate(FrictionStop(), stop_time=0.49)
+    after = float(result.stats["steps"]) - float(until.stats["steps"])  # type: ignore[arg-type]
+    assert after < 50 + 25  # the stop itself is located between 0.49 and 0.5
+    assert min(abs(event.time - 0.5) for event in result.events) < 1e-9
+
+
+def test_friction_stop_verdict() -> None:
+    study = acausal.stability(FrictionStop())
+    assert "events" in {f.kind for f in study.verdict.findings}
+    assert study.verdict.solver in ("erk", "rosenbrock")
+    assert "any method across switches" in {a.method for a in study.verdict.avoid}
+
+
+def test_bang_bang() -> None:
+    """`bang-bang`: (1, 0) within 1e-10 after ten periods; RK4 at 1e-3 is off by 9e-3, IDAS without events by 2.5e-3."""
+    result = acausal.simulate(BangBang())
+    assert result.final("x") == pytest.approx(1.0, abs=1e-10)
+    assert result.final("v") == pytest.approx(0.0, abs=1e-10)
+    assert len(result.events) == 20
+
+
+def test_bang_bang_verdict() -> None:
+    """No eigenvalue tells of the switch, the branch does."""
+    study = acausal.stability(BangBang())
+    assert "events" in {f.kind for f in study.verdict.findings}
+    assert "any method across switches" in {a.method for a in study.verdict.avoid}
+    assert study.verdict.solver in ("erk", "rosenbrock")
