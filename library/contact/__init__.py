@@ -26,6 +26,7 @@ from acausal.library.contact.shapes import HalfSpace as HalfSpace
 from acausal.library.contact.shapes import PointedDrill as PointedDrill
 from acausal.library.contact.shapes import Shape as Shape
 from acausal.library.contact.shapes import Sphere as Sphere
+from acausal.library.contact.surface import AT_FRAME as AT_FRAME
 from acausal.library.contact.surface import SurfaceContact as SurfaceContact
 from acausal.library.contact.touch import Touch as Touch
 from acausal.library.contact.touch import touches as touches

@@ -83,9 +83,11 @@ class Stribeck(FrictionLaw):
 class LuGre(FrictionLaw):
     """Friction of elastic bristles, a state: it holds, breaks away, and slides with the Stribeck effect.
 
-    der(z) = v - s_0 |v| / g(v) z and force = F_N (s_0 z + s_1 der(z) + s_2 v) with
+    der(z) = v - s_0 |v| / g(v) z and force = F_N (s_0 z + s_1 exp(-(v / v_st)**2) der(z) + s_2 v) with
     g(v) = mu + (mu_s - mu) exp(-(v / v_st)**2). The force is per normal force, so that one set of numbers serves any
-    load. Without contact the bristles straighten within `relaxation`.
+    load. The damping fades when sliding, else a body that lands at some speed would be stopped by it at once
+    (H. Olsson, Control systems with friction, Lund 1996, section 3.4). Without contact the bristles straighten within
+    `relaxation`.
 
     Creep: none under a constant load below mu F_N; it holds at z = q / s_0.
 
@@ -119,14 +121,17 @@ class LuGre(FrictionLaw):
 
     def bristle_rate(self, z: Expr, v: Expr) -> Expr:
         """Rate of the bending `z` [m, vector] at the velocity of sliding `v` [m/s, vector], under load."""
-        speed = smooth_speed(v, 1e-12)
-        share = speed / as_expr(self.v_st)
-        g = self.mu + (as_expr(self.mu_s) - self.mu) * exp(-share * share)
-        return v - z * (self.s_0 * speed / g)
+        g = self.mu + (as_expr(self.mu_s) - self.mu) * self._slow(v)
+        return v - z * (self.s_0 * smooth_speed(v, 1e-12) / g)
 
-    def held(self, z: Expr, z_rate: Expr) -> Expr:
+    def held(self, z: Expr, z_rate: Expr, v: Expr) -> Expr:
         """Force of the bristles over the normal force [1, vector], against the sliding."""
-        return z * self.s_0 + z_rate * self.s_1
+        return z * self.s_0 + z_rate * (self.s_1 * self._slow(v))
+
+    def _slow(self, v: Expr) -> Expr:
+        """1 near standstill, 0 when sliding."""
+        share = v / as_expr(self.v_st)
+        return exp(-dot(share, share))
 
 
 def smooth_speed(v: Expr, v_0: Number) -> Expr:

@@ -27,6 +27,8 @@ from acausal.library.multibody.frames import Frame
 from acausal.library.multibody.orientation import IDENTITY, Rotation, Vector
 
 Pose = tuple[Vector, Rotation]
+_LIGHT = 1e-2
+"""Normal force [N] below which bristles do not feel the whole velocity of sliding: at touch it is not to jump."""
 AT_FRAME: Pose = ((0.0, 0.0, 0.0), IDENTITY)
 """A shape whose own axes are those of the frame of its body."""
 
@@ -36,7 +38,7 @@ class SurfaceContact(Component):
 
     Each shape is fixed to a frame: its origin lies at `pose[0]` [m] in that frame, its axes are turned by `pose[1]`.
     The laws hold at each point of contact: four corners on the ground are four springs. Friction by bristles has one
-    bristle per contact, at the point that is deepest.
+    bristle per contact, bent by the mean velocity of sliding, weighted with the normal forces.
 
     The work of all forces is accounted for: what the normal force takes is stored (`energy`) or damped
     (`power_damping`), what friction takes is `power_friction`.
@@ -77,7 +79,8 @@ class SurfaceContact(Component):
         yield a.t == a.R.T @ (moment - cross(a.r_0, self.f_0))
         yield b.t == -(b.R.T @ (moment - cross(b.r_0, self.f_0)))
         if isinstance(self.friction, LuGre):
-            slip = self._slip(points[0])
+            carried = _total([self._slip(p) * load.pressed for p, load in zip(points, loads, strict=True)])
+            slip = carried / maximum(self.F_N, _LIGHT)
             straight = self.bristle / -self.friction.relaxation
             bent = self.friction.bristle_rate(self.bristle, slip)
             touching = no_event(self.depth > 0)
@@ -99,7 +102,7 @@ class SurfaceContact(Component):
         slip = self._slip(point)
         drag = slip * (pressed * self.friction.drag(smooth_speed(slip, 1e-9)))
         if isinstance(self.friction, LuGre):
-            held = self.friction.held(self.bristle, der(self.bristle))
+            held = self.friction.held(self.bristle, der(self.bristle), slip)
             drag = drag + (held - point.normal * dot(held, point.normal)) * pressed
         return _Load(point.normal * pressed + drag, pressed, energy, (pressed - elastic) * rate, dot(drag, slip))
 

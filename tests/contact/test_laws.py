@@ -80,8 +80,8 @@ def test_kelvin_voigt_does_not_pull(zeta: float, restitution: float, release: fl
 @pytest.mark.parametrize(("m", "k", "n"), [(1.0, 1e5, 1.5), (3.0, 1e7, 1.0), (0.2, 1e6, 2.0)])
 def test_restitution_of_power_laws(a: float, u: float, m: float, k: float, n: float) -> None:
     """Scene hunt-crossley: v0/a - ln(1 + a v0)/a^2 = -u/a - ln(1 - a u)/a^2, whatever m, k and n."""
-    result = rebound(DampedPowerLaw(k=k, n=n, a=a), 0.2, 1e-10, m=m)
-    assert result.final("v") == pytest.approx(-u, abs=1e-9)
+    result = rebound(DampedPowerLaw(k=k, n=n, a=a), 0.2, 1e-8, m=m)
+    assert result.final("v") == pytest.approx(-u, abs=1e-7)  # ten tolerances, as the scene demands
 
 
 def test_damping_of_the_published_laws() -> None:
