@@ -1,0 +1,154 @@
+"""Contact scenes: which pairs are in the equations, and that it makes no difference to the result."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import acausal
+from acausal import Component, Equations, Real, connect, fixed, parameter, part, structural
+from acausal.errors import DeclarationError
+from acausal.library.contact import (
+    Box,
+    ContactBody,
+    ContactScene,
+    Coulomb,
+    HuntCrossley,
+    Sphere,
+    Surfaces,
+)
+from acausal.library.multibody import Body, World
+from acausal.library.multibody.orientation import IDENTITY
+from acausal.models.contact_scenes import BoxStack
+from tests.contact.scenes import G
+
+LAWS = Surfaces(law=HuntCrossley(k=1e4, n=1.0, e=0.7, v_0=0.4), friction=Coulomb(mu=0.3, v_s=1e-2))
+
+
+def plate(name: str, x: float, z: float = 0.0) -> ContactBody:
+    return ContactBody(name=name, shape=Box((0.1, 0.2, 0.02)), pose=((x, 0.0, z - 0.01), IDENTITY), at_rest=True)
+
+
+class ThrownBall(Component):
+    """A ball thrown over a row of plates at rest."""
+
+    n: int = structural(default=16)
+    keep: int = structural(default=1000)
+    v: Real = parameter(default=1.0, unit="m/s")
+    ball: Body = part()
+    scene: ContactScene = part()
+
+    def build(self) -> None:
+        start = {"r_0": fixed((0.0, 0.0, 0.03)), "v_0": fixed((self.v, 0.0, 0.0))}
+        self.ball = Body(
+            m=0.1,
+            I_11=1.6e-5,
+            I_22=1.6e-5,
+            I_33=1.6e-5,
+            g_0=(0.0, 0.0, -G),
+            Q=fixed((0.0, 0.0, 0.0, 1.0)),
+            w_a=fixed((0.0, 0.0, 0.0)),
+            **start,
+        )
+        plates = (plate(f"plate{k}", 0.13 * k) for k in range(self.n))
+        ball = ContactBody(name="ball", shape=Sphere(0.02))
+        self.scene = ContactScene(bodies=(ball, *plates), surfaces=LAWS, keep=self.keep, skin=0.1)
+
+    def equations(self) -> Equations:
+        yield connect(self.ball.frame_a, self.scene.frame("ball"))
+
+
+def test_pairs_that_come_and_go_make_no_difference() -> None:
+    """The same throw with all pairs in the equations, and with those near the ball only."""
+    options = {"stop_time": 0.6, "tolerance": 1e-8, "solver": "rosenbrock"}
+    whole = acausal.simulate(ThrownBall(), **options)
+    model = ThrownBall(keep=2)
+    near = acausal.simulate(model, **options)
+    assert near.stats["structures"] > 3
+    assert len(model.scene.report().kept) <= 4
+    np.testing.assert_allclose(near.final("ball.r_0"), whole.final("ball.r_0"), atol=2e-6)
+    np.testing.assert_allclose(near.final("ball.w_a"), whole.final("ball.w_a"), atol=2e-4)
+    force = np.nansum([near[n] for n in near.names if n.endswith(".F_N")], axis=0)
+    assert force.max() > 1.0
+    assert np.isnan(near["scene.contacts[ball,plate0].F_N"][-1])
+
+
+def test_the_cost_does_not_grow_with_what_is_far_away() -> None:
+    """Steps and equations of 10 and of 300 plates are the same while the ball is over the first two."""
+    runs = [
+        acausal.simulate(ThrownBall(n=n, keep=2), stop_time=0.1, tolerance=1e-8, solver="rosenbrock") for n in (10, 300)
+    ]
+    assert runs[0].stats["steps"] == runs[1].stats["steps"]
+    assert runs[0].stats["structures"] == runs[1].stats["structures"]
+    assert runs[0].final("ball.r_0[0]") == runs[1].final("ball.r_0[0]")
+
+
+def test_a_stack_of_five_boxes_stands() -> None:
+    """15 possible pairs, of which 5 touch; each carries the boxes above it."""
+    model = BoxStack()
+    r = acausal.simulate(model, stop_time=0.4)
+    kept = {frozenset(names[:2]) for names in model.scene.report().kept}
+    assert kept == {frozenset(p) for p in [("ground", "box0"), *((f"box{k}", f"box{k + 1}") for k in range(4))]}
+    for k in range(5):
+        below = "ground,box0" if k == 0 else f"box{k - 1},box{k}"
+        assert r.final(f"scene.contacts[{below}].F_N") == pytest.approx((5 - k) * 9.80665, rel=1e-3)
+        x, y, z = np.asarray(r.final(f"boxes[{k}].r_0"))
+        assert abs(x - 2e-3 * (k % 2)) < 1e-4
+        assert abs(y) < 1e-4
+        assert z == pytest.approx(0.05 + 0.1 * k, abs=1e-3)
+        assert np.abs(r.final(f"boxes[{k}].v_0")).max() < 1e-4
+
+
+def test_the_report_says_why() -> None:
+    near = ((-0.1, -0.1, 0.0), (0.1, 0.1, 0.1))
+    scene = ContactScene(
+        bodies=(
+            ContactBody(name="ball", shape=Sphere(0.02), reach=near, group="hand"),
+            ContactBody(name="finger", shape=Sphere(0.01), group="hand"),
+            plate("table", 0.0),
+            plate("shelf", 0.0, z=1.0),
+        ),
+        surfaces=LAWS,
+    )
+    report = scene.report()
+    assert [k[:2] for k in report.kept] == [("ball", "table"), ("finger", "table"), ("finger", "shelf")]
+    assert {d.reason: d.count for d in report.dropped} == {
+        "both at rest": 1,
+        "in one group": 1,
+        "never within reach of each other": 1,
+    }
+    assert repr(report).startswith("4 bodies, 6 pairs: 3 in the equations\n  ball - table   closed form")
+
+
+class Refused(Component):
+    bodies: tuple[ContactBody, ...] = structural()
+    surfaces: Surfaces = structural(default=LAWS)
+    world: World = part()
+    scene: ContactScene = part()
+
+    def build(self) -> None:
+        self.world = World()
+        self.scene = ContactScene(bodies=self.bodies, surfaces=self.surfaces)
+
+
+@pytest.mark.parametrize(
+    ("bodies", "surfaces", "code", "named"),
+    [
+        ((ContactBody(name="lid", shape=Box((0.1, 0.1, 0.0))),), LAWS, "AC145", "lid"),
+        ((plate("a", 0.0), plate("a", 1.0)), LAWS, "AC172", "'a'"),
+        ((ContactBody(name="ball", shape=Sphere(0.02)), plate("table", 0.0)), Surfaces(), "AC171", "ball and table"),
+    ],
+)
+def test_bad_scenes_are_refused_with_the_name_of_the_body(
+    bodies: tuple[ContactBody, ...], surfaces: Surfaces, code: str, named: str
+) -> None:
+    with pytest.raises(DeclarationError) as caught:
+        Refused(bodies=bodies, surfaces=surfaces)
+    assert caught.value.code == code
+    assert named in str(caught.value)
+
+
+def test_a_body_that_is_not_registered_is_not_found() -> None:
+    scene = ContactScene(bodies=(ContactBody(name="ball", shape=Sphere(0.02)), plate("table", 0.0)), surfaces=LAWS)
+    with pytest.raises(DeclarationError, match="the scene has no moving body 'table'"):
+        scene.frame("table")
