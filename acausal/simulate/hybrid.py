@@ -50,10 +50,13 @@ class Hybrid:
         self.bounces = Bounces(self.problem, self.guards, self.span)
         self.single_step = self.solver.name in ("rosenbrock", "erk") and not self.problem.compiled.algebraic
 
-    def begin(self, t: float, start: Start, m: Vector) -> None:
-        """The event at the start of the run, when `initial()` is true; `m` is what the start has decided."""
+    def begin(self, t: float, start: Start, m: Vector, *, flag: str | None = "initial") -> None:
+        """The event at the start of the run; `m` is what the start has decided.
+
+        `initial()` is true, unless `flag` is None: in a run that goes on with given states.
+        """
         moment = Moment(start.x, start.z, m.copy(), Regime(self.problem))
-        self._say(self.iteration.settle(t, moment, m, flag="initial"), t)
+        self._say(self.iteration.settle(t, moment, m, flag=flag), t)
 
     def regime_at(self, t: float) -> Regime:
         """The regime in force just after a time."""

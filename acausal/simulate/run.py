@@ -240,7 +240,7 @@ class _Run:
         try:
             with self.interrupt:
                 if self.hybrid is not None:
-                    self.hybrid.begin(opts.start_time, start, m)
+                    self.hybrid.begin(opts.start_time, start, m, flag="initial" if self.given is None else None)
                 for a, b in pairwise(boundaries):
                     start = self.segment(problem, solver, recorder, start, a, b, grid)
                     if self.hybrid is not None and self.hybrid.terminated is not None:
