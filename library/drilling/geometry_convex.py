@@ -105,16 +105,16 @@ def _crossed(shape: Shape, p: Expr, e: Expr, body: str) -> tuple[Expr, Expr, Exp
     if faces is not None:
         return _faces_crossed(faces, p, e)
     if isinstance(shape, Sphere):
-        half, middle = _chord(dot(p, e), dot(p, p) - shape.radius**2, as_expr(1.0))
-        return middle + half, middle - half, half <= 0
+        half, middle, missed = _chord(dot(p, e), dot(p, p) - shape.radius**2, as_expr(1.0))
+        return middle + half, middle - half, missed
     if isinstance(shape, Cylinder):
         caps = _faces_crossed([((0.0, 0.0, s), shape.length / 2) for s in (-1.0, 1.0)], p, e)
         # The part across the axis; a line along the axis crosses no side.
         share = maximum(1 - e[2] * e[2], 1e-12)
         inside = p[0] * p[0] + p[1] * p[1] - shape.radius**2
-        half, middle = _chord(p[0] * e[0] + p[1] * e[1], inside, share)
+        half, middle, missed = _chord(p[0] * e[0] + p[1] * e[1], inside, share)
         depth, beyond = minimum(caps[0], middle + half), maximum(caps[1], middle - half)
-        return depth, beyond, caps[2] | (half <= 0) | (beyond >= depth)
+        return depth, beyond, caps[2] | missed | (beyond >= depth)
     raise DeclarationError(
         "AC173",
         f"{body}: a drill cannot enter a {type(shape).__name__}",
@@ -122,13 +122,14 @@ def _crossed(shape: Shape, p: Expr, e: Expr, body: str) -> tuple[Expr, Expr, Exp
     )
 
 
-def _chord(along: Expr, inside: Expr, share: Expr) -> tuple[Expr, Expr]:
-    """Half the chord of a line in a circle, and how far the point is beyond its middle [m].
+def _chord(along: Expr, inside: Expr, share: Expr) -> tuple[Expr, Expr, Expr]:
+    """Half the chord of a line in a circle, how far the point is beyond its middle [m], and whether they miss.
 
     They solve share x**2 - 2 along x + inside = 0 for the way x back to the circle.
     """
     middle = along / share
-    return sqrt(maximum(middle * middle - inside / share, 1e-30)), middle
+    square = middle * middle - inside / share
+    return sqrt(maximum(square, 1e-30)), middle, square <= 0
 
 
 def _faces(shape: Shape) -> list[tuple[Vector, float]] | None:

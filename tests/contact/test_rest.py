@@ -46,9 +46,9 @@ def test_bristles_hold_without_creep() -> None:
         solver="rosenbrock",
         parameters={"sideways": 0.2},
     )
-    assert abs(r.final("body.v_0[0]")) < 1e-9
+    assert np.abs(r.final("body.v_0[0]")) < 1e-9
     assert r.final("contact.bristle[0]") == pytest.approx(0.2 / 1e5, rel=1e-3)
-    assert r.at(100.0, "body.r_0[0]") - r.at(50.0, "body.r_0[0]") == pytest.approx(0.0, abs=1e-8)
+    assert np.ptp(np.asarray(r.at([50.0, 100.0], "body.r_0[0]"))) < 1e-8
 
 
 @pytest.mark.parametrize("friction", [Coulomb(mu=0.2, v_s=1e-4), LuGre(mu=0.2, mu_s=0.2, s_0=1e5, s_1=1e2)])
@@ -62,7 +62,7 @@ def test_a_box_slides_as_far_as_friction_lets_it(friction: Coulomb) -> None:
         parameters={"v_x": 1.0, "height": 0.05 - G / 4e5},
     )
     assert r.final("body.r_0[0]") == pytest.approx(1.0 / (2 * 0.2 * G), rel=5e-3)
-    assert abs(r.final("body.v_0[0]")) < 1e-6
+    assert np.abs(r.final("body.v_0[0]")) < 1e-6
 
 
 def test_a_ball_that_slides_begins_to_roll() -> None:

@@ -39,7 +39,6 @@ class ThrownBall(Component):
     scene: ContactScene = part()
 
     def build(self) -> None:
-        start = {"r_0": fixed((0.0, 0.0, 0.03)), "v_0": fixed((self.v, 0.0, 0.0))}
         self.ball = Body(
             m=0.1,
             I_11=1.6e-5,
@@ -48,7 +47,8 @@ class ThrownBall(Component):
             g_0=(0.0, 0.0, -G),
             Q=fixed((0.0, 0.0, 0.0, 1.0)),
             w_a=fixed((0.0, 0.0, 0.0)),
-            **start,
+            r_0=fixed((0.0, 0.0, 0.03)),
+            v_0=fixed((self.v, 0.0, 0.0)),
         )
         plates = (plate(f"plate{k}", 0.13 * k) for k in range(self.n))
         ball = ContactBody(name="ball", shape=Sphere(0.02))
@@ -60,11 +60,11 @@ class ThrownBall(Component):
 
 def test_pairs_that_come_and_go_make_no_difference() -> None:
     """The same throw with all pairs in the equations, and with those near the ball only."""
-    options = {"stop_time": 0.6, "tolerance": 1e-8, "solver": "rosenbrock"}
-    whole = acausal.simulate(ThrownBall(), **options)
     model = ThrownBall(keep=2)
-    near = acausal.simulate(model, **options)
-    assert near.stats["structures"] > 3
+    whole, near = (
+        acausal.simulate(m, stop_time=0.6, tolerance=1e-8, solver="rosenbrock") for m in (ThrownBall(), model)
+    )
+    assert int(str(near.stats["structures"])) > 3
     assert len(model.scene.report().kept) <= 4
     np.testing.assert_allclose(near.final("ball.r_0"), whole.final("ball.r_0"), atol=2e-6)
     np.testing.assert_allclose(near.final("ball.w_a"), whole.final("ball.w_a"), atol=2e-4)
