@@ -1,0 +1,294 @@
+"""Claim: at equal accuracy acausal is faster than SciPy, scikit-sundae, rumoca and jaxonomy, and near CasADi by hand.
+
+Four problems (peer_problems.py). Every side is tuned by its tolerance: of each the fastest run counts whose end values
+are within the accuracy, by the mixed error with f as in `acausal bench`. Processor times of a solve, best of some;
+compiling and first calls are apart. Python right-hand sides are NumPy's, as people write them; jaxonomy's and rumoca's
+are compiled by them. The hand-written CasADi system is IDAS on the same equations, its integrator made beforehand.
+
+    pip install .[benchmark]
+    python benchmarks/peers.py [--accuracy 1e-6] [--only Pleiades] [--figure peers.png]
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import time
+import warnings
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from measure import report, rounded
+from peer_problems import Problem, problems
+
+import acausal
+from acausal.study.bench.measure import processor_clock
+
+TOLERANCES = tuple(10.0**-k for k in range(3, 12))
+Solve = Callable[[], Any]
+Runs = Iterator[tuple[str, float, Solve]]
+
+
+def ours(problem: Problem) -> Runs:
+    """Solvers of acausal, compiled to C."""
+    compiled = acausal.compile(problem.model)
+    for solver in ("rosenbrock", "idas") if problem.stiff else ("erk", "rosenbrock"):
+        for tolerance in TOLERANCES:
+
+            def run(solver: str = solver, tolerance: float = tolerance) -> Any:
+                found = acausal.simulate(
+                    compiled,
+                    solver=solver,
+                    tolerance=tolerance,
+                    native=True,
+                    stop_time=problem.stop,
+                    output_interval=problem.stop,
+                )
+                columns = [found.signals[name] for name in problem.states]
+                values = np.array([c.sign * found.matrix[-1, c.column] for c in columns])
+                return values, found.stats["time"]["integrate"]  # type: ignore[index]
+
+            yield solver, tolerance, run
+
+
+def by_hand(problem: Problem) -> Runs:
+    """IDAS on the equations as CasADi expressions."""
+    import casadi as ca
+
+    class Arrays:
+        """The names of NumPy that the right-hand sides use, on CasADi."""
+
+        ones = staticmethod(lambda n: ca.SX.ones(n))
+        stack = concatenate = staticmethod(lambda parts: ca.vertcat(*parts))
+
+    y = ca.SX.sym("y", len(problem.start))
+    rates = problem.rates(y, Arrays) if "Pleiades" not in problem.name else _pleiades(ca, y)
+    for tolerance in TOLERANCES:
+        options = {"reltol": tolerance, "abstolv": [tolerance * s for s in problem.smallest], "max_num_steps": 10**6}
+        options |= {
+            "init_xdot": np.array(ca.Function("f", [y], [rates])(problem.start)).ravel().tolist(),
+            "calc_ic": False,
+        }
+        made = ca.integrator("by_hand", "idas", {"x": y, "ode": rates}, 0.0, problem.stop, options)
+        yield "IDAS", tolerance, lambda made=made: np.array(made(x0=problem.start)["xf"]).ravel()  # type: ignore[misc]
+
+
+def _pleiades(ca: Any, y: Any) -> Any:
+    x, z = y[:7], y[7:14]
+    rates = [y[14:28], ca.SX.zeros(7), ca.SX.zeros(7)]
+    for i in range(7):
+        for j in (j for j in range(7) if j != i):
+            cubed = ((x[i] - x[j]) ** 2 + (z[i] - z[j]) ** 2) ** 1.5
+            rates[1][i] += (j + 1) * (x[j] - x[i]) / cubed
+            rates[2][i] += (j + 1) * (z[j] - z[i]) / cubed
+    return ca.vertcat(*rates)
+
+
+def scipy(problem: Problem) -> Runs:
+    """solve_ivp with a NumPy right-hand side."""
+    from scipy.integrate import solve_ivp
+
+    def rates(t: float, y: Any) -> Any:
+        return problem.rates(y, np)
+
+    for method in ("Radau", "BDF", "LSODA") if problem.stiff else ("DOP853", "LSODA"):
+        for tolerance in TOLERANCES:
+
+            def run(method: str = method, tolerance: float = tolerance) -> Any:
+                absolute = tolerance * np.array(problem.smallest)
+                span = (0.0, problem.stop)
+                found = solve_ivp(rates, span, problem.start, method=method, rtol=max(tolerance, 1e-12), atol=absolute)
+                return found.y[:, -1]
+
+            yield f"SciPy {method}", tolerance, run
+
+
+def sundae(problem: Problem) -> Runs:
+    """scikit-sundae's CVODE and IDA."""
+    from sksundae.cvode import CVODE
+    from sksundae.ida import IDA
+
+    def rates(t: float, y: Any, out: Any) -> None:
+        out[:] = problem.rates(y, np)
+
+    def residual(t: float, y: Any, yp: Any, out: Any) -> None:
+        out[:] = yp - problem.rates(y, np)
+
+    start = np.array(problem.start)
+    for tolerance in TOLERANCES:
+        absolute = tolerance * np.array(problem.smallest)
+        options = {"rtol": tolerance, "atol": absolute, "max_num_steps": 10**6}
+
+        def cvode(options: Any = options) -> Any:
+            method = "BDF" if problem.stiff else "Adams"
+            return CVODE(rates, method=method, **options).solve(np.array([0.0, problem.stop]), start).y[-1]
+
+        def ida(options: Any = options) -> Any:
+            slope = problem.rates(start, np)
+            return IDA(residual, **options).solve(np.array([0.0, problem.stop]), start, slope).y[-1]
+
+        yield "scikit-sundae CVODE", tolerance, cvode
+        yield "scikit-sundae IDA", tolerance, ida
+
+
+def rumoca(problem: Problem) -> Runs:
+    """Modelica text, its own solvers."""
+    import rumoca as library
+
+    model = library.Session().loads(problem.modelica, model=problem.modelica.split()[1])
+    names = [state.name for state in model.states]
+    for solver in ("bdf", "rk-like"):
+        for tolerance in TOLERANCES:
+            config = library.SimConfig(
+                solver=solver, rtol=tolerance, atol=tolerance * min(problem.smallest), max_wall_seconds=20
+            )
+
+            def run(config: Any = config) -> Any:
+                found = model.simulate((0.0, problem.stop), dt=problem.stop, config=config)
+                return np.asarray(found.to_numpy(names))[-1]
+
+            yield f"rumoca {solver}", tolerance, run
+
+
+def jaxonomy(problem: Problem) -> Runs:
+    """A leaf system with a JAX right-hand side; its first call compiles."""
+    import jax.numpy as jnp
+    import jaxonomy as library
+
+    class System(library.LeafSystem):
+        def __init__(self) -> None:
+            super().__init__(name="system")
+            self.declare_continuous_state(
+                default_value=jnp.array(problem.start), ode=lambda t, s, *u, **p: problem.rates(s.continuous_state, jnp)
+            )
+            self.declare_continuous_state_output(name="y")
+
+    system = System()
+    context = system.create_context()
+    for method in ("bdf",) if problem.stiff else ("dopri5",):
+        for tolerance in TOLERANCES[:8]:
+            options = library.SimulatorOptions(
+                ode_solver_method=method, rtol=tolerance, atol=tolerance * min(problem.smallest), math_backend="jax"
+            )
+
+            def run(options: Any = options) -> Any:
+                found = library.simulate(system, context, (0.0, problem.stop), options=options)
+                return np.asarray(found.context.continuous_state)
+
+            yield f"jaxonomy {method}", tolerance, run
+
+
+SIDES = {
+    "acausal": ours,
+    "CasADi by hand": by_hand,
+    "SciPy": scipy,
+    "scikit-sundae": sundae,
+    "rumoca": rumoca,
+    "jaxonomy": jaxonomy,
+}
+
+
+def fastest(runs: Runs, exact: Any, accuracy: float, repeat: int) -> dict[str, Any]:
+    """The fastest setting that reaches the accuracy; a method is given up when a run takes more than 20 s."""
+    best: dict[str, Any] = {}
+    done: set[str] = set()
+    reason = "none reached the accuracy"
+    floor = np.clip(np.abs(exact), 1e-12, 1.0)
+    for name, tolerance, run in runs:
+        if name in done:
+            continue
+        seconds, first = math.inf, math.nan
+        try:
+            for k in range(repeat + 1):
+                busy = time.process_time()
+                found = run()
+                busy = time.process_time() - busy
+                values, took = found if isinstance(found, tuple) else (found, busy)
+                first = busy if k == 0 else first
+                seconds = min(seconds, took) if k or took > 2.0 else seconds
+                error = float((np.abs(values - exact) / (floor + np.abs(exact))).max())
+                if first > 2.0 or (k == 0 and not error <= accuracy):
+                    break
+        except Exception as error_of_peer:
+            reason = f"{name}: {str(error_of_peer).splitlines()[0][:100]}"
+            continue
+        if first > 20.0:
+            done.add(name)
+        if error <= accuracy:
+            done.add(name)
+            if seconds < best.get("seconds", math.inf):
+                best = {
+                    "setting": name,
+                    "tolerance": tolerance,
+                    "seconds": seconds,
+                    "error": error,
+                    "first call": first,
+                }
+    return best or {"failure": reason}
+
+
+def measured(problem: Problem, accuracy: float, repeat: int) -> dict[str, Any]:
+    """All sides on one problem."""
+    compiled = acausal.compile(problem.model)
+    run = acausal.simulate(compiled, solver="rosenbrock", tolerance=1e-12, stop_time=problem.stop, native=True)
+    exact = np.array([float(run.final(name)) for name in problem.states])
+    row: dict[str, Any] = {}
+    for side, runs in SIDES.items():
+        try:
+            row[side] = fastest(runs(problem), exact, accuracy, repeat)
+        except ImportError as error:
+            row[side] = {"failure": f"not installed: {error.name}"}
+        except Exception as error:
+            row[side] = {"failure": f"{type(error).__name__}: {str(error).splitlines()[0][:100]}"}
+        print(problem.name, side, rounded(row[side]), flush=True)
+    return row
+
+
+def drawn(rows: dict[str, dict[str, Any]], accuracy: float, file: Path) -> None:
+    """Times by problem, a bar for each side."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8.0, 4.2), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots()
+    for k, side in enumerate(SIDES):
+        places = [p + 0.13 * (k - 2.5) for p, row in enumerate(rows.values()) if "seconds" in row[side]]
+        axes.bar(
+            places, [1e3 * row[side]["seconds"] for row in rows.values() if "seconds" in row[side]], 0.12, label=side
+        )
+    axes.set_yscale("log")
+    axes.set_xticks(range(len(rows)), list(rows))
+    axes.set_ylabel(f"Solve time at an error of {accuracy:g} [ms]")
+    axes.grid(True, axis="y", color="0.9")
+    axes.set_axisbelow(True)
+    axes.legend(frameon=False, fontsize=8, ncols=3)
+    figure.savefig(file, dpi=150)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--accuracy", type=float, default=1e-6)
+    parser.add_argument("--only", default="", help="beginning of a problem's name")
+    parser.add_argument("--repeat", type=int, default=5)
+    parser.add_argument("--figure", type=Path)
+    options = parser.parse_args()
+    warnings.simplefilter("ignore")
+    processor_clock()
+    chosen = [p for p in problems() if p.name.startswith(options.only)]
+    rows = {p.name: measured(p, options.accuracy, options.repeat) for p in chosen}
+    if options.figure:
+        drawn(rows, options.accuracy, options.figure)
+    factors = {
+        name: {s: r["seconds"] / row["acausal"]["seconds"] for s, r in row.items() if s != "acausal" and "seconds" in r}
+        for name, row in rows.items()
+        if "seconds" in row["acausal"]
+    }
+    line = "; ".join(f"{name}: " + ", ".join(f"{s} {f:.2g}" for s, f in row.items()) for name, row in factors.items())
+    report("at equal accuracy faster than peers", f"times ours: {line}", rounded({"rows": rows, "times ours": factors}))
+
+
+if __name__ == "__main__":
+    main()
