@@ -15,7 +15,7 @@ normal.
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -45,14 +45,16 @@ def penetration(shape_a: Shape, shape_b: Shape) -> External:
         )
     names = type(shape_a).__name__.lower(), type(shape_b).__name__.lower()
 
-    def make() -> Any:
-        return collision_function(shape_a, shape_b)
-
     return External(
-        f"penetration_{names[0]}_{names[1]}", make, inputs=_INPUTS, outputs=_OUTPUTS, units=("m", "1", "m", "m")
+        f"penetration_{names[0]}_{names[1]}",
+        partial(collision_function, shape_a, shape_b),
+        inputs=_INPUTS,
+        outputs=_OUTPUTS,
+        units=("m", "1", "m", "m"),
     )
 
 
+@lru_cache(maxsize=256)
 def collision_function(shape_a: Shape, shape_b: Shape) -> Any:
     """The CasADi Function behind `penetration`, SX; its search is one call of a Function named `contact_search`."""
     import casadi as ca
