@@ -194,7 +194,7 @@ def fastest(runs: Runs, exact: Any, accuracy: float, repeat: int) -> dict[str, A
     """The fastest setting that reaches the accuracy; a method is given up when a run takes more than 20 s."""
     best: dict[str, Any] = {}
     done: set[str] = set()
-    reason = "none reached the accuracy"
+    reasons: dict[str, str] = {}
     floor = np.clip(np.abs(exact), 1e-12, 1.0)
     for name, tolerance, run in runs:
         if name in done:
@@ -207,16 +207,18 @@ def fastest(runs: Runs, exact: Any, accuracy: float, repeat: int) -> dict[str, A
                 busy = time.process_time() - busy
                 values, took = found if isinstance(found, tuple) else (found, busy)
                 first = busy if k == 0 else first
-                seconds = min(seconds, took) if k or took > 2.0 else seconds
+                seconds = min(seconds, took) if k or took > 20.0 else seconds
                 error = float((np.abs(values - exact) / (floor + np.abs(exact))).max())
-                if first > 2.0 or (k == 0 and not error <= accuracy):
+                if (k and first > 2.0) or first > 20.0 or not error <= accuracy:
                     break
         except Exception as error_of_peer:
-            reason = f"{name}: {str(error_of_peer).splitlines()[0][:100]}"
+            reasons[name] = str(error_of_peer).splitlines()[0][:80]
             continue
         if first > 20.0:
             done.add(name)
-        if error <= accuracy:
+        if not error <= accuracy:
+            reasons[name] = f"error {error:.1e} at {tolerance:.0e}"
+        else:
             done.add(name)
             if seconds < best.get("seconds", math.inf):
                 best = {
@@ -226,7 +228,7 @@ def fastest(runs: Runs, exact: Any, accuracy: float, repeat: int) -> dict[str, A
                     "error": error,
                     "first call": first,
                 }
-    return best or {"failure": reason}
+    return best or {"failure": "; ".join(f"{name}: {why}" for name, why in reasons.items())}
 
 
 def measured(problem: Problem, accuracy: float, repeat: int) -> dict[str, Any]:
