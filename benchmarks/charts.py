@@ -80,7 +80,7 @@ def scenes() -> tuple[Scene, ...]:
         ),
         Scene(
             "BouncingBall",
-            "Bouncing ball, 10 bounces in 5 s",
+            "Bouncing ball, 8 bounces in 5 s",
             BouncingBall(),
             "Between bounces the motion is a parabola: what is left is how exactly a bounce is located.",
             {},

@@ -71,7 +71,7 @@ class SpatialChain(Component):
 
 
 class BouncingBall(Component):
-    """A ball that loses a tenth of its speed at each bounce; 10 bounces in 5 s."""
+    """A ball that loses a tenth of its speed at each bounce; 8 bounces in 5 s."""
 
     e: Real = parameter(default=0.9, doc="Restitution")
     h: Real = variable(default=fixed(1.0), unit="m", doc="Height")
