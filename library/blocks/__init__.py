@@ -60,6 +60,9 @@ from acausal.library.blocks.math import Division as Division
 from acausal.library.blocks.math import Feedback as Feedback
 from acausal.library.blocks.math import Gain as Gain
 from acausal.library.blocks.math import Product as Product
+from acausal.library.blocks.means import Mean as Mean
+from acausal.library.blocks.means import RectifiedMean as RectifiedMean
+from acausal.library.blocks.means import RootMeanSquare as RootMeanSquare
 from acausal.library.blocks.noise import NormalNoise as NormalNoise
 from acausal.library.blocks.noise import PartialNoise as PartialNoise
 from acausal.library.blocks.noise import UniformNoise as UniformNoise

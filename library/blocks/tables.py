@@ -39,8 +39,13 @@ def table(
     u: Expr,
     smoothness: Smoothness = Smoothness.LINEAR_SEGMENTS,
     extrapolation: Extrapolation = Extrapolation.LAST_TWO_POINTS,
+    *,
+    located: bool = True,
 ) -> Expr:
     """The function through `points` at `u`.
+
+    Kinks are events unless `located` is False: then they are left to the error control of the solver, which is cheaper
+    where a trajectory runs through many of them.
 
     One point alone is a constant. The segment is found by halving, so that a value costs as many decisions as the
     logarithm of the number of points.
@@ -64,7 +69,8 @@ def table(
     if not straight:  # the outer segments of a broken line go on by themselves
         first, last = (0.0, 0.0) if hold else (slopes[0][0], slopes[-1][1])
         pieces = [(-float("inf"), y0 + first * (u - x0)), *pieces, (xn, yn + last * (u - xn))]
-    smooth = not steps and smoothness is not Smoothness.LINEAR_SEGMENTS and not hold
+    kinked = smoothness is Smoothness.LINEAR_SEGMENTS or hold
+    smooth = not steps and not (kinked and located)
     return _choice(u, pieces, smooth)
 
 

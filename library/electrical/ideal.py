@@ -110,7 +110,9 @@ class PartialIdealSwitchWithArc(PartialOnePort):
 
     def equations(self) -> Equations:
         yield when(edge(self.off), reset(self.t_opened, time))
-        small = fabs(self.i) <= fabs(self.v) * self.Goff
+        # asked of a burning arc only: of an open switch both sides are equal, up to rounding
+        burns = self.off & ~pre(self.quenched)
+        small = where(burns, fabs(self.i) - fabs(self.v) * self.Goff, 1.0) <= 0.0
         yield self.quenched == (self.off & (small | pre(self.quenched)))
         arc = minimum(self.Vmax, self.V0 + self.dVdt * (time - self.t_opened))
         burning = self.v - where(self.i < 0.0, -arc, arc)

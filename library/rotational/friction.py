@@ -94,7 +94,7 @@ class PartialFriction(Component):
     def characteristic(self, points: Points) -> Expr:
         """Torque or coefficient of friction from a table of the speed, with the sign of the motion."""
         backward = self.startBackward | ~self.startForward & ~self.was(self.FORWARD)
-        magnitude = table(points, where(backward, -self.w_relfric, self.w_relfric))
+        magnitude = table(points, where(backward, -self.w_relfric, self.w_relfric), located=False)
         return where(backward, -magnitude, magnitude)
 
 
@@ -226,7 +226,7 @@ class OneWayClutch(PartialCompliantWithRelativeStates):
         lets_go = (sa > self.tau0_max) | (pre(self.startForward) & (sa > self.tau0)) | (w_rel > self.w_small)
         yield self.startForward == (pre(self.stuck) & lets_go | initial() & (w_rel > 0.0))
         yield self.locked == (pre(self.stuck) & ~self.startForward)
-        yield self.mu == table(self.mu_pos, w_rel)
+        yield self.mu == table(self.mu_pos, w_rel, located=False)
         yield self.a_rel == where(self.locked, 0.0, sa - 1.0 * self.tau0)
         yield self.tau == where(self.locked, sa, where(self.free, 0.0, self.mu * self.cgeo * self.fn))
         yield self.stuck == (self.locked | (w_rel <= 0.0))

@@ -108,7 +108,7 @@ class PartialFriction(Component):
 
     def characteristic(self, points: Points) -> Expr:
         """Force or coefficient of friction from a table of the speed, with the sign of the motion."""
-        return self.against_motion(table(points, self.against_motion(self.v_relfric)))
+        return self.against_motion(table(points, self.against_motion(self.v_relfric), located=False))
 
 
 class PartialGuided(PartialRigid):

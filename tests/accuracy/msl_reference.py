@@ -32,9 +32,12 @@ class Example:
     signals: dict[str, Array]
 
 
-def read_example(folder: Path) -> Example:
-    """Read `converged.csv`; rows that share their time with a neighbour are an event and are left out."""
-    with (folder / "converged.csv").open(newline="") as file:
+def read_example(folder: Path, file_name: str = "converged.csv") -> Example:
+    """Read one file; rows that share their time with a neighbour are an event and are left out.
+
+    `reference.csv` is the published one, with the error of the tool that made it: 2e-3 is what the library asks for.
+    """
+    with (folder / file_name).open(newline="") as file:
         names, *rows = csv.reader(file)
     data = np.array(rows, dtype=float)
     time = data[:, 0]

@@ -1,0 +1,71 @@
+"""Means over the periods of a signal. Names as in Modelica.Blocks.Math."""
+
+from __future__ import annotations
+
+from acausal import (
+    Component,
+    Equations,
+    Real,
+    der,
+    discrete,
+    fabs,
+    fixed,
+    maximum,
+    no_event,
+    parameter,
+    part,
+    pre,
+    reset,
+    sample,
+    signal_input,
+    signal_output,
+    sqrt,
+    variable,
+    when,
+)
+
+
+class Mean(Component):
+    """Mean of the input over the last full period; 0 before the first one has ended."""
+
+    u: Real = signal_input(doc="Input signal")
+    y: Real = signal_output(doc="Mean over the last period")
+    f: Real = parameter(unit="Hz", doc="Base frequency; greater than 0")
+    x: Real = variable(default=fixed(0.0), prefer_state=True, doc="Integral since the period began")
+    held: Real = discrete(doc="Mean over the last period")
+
+    def equations(self) -> Equations:
+        yield der(self.x) == 1.0 * self.u
+        yield self.y == self.held
+        period = 1.0 / self.f
+        yield when(sample(period, period), reset(self.held, 1.0 * self.f * pre(self.x)), reset(self.x, 0.0))
+
+
+class RectifiedMean(Component):
+    """Mean of the size of the input over the last full period."""
+
+    u: Real = signal_input(doc="Input signal")
+    y: Real = signal_output(doc="Rectified mean over the last period")
+    f: Real = parameter(unit="Hz", doc="Base frequency; greater than 0")
+    mean: Mean = part(doc="Of the size of the input")
+
+    def build(self) -> None:
+        self.mean = Mean(f=self.f, u=fabs(self.u))
+
+    def equations(self) -> Equations:
+        yield self.y == self.mean.y
+
+
+class RootMeanSquare(Component):
+    """Root of the mean square of the input over the last full period."""
+
+    u: Real = signal_input(doc="Input signal")
+    y: Real = signal_output(doc="Root mean square over the last period")
+    f: Real = parameter(unit="Hz", doc="Base frequency; greater than 0")
+    mean: Mean = part(doc="Of the square of the input")
+
+    def build(self) -> None:
+        self.mean = Mean(f=self.f, u=1.0 * self.u * self.u)
+
+    def equations(self) -> Equations:
+        yield self.y == no_event(sqrt(maximum(self.mean.y, 0.0)))

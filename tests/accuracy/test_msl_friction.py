@@ -1,0 +1,152 @@
+"""Friction that sticks: examples of the Modelica Standard Library against their published and converged solutions.
+
+The published solutions (`reference.csv`) carry the error of their own solver, 2e-3 is what the library asks for; modes
+are compared by their sequence and the instants at which they change, which the published event rows give to 1e-4.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import acausal
+from acausal import Component, Equations, connect, part, sin, time, where
+from acausal.library import blocks, rotational, translational
+from tests.accuracy.msl_reference import error_of, read_example
+
+
+class Friction(Component):
+    """Rotational_Friction: a clutch and a brake on a drive train that swings."""
+
+    torque: rotational.Torque = part()
+    inertia3: rotational.Inertia = part()
+    clutch: rotational.Clutch = part()
+    inertia2: rotational.Inertia = part()
+    spring: rotational.SpringDamper = part()
+    inertia1: rotational.Inertia = part()
+    brake: rotational.Brake = part()
+
+    def build(self) -> None:
+        self.torque = rotational.Torque(u=where(time < 0.5, 200.0 * sin(100.0 * time), 0.0))
+        self.inertia3 = rotational.Inertia(J=1.0, phi=0.0, w=100.0)
+        self.inertia2 = rotational.Inertia(J=0.05, phi=0.0, w=90.0)
+        self.inertia1 = rotational.Inertia(J=1.0, phi=0.0, w=90.0)
+        self.clutch = rotational.Clutch(fn_max=160.0, f_normalized=1.0)
+        self.spring = rotational.SpringDamper(c=160.0, d=1.0)
+        self.brake = rotational.Brake(fn_max=1600.0, f_normalized=where(time < 0.5, 0.0, 1.0))
+
+    def equations(self) -> Equations:
+        yield connect(self.torque.flange, self.inertia3.flange_a)
+        yield connect(self.inertia3.flange_b, self.clutch.flange_a)
+        yield connect(self.clutch.flange_b, self.inertia2.flange_a)
+        yield connect(self.inertia2.flange_b, self.spring.flange_a)
+        yield connect(self.spring.flange_b, self.inertia1.flange_a)
+        yield connect(self.inertia1.flange_b, self.brake.flange_a)
+
+
+class OneWayClutch(Component):
+    """Rotational_OneWayClutch: a freewheel between a swinging inertia and one that only it drives."""
+
+    torque: rotational.Torque = part()
+    inertiaIn: rotational.Inertia = part()
+    oneWayClutch: rotational.OneWayClutch = part()
+    inertiaOut: rotational.Inertia = part()
+    pulse: blocks.Pulse = part()
+
+    def build(self) -> None:
+        self.torque = rotational.Torque(u=10.0 * sin(6.0 * math.pi * time))
+        self.inertiaIn = rotational.Inertia(J=1.0, phi=0.0, w=-0.5)
+        self.inertiaOut = rotational.Inertia(J=1.0, phi=0.0, w=0.0)
+        self.oneWayClutch = rotational.OneWayClutch(fn_max=3.0, peak=25.0)
+        self.pulse = blocks.Pulse(period=1.3, width=0.5, start_time=0.3, nperiod=2)
+
+    def equations(self) -> Equations:
+        yield connect(self.torque.flange, self.inertiaIn.flange_a)
+        yield connect(self.inertiaIn.flange_b, self.oneWayClutch.flange_a)
+        yield connect(self.oneWayClutch.flange_b, self.inertiaOut.flange_a)
+        yield connect(self.pulse.y, self.oneWayClutch.f_normalized)
+
+
+STRIBECK = tuple((v, 5.0 + v + 10.0 * math.exp(-2.0 * v)) for v in np.linspace(0.0, 12.0, 50).tolist())
+
+
+class StribeckFriction(Component):
+    """Translational_Friction: sliding masses with Stribeck friction, one between stops, one from a table."""
+
+    stop1: translational.MassWithStopAndFriction = part()
+    force: translational.Force = part()
+    stop2: translational.MassWithStopAndFriction = part()
+    spring: translational.Spring = part()
+    wall: translational.Fixed = part()
+    mass: translational.Mass = part()
+    supportFriction: translational.SupportFriction = part()
+    force2: translational.Force = part()
+
+    def build(self) -> None:
+        drive = 25.0 * sin(0.5 * math.pi * time)
+        self.stop1 = translational.MassWithStopAndFriction(m=1.0, L=1.0, s=0.0, v=0.0)
+        self.stop2 = translational.MassWithStopAndFriction(
+            m=1.0, L=1.0, F_Coulomb=3.0, F_Stribeck=5.0, smax=0.9, smin=-0.9, s=0.0, v=-5.0
+        )
+        self.force, self.force2 = translational.Force(u=drive), translational.Force(u=drive)
+        self.spring, self.wall = translational.Spring(c=500.0, s_rel0=1.0), translational.Fixed(s0=-1.75)
+        self.mass = translational.Mass(m=1.0, L=1.0, s=0.0, v=0.0)
+        self.supportFriction = translational.SupportFriction(f_pos=STRIBECK)
+
+    def equations(self) -> Equations:
+        yield connect(self.force.flange, self.stop1.flange_b)
+        yield connect(self.wall.flange, self.spring.flange_a)
+        yield connect(self.spring.flange_b, self.stop2.flange_a)
+        yield connect(self.force2.flange, self.mass.flange_b)
+        yield connect(self.mass.flange_a, self.supportFriction.flange_b)
+
+
+def changes(folder: Path, name: str) -> list[tuple[float, float]]:
+    """Instants at which a published mode signal changes, and to what; what it is in passing does not count."""
+    with (folder / "reference.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    found = [(float(r["time"]), float(r[name])) for r in rows]
+    after = [*found[1:], (math.inf, 0.0)]
+    lasting = [a for a, b in zip(found, after, strict=True) if b[0] - a[0] > 1e-6]
+    return [b for a, b in pairwise(lasting) if a[1] != b[1]]
+
+
+def sequence(result: acausal.Result, name: str) -> list[tuple[float, float]]:
+    """The same of a result."""
+    mode = result[name]
+    at = np.flatnonzero(np.diff(mode) != 0.0) + 1
+    return [(float(result.time[k]), float(mode[k])) for k in at]
+
+
+@pytest.mark.parametrize(
+    ("name", "model", "modes"),
+    [
+        ("Rotational_Friction", Friction, ("brake.mode", "clutch.mode")),
+        ("Translational_Friction", StribeckFriction, ("stop1.mode", "stop2.mode", "supportFriction.mode")),
+    ],
+)
+def test_published_solution_and_modes_are_met(
+    reference: Path, name: str, model: type[Component], modes: tuple[str, ...]
+) -> None:
+    folder = reference / "msl" / name
+    example = read_example(folder, "reference.csv")
+    r = acausal.simulate(model(), stop_time=example.stop_time, tolerance=1e-8, output_interval=example.interval)
+    errors = {k: e for k, e in error_of(r, example).items() if k not in modes}
+    assert max(errors.values()) <= 2e-3, errors
+    for mode in modes:
+        found, expected = sequence(r, mode), changes(folder, mode)
+        assert [m for _, m in found] == [m for _, m in expected], (mode, found, expected)
+        np.testing.assert_allclose([t for t, _ in found], [t for t, _ in expected], rtol=0, atol=1e-4)
+
+
+def test_one_way_clutch_meets_the_converged_solution(reference: Path) -> None:
+    example = read_example(reference / "msl" / "Rotational_OneWayClutch")
+    r = acausal.simulate(OneWayClutch(), stop_time=example.stop_time, tolerance=1e-8, output_interval=example.interval)
+    errors = error_of(r, example)
+    assert max(errors.values()) <= 1e-5, errors
+    assert r["oneWayClutch.w_rel"].min() > -1e-7
