@@ -98,7 +98,7 @@ class CasadiSolver:
         grid = segment.times - segment.start
         x0, z0 = segment.x[: problem.n_dynamic] / problem.scale_x, segment.z / problem.scale_z
         native, p = problem.native, problem.numbers(segment.p, segment.x, segment.start)
-        dae = problem.dae if self.algebraic else problem.ode
+        dae: Any = None
         # a rootfinder inside the right-hand side stays interpreted
         kind = self.native if self.algebraic or not problem.compiled.algebraic else "nothing"
         if kind == "integrator":
@@ -111,6 +111,8 @@ class CasadiSolver:
             library = native.oracle(self.plugin, settings)
             if library is not None:
                 dae, p = library.run, library.vector(problem.p, problem.u, p)
+        if dae is None:  # a compiled integrator does without
+            dae = problem.dae if self.algebraic else problem.ode
         began = time.perf_counter()
         integrator = ca.integrator("segment", self.plugin, dae, 0.0, grid.tolist(), settings)
         making = time.perf_counter() - began
