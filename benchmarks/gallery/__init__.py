@@ -1,0 +1,1 @@
+"""The exhibits of docs/stability-gallery.md: every method that is shown to fail is run."""
