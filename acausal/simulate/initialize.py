@@ -12,13 +12,12 @@ from numpy.typing import NDArray
 from acausal.errors import InitializationError
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.diagnosis.words import counted, listed, made_at
-from acausal.lower.evaluate import values
+from acausal.simulate.finite import first_undefined
 from acausal.simulate.start_errors import contradicting, left_open, not_found, undefined
 from acausal.simulate.truth import truths
 
 Vector = NDArray[np.float64]
 
-_MOST_CHECKED = 3000
 _LARGEST_RANK = 200
 
 
@@ -236,30 +235,12 @@ def _check_surplus(compiled: CompiledModel, t: float, x: Vector, z: Vector, u: V
 
 
 def _check_defined(compiled: CompiledModel, t: float, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector) -> None:
-    """Refuse a start at which an equation has no finite value, naming the first one.
-
-    In large models only the rates are looked at: the function of all variables costs more than the run.
-    """
+    """Refuse a start at which an equation has no finite value, naming the first one."""
+    found = first_undefined(compiled, t, x, z, u, p, m)
+    if found is not None:
+        raise undefined(compiled, t, *found)
     ode, alg = (np.array(v).ravel() for v in compiled.rhs(t, x, z, u, p, m))
     is_finite = bool(np.isfinite(ode).all() and np.isfinite(alg).all())
-    solution = compiled.solution
-    if is_finite and len(solution.definitions) > _MOST_CHECKED:
-        return
-    if is_finite and np.isfinite(np.array(compiled.observe(t, x, z, u, p, m))).all():
-        return
-    reduced = solution.structure.reduced
-    known = dict(zip(compiled.state_variables, x, strict=True))
-    known.update(zip(solution.algebraic, z, strict=True))
-    known.update(zip(reduced.inputs, u, strict=True))
-    leaves = {"var": known.__getitem__, "par": p.__getitem__, "time": lambda _: t}
-    rows = {v: b.rows for b in solution.structure.blocks for v in b.columns}
-    for variable, node in solution.definitions:
-        value = float(np.ravel(values(reduced.pool, [node], leaves)[node])[0])
-        known[variable] = value
-        if not np.isfinite(value):
-            equation = reduced.flat.equations[solution.structure.flat_equation(rows[variable][0])]
-            inside = [f"{reduced.name(v)} = {known[v]:g}" for v in sorted(reduced.pool.variables_in(node))]
-            raise undefined(compiled, t, reduced.name(variable), equation, inside)
     if is_finite:
         return
     names = [

@@ -14,8 +14,6 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import BarycentricInterpolator
-from scipy.optimize import brentq
 
 from acausal.simulate.guards import Guards, Moment
 from acausal.simulate.solvers.base import Piece, Segment
@@ -87,6 +85,9 @@ def _ended(
     low = max(0, min(k - _NEAREST // 2, len(all_times) - _NEAREST))
     near = slice(low, low + _NEAREST)
     root = all_times[k]
+    from scipy.interpolate import BarycentricInterpolator  # half a second, for a crossing only
+    from scipy.optimize import brentq
+
     for j in np.flatnonzero(g[k] < -band[: g.shape[1]]):
         curve = BarycentricInterpolator(all_times[near], g[near, j] + band[j])
         a, b = all_times[k - 1], all_times[k]

@@ -21,11 +21,13 @@ from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.samples import STABILISATION_RATE
 from acausal.result import Event, Result
+from acausal.simulate.failure import integration_error
 from acausal.simulate.guards import Cause, Tolerances
 from acausal.simulate.hybrid import Hybrid
 from acausal.simulate.initialize import Start, consistent, initialize
 from acausal.simulate.interrupt import Interruptible
 from acausal.simulate.options import Options, options
+from acausal.simulate.patience import PATIENCE, crawl
 from acausal.simulate.problem import Problem
 from acausal.simulate.project import projected
 from acausal.simulate.record import Recorder, make_result
@@ -432,23 +434,36 @@ class _Run:
         times = segment.times
         count = max(1, len(times) // 2)
         while len(times) and count >= 1:
-            part = Segment(**{**segment.__dict__, "times": times[:count]})
+            part = replace(segment, times=times[:count], patience=PATIENCE)
             try:
                 piece = solver.integrate(problem, part)
             except RuntimeError:
                 self.interrupt.check()
-                if count == 1:
-                    break
-                count = max(1, count // 4)
-                continue
+                if count > 1:
+                    count = max(1, count // 4)
+                    continue
+                reached, found = crawl(self.patient(problem, solver), part)
+                if found is None:
+                    return reached, None
+                piece = found
             if count >= len(times):
                 return part, piece
             piece = recorder.add(part.times, piece, m)
             times = times[count:]
-            segment = Segment(
-                **{**segment.__dict__, "start": float(part.times[-1]), "x": piece.x[:, -1], "z": piece.z[:, -1]}
-            )
+            segment = replace(segment, start=float(part.times[-1]), x=piece.x[:, -1], z=piece.z[:, -1])
         return segment, None
+
+    def patient(self, problem: Problem, solver: Solver) -> Callable[[Segment], Piece]:
+        """The solver on this problem; Ctrl-C is not taken for a failure of its."""
+
+        def integrate(segment: Segment) -> Piece:
+            try:
+                return solver.integrate(problem, segment)
+            except RuntimeError:
+                self.interrupt.check()
+                raise
+
+        return integrate
 
     def dense(self, problem: Problem, solver: Solver, recorder: Recorder) -> Callable[[float], Vector]:
         """Values at any time: integrated again from the stored point before it."""
@@ -489,25 +504,3 @@ def _event_text(t: float, relations: Vector) -> str:
     """What happened at `t`, given the instants of all relations."""
     count = int(np.sum(np.abs(relations - t) <= 1e-12 * max(1.0, abs(t))))
     return f"time >= {t:g}" + (f" ({count} relations)" if count > 1 else "")
-
-
-def integration_error(problem: Problem, solver: str, reached: Segment, text: str) -> IntegrationError:
-    """What went wrong, when, and which variables were moving fastest."""
-    known: tuple[tuple[str, str, str], ...] = (
-        ("TOO_MUCH_WORK", "AC401", "needs more steps than allowed"),
-        ("CONV_FAIL", "AC402", "Newton's method of the solver does not converge"),
-        ("ERR_FAIL", "AC403", "the error test fails with the smallest step"),
-        ("not finite", "AC404", "the solution is not finite"),
-    )
-    code, fact = next(((c, f) for key, c, f in known if key in text), ("AC400", "the solver gave up"))
-    compiled = problem.compiled
-    ode = np.array(compiled.rhs(reached.start, reached.x, reached.z, problem.u, problem.p, reached.p)[0]).ravel()
-    fastest = np.argsort(-np.abs(np.nan_to_num(ode / compiled.nominal_x, nan=np.inf)))[:3]
-    lines = [f"der({compiled.states[k]}) = {ode[k]:.4g}   {compiled.states[k]} = {reached.x[k]:.6g}" for k in fastest]
-    return IntegrationError(
-        code,
-        f"{solver} stopped at t = {reached.start:.9g} s: {fact}",
-        evidence=["fastest there:", *(f"  {line}" for line in lines)],
-        cause="a jump or a singular position just after this time, or a tolerance too tight",
-        help="look at these variables around that time; try another solver (--solver rosenbrock) or tolerance",
-    )

@@ -18,7 +18,7 @@ from acausal.simulate.native.source import ENTRY
 Vector = NDArray[np.float64]
 
 _INTERRUPTED = 100
-# CasADi's casadi_ivp_flag_t, in the words by which `run.integration_error` knows SUNDIALS' failures.
+# CasADi's casadi_ivp_flag_t, in the words by which `failure.integration_error` knows SUNDIALS' failures.
 _FAILURES = {
     1: "TOO_MUCH_WORK: more steps than allowed within an output interval",
     2: "ERR_FAIL: the step became too small",

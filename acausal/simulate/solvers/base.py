@@ -39,7 +39,8 @@ the steps, and every published initial value problem ends below ten times the to
 class Segment:
     """One stretch: from `start` to the last of `times` (ascending, all after `start`).
 
-    `x` (all states), `z` are consistent at the start; `p` are the modes of the time events.
+    `x` (all states), `z` are consistent at the start; `p` are the modes of the time events. `patience` is the number of
+    steps between two output times after which IDAS and CVODES give up; None: as many as a long run may need.
     """
 
     start: float
@@ -51,6 +52,12 @@ class Segment:
     absolute: float
     step: float | None
     max_step: float | None = None
+    patience: int | None = None
+
+    @property
+    def most_steps(self) -> int:
+        """Steps between two output times; with few of these, as many as a run with many would be allowed."""
+        return self.patience or max(20_000, 400_000 // len(self.times))
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,9 @@ class Cvodes(CasadiSolver):
         return {
             "reltol": segment.tolerance,
             "abstol": segment.absolute,
-            "max_num_steps": 10**6,
+            "max_num_steps": segment.most_steps,
+            # what is not finite is named by `failure.py`, once
+            "show_eval_warnings": False,
             **bounded(segment),
             "linear_solver": "qr" if problem.n_dynamic < 400 else "csparse",
         }

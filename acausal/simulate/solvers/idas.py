@@ -27,6 +27,8 @@ class Idas(CasadiSolver):
             try:
                 return Idas(strictness).attempt(problem, segment)
             except RuntimeError as error:
+                if "IDA_TOO_MUCH_WORK" in str(error):
+                    break
                 if "IDA_RES_FAIL" in str(error):
                     raise  # Ctrl-C inside the equations looks like this, and must not be answered by another try
         return Idas(0.33).attempt(problem, segment)
@@ -50,7 +52,9 @@ class Idas(CasadiSolver):
             # 0.33 a drill that falls 8 mm before it touches flies through the block at some tolerances (measured); an
             # ODE is under the error test as a whole, and pays half as many evaluations again for nothing
             "nonlin_conv_coeff": self.convergence,
-            "max_num_steps": 10**6,
+            "max_num_steps": segment.most_steps,
+            # what is not finite is named by `failure.py`, once
+            "show_eval_warnings": False,
             **bounded(segment),
             "linear_solver": "qr" if problem.n_dynamic < 400 else "csparse",
         }

@@ -1,0 +1,169 @@
+"""What is said when a run stops early: when, where in the model, and what is going on there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from acausal.errors import IntegrationError, Span
+from acausal.flatten.flat import span_of
+from acausal.lower.compiled import CompiledModel
+from acausal.lower.diagnosis.words import component_of, line, lines, made_at
+from acausal.simulate.finite import Undefined, first_undefined
+from acausal.simulate.problem import Problem
+from acausal.simulate.solvers.base import Segment
+
+Vector = np.ndarray[Any, np.dtype[np.float64]]
+
+_KNOWN: tuple[tuple[str, str, str], ...] = (
+    ("TOO_MUCH_WORK", "AC401", "needs more steps than allowed"),
+    ("CONV_FAIL", "AC402", "Newton's method of the solver does not converge"),
+    ("ERR_FAIL", "AC403", "the error test fails with the smallest step"),
+    ("not finite", "AC404", "the solution is not finite"),
+)
+_AHEAD = 10.0 ** np.arange(-12.0, -1.0)  # shares of the segment that are looked at behind the last point
+_SHORT = 1e-4  # share of the run within which something doubles that grows without bound
+_SINGULAR = 1e-6  # ratio of singular values of the algebraic equations
+
+
+@dataclass(frozen=True)
+class _Finding:
+    """A cause that was recognised: code and fact instead of the solver's, with evidence, place and advice."""
+
+    code: str
+    fact: str
+    where: tuple[Span, ...]
+    evidence: tuple[str, ...]
+    cause: str
+    help: str
+
+
+def integration_error(problem: Problem, solver: str, reached: Segment, text: str) -> IntegrationError:
+    """What went wrong, when, and which variables were moving fastest.
+
+    Parameters
+    ----------
+    reached
+        The segment from the last point that was reached.
+    text
+        The solver's own words.
+    """
+    compiled = problem.compiled
+    at = (reached.x, reached.z, problem.u, problem.p, reached.p)
+    ode = np.array(compiled.rhs(reached.start, *at)[0]).ravel()
+    code, fact = next(((c, f) for key, c, f in _KNOWN if key in text), ("AC400", "the solver gave up"))
+    finding = (
+        _undefined(problem, reached, ode)
+        or _unbounded(compiled, reached, ode)
+        or _singular(problem, reached)
+        or _Finding(
+            code,
+            fact,
+            (),
+            (),
+            "a jump or a singular position just after this time, or a tolerance too tight",
+            "look at these variables around that time; try another solver (--solver rosenbrock) or tolerance",
+        )
+    )
+    fastest = np.argsort(-np.abs(np.nan_to_num(ode / compiled.nominal_x, nan=np.inf)))[:3].tolist()
+    moving = [f"der({compiled.states[k]}) = {ode[k]:.4g}   {compiled.states[k]} = {reached.x[k]:.6g}" for k in fastest]
+    where = finding.where or (_made(compiled, compiled.states[fastest[0]]) if fastest else ())
+    return IntegrationError(
+        finding.code,
+        f"{compiled.name}: {solver} stopped at t = {reached.start:.9g} s: {finding.fact}",
+        where=where,
+        evidence=[*finding.evidence, *(["fastest there:", *(f"  {row}" for row in moving)] if moving else [])],
+        cause=finding.cause,
+        help=finding.help,
+    )
+
+
+def _made(compiled: CompiledModel, variable: str) -> tuple[Span, ...]:
+    return made_at(compiled.flat, component_of(compiled.flat, variable))
+
+
+def _undefined(problem: Problem, reached: Segment, ode: Vector) -> _Finding | None:
+    """An equation that has no finite value there, or just behind that point as the states are moving."""
+    span = reached.times[-1] - reached.start if len(reached.times) else 0.0
+    for ahead in (0.0, *(span * _AHEAD).tolist()):
+        x = reached.x + ahead * np.nan_to_num(ode, posinf=0.0, neginf=0.0)
+        point = (reached.start + ahead, x, reached.z, problem.u, problem.p, reached.p)
+        found = first_undefined(problem.compiled, *point)
+        if found is not None:
+            return _of_undefined(problem.compiled, found, ahead)
+    return None
+
+
+def _of_undefined(compiled: CompiledModel, found: Undefined, ahead: float) -> _Finding:
+    return _Finding(
+        "AC404",
+        f"{found.variable} has no finite value {'just after it' if ahead else 'there'}",
+        span_of(found.equation) or _made(compiled, found.variable),
+        (
+            line(compiled.flat, found.equation).strip(),
+            *([f"with {', '.join(found.inside[:6])}"] if found.inside else []),
+        ),
+        "a division by zero, or a root or logarithm of a negative number",
+        "state the equation so that it holds there too, or end the run before",
+    )
+
+
+def _unbounded(compiled: CompiledModel, reached: Segment, ode: Vector) -> _Finding | None:
+    """A state far from its usual size that doubles within a ten-thousandth of the time that has passed."""
+    since = abs(reached.start - compiled.flat.experiment.start_time) or 1.0
+    large = np.abs(reached.x) > 1e3 * compiled.nominal_x
+    for k in np.flatnonzero(large & (reached.x * ode > 0.0)).tolist():
+        doubling = float(reached.x[k] / ode[k])
+        if doubling < _SHORT * since:
+            name = compiled.states[k]
+            return _Finding(
+                "AC404",
+                f"{name} grows without bound",
+                _made(compiled, name),
+                (f"{name} = {reached.x[k]:.6g} would double within {doubling:.1g} s",),
+                "its rate grows faster than itself: a wrong sign, or feedback that nothing limits",
+                f"look at the equation for der({name})",
+            )
+    return None
+
+
+def _singular(problem: Problem, reached: Segment) -> _Finding | None:
+    """Algebraic equations that cease to determine their unknowns."""
+    compiled = problem.compiled
+    if not compiled.algebraic:
+        return None
+    jacobian = compiled.rhs.factory("jacobian", compiled.rhs.name_in(), ["jac:alg:z"])
+    point = (reached.start, reached.x, reached.z, problem.u, problem.p, reached.p)
+    matrix = np.array(jacobian(*point)) * problem.scale_z[None, :]
+    rows = np.maximum(np.abs(matrix).max(axis=1, initial=0.0), _usual(problem, jacobian, reached))
+    if not np.isfinite(matrix).all() or not (rows > 0.0).all():
+        return None
+    _, sizes, right = np.linalg.svd(matrix / rows[:, None])
+    if sizes[-1] > _SINGULAR**0.5 * max(1.0, sizes[0]):
+        return None
+    names = [compiled.algebraic[k] for k in np.flatnonzero(np.abs(right[-1]) > 0.1).tolist()]
+    equations = [compiled.flat.equations[e] for e in _equations_of(compiled, names)]
+    return _Finding(
+        "AC402",
+        f"{', '.join(names[:4])} can no longer be solved for",
+        span_of(equations[0]) if equations else _made(compiled, names[0]),
+        ("they follow from:" if len(names) > 1 else "it follows from:", *lines(compiled.flat, equations)),
+        "at this point the equations lose their solution, or two solutions meet",
+        "look at what these variables do there; a mechanism may be stretched out, a characteristic may fold back",
+    )
+
+
+def _usual(problem: Problem, jacobian: Any, reached: Segment) -> Vector:
+    """Sizes of the rows of the algebraic equations away from that point."""
+    z = reached.z + problem.scale_z
+    matrix = np.array(jacobian(reached.start, reached.x, z, problem.u, problem.p, reached.p)) * problem.scale_z[None, :]
+    return np.asarray(np.nan_to_num(np.abs(matrix).max(axis=1, initial=0.0)))
+
+
+def _equations_of(compiled: CompiledModel, names: list[str]) -> list[int]:
+    """Flat equations of the blocks that algebraic variables are solved in."""
+    structure = compiled.solution.structure
+    wanted = {v for v, name in zip(compiled.solution.algebraic, compiled.algebraic, strict=True) if name in names}
+    return [structure.flat_equation(r) for b in structure.blocks if wanted & set(b.columns) for r in b.rows]

@@ -1,0 +1,166 @@
+"""Runs that cannot be finished: they end soon, keep what was computed, and name the equation."""
+
+from __future__ import annotations
+
+import signal
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import acausal
+from acausal import (
+    Component,
+    Equations,
+    Real,
+    der,
+    fixed,
+    guess,
+    parameter,
+    part,
+    sqrt,
+    time,
+    variable,
+)
+from acausal.errors import IntegrationError
+from acausal.simulate.patience import PATIENCE, crawl
+from acausal.simulate.solvers.base import Piece, Segment
+
+
+class Explosion(Component):
+    """x' = x^2 from 1: x = 1/(1 - t) has a pole at t = 1."""
+
+    x: Real = variable(default=fixed(1.0))
+
+    def equations(self) -> Equations:
+        yield der(self.x) == self.x * self.x
+
+
+class Emptying(Component):
+    """x' = -sqrt(x) - 1 from 1: with s = sqrt(x), t = 2 (1 - s) - 2 log(2/(1 + s)); empty at 2 - 2 log 2 = 0.6137."""
+
+    x: Real = variable(default=fixed(1.0))
+    volume: Real = variable(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        yield der(self.x) == -sqrt(self.x) - 1.0
+        yield der(self.volume) == self.x
+
+
+class Folding(Component):
+    """z^2 + z/1000 = 1 - t has no solution after 1 + 2.5e-7."""
+
+    x: Real = variable(default=fixed(0.0))
+    z: Real = variable(default=guess(1.0))
+
+    def equations(self) -> Equations:
+        yield der(self.x) == self.z
+        yield self.z * self.z + 1e-3 * self.z == 1.0 - time
+
+
+class Owner(Component):
+    """A failure inside a part."""
+
+    tank: Emptying = part()
+    rate: Real = parameter(default=1.0)
+
+    def build(self) -> None:
+        self.tank = Emptying()
+
+
+EMPTY = 2.0 - 2.0 * np.log(2.0)
+# Model, end, code, fact, and what the source line shown first holds.
+CASES = [
+    (Explosion, 1.0, "AC404", "x grows without bound", "def equations"),
+    (Emptying, EMPTY, "AC404", "der(x) has no finite value just after it", "sqrt"),
+    (Owner, EMPTY, "AC404", "der(tank.x) has no finite value just after it", "sqrt"),
+    (Folding, 1.0, "AC402", "z can no longer be solved for", "1e-3 * self.z"),
+]
+
+
+@pytest.mark.parametrize("solver", ["idas", "rosenbrock"])
+@pytest.mark.parametrize(("model", "end", "code", "fact", "line"), CASES)
+def test_what_is_said(model: type[Component], end: float, code: str, fact: str, line: str, solver: str) -> None:
+    with pytest.raises(IntegrationError) as caught:
+        acausal.simulate(model(), stop_time=2.0, solver=solver)
+    error = caught.value
+    first, _, rest = str(error).partition("\n")
+    assert error.code == code
+    assert first.startswith(f"error[{code}]: {model.__name__}: {solver} stopped at t = ")
+    assert first.endswith(f" s: {fact}")
+    assert float(first.split(" t = ")[1].split()[0]) == pytest.approx(end, abs=1e-5)
+    assert line in "\n".join(rest.splitlines()[:3])
+    assert "fastest there:" in rest
+    assert error.result is not None
+    # output times are 4 ms apart
+    assert end - 0.0081 < error.result.time[-1] <= end + 1e-6
+
+
+def test_what_was_computed_is_right_up_to_the_end() -> None:
+    with pytest.raises(IntegrationError) as caught:
+        acausal.simulate(Explosion(), stop_time=2.0, tolerance=1e-8)
+    result = caught.value.result
+    t = result.time[result.time < 0.99]
+    np.testing.assert_allclose(result["x"][: len(t)], 1.0 / (1.0 - t), rtol=1e-5)
+
+
+def test_interrupted() -> None:
+    """Ctrl-C between two pieces: the exception carries what there is."""
+
+    class Slow(Component):
+        x: Real = variable(default=fixed(1.0))
+        v: Real = variable(default=fixed(0.0))
+
+        def equations(self) -> Equations:
+            yield der(self.x) == self.v
+            yield der(self.v) == -1e4 * self.x
+
+    def press(fraction: float, t: float) -> None:
+        if fraction > 0.1:
+            signal.raise_signal(signal.SIGINT)
+
+    with pytest.raises(KeyboardInterrupt) as caught:
+        acausal.simulate(Slow(), stop_time=60.0, output_interval=0.1, progress=press)
+    result = caught.value.result  # type: ignore[attr-defined]
+    assert 0.0 < result.time[-1] < 60.0
+    assert result["x"][-1] == pytest.approx(np.cos(100.0 * result.time[-1]), abs=1e-2)
+
+
+SEGMENT = Segment(0.0, np.array([1.0]), np.array([0.0]), np.zeros(0), np.zeros(0), 1e-6, 1e-6, None)
+
+
+def until(wall: float) -> list[float]:
+    """Where `crawl` ends when nothing passes `wall`, and how many pieces it tries."""
+    tried = 0
+
+    def integrate(segment: Segment) -> Piece:
+        nonlocal tried
+        tried += 1
+        assert segment.patience == PATIENCE
+        if segment.times[-1] > wall:
+            raise RuntimeError("IDA_TOO_MUCH_WORK")
+        return Piece(segment.times[None, :], np.zeros((0, 1)), {})
+
+    left, piece = crawl(integrate, replace(SEGMENT))
+    return [left.start, 0.0 if piece is None else 1.0, tried]
+
+
+def test_a_wall_is_found_to_nine_digits() -> None:
+    reached, arrived, tried = until(0.123456789)
+    assert reached == pytest.approx(0.123456789, abs=1e-8)
+    assert reached <= 0.123456789
+    assert not arrived
+    assert tried < 150
+
+
+def test_a_narrow_hard_place_is_passed() -> None:
+    """Pieces longer than a thousandth fail around 0.5 only."""
+
+    def integrate(segment: Segment) -> Piece:
+        if segment.start < 0.51 and segment.times[-1] > 0.5 and segment.times[-1] - segment.start > 1e-3:
+            raise RuntimeError("IDA_TOO_MUCH_WORK")
+        return Piece(segment.times[None, :], np.zeros((0, 1)), {})
+
+    left, piece = crawl(integrate, replace(SEGMENT))
+    assert piece is not None
+    assert left.start + 1e-12 < 1.0
