@@ -1,0 +1,256 @@
+"""Claims of the contact library, measured.
+
+1. The scene S32 (`ThickBlock`) with a convex workpiece takes at most three times as long as with the analytic plate,
+   and with a collision library behind a Python callback much longer.
+2. A thousand workpieces, one drill: solving takes at most 1.3 times what it takes with one workpiece.
+
+    python benchmarks/contact.py                      all, and the picture docs/images/contact.png
+    python benchmarks/contact.py --repetitions 3      quicker
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from measure import alternated, medians, report, rounded
+
+import acausal
+from acausal import Equations, External
+from acausal.library.contact import Box
+from acausal.library.drilling import ConvexLevel, DrillingForce
+from acausal.library.drilling.geometry import PartialDrillGeometry
+from acausal.library.multibody.orientation import IDENTITY
+from acausal.models.contact_scenes import HolesSideBySide
+from acausal.models.drilling_dynamic import ThickBlock
+
+UP = (0.0, 0.0, 1.0)
+LEVELS, MANY = 3.0, 1.3
+COUNTS = (1, 10, 100, 1000)
+
+
+class ConvexBlock(ThickBlock):
+    """S32 with the block as a convex body."""
+
+    def build(self) -> None:
+        super().build()
+        level = ConvexLevel(Box((0.1, 0.1, 0.05)), ((0.0, 0.0, 0.025), IDENTITY), "block")
+        self.drill = DrillingForce(level=level, t=0.05, axis_a=UP, k=1e8, d_c=2e4)
+
+
+class CallbackGeometry(PartialDrillGeometry):
+    """Depth by coal (the library formerly called hpp-fcl), asked through a Python callback.
+
+    Only for a drill perpendicular to a face, less deep than half the block: there the penetration depth is the depth.
+    """
+
+    def equations(self) -> Equations:
+        yield self.s == _coal_depth(self.tip)
+        yield self.s_exit == self.s - 0.05
+
+
+class CallbackForce(DrillingForce):
+    """The drilling force on this geometry."""
+
+    def build(self) -> None:
+        super().build()
+        self.geometry = CallbackGeometry(axis_a=self.axis_a, d=self.d, sigma=self.sigma, length=self.length)
+
+
+class CallbackBlock(ThickBlock):
+    """S32 with the depth from a Python callback."""
+
+    def build(self) -> None:
+        super().build()
+        self.drill = CallbackForce(t=0.05, axis_a=UP, k=1e8, d_c=2e4)
+
+
+_kept: list[Any] = []  # CasADi does not own its callbacks
+
+
+def _coal_function() -> Any:
+    """`(tip) -> depth` [m], with its derivative by the normal of the contact."""
+    import coal
+
+    # coal's cone stands on its base; its tip is at +z
+    cone, block = coal.Cone(0.008, 0.008 / np.tan(np.radians(59.0))), coal.Box(0.1, 0.1, 0.05)
+    half = cone.halfLength
+    request = coal.CollisionRequest()
+    request.num_max_contacts = 1
+    flip = np.diag([1.0, -1.0, -1.0])
+    at = coal.Transform3s()
+    at.setTranslation(np.array([0.0, 0.0, 0.025]))
+
+    def contact(tip: Any) -> tuple[float, Any]:
+        place = coal.Transform3s()
+        place.setRotation(flip)
+        place.setTranslation(np.array(tip).ravel() - np.array([0.0, 0.0, half]))
+        # (the tip is in front, so the middle of the cone lies behind it)
+        result = coal.CollisionResult()
+        if coal.collide(cone, place, block, at, request, result):
+            found = result.getContact(0)
+            return -found.penetration_depth, found.normal
+        apart = coal.DistanceResult()
+        return -coal.distance(cone, place, block, at, coal.DistanceRequest(), apart), apart.normal
+
+    class Slope(ca.Callback):
+        def __init__(self) -> None:
+            ca.Callback.__init__(self)
+            self.construct("coal_slope", {})
+
+        def get_n_in(self) -> int:
+            return 2
+
+        def get_n_out(self) -> int:
+            return 1
+
+        def get_sparsity_in(self, i: int) -> Any:
+            return ca.Sparsity.dense(3 if i == 0 else 1, 1)
+
+        def get_sparsity_out(self, i: int) -> Any:
+            return ca.Sparsity.dense(1, 3)
+
+        def eval(self, arguments: Sequence[Any]) -> list[Any]:
+            return [ca.DM(np.array(contact(arguments[0])[1]).reshape(1, 3))]
+
+        def has_jacobian(self) -> bool:
+            return True
+
+        def get_jacobian(self, name: str, names_in: Any, names_out: Any, options: Any) -> Any:
+            # a flat face; a library has no second derivatives to give
+            given = [ca.MX.sym("tip", 3), ca.MX.sym("depth"), ca.MX.sym("slope", 1, 3)]
+            return ca.Function(name, given, [ca.MX(3, 3), ca.MX(3, 1)], names_in, names_out, options)
+
+    class Depth(ca.Callback):
+        def __init__(self) -> None:
+            ca.Callback.__init__(self)
+            self.construct("coal_depth", {})
+
+        def get_n_in(self) -> int:
+            return 1
+
+        def get_n_out(self) -> int:
+            return 1
+
+        def get_sparsity_in(self, i: int) -> Any:
+            return ca.Sparsity.dense(3, 1)
+
+        def eval(self, arguments: Sequence[Any]) -> list[Any]:
+            return [contact(arguments[0])[0]]
+
+        def has_jacobian(self) -> bool:
+            return True
+
+        def get_jacobian(self, name: str, names_in: Any, names_out: Any, options: Any) -> Any:
+            slope = Slope()
+            _kept.append(slope)
+            return slope
+
+    made = Depth()
+    _kept.append(made)
+    tip = ca.MX.sym("tip", 3)
+    return ca.Function("depth", [tip], [made(tip)], {"never_inline": True})
+
+
+_coal_depth = External("coal_depth", _coal_function, inputs=((3,),), outputs=((),), units=("m",))
+
+
+def levels(repetitions: int) -> dict[str, Any]:
+    """Seconds of integration of S32 for each level of the geometry, and how far apart the results are."""
+    models: dict[str, Any] = {"plate": ThickBlock(), "convex": ConvexBlock()}
+    try:
+        import coal  # noqa: F401
+
+        models["callback"] = CallbackBlock()
+    except ImportError:
+        pass
+    compiled = {name: acausal.compile(model) for name, model in models.items()}
+    results: dict[str, Any] = {}
+    spent: dict[str, list[float]] = {name: [] for name in compiled}
+
+    def job(name: str) -> Any:
+        def run() -> None:
+            results[name] = acausal.simulate(compiled[name], native=False)
+            spent[name].append(results[name].stats["time"]["integrate"])
+
+        return run
+
+    alternated({name: job(name) for name in compiled}, repetitions)
+    seconds = medians({name: times[1:] for name, times in spent.items()})
+    plate = results["plate"]
+    times = np.linspace(0.0, 40.0, 81)
+    far = {n: float(np.abs(r.at(times, "drill.s") - plate.at(times, "drill.s")).max()) for n, r in results.items()}
+    ratio = {name: seconds[name] / seconds["plate"] for name in seconds}
+    return {"seconds": seconds, "ratio": ratio, "difference_m": far, "limit": LEVELS}
+
+
+def many(repetitions: int) -> dict[str, Any]:
+    """Seconds of solving for one drill among more and more plates, none of them ruled out beforehand."""
+    spent: dict[str, list[float]] = {str(n): [] for n in COUNTS}
+    pairs: dict[str, Any] = {}
+    models = {str(n): HolesSideBySide(n=n) for n in COUNTS}
+
+    def job(name: str) -> Any:
+        def run() -> None:
+            result = acausal.simulate(models[name], native=False)
+            time: Any = result.stats["time"]
+            spent[name].append(time["initialize"] + time["integrate"])
+            pairs[name] = {"steps": result.stats["steps"], "kept": len(models[name].scene.report().kept)}
+
+        return run
+
+    whole = medians(alternated({name: job(name) for name in models}, repetitions))
+    seconds = medians({name: times[1:] for name, times in spent.items()})
+    ratio = {name: seconds[name] / seconds["1"] for name in seconds}
+    return {"solve_seconds": seconds, "ratio": ratio, "whole_seconds": whole, "pairs": pairs, "limit": MANY}
+
+
+def draw(first: dict[str, Any], second: dict[str, Any], file: Path) -> None:
+    """Both claims as one picture."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, (left, right) = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
+    names = list(first["ratio"])
+    labels = {"plate": "analytic plate", "convex": "convex body", "callback": "coal by\nPython callback"}
+    bars = left.bar([labels[n] for n in names], [first["ratio"][n] for n in names], color="#0072b2")
+    left.bar_label(bars, [f"{1e3 * first['seconds'][n]:.0f} ms" for n in names])
+    left.axhline(LEVELS, color="#d55e00", linestyle="--", label=f"limit for the convex body: {LEVELS:g}")
+    left.set(ylabel="Time of integration, plate = 1", title="S32: 40 s of drilling, IDAS at 1e-8")
+    left.legend()
+    counts = [int(n) for n in second["ratio"]]
+    right.semilogx(counts, list(second["ratio"].values()), "o-", color="#0072b2", label="solving")
+    right.axhline(MANY, color="#d55e00", linestyle="--", label=f"limit: {MANY:g}")
+    right.set(
+        xlabel="Workpieces in the scene", ylabel="Time, one workpiece = 1", title="One drill, three holes", ylim=(0, 2)
+    )
+    right.legend()
+    for axes in (left, right):
+        axes.grid(alpha=0.3)
+    figure.savefig(file, dpi=110)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--repetitions", type=int, default=7)
+    parser.add_argument("--file", type=Path, default=Path("docs/images/contact.png"))
+    given = parser.parse_args()
+    first, second = levels(given.repetitions), many(max(1, given.repetitions // 2))
+    draw(first, second, given.file)
+    verdict = all(
+        (first["ratio"]["convex"] <= LEVELS, first["difference_m"]["convex"] <= 1e-7, second["ratio"]["1000"] <= MANY)
+    )
+    ratios = ", ".join(f"{n} {r:.2f}" for n, r in first["ratio"].items())
+    line = f"S32 by level: {ratios}; 1000 workpieces: {second['ratio']['1000']:.2f} times one"
+    line += ": holds" if verdict else ": does not hold"
+    report(__doc__.split("\n")[0], line, rounded({"levels": first, "many": second}))
+
+
+if __name__ == "__main__":
+    main()
