@@ -123,28 +123,30 @@ class Iteration:
     def decide(self, t: float, moment: Moment, notes: list[str]) -> Moment:
         """Flip relations and apply discrete equations until all hold at this point, or leave their guard rightly."""
         flips = np.zeros(len(moment.m) - self.first, dtype=int)
-        for turn in range(_MOST_SINGLE):
+        turn, doubt = 0, np.zeros(len(flips))
+        for _ in range(_MOST_SINGLE):
             moment = self.consistent(t, moment)
             new = self._react(t, moment)[1] if len(self.assigned) else np.zeros(0)
-            settled = bool((new == moment.x[self.assigned]).all())
-            wrong = self._wrong(t, moment) if len(moment.regime.owners) else np.zeros(0, dtype=bool)
-            if settled and not wrong.any():
-                return moment
-            if not settled:
+            if not (new == moment.x[self.assigned]).all():
+                # relations are judged by what follows from them: a step behind, they would run in circles
                 x = moment.x.copy()
                 x[self.assigned] = new
                 moment = replace(moment, x=x)
-            if wrong.any():
-                if turn >= _AT_ONCE:
-                    wrong[int(np.argmax(wrong)) + 1 :] = False
-                owners = moment.regime.owners
-                moment = self.flipped(moment, wrong)
-                ours = [owners[k][0] for k in np.flatnonzero(wrong)]
-                flips[ours] += 1
-                if turn < _AT_ONCE and settled and (flips[ours] >= _CHATTER).any():
-                    held = self._slide(t, moment, [k for k in ours if flips[k] >= _CHATTER], notes)
-                    if held is not None:
-                        moment, flips = held, flips * 0
+                continue
+            wrong = self._wrong(t, moment, flips, doubt) if len(moment.regime.owners) else np.zeros(0, dtype=bool)
+            if not wrong.any():
+                return moment
+            if turn >= _AT_ONCE:
+                wrong[int(np.argmax(wrong)) + 1 :] = False
+            owners = moment.regime.owners
+            moment = self.flipped(moment, wrong)
+            ours = [owners[k][0] for k in np.flatnonzero(wrong)]
+            flips[ours] += 1
+            if turn < _AT_ONCE and (flips[ours] >= _CHATTER).any():
+                held = self._slide(t, moment, [k for k in ours if flips[k] >= _CHATTER], notes)
+                if held is not None:
+                    moment, flips = held, flips * 0
+            turn += 1
         names = [self.guards.texts[k] for k in np.argsort(-flips)[:4] if flips[k] > 1]
         raise unsettled(self.problem.compiled.name, t, names or [a.text for a in self.events.assignments])
 
@@ -175,11 +177,21 @@ class Iteration:
             z = consistent(problem.compiled, t, start, problem.p, problem.u, moment.m).z
         return replace(moment, z=z)
 
-    def _wrong(self, t: float, moment: Moment) -> Truth:
+    def _wrong(self, t: float, moment: Moment, flips: NDArray[np.int_], doubt: Vector) -> Truth:
+        """Guards of the regime that do not hold.
+
+        `doubt` gathers how far each relation can be wrong in all modes seen so far: one that has flipped and come back
+        is judged by the largest of these. Judged finely in one mode and coarsely in the next, four diodes at the zero
+        crossing of their source would go round for ever.
+        """
         g = self.guards.distances(t, moment)
         if (g > 1.0).all():  # far from everything: no rates needed
             return np.zeros(len(g), dtype=bool)
         rate, noise = self.guards.rates(t, moment)
+        for k, (relation, side) in enumerate(moment.regime.owners):
+            if side < 0:
+                doubt[relation] = max(doubt[relation], noise[k])
+                noise[k] = doubt[relation] if flips[relation] > 1 else noise[k]
         wrong = g < -2 * noise
         at = np.abs(g) <= noise
         return np.asarray(wrong | (at & (rate < -noise)))
