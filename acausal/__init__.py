@@ -89,6 +89,7 @@ from acausal.panel import Panel as Panel
 if TYPE_CHECKING:
     from acausal.export.casadi_file import load_casadi as load_casadi
     from acausal.export.linearize import linearize as linearize
+    from acausal.export.sensitivity import sensitivities as sensitivities
     from acausal.flatten.flatten import flatten as flatten
     from acausal.lower.compile import compile as compile
     from acausal.result import Result as Result
@@ -105,6 +106,7 @@ _LAZY = {
     "Result": "acausal.result",
     "load": "acausal.result",
     "linearize": "acausal.export.linearize",
+    "sensitivities": "acausal.export.sensitivity",
     "load_casadi": "acausal.export.casadi_file",
     "bench": "acausal.study.bench.bench",
     "reduce": "acausal.study.reduction.reduction",

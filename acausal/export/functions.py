@@ -98,16 +98,22 @@ def input_start(compiled: CompiledModel, scalar: int, p: Vector) -> float:
 def dae_function(compiled: CompiledModel, outputs: Sequence[Output]) -> Any:
     """`(t, x, z, u, p) -> (ode, alg, y)`."""
     s = Symbols(compiled)
+    y = observed_function(compiled, outputs)
+    arguments = [s.t, s.x, s.z, s.u, s.p]
+    modes = compiled.all_modes(*arguments)
+    found = [*compiled.rhs(*arguments, modes), y(*arguments, modes)]
+    return ca.Function("dae", arguments, [ca.densify(v) for v in found], ["t", "x", "z", "u", "p"], ["ode", "alg", "y"])
+
+
+def observed_function(compiled: CompiledModel, outputs: Sequence[Output]) -> Any:
+    """`(t, x, z, u, p, m) -> y`."""
+    s = Symbols(compiled)
     image = compiled.solution.structure.reduced.image
     builder = s.builder(compiled)
     nodes = [image[output.scalar] for output in outputs]
     builder.define(_definitions(compiled, nodes), compiled.rewritten)
     observed = builder.lower([builder.replaced(n) for n in nodes])
-    y = ca.Function("y", s.inputs, [ca.vertcat(*observed) if observed else ca.SX(0, 1)])
-    arguments = [s.t, s.x, s.z, s.u, s.p]
-    modes = compiled.all_modes(*arguments)
-    found = [*compiled.rhs(*arguments, modes), y(*arguments, modes)]
-    return ca.Function("dae", arguments, [ca.densify(v) for v in found], ["t", "x", "z", "u", "p"], ["ode", "alg", "y"])
+    return ca.Function("y", s.inputs, [ca.vertcat(*observed) if observed else ca.SX(0, 1)])
 
 
 def _definitions(compiled: CompiledModel, nodes: Sequence[int]) -> list[tuple[int, int]]:

@@ -27,6 +27,16 @@ Integrate = Callable[[Regime, Segment], Piece]
 _log = logging.getLogger(__name__)
 
 
+@dataclass(frozen=True, eq=False)
+class Passage:
+    """An event as it was passed: the guard that was reached (None at a known instant), and what followed from it."""
+
+    time: float
+    left: Moment
+    guard: int | None
+    happened: Happened
+
+
 @dataclass
 class Hybrid:
     """The events of one run."""
@@ -39,6 +49,7 @@ class Hybrid:
     span: float
     moment: Moment | None = None
     notes: list[str] = field(default_factory=list)
+    passages: list[Passage] = field(default_factory=list)
     terminated: str | None = None
     history: list[tuple[float, Regime]] = field(default_factory=list)
     _gap: float = np.inf
@@ -72,6 +83,7 @@ class Hybrid:
         changed = before.copy()
         changed[:timely] = m[:timely]
         happened = self.iteration.settle(here, replace(moment, m=changed), before, samples=samples)
+        self.passages.append(Passage(here, moment, None, happened))
         while True:
             moment = self._say(happened, here)
             self._record_start(here, moment, happened)
@@ -86,7 +98,9 @@ class Hybrid:
             left = self.iteration.consistent(here, replace(moment, x=stop.x, z=stop.z))
             self._record(np.array([here]), left.x[:, None], left.z[:, None], left, {})
             times = times[times > here + 1e-13 * max(self.span, abs(here))]
+            guard = int(np.argmax(self.guards.fired(here, left)))
             happened = self.event(here, left)
+            self.passages.append(Passage(here, left, guard, happened))
 
     def end(self, t: float) -> None:
         """The event at the end of the run, when `terminal()` is true."""

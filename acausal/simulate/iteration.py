@@ -30,13 +30,14 @@ _CHATTER = 3
 
 @dataclass(frozen=True, eq=False)
 class Happened:
-    """The moment after an event, and what is said of it."""
+    """The moment after an event, what is said of it, and the moments at which `when` clauses acted, with which."""
 
     moment: Moment
     causes: tuple[Cause, ...] = ()
     changed: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     terminated: str | None = None
+    jumps: tuple[tuple[Moment, Truth], ...] = ()
 
 
 class Iteration:
@@ -80,6 +81,7 @@ class Iteration:
         causes: list[Cause] = []
         changed: dict[str, None] = {}
         notes: list[str] = []
+        jumps: list[tuple[Moment, Truth]] = []
         terminated: str | None = None
         was = self._conditions(t, moment, before)
         rising = np.zeros(0, dtype=bool)
@@ -96,6 +98,7 @@ class Iteration:
             remembered = reacted[4]
             if not rising.any() and np.array_equal(remembered, moment.m[self.memories]):
                 break
+            jumps.append((moment, rising))
             x, k = moment.x.copy(), 0
             for clause, acts in zip(self.events.clauses, rising, strict=True):
                 if acts:
@@ -118,7 +121,7 @@ class Iteration:
         for position in np.flatnonzero(moment.x != x_before).tolist():
             changed[self.problem.compiled.states[position]] = None
         self._check(t, reacted[5], notes)
-        return Happened(moment, tuple(causes), tuple(changed), tuple(notes), terminated)
+        return Happened(moment, tuple(causes), tuple(changed), tuple(notes), terminated, tuple(jumps))
 
     def decide(self, t: float, moment: Moment, notes: list[str]) -> Moment:
         """Flip relations and apply discrete equations until all hold at this point, or leave their guard rightly."""

@@ -145,6 +145,12 @@ class Regime:
         return bool(affine and np.linalg.cond(slope / size[:, None]) < 1e12)
 
     @cached_property
+    def kept_of(self) -> Any:
+        """`(t, x, z, u, p, m) -> k`: what the holds keep at zero."""
+        e = self._equations
+        return ca.Function("kept_of", e.s.inputs, [ca.densify(ca.vertcat(*e.kept))])
+
+    @cached_property
     def kept(self) -> Quick:
         """`-> (k, dk/dx, d)`: what the holds keep at zero, and the directions in which states may move for it.
 

@@ -129,7 +129,7 @@ def simulate(
     given = parameters if isinstance(model, CompiledModel) else None
     p = parameter_vector(compiled, given or {})
     u = input_vector(compiled, inputs or {})
-    return _Run(compiled, chosen, p, u, progress, force).result()
+    return Run(compiled, chosen, p, u, progress, force).result()
 
 
 def _piece(inputs: Mapping[str, float] | None, force: bool) -> RunPiece:
@@ -137,7 +137,7 @@ def _piece(inputs: Mapping[str, float] | None, force: bool) -> RunPiece:
 
     def run(compiled: CompiledModel, opts: Options, start: Start | None, outputs: Vector) -> Result:
         p, u = parameter_vector(compiled, {}), input_vector(compiled, inputs or {})
-        return _Run(compiled, opts, p, u, None, force, given=start, outputs=outputs).result()
+        return Run(compiled, opts, p, u, None, force, given=start, outputs=outputs).result()
 
     return run
 
@@ -204,7 +204,7 @@ def input_vector(compiled: CompiledModel, given: Mapping[str, float]) -> Vector:
 
 
 @dataclass
-class _Run:
+class Run:
     """The run while it is under way."""
 
     compiled: CompiledModel
@@ -215,6 +215,7 @@ class _Run:
     force: bool = False
     given: Start | None = None
     outputs: Vector | None = None
+    traced: bool = False
     timings: dict[str, float] = field(default_factory=dict)
     interrupt: Interruptible = field(default_factory=Interruptible)
     hybrid: Hybrid | None = None
@@ -235,7 +236,7 @@ class _Run:
         recorder = Recorder(self.compiled, self.p, self.u)
         limit = StepLimit(problem, solver.name, opts, self.force)
         limit.check_start(opts.start_time, start.x, start.z, m)
-        if self.compiled.state_events:
+        if self.compiled.state_events or self.traced:
             self.hybrid = Hybrid(problem, solver, recorder, self.plain(solver), self.tolerances, opts.span)
         began = clock.perf_counter()
         grid = opts.grid() if self.outputs is None else self.outputs

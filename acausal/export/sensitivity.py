@@ -1,0 +1,360 @@
+"""Derivatives of final values and of event times with respect to parameters, through all events of a run.
+
+Between events the integrator differentiates its own steps. At an event at t* with guard g the derivative of the time
+is dt* = -(g_x X + g_p) / (g_t + g_x f), and that of the states jumps: with x+ = r(t, x-, p),
+X+ = r_x (X- + f- dt*) + r_t dt* + r_p - f+ dt* (the saltation matrix). The sequence of events is that of the nominal
+run.
+
+Source: W. S. Galán, P. I. Barton, W. F. Feehery, Parametric sensitivity functions for hybrid discrete/continuous
+systems, Applied Numerical Mathematics 31 (1999); the adjoint form is its transpose, in reverse order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Literal
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.errors import UsageError, nearest
+from acausal.export.functions import observed_function
+from acausal.export.ports import Output, named_outputs
+from acausal.language.component import Component
+from acausal.lower.compile import compile
+from acausal.lower.compiled import CompiledModel
+from acausal.result import Result
+from acausal.simulate.hybrid import Passage
+from acausal.simulate.options import options
+from acausal.simulate.regime import Regime
+from acausal.simulate.run import Run, input_vector, parameter_vector
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Sensitivities:
+    """First derivatives of one run.
+
+    Attributes
+    ----------
+    parameters, outputs
+        Names, in the order of columns and rows.
+    final
+        d output / d parameter at the stop time, shape (outputs, parameters), SI.
+    values
+        The outputs at the stop time.
+    event_times
+        Instants of the located events [s], shape (events,).
+    of_event_times
+        d instant / d parameter, shape (events, parameters).
+    result
+        The run itself.
+    """
+
+    parameters: tuple[str, ...]
+    outputs: tuple[str, ...]
+    final: Vector
+    values: Vector
+    event_times: Vector
+    of_event_times: Vector
+    result: Result
+
+
+def sensitivities(
+    model: Component | CompiledModel,
+    parameters: Sequence[str],
+    outputs: Sequence[str],
+    *,
+    start_time: float | None = None,
+    stop_time: float | None = None,
+    tolerance: float = 1e-10,
+    solver: str | None = None,
+    values: Mapping[str, float] | None = None,
+    inputs: Mapping[str, float] | None = None,
+    method: Literal["forward", "adjoint"] = "forward",
+) -> Sensitivities:
+    """Differentiate the final values of `outputs` and all event times with respect to `parameters`.
+
+    Parameters
+    ----------
+    parameters
+        Names of scalar parameters, free in the compiled model.
+    outputs
+        Names of variables, as in a `Result`.
+    values
+        Values of parameters for this run, by path, in SI.
+    method
+        "forward" costs a run per parameter, "adjoint" one per output and event; the numbers are the same.
+
+    Raises
+    ------
+    UsageError
+        AC020 for an unknown parameter, AC010 for an unknown output, AC025 for an unknown method.
+    AcausalError
+        What the run itself raises.
+    """
+    if method not in ("forward", "adjoint"):
+        raise UsageError("AC025", f"there is no method '{method}'", help="methods: forward, adjoint")
+    compiled = model if isinstance(model, CompiledModel) else compile(model, parameters=values)
+    for name in parameters:
+        if name not in compiled.parameters:
+            close = nearest(name, list(compiled.parameters))
+            evidence = [f"did you mean {', '.join(close)}?"] if close else []
+            raise UsageError("AC020", f"there is no parameter '{name}'", evidence=evidence)
+    opts = options(
+        compiled.flat.experiment, start_time=start_time, stop_time=stop_time, tolerance=tolerance, solver=solver
+    )
+    p = parameter_vector(compiled, (values or {}) if isinstance(model, CompiledModel) else {})
+    run = Run(compiled, opts, p, input_vector(compiled, inputs or {}), None, traced=True)
+    result = run.result()
+    chosen = [compiled.parameters.index(name) for name in parameters]
+    wanted = named_outputs(compiled, outputs)
+    chain = _Chain(run, chosen, wanted, tolerance)
+    final, of_times = chain.forward() if method == "forward" else chain.adjoint()
+    located = [k for k, passage in enumerate(chain.passages) if passage.guard is not None]
+    return Sensitivities(
+        tuple(parameters),
+        tuple(output.name for output in wanted),
+        final,
+        chain.values(),
+        np.array([chain.passages[k].time for k in located]),
+        of_times[located],
+        result,
+    )
+
+
+class _Chain:
+    """The linear maps of a run, stretch by stretch and event by event."""
+
+    def __init__(self, run: Run, chosen: list[int], wanted: Sequence[Output], tolerance: float) -> None:
+        assert run.hybrid is not None, "a traced run keeps its events"
+        assert run.hybrid.moment is not None, "it has begun"
+        self.compiled, self.p, self.u = run.compiled, run.p, run.u
+        self.chosen, self.wanted, self.tolerance = chosen, wanted, tolerance
+        self.passages: list[Passage] = run.hybrid.passages
+        self.last = run.hybrid.moment
+        self.stop = run.hybrid.recorder.time
+        self.nx, self.count = len(self.compiled.states), len(chosen)
+        self._stretches: dict[tuple[Any, ...], _Stretch] = {}
+
+    def forward(self) -> tuple[Vector, Vector]:
+        """(d outputs, d event times) / d parameters; states are carried along."""
+        x = self.start()
+        of_times = np.zeros((len(self.passages), self.count))
+        for k, passage in enumerate(self.passages):
+            by_x, by_p, time_x, time_p = self.event(passage)
+            of_times[k] = time_x @ x + time_p
+            x = by_x @ x + by_p
+            x = self.stretch(k).forward(x)
+        y_x, y_p = self.output()
+        return y_x @ x + y_p, of_times
+
+    def adjoint(self) -> tuple[Vector, Vector]:
+        """The same, from the end backwards: one sweep for the outputs and one for each event time."""
+        events = [self.event(passage) for passage in self.passages]
+        y_x, y_p = self.output()
+        final = self._back(len(events), y_x, y_p, events)
+        of_times = np.zeros((len(events), self.count))
+        for k, passage in enumerate(self.passages):
+            if passage.guard is not None:
+                of_times[k] = self._back(k, events[k][2][None, :], events[k][3][None, :], events)[0]
+        return final, of_times
+
+    def _back(self, k: int, rows: Vector, total: Vector, events: list[Any]) -> Vector:
+        """Total derivative of what has derivatives `rows` with respect to the states before event k."""
+        while k > 0:
+            k -= 1
+            rows, by_p = self.stretch(k).adjoint(rows)
+            total = total + by_p + rows @ events[k][1]
+            rows = rows @ events[k][0]
+        return np.asarray(total + rows @ self.start())
+
+    def stretch(self, k: int) -> _Stretch:
+        """The linear map from just after event k to the next one, or to the end."""
+        moment = self.passages[k].happened.moment
+        until = self.passages[k + 1].time if k + 1 < len(self.passages) else self.stop
+        return _Stretch(self, moment.regime, moment.x, moment.z, moment.m, self.passages[k].time, until)
+
+    @cached_property
+    def flows(self) -> dict[Any, Any]:
+        """Integrators over a unit of stretched time, by regime."""
+        return {}
+
+    def flow(self, regime: Regime) -> Any:
+        """`(x0, z0, [p, m, start, length]) -> xf`; with its derivatives exact for its own steps."""
+        key = regime.holds
+        if key not in self.flows:
+            compiled = regime.compiled
+            tau, x, z = ca.SX.sym("tau"), ca.SX.sym("x", self.nx), ca.SX.sym("z", len(compiled.algebraic))
+            p, m, along = ca.SX.sym("p", len(self.p)), ca.SX.sym("m", compiled.n_modes), ca.SX.sym("along", 2)
+            sx, sz = ca.DM(compiled.nominal_x), ca.DM(compiled.nominal_z)
+            ode, alg = compiled.rhs(along[0] + tau * along[1], x * sx, z * sz, self.u, p, m)
+            dae = {"t": tau, "x": x, "z": z, "p": ca.vertcat(p, m, along)}
+            dae |= {"ode": ca.densify(ode) * along[1] / sx, "alg": ca.densify(alg)}
+            settings = {"reltol": 0.1 * self.tolerance, "abstol": 1e-4 * self.tolerance, "max_num_steps": 10**6}
+            self.flows[key] = ca.integrator("flow", "rosenbrock", dae, 0.0, 1.0, settings)
+        return self.flows[key]
+
+    def start(self) -> Vector:
+        """Derivatives of the states at the start."""
+        passage = self.passages[0]
+        moment, c = passage.left, self.compiled
+        p = ca.SX.sym("p", len(self.p))
+        given = ca.Function("given", [p], [ca.jacobian(c.guess(p)[0], p)])
+        direct = np.array(given(self.p))[:, self.chosen]
+        free = [k for k, v in enumerate(c.state_variables) if v not in c.start.direct and v not in c.start.defaulted]
+        if not free:
+            return direct
+        x, z = ca.SX.sym("x", self.nx), ca.SX.sym("z", len(c.algebraic))
+        arguments = (passage.time, x, z, self.u, p, moment.m)
+        r = ca.vertcat(c.conditions(*arguments)[0], c.rhs(*arguments)[1])
+        slopes = ca.Function("slopes", [x, z, p], [ca.jacobian(r, x), ca.jacobian(r, z), ca.jacobian(r, p)])
+        by_x, by_z, by_p = (np.array(v) for v in slopes(moment.x, moment.z, self.p))
+        direct[free] = 0.0
+        right = by_x @ direct + by_p[:, self.chosen]
+        unknown = np.linalg.lstsq(np.hstack([by_x[:, free], by_z]), -right, rcond=None)[0]
+        direct[free] = unknown[: len(free)]
+        return direct
+
+    def event(self, passage: Passage) -> tuple[Vector, Vector, Vector, Vector]:
+        """(dx+/dx-, dx+/dp, dt*/dx-, dt*/dp) of one event, at fixed time on both sides."""
+        left, right, t = passage.left, passage.happened.moment, passage.time
+        time_x, time_p = self._instant(passage)
+        f_left, f_right = self._rate(left.regime, t, left), self._rate(right.regime, t, right)
+        by_x, by_p, by_t = np.eye(self.nx), np.zeros((self.nx, self.count)), np.zeros(self.nx)
+        for moment, acts in passage.happened.jumps:
+            jump_x, jump_p, jump_t = self._jump(t, moment, acts)
+            by_t = jump_x @ by_t + jump_t
+            by_x, by_p = jump_x @ by_x, jump_x @ by_p + jump_p
+        shift = by_x @ f_left + by_t - f_right
+        by_x, by_p = by_x + np.outer(shift, time_x), by_p + np.outer(shift, time_p)
+        if len(right.regime.holds) > len(left.regime.holds):
+            ways = self._onto(right.regime, t, right)
+            by_x, by_p = by_x - ways[0] @ by_x, by_p - ways[0] @ by_p - ways[1]
+        return by_x, by_p, time_x, time_p
+
+    def _instant(self, passage: Passage) -> tuple[Vector, Vector]:
+        compiled, left, t = self.compiled, passage.left, passage.time
+        if passage.guard is None:
+            p = ca.SX.sym("p", len(self.p))
+            instants = np.array(compiled.instants(self.p)).ravel()
+            by_p = np.array(ca.Function("i", [p], [ca.jacobian(compiled.instants(p), p)])(self.p))
+            at = [k for k, v in enumerate(instants) if abs(v - t) <= 1e-12 * max(1.0, abs(t))]
+            return np.zeros(self.nx), by_p[at[0], self.chosen] if at else np.zeros(self.count)
+        guard = left.regime.watch
+        own = self._total(left.regime, lambda *a: guard(*a)[passage.guard], t, left)
+        slope_x, slope_p, slope_t = own
+        rate = float(slope_t[0] + slope_x[0] @ self._rate(left.regime, t, left))
+        return -slope_x[0] / rate, -slope_p[0] / rate
+
+    def _jump(self, t: float, moment: Any, acts: Any) -> tuple[Vector, Vector, Vector]:
+        """Derivatives of the states after the actions of some clauses with respect to states, parameters, time."""
+        events = self.compiled.state_events
+        places, rows, k = [], [], 0
+        for clause, act in zip(events.clauses, acts, strict=True):
+            for position, _ in clause.actions:
+                if act:
+                    places.append(position)
+                    rows.append(k)
+                k += 1
+        by_x, by_p, by_t = np.eye(self.nx), np.zeros((self.nx, self.count)), np.zeros(self.nx)
+        if rows:
+            reactions = self.compiled.events.reactions
+            new = self._total(moment.regime, lambda *a: reactions(*a)[3][rows], t, moment)
+            by_x[places], by_p[places], by_t[places] = new
+        return by_x, by_p, by_t
+
+    def _onto(self, regime: Regime, t: float, moment: Any) -> tuple[Vector, Vector]:
+        """Projection of a variation onto what a new hold keeps: `(by states, by parameters)` to subtract."""
+        value, slope, ways = regime.kept(t, moment.x, moment.z, self.u, self.p, moment.m)
+        slope, ways = slope.reshape(len(value), -1), ways.reshape(self.nx, -1)
+        inverse = ways @ np.linalg.pinv(slope @ ways)
+        p = ca.SX.sym("p", len(self.p))
+        kept = regime.kept_of(t, moment.x, moment.z, self.u, p, moment.m)
+        by_p = np.array(ca.Function("k", [p], [ca.densify(ca.jacobian(kept, p))])(self.p))[:, self.chosen]
+        return inverse @ slope, inverse @ by_p
+
+    def _rate(self, regime: Regime, t: float, moment: Any) -> Vector:
+        return np.array(regime.compiled.rhs(t, moment.x, moment.z, self.u, self.p, moment.m)[0]).ravel()
+
+    def _total(self, regime: Regime, function: Any, t: float, moment: Any) -> tuple[Vector, Vector, Vector]:
+        """Derivatives with respect to (x, chosen p, t) of a function of all, algebraic variables eliminated."""
+        c = regime.compiled
+        s = [ca.SX.sym("t"), ca.SX.sym("x", self.nx), ca.SX.sym("z", len(c.algebraic)), ca.SX.sym("p", len(self.p))]
+        e = function(s[0], s[1], s[2], self.u, s[3], moment.m)
+        alg = c.rhs(s[0], s[1], s[2], self.u, s[3], moment.m)[1]
+        parts = [ca.densify(ca.jacobian(v, w)) for v in (e, alg) for w in (s[1], s[3], s[0], s[2])]
+        found = [np.array(v) for v in ca.Function("d", s, parts)(t, moment.x, moment.z, self.p)]
+        own, implied = found[:4], found[4:]
+        if len(c.algebraic):
+            inner = own[3] @ np.linalg.pinv(implied[3])
+            own = [a - inner @ b for a, b in zip(own[:3], implied[:3], strict=True)]
+        return own[0], own[1][:, self.chosen], own[2].ravel()
+
+    def output(self) -> tuple[Vector, Vector]:
+        """d output / d states and d output / d parameters at the end."""
+        y = observed_function(self.compiled, self.wanted)
+        by_x, by_p, _ = self._total(self.last.regime, lambda *a: y(*a), self.stop, self.last)
+        return by_x, by_p
+
+    def values(self) -> Vector:
+        """The outputs at the end."""
+        y, at = observed_function(self.compiled, self.wanted), self.last
+        return np.array(y(self.stop, at.x, at.z, self.u, self.p, at.m)).ravel()
+
+
+@dataclass(frozen=True, eq=False)
+class _Stretch:
+    """One stretch without events."""
+
+    chain: _Chain
+    regime: Regime
+    x: Vector
+    z: Vector
+    m: Vector
+    start: float
+    end: float
+
+    @property
+    def _arguments(self) -> tuple[Vector, Vector, Vector]:
+        c = self.chain
+        x, z = self.x / c.compiled.nominal_x, self.z / c.compiled.nominal_z
+        return x, z, np.concatenate([c.p, self.m, [self.start, self.end - self.start]])
+
+    def forward(self, x: Vector) -> Vector:
+        """Variations of the states at the end from those at the start."""
+        c = self.chain
+        if self.end <= self.start:
+            return x
+        flow, scale = c.flow(self.regime), c.compiled.nominal_x
+        x0, z0, p = self._arguments
+        nominal = flow(x0=x0, z0=z0, p=p)
+        along = np.zeros((len(p), c.count))
+        along[c.chosen, range(c.count)] = 1.0
+        seeds = {"fwd_x0": x / scale[:, None], "fwd_p": along}
+        known = {"x0": x0, "z0": z0, "p": p, "out_xf": nominal["xf"], "out_zf": nominal["zf"]}
+        return np.array(flow.forward(c.count)(**known, **seeds)["fwd_xf"]).reshape(c.nx, -1) * scale[:, None]
+
+    def adjoint(self, rows: Vector) -> tuple[Vector, Vector]:
+        """Derivatives with respect to the states at the start, and to the parameters, of what has `rows` at the end."""
+        c = self.chain
+        if self.end <= self.start:
+            return rows, np.zeros((len(rows), c.count))
+        flow, scale = c.flow(self.regime), c.compiled.nominal_x
+        x0, z0, p = self._arguments
+        backward = flow.reverse(len(rows))
+        # by place: CasADi's names for the seeds avoid those of the integrator's own adjoint arguments
+        nominal = flow(x0=x0, z0=z0, p=p)
+        arguments: list[Any] = [0] * backward.n_in()
+        for name, value in (("x0", x0), ("z0", z0), ("p", p)):
+            arguments[flow.index_in(name)] = value
+        for name in ("xf", "zf"):
+            arguments[flow.n_in() + flow.index_out(name)] = nominal[name]
+        arguments[flow.n_in() + flow.n_out() + flow.index_out("xf")] = (rows * scale).T
+        found = backward(*arguments)
+        by_x = np.array(found[flow.index_in("x0")]).reshape(c.nx, -1).T / scale
+        return by_x, np.array(found[flow.index_in("p")]).reshape(len(p), -1).T[:, c.chosen]

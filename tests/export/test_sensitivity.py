@@ -1,0 +1,112 @@
+"""Derivatives through events against closed forms, differentiated by complex steps."""
+
+from __future__ import annotations
+
+import cmath
+from typing import Literal
+
+import numpy as np
+import pytest
+
+import acausal
+from acausal import Component, Equations, Real, der, fixed, parameter, pre, reset, sign, time, variable, when, where
+from acausal.errors import UsageError
+
+Method = Literal["forward", "adjoint"]
+METHODS: tuple[Method, ...] = ("forward", "adjoint")
+
+
+class Ball(Component):
+    """A ball dropped from h0 on a floor."""
+
+    e: Real = parameter(default=0.8, unit="1")
+    g: Real = parameter(default=9.81, unit="m/s2")
+    h0: Real = parameter(default=1.0, unit="m")
+    h: Real = variable(unit="m")
+    v: Real = variable(unit="m/s", default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        yield der(self.h) == self.v
+        yield der(self.v) == -self.g
+        yield when(self.h < 0, reset(self.v, -self.e * pre(self.v)))
+
+    def initial_equations(self) -> Equations:
+        yield self.h == self.h0
+
+
+def fall(e: complex, g: complex, h0: complex, stop: float) -> tuple[complex, complex, list[complex]]:
+    """Height and speed at `stop`, and the instants of the impacts."""
+    t = cmath.sqrt(2 * h0 / g)
+    v, times = g * t, [t]
+    while True:
+        v *= e
+        following = times[-1] + 2 * v / g
+        if following.real > stop:
+            rest = stop - times[-1]
+            return v * rest - g * rest**2 / 2, v - g * rest, times
+        times.append(following)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("solver", [None, "idas"])
+def test_a_bouncing_ball(method: Method, solver: str | None) -> None:
+    found = acausal.sensitivities(Ball(), ["e", "g", "h0"], ["h", "v"], stop_time=2.0, method=method, solver=solver)
+    steps = [fall(*(value + 1e-30j * (k == j) for k, value in enumerate((0.8, 9.81, 1.0))), 2.0) for j in range(3)]
+    final = np.array([[h.imag, v.imag] for h, v, _ in steps]).T / 1e-30
+    times = np.array([[t.imag for t in ts] for _, _, ts in steps]).T / 1e-30
+    np.testing.assert_allclose(found.final, final, rtol=1e-8)
+    np.testing.assert_allclose(found.of_event_times, times, rtol=1e-8, atol=1e-12)
+    assert found.values == pytest.approx([fall(0.8, 9.81, 1.0, 2.0)[k].real for k in (0, 1)], rel=1e-9)
+
+
+class Braked(Component):
+    """v' = -mu sign(v) from v0: stops at v0 / mu after v0^2 / (2 mu), and stays there."""
+
+    mu: Real = parameter(default=5.0, unit="m/s2")
+    v0: Real = parameter(default=1.0, unit="m/s")
+    x: Real = variable(unit="m", default=fixed(0.0))
+    v: Real = variable(unit="m/s")
+
+    def equations(self) -> Equations:
+        yield der(self.x) == self.v
+        yield der(self.v) == -self.mu * sign(self.v)
+
+    def initial_equations(self) -> Equations:
+        yield self.v == self.v0
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_what_sticks_keeps_its_place(method: Method) -> None:
+    found = acausal.sensitivities(Braked(), ["mu", "v0"], ["x", "v"], stop_time=3.0, method=method)
+    np.testing.assert_allclose(found.final, [[-0.5 / 25, 1 / 5], [0.0, 0.0]], atol=1e-8)
+    np.testing.assert_allclose(found.of_event_times, [[-1 / 25, 1 / 5]], rtol=1e-8)
+
+
+class Pulse(Component):
+    """x' = a between t0 and t0 + d, a lag y behind it."""
+
+    a: Real = parameter(default=2.0, unit="1/s")
+    t0: Real = parameter(default=0.3, unit="s")
+    d: Real = parameter(default=0.2, unit="s")
+    x: Real = variable(default=fixed(0.0))
+    y: Real = variable(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        yield der(self.x) == where(time < self.t0, 0.0, where(time < self.t0 + self.d, self.a, 0.0))
+        yield der(self.y) == (self.x - self.y) / 1.0
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_known_instants_move_with_their_parameters(method: Method) -> None:
+    """x(1) = a d; y(1) = a (d - exp(-(1 - t0 - d)) + exp(-(1 - t0))): the response of a lag to two ramps."""
+    found = acausal.sensitivities(Pulse(), ["a", "t0", "d"], ["x", "y"], stop_time=1.0, method=method)
+    early, late = np.exp(-0.7), np.exp(-0.5)
+    expected = [[0.2, 0.0, 2.0], [0.2 - late + early, 2.0 * (early - late), 2.0 * (1 - late)]]
+    np.testing.assert_allclose(found.final, expected, rtol=1e-8, atol=1e-12)
+
+
+def test_unknown_names_are_refused() -> None:
+    with pytest.raises(UsageError, match="no parameter 'h1'"):
+        acausal.sensitivities(Ball(), ["h1"], ["h"])
+    with pytest.raises(UsageError, match="AC010"):
+        acausal.sensitivities(Ball(), ["e"], ["height"])
