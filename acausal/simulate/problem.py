@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.lower.compiled import CompiledModel
+from acausal.simulate.marching import followed
 from acausal.simulate.native.policy import Native
 
 Vector = NDArray[np.float64]
@@ -125,6 +126,16 @@ class Problem:
             here = np.array(self.algebraic_root(here, np.concatenate([[time], states, numbers]))).ravel()
             found[:, k] = here * self.scale_z
         return found
+
+    def follow_algebraic(self, start: float, times: Vector, x: Vector, z: Vector, p: Vector) -> Vector:
+        """The same where nothing is integrated: from the values `z` at `start` along their branch; shape (nz, n)."""
+        numbers = self.numbers(p, x, 0.0)
+
+        def solve(t: float, guess: Vector) -> tuple[Vector, float]:
+            found = np.array(self.algebraic_root(guess, np.concatenate([[t], numbers]))).ravel()
+            return found, float(np.max(np.abs(np.array(self.algebraic_slope(t, [], found, numbers)[0]))))
+
+        return followed(solve, start, times, z / self.scale_z) * self.scale_z[:, None]
 
     def restarted(self, time: float, x: Vector, z: Vector, p: Vector) -> Vector | None:
         """Algebraic variables after a change of modes, by Newton's method from those before it.

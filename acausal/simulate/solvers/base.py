@@ -87,7 +87,10 @@ class CasadiSolver:
         if problem.n_dynamic == 0:
             # no plugin takes a problem without states: its algebraic variables are a function of time
             x = unmoved(problem, segment)
-            return Piece(x, problem.solve_algebraic(segment.times, x, segment.z, segment.p), {})
+            if not problem.compiled.algebraic:
+                return Piece(x, problem.solve_algebraic(segment.times, x, segment.z, segment.p), {})
+            z = problem.follow_algebraic(segment.start, segment.times, segment.x, segment.z, segment.p)
+            return Piece(x, z, {})
         scaled_x, scaled_z, stats = self._solved(problem, segment)
         x = scaled_x.T * problem.scale_x[:, None]
         if not np.isfinite(x).all():
