@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from acausal.lower.compiled import CompiledModel
 from acausal.simulate.marching import followed
 from acausal.simulate.native.policy import Native
+from acausal.simulate.quick import Quick
 
 Vector = NDArray[np.float64]
 _DAE_IN = ["t", "x", "z", "p", "u"]
@@ -133,7 +134,7 @@ class Problem:
 
         def solve(t: float, guess: Vector) -> tuple[Vector, float]:
             found = np.array(self.algebraic_root(guess, np.concatenate([[t], numbers]))).ravel()
-            return found, float(np.max(np.abs(np.array(self.algebraic_slope(t, [], found, numbers)[0]))))
+            return found, float(np.max(np.abs(self.algebraic_slope(t, [], found, numbers)[0])))
 
         return followed(solve, start, times, z / self.scale_z) * self.scale_z[:, None]
 
@@ -145,9 +146,9 @@ class Problem:
         """
         here, states, unshifted = z / self.scale_z, x[: self.n_dynamic] / self.scale_x, self.numbers(p, x, 0.0)
         for _ in range(8):
-            alg, slope = (np.array(v) for v in self.algebraic_slope(time, states, here, unshifted))
+            alg, slope = self.algebraic_slope(time, states, here, unshifted)
             try:
-                step = np.linalg.solve(slope, alg.ravel())
+                step = np.linalg.solve(slope.reshape(len(z), len(z)), alg)
             except np.linalg.LinAlgError:
                 return None
             here = here - step
@@ -158,10 +159,10 @@ class Problem:
         return None
 
     @cached_property
-    def algebraic_slope(self) -> Any:
+    def algebraic_slope(self) -> Quick:
         """`(t, x, z, [p, shift]) -> (alg, d alg / d z)`, scaled."""
         t, x, z, p, _, alg, _ = self.scaled
-        return ca.Function("algebraic_slope", [t, x, z, p], [alg, ca.jacobian(alg, z)])
+        return Quick(ca.Function("algebraic_slope", [t, x, z, p], [alg, ca.densify(ca.jacobian(alg, z))]))
 
     @cached_property
     def algebraic_root(self) -> Any:
