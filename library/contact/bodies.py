@@ -63,6 +63,10 @@ class ContactBody:
         b: Frame = made.frame_b
         return a, b
 
+    def accounts(self, made: Component) -> tuple[Component, ...]:
+        """Whose energies and powers make up those of a contact."""
+        return (made,)
+
     def describe(self, other: ContactBody) -> str:
         """How the contact of a pair is found, for the report."""
         from acausal.library.contact.touch import method

@@ -81,9 +81,10 @@ class ContactScene(Component):
     def _sum(self, name: str) -> Expr:
         """Sum over the contacts that have a quantity of this name."""
         total = as_expr(0.0)
-        for contact in self.contacts:
-            if hasattr(type(contact), name):
-                total = total + getattr(contact, name)
+        for pair, contact in zip(self._pairs, self.contacts, strict=True):
+            for account in self.bodies[self._maker(*pair)].accounts(contact):
+                if hasattr(type(account), name):
+                    total = total + getattr(account, name)
         return total
 
     def frame(self, name: str) -> Frame:

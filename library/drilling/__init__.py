@@ -19,6 +19,8 @@ from acausal.library.drilling.drives import FeedCap as FeedCap
 from acausal.library.drilling.drives import FeedDrive as FeedDrive
 from acausal.library.drilling.drives import Spindle as Spindle
 from acausal.library.drilling.energy import EnergyBalance as EnergyBalance
+from acausal.library.drilling.flank import FlankContact as FlankContact
+from acausal.library.drilling.flank import GuidedDrillingForce as GuidedDrillingForce
 from acausal.library.drilling.force import DrillContactForce as DrillContactForce
 from acausal.library.drilling.force_control import ForceControl as ForceControl
 from acausal.library.drilling.force_control import feed_rate_under as feed_rate_under

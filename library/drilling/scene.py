@@ -13,6 +13,7 @@ from acausal.library.contact.bodies import ContactBody, PoseValue, Surfaces
 from acausal.library.contact.shapes import PointedDrill, Shape
 from acausal.library.contact.surface import Pose
 from acausal.library.drilling.drilling_force import DrillingForce
+from acausal.library.drilling.flank import GuidedDrillingForce
 from acausal.library.drilling.full_drilling_force import FullDrillingForce
 from acausal.library.drilling.geometry_convex import ConvexLevel, shank_along_z
 from acausal.library.drilling.materials import STEEL_34CRMO4, Material
@@ -56,7 +57,8 @@ class DrillBody(ContactBody):
     k, d_c
         Stiffness [N/m] and damping [N.s/m] of the contact with the ground of the hole.
     settings
-        Further parameters of `FullDrillingForce`, as pairs of name and value.
+        Further parameters of `FullDrillingForce` and, with a `k_wall` among them, of `GuidedDrillingForce`, as pairs of
+        name and value.
     wanders
         False for a drill that never leaves a hole for another one.
     """
@@ -85,7 +87,9 @@ class DrillBody(ContactBody):
     def contact(self, other: ContactBody, surfaces: Surfaces) -> Component | None:
         if not isinstance(other, WorkpieceBody):
             return None
-        kind = FullDrillingForce if self.settings else DrillingForce
+        kind: type[DrillingForce] = FullDrillingForce if self.settings else DrillingForce
+        if any(name == "k_wall" for name, _ in self.settings):
+            kind = GuidedDrillingForce
         return kind(
             level=ConvexLevel(other.shape, other.pose, other.name),
             tool=self.tool,
@@ -102,6 +106,9 @@ class DrillBody(ContactBody):
         if isinstance(made, DrillingForce):
             return made.frame_a, made.frame_w
         return super().ends(made)
+
+    def accounts(self, made: Component) -> tuple[Component, ...]:
+        return (made, made.flank) if isinstance(made, GuidedDrillingForce) else (made,)
 
     def describe(self, other: ContactBody) -> str:
         return "drilling" if isinstance(other, WorkpieceBody) else super().describe(other)
