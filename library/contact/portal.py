@@ -40,51 +40,85 @@ def start(pair: Pair) -> Any:
     return ca.vertcat(v0, ca.SX.zeros(3 * VERTEX + 3), 0, _FIRST, 0)
 
 
-def step(pair: Pair, state: Any, tolerance: float, near: float) -> Any:
-    """One support point more.
+def steps(pair: Pair, state: Any, tolerance: float, near: float) -> list[Any]:
+    """The state after one support point more, in each of the phases 1 to 4.
 
     `tolerance` is how far the last support point may lie outside the portal. A new ray is shot when the foot of the
     origin on its plane lies outside the portal, and farther than `near` from its vertices.
     """
-    v0, phase = state[:3], state[GOING]
+    return [
+        _refine(pair, state, tolerance, near),
+        _discover(pair, state),
+        _second(pair, state),
+        _first(pair, state),
+    ]
+
+
+def _first(pair: Pair, state: Any) -> Any:
+    v0 = state[:3]
+    return _after(state, {0: pair.support(-v0)}, _SECOND)
+
+
+def _second(pair: Pair, state: Any) -> Any:
+    """A vertex beside the plane of the ray and the first; the two are ordered so that their wedge opens to the ray."""
+    v0, first = state[:3], state[_V[0]]
+    across = ca.cross(first[:3], v0)
+    small = ca.sumsqr(across) < 1e-24 * ca.sumsqr(v0)
+    across = ca.if_else(small, ca.vertcat(v0[1] - v0[2], v0[2] - v0[0], v0[0] - v0[1]), across)
+    found = pair.support(across)
+    swap = ca.dot(ca.cross(first[:3] - v0, found[:3] - v0), v0) > 0
+    return _after(state, {0: ca.if_else(swap, found, first), 1: ca.if_else(swap, first, found)}, _DISCOVER)
+
+
+def _discover(pair: Pair, state: Any) -> Any:
+    """A third vertex; where the ray passes beside the portal it takes the place of one of the two."""
+    v0, first, second = state[:3], state[_V[0]], state[_V[1]]
+    n = ca.cross(first[:3] - v0, second[:3] - v0)
+    n = ca.if_else(ca.dot(n, v0) > 0, -n, n)
+    found = pair.support(n)
+    f = found[:3]
+    left = ca.dot(ca.cross(first[:3], f), v0) < 0
+    right = ca.logic_and(ca.logic_not(left), ca.dot(ca.cross(f, second[:3]), v0) < 0)
+    vertices = {0: ca.if_else(right, found, first), 1: ca.if_else(left, found, second), 2: found}
+    return _after(state, vertices, ca.if_else(ca.logic_or(left, right), _DISCOVER, _REFINE))
+
+
+def _refine(pair: Pair, state: Any, tolerance: float, near: float) -> Any:
+    """A vertex beyond the portal, which becomes part of it; or the end, or a new ray."""
+    v0 = state[:3]
     v = [state[place] for place in _V]
     w = [x[:3] for x in v]
-    n = _normal(v0, w, phase)
-    found = pair.support(_direction(v0, w, n, phase))
-    f = found[:3]
-
-    left, right = ca.dot(ca.cross(w[0], f), v0) < 0, ca.dot(ca.cross(f, w[1]), v0) < 0
-    opened = _opened(v0, v, found, left, right, phase)
-    refined = _refined(v0, v, found)
-    gap = ca.dot(n, f - w[0])
-    offset = ca.dot(n, f)
-    close = gap <= tolerance
-
-    searching = phase >= _DISCOVER
-    portal = [ca.if_else(searching, o, ca.if_else(close, x, r)) for o, x, r in zip(opened, v, refined, strict=True)]
-    turning = ca.logic_and(phase == _DISCOVER, ca.logic_or(left, right))
-    following = ca.if_else(searching, ca.if_else(turning, phase, phase - 1), ca.if_else(close, 0, phase))
+    n = ca.cross(w[1] - w[0], w[2] - w[0])
+    n = ca.if_else(ca.dot(n, w[0] - v0) < 0, -n, n) / ca.sqrt(ca.sumsqr(n) + _TINY)
+    found = pair.support(n)
+    offset = ca.dot(n, found[:3])
+    close = offset - ca.dot(n, w[0]) <= tolerance
+    worth = ca.logic_and(close, ca.logic_and(state[_COUNT] < _LAST_RAY, offset > 1e-6))
 
     # The nearest point of the plane is outside the portal: a ray along the normal leaves elsewhere, and sooner.
-    worth = ca.logic_and(state[_COUNT] < _LAST_RAY, offset > 1e-6)
-    again = ca.logic_and(ca.logic_and(phase == _REFINE, close), ca.logic_and(worth, _outside(w, n, offset, near)))
+    again = ca.logic_and(worth, _outside(w, n, offset, near))
     restart = (ca.DM(_ASIDE) - 0.5 * n) * ca.fmin(offset, 0.1)
     retreat = pair.retreat()
     if retreat is not None:
         # The way out leads on through: the tool goes back where it came from.
         direction, deep = retreat
-        forward = ca.logic_and(ca.dot(n, direction) < -0.5, offset > deep)
-        through = ca.logic_and(ca.logic_and(phase == _REFINE, close), ca.logic_and(worth, forward))
+        through = ca.logic_and(worth, ca.logic_and(ca.dot(n, direction) < -0.5, offset > deep))
         back = (ca.DM(_ASIDE) - 0.5 * direction) * ca.fmin(offset, 0.1)
         restart, again = ca.if_else(through, back, restart), ca.logic_or(through, again)
+    refined = _refined(v0, v, found, ca.logic_not(close))
     return ca.vertcat(
         ca.if_else(again, restart, v0),
-        *portal,
+        *refined,
         n,
         offset,
-        ca.if_else(again, _FIRST, following),
+        ca.if_else(again, _FIRST, ca.if_else(close, 0, _REFINE)),
         state[_COUNT] + 1,
     )
+
+
+def _after(state: Any, vertices: dict[int, Any], phase: Any) -> Any:
+    kept = [vertices.get(k, state[place]) for k, place in enumerate(_V)]
+    return ca.vertcat(state[:3], *kept, state[_N], state[OFFSET], phase, state[_COUNT] + 1)
 
 
 def result(state: Any) -> tuple[list[Any], Any, Any]:
@@ -92,50 +126,15 @@ def result(state: Any) -> tuple[list[Any], Any, Any]:
     return [state[place] for place in _V], state[_N], state[OFFSET]
 
 
-def _normal(v0: Any, w: list[Any], phase: Any) -> Any:
-    """Unit normal: of the wedge from the ray's start while searching, of the portal afterwards; away from the start."""
-    wedge = ca.cross(w[0] - v0, w[1] - v0)
-    face = ca.cross(w[1] - w[0], w[2] - w[0])
-    searching = phase >= _DISCOVER
-    n = ca.if_else(searching, wedge, face)
-    wrong = ca.if_else(searching, ca.dot(wedge, v0), -ca.dot(face, w[0] - v0)) > 0
-    return ca.if_else(wrong, -n, n) / ca.sqrt(ca.sumsqr(n) + _TINY)
-
-
-def _direction(v0: Any, w: list[Any], n: Any, phase: Any) -> Any:
-    across = ca.cross(w[0], v0)
-    small = ca.sumsqr(across) < 1e-24 * ca.sumsqr(v0)
-    across = ca.if_else(small, ca.vertcat(v0[1] - v0[2], v0[2] - v0[0], v0[0] - v0[1]), across)
-    return ca.if_else(phase == _FIRST, -v0, ca.if_else(phase == _SECOND, across, n))
-
-
-def _opened(v0: Any, v: list[Any], found: Any, left: Any, right: Any, phase: Any) -> list[Any]:
-    """Vertices after a step of the search; the first two keep the origin's ray on the inner side of their wedge."""
-    discovering = phase == _DISCOVER
-    first = ca.if_else(
-        phase == _FIRST,
-        found,
-        ca.if_else(ca.logic_and(discovering, ca.logic_and(right, ca.logic_not(left))), found, v[0]),
-    )
-    second = ca.if_else(ca.logic_or(phase == _SECOND, ca.logic_and(discovering, left)), found, v[1])
-    swap = ca.logic_and(phase <= _SECOND, ca.dot(ca.cross(first[:3] - v0, second[:3] - v0), v0) > 0)
-    # When a portal is complete its first two vertices are as they were: nothing is swapped then.
-    swap = ca.logic_and(swap, ca.logic_or(phase == _SECOND, ca.logic_or(left, right)))
-    return [ca.if_else(swap, second, first), ca.if_else(swap, first, second), ca.if_else(discovering, found, v[2])]
-
-
-def _refined(v0: Any, v: list[Any], found: Any) -> list[Any]:
-    """The part of the portal, split by the new vertex, through which the ray goes."""
+def _refined(v0: Any, v: list[Any], found: Any, split: Any) -> list[Any]:
+    """The part of the portal, where it is `split` by the new vertex, through which the ray goes."""
     across = ca.cross(found[:3], v0)
     one, two, three = (ca.dot(x[:3], across) > 0 for x in v)
     replace_first = ca.if_else(one, two, ca.logic_not(three))
     replace_third = ca.logic_and(one, ca.logic_not(two))
     replace_second = ca.logic_and(ca.logic_not(one), three)
-    return [
-        ca.if_else(replace_first, found, v[0]),
-        ca.if_else(replace_second, found, v[1]),
-        ca.if_else(replace_third, found, v[2]),
-    ]
+    replaced = zip((replace_first, replace_second, replace_third), v, strict=True)
+    return [ca.if_else(ca.logic_and(split, here), found, x) for here, x in replaced]
 
 
 def _outside(w: list[Any], n: Any, offset: Any, near: float) -> Any:

@@ -63,13 +63,18 @@ def _apart(pair: Pair, data: Any, tolerance: tuple[float, float]) -> Any:
 def _with_portal(pair: Pair, data: Any, tolerance: tuple[float, float], apart: Any) -> Any:
     """`pose -> state of polish`."""
     state = ca.SX.sym("state", portal.SIZE)
-    step = ca.Function("portal", [state, data], [portal.step(pair, state, *tolerance)], _CALL)
+    phases = [
+        ca.Function(f"portal_phase_{k}", [state, data], [after])
+        for k, after in enumerate(portal.steps(pair, state, *tolerance), start=1)
+    ]
     vertices, n, offset = portal.result(state)
     begin = ca.Function("begin", [data], [portal.start(pair)], _CALL)
     overlap = ca.Function("overlap", [state, data], [polish.start(pair, vertices, n, offset)], _CALL)
     separate = ca.Function("separate", [state], [distance.start(vertices), offset], _CALL)
 
     s, pose = ca.MX.sym("s", portal.SIZE), ca.MX.sym("pose", 12)
+    chosen = ca.Function.conditional("portal_phases", phases[:-1], phases[-1])
+    step = ca.Function("portal", [s, pose], [chosen(s[portal.GOING] - 1, s, pose)], _CALL)
     inside = ca.Function("inside", [s, pose], [overlap(s, pose)], _CALL)
     outside = ca.Function("outside", [s, pose], [apart(separate(s)[0], pose)], _CALL)
     switch = ca.Function.conditional("side", [outside], inside)
