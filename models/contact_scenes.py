@@ -169,6 +169,7 @@ class HolesSideBySide(Component):
     """
 
     n: int = structural(default=100, doc="Number of plates in a row")
+    out: float = structural(default=-4e-3, doc="Depth of the tip above the plates [m]; negative: in the air")
 
     world: World = part()
     beam: Prismatic = part()
@@ -196,7 +197,7 @@ class HolesSideBySide(Component):
     )
 
     def build(self) -> None:
-        out, shallow, deep, aside = -4e-3, 3e-3, 6e-3, 0.02
+        out, shallow, deep, aside = self.out, 3e-3, 6e-3, 0.02
         depths = ((0, out), (1, out), (4, shallow), (5, out), (6, out), (9, shallow), (10, out), (11, out))
         self.down = TimeTable(table=tuple((float(t), s) for t, s in (*depths, (14, deep), (15, out))))
         places = ((0, 0.0), (5, 0.0), (6, aside), (10, aside), (11, 0.0), (15, 0.0))

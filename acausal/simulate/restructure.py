@@ -37,8 +37,8 @@ from acausal.simulate.initialize import Start
 from acausal.simulate.options import Options
 
 Array = NDArray[np.float64]
-RunPiece = Callable[[CompiledModel, Options, "Start | None", Array], Result]
-"""One run: `(compiled, options, start, output times) -> result`."""
+RunPiece = Callable[[CompiledModel, Options, "Start | None", Array, bool], Result]
+"""One run: `(compiled, options, start, output times, whether initial() is true at its start) -> result`."""
 _log = logging.getLogger(__name__)
 _FIRST = 0.05
 _MOST_USED = 0.5
@@ -96,7 +96,9 @@ class Pieces:
         self.compile()
         t, stop = opts.start_time, opts.stop_time
         # The poses at the start come from the start problem of the model without contacts.
-        first = self.run(self._compiled, replace(opts, stop_time=t + _SHORTEST * (stop - t)), None, np.array([t]))
+        first = self.run(
+            self._compiled, replace(opts, stop_time=t + _SHORTEST * (stop - t)), None, np.array([t]), False
+        )
         seen = self.seen(first, 0)
         self.keep(first, 0)
         grid, length = opts.grid(), _FIRST * (stop - t)
@@ -109,7 +111,9 @@ class Pieces:
             end = stop if t + 1.2 * length >= stop else t + length
             times = np.append(grid[(grid > t) & (grid < end)], end)
             try:
-                piece = self.run(self._compiled, replace(opts, start_time=t, stop_time=end), self.start(), times)
+                piece = self.run(
+                    self._compiled, replace(opts, start_time=t, stop_time=end), self.start(), times, not self.pieces
+                )
             except IntegrationError as error:
                 if error.result is not None:
                     self.add(error.result, slice(0, None))

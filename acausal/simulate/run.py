@@ -135,9 +135,9 @@ def simulate(
 def _piece(inputs: Mapping[str, float] | None, force: bool) -> RunPiece:
     """How one piece of a run of changing structure is run."""
 
-    def run(compiled: CompiledModel, opts: Options, start: Start | None, outputs: Vector) -> Result:
+    def run(compiled: CompiledModel, opts: Options, start: Start | None, outputs: Vector, opening: bool) -> Result:
         p, u = parameter_vector(compiled, {}), input_vector(compiled, inputs or {})
-        return Run(compiled, opts, p, u, None, force, given=start, outputs=outputs).result()
+        return Run(compiled, opts, p, u, None, force, given=start, outputs=outputs, opening=opening).result()
 
     return run
 
@@ -215,6 +215,7 @@ class Run:
     force: bool = False
     given: Start | None = None
     outputs: Vector | None = None
+    opening: bool = True
     traced: bool = False
     timings: dict[str, float] = field(default_factory=dict)
     interrupt: Interruptible = field(default_factory=Interruptible)
@@ -243,7 +244,7 @@ class Run:
         try:
             with self.interrupt:
                 if self.hybrid is not None:
-                    self.hybrid.begin(opts.start_time, start, m, flag="initial" if self.given is None else None)
+                    self.hybrid.begin(opts.start_time, start, m, flag="initial" if self.opening else None)
                 for a, b in pairwise(boundaries):
                     start = self.segment(problem, solver, recorder, start, a, b, grid)
                     if self.hybrid is not None and self.hybrid.terminated is not None:

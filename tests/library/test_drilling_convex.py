@@ -9,7 +9,7 @@ import pytest
 
 import acausal
 from acausal import Component, Equations, Real, connect, parameter, part, structural, time
-from acausal.errors import DeclarationError
+from acausal.errors import DeclarationError, EventError
 from acausal.library.contact import Box, Cone, ConvexHull, Cylinder, HalfSpace, PointedDrill, Shape, Sphere
 from acausal.library.drilling import (
     TWIST_DRILL_16MM,
@@ -171,6 +171,13 @@ def test_bad_workpieces_are_refused_by_name() -> None:
     with pytest.raises(DeclarationError, match="horn: a drill cannot enter a Cone") as cone:
         acausal.compile(_horn())
     assert cone.value.code == "AC173"
+
+
+def test_a_drill_that_starts_inside_is_refused() -> None:
+    """Also where the pairs are found during the run: 3 mm of steel are not pressed aside."""
+    with pytest.raises(EventError, match="the drill starts inside of the material") as caught:
+        acausal.simulate(HolesSideBySide(n=2, out=3e-3))
+    assert "drill" in str(caught.value)
 
 
 def _horn() -> Component:
