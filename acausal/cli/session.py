@@ -101,8 +101,8 @@ class Session:
         """What components have to say about themselves, such as the pairs of a contact scene; by path."""
         from acausal.flatten.instances import instances
 
-        found = [i for i in instances(self.model) if hasattr(type(i.component), "report")]
-        return [(i.path, repr(i.component.report())) for i in found]
+        found: list[tuple[str, Any]] = [(i.path, i.component) for i in instances(self.model)]
+        return [(path, repr(c.report())) for path, c in found if hasattr(type(c), "report")]
 
     def content(self, result: Result) -> dict[str, Any]:
         """Everything, for JSON."""

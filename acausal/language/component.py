@@ -11,7 +11,7 @@ import linecache
 import math
 import sys
 from collections.abc import Iterator
-from typing import Any, ClassVar, Self, dataclass_transform
+from typing import TYPE_CHECKING, Any, ClassVar, Self, dataclass_transform
 
 from acausal.errors import DeclarationError, Span, calling_span, nearest
 from acausal.language.declare import Declaration, Kind, Real, checked_value, parameter, structural
@@ -196,15 +196,17 @@ class Component:
         else:
             self.__dict__[name] = value
 
-    def __getattr__(self, name: str) -> Any:
-        parts = self.__dict__.get("_parts")
-        if parts is not None and name in parts:
-            return parts[name]
-        if name.startswith("__") or parts is None:
-            raise AttributeError(name)
-        if name in _RESERVED:
-            raise AttributeError(name)
-        raise _unknown_field(type(self), name)
+    if not TYPE_CHECKING:  # else every misspelt attribute would be one to a type checker
+
+        def __getattr__(self, name: str) -> Any:
+            parts = self.__dict__.get("_parts")
+            if parts is not None and name in parts:
+                return parts[name]
+            if name.startswith("__") or parts is None:
+                raise AttributeError(name)
+            if name in _RESERVED:
+                raise AttributeError(name)
+            raise _unknown_field(type(self), name)
 
     def _copy(self) -> Self:
         """A fresh instance of the same recipe."""

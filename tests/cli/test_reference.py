@@ -89,7 +89,9 @@ def test_entries_of_an_array_keep_the_others() -> None:
 
 
 def test_structural_values_become_constructor_arguments() -> None:
-    assert len(prepare(RCLadder, ["n=7"]).model.resistors) == 7
+    model = prepare(RCLadder, ["n=7"]).model
+    assert isinstance(model, RCLadder)
+    assert len(model.resistors) == 7
     assert prepare(ThickBlock, ["as_printed=True"]).structural == {"as_printed": True}
     assert prepare(ThickBlock, ["force_profile=[(0, 0), (1, 2)]"]).structural["force_profile"] == ((0, 0), (1, 2))
 

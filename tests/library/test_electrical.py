@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -192,7 +193,7 @@ def test_diode_in_series_with_a_resistor(amplitude: float) -> None:
 class Sources(Component):
     """Every source on a resistor of 2 Ohm of its own."""
 
-    sources: list[Component] = part()
+    sources: list[Any] = part()
     resistors: list[Resistor] = part()
     ground: Ground = part()
     level: Constant = part()

@@ -95,7 +95,7 @@ def test_functions_made_later_are_shared_too() -> None:
 
 
 @pytest.mark.parametrize("model", [RCLadder(n=6, R=2.0, C=0.3), PendulumChain(n=3)])
-def test_recalled_models_compute_what_new_ones_do(model: Component) -> None:
+def test_recalled_models_compute_what_new_ones_do(model: RCLadder | PendulumChain) -> None:
     acausal.compile(type(model)(n=model.n))
     recalled, anew = acausal.compile(model), acausal.compile(model, cache=False)
     assert not shared(recalled, anew)
