@@ -21,7 +21,7 @@ from acausal.simulate.quick import Quick
 from acausal.simulate.regime import Hold, Regime
 
 Vector = NDArray[np.float64]
-_MOST_ROUNDS = 100
+_MOST_ROUNDS = 400
 _AT_ONCE = 12
 _MOST_SINGLE = 2000
 # A relation that has flipped so often at one instant leads back to itself from both sides.
@@ -38,6 +38,15 @@ class Happened:
     notes: tuple[str, ...] = ()
     terminated: str | None = None
     jumps: tuple[tuple[Moment, Truth], ...] = ()
+
+
+@dataclass
+class _Walk:
+    """What is remembered over one event: flips of each relation, how far each can be wrong, and turns so far."""
+
+    flips: NDArray[np.int_]
+    doubt: Vector
+    turn: int = 0
 
 
 class Iteration:
@@ -90,8 +99,9 @@ class Iteration:
         m[self.samples] = 0.0 if samples is None else samples
         m[self.flags] = [float(name == flag) for name in self.flag_names]
         moment = replace(moment, m=m)
+        walk = _Walk(np.zeros(len(m) - self.first, dtype=int), np.zeros(len(m) - self.first))
         for _ in range(_MOST_ROUNDS):
-            moment = self.decide(t, moment, notes)
+            moment = self.decide(t, moment, notes, walk)
             reacted = self._react(t, moment)
             conditions = reacted[2] > 0.5
             rising = conditions & ~was
@@ -123,33 +133,40 @@ class Iteration:
         self._check(t, reacted[5], notes)
         return Happened(moment, tuple(causes), tuple(changed), tuple(notes), terminated, tuple(jumps))
 
-    def decide(self, t: float, moment: Moment, notes: list[str]) -> Moment:
-        """Flip relations and apply discrete equations until all hold at this point, or leave their guard rightly."""
-        flips = np.zeros(len(moment.m) - self.first, dtype=int)
-        turn, doubt = 0, np.zeros(len(flips))
+    def decide(self, t: float, moment: Moment, notes: list[str], walk: _Walk) -> Moment:
+        """Flip relations and apply discrete equations until all hold at this point, or leave their guard rightly.
+
+        A relation at its guard that is about to leave it to the wrong side is flipped only when what is remembered is
+        up to date: a thermostat that has just switched off must have noticed it before the falling temperature makes
+        `T < limit` true again.
+        """
+        flips = walk.flips
         for _ in range(_MOST_SINGLE):
             moment = self.consistent(t, moment)
-            new = self._react(t, moment)[1] if len(self.assigned) else np.zeros(0)
-            if not (new == moment.x[self.assigned]).all():
+            reacted = self._react(t, moment)
+            if not (reacted[1] == moment.x[self.assigned]).all():
                 # relations are judged by what follows from them: a step behind, they would run in circles
                 x = moment.x.copy()
-                x[self.assigned] = new
+                x[self.assigned] = reacted[1]
                 moment = replace(moment, x=x)
                 continue
-            wrong = self._wrong(t, moment, flips, doubt) if len(moment.regime.owners) else np.zeros(0, dtype=bool)
+            wrong = np.zeros(0, dtype=bool)
+            if len(moment.regime.owners):
+                wrong = self._wrong(t, moment, walk, np.array_equal(reacted[4], moment.m[self.memories]))
             if not wrong.any():
                 return moment
-            if turn >= _AT_ONCE:
+            if walk.turn >= _AT_ONCE:
                 wrong[int(np.argmax(wrong)) + 1 :] = False
             owners = moment.regime.owners
             moment = self.flipped(moment, wrong)
             ours = [owners[k][0] for k in np.flatnonzero(wrong)]
             flips[ours] += 1
-            if turn < _AT_ONCE and (flips[ours] >= _CHATTER).any():
+            if walk.turn < _AT_ONCE and (flips[ours] >= _CHATTER).any():
                 held = self._slide(t, moment, [k for k in ours if flips[k] >= _CHATTER], notes)
                 if held is not None:
-                    moment, flips = held, flips * 0
-            turn += 1
+                    moment = held
+                    flips[:] = 0
+            walk.turn += 1
         names = [self.guards.texts[k] for k in np.argsort(-flips)[:4] if flips[k] > 1]
         raise unsettled(self.problem.compiled.name, t, names or [a.text for a in self.events.assignments])
 
@@ -180,12 +197,12 @@ class Iteration:
             z = consistent(problem.compiled, t, start, problem.p, problem.u, moment.m).z
         return replace(moment, z=z)
 
-    def _wrong(self, t: float, moment: Moment, flips: NDArray[np.int_], doubt: Vector) -> Truth:
-        """Guards of the regime that do not hold.
+    def _wrong(self, t: float, moment: Moment, walk: _Walk, leaving: bool) -> Truth:
+        """Guards of the regime that do not hold, or, if `leaving` is asked for, are at zero and about not to.
 
-        `doubt` gathers how far each relation can be wrong in all modes seen so far: one that has flipped and come back
-        is judged by the largest of these. Judged finely in one mode and coarsely in the next, four diodes at the zero
-        crossing of their source would go round for ever.
+        `walk.doubt` gathers how far each relation can be wrong in all modes seen so far: one that has flipped and come
+        back is judged by the largest of these. Judged finely in one mode and coarsely in the next, four diodes at the
+        zero crossing of their source would go round for ever.
         """
         g = self.guards.distances(t, moment)
         if (g > 1.0).all():  # far from everything: no rates needed
@@ -193,11 +210,11 @@ class Iteration:
         rate, noise = self.guards.rates(t, moment)
         for k, (relation, side) in enumerate(moment.regime.owners):
             if side < 0:
-                doubt[relation] = max(doubt[relation], noise[k])
-                noise[k] = doubt[relation] if flips[relation] > 1 else noise[k]
+                walk.doubt[relation] = max(walk.doubt[relation], noise[k])
+                noise[k] = walk.doubt[relation] if walk.flips[relation] > 1 else noise[k]
         wrong = g < -2 * noise
         at = np.abs(g) <= noise
-        return np.asarray(wrong | (at & (rate < -noise)))
+        return np.asarray(wrong | (at & (rate < -noise)) if leaving else wrong)
 
     def _slide(self, t: float, moment: Moment, relations: list[int], notes: list[str]) -> Moment | None:
         """Hold relations between their two modes; None when that is no solution."""
