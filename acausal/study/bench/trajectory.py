@@ -14,6 +14,8 @@ from acausal.result import Result
 
 Vector = NDArray[np.float64]
 
+# Variables that stand in for states where there are none.
+_MOST = 100
 POINTS = 200
 """Points of the grid after the start, as the conventions of the published test sets have it."""
 
@@ -32,7 +34,7 @@ class Trajectory:
 
 
 def components(compiled: CompiledModel, wanted: Sequence[str] | None) -> tuple[str, ...]:
-    """Names of the scalars that count: those asked for, arrays taken apart, or all states that are declared.
+    """Names of the scalars that count: those asked for, arrays taken apart, or all states.
 
     Raises
     ------
@@ -47,7 +49,9 @@ def components(compiled: CompiledModel, wanted: Sequence[str] | None) -> tuple[s
         found = [s.name for name in wanted for s in shell.elements(name)[1]]
     else:
         dynamic = compiled.states[: compiled.n_dynamic] or compiled.states
-        found = [name for name in dynamic if name in known and known[name].column is not None]
+        moving = {name for name, signal in known.items() if signal.column is not None and not signal.parameter}
+        # without a state of the model's own, everything that moves, up to a readable number
+        found = [name for name in dynamic if name in moving] or sorted(moving)[:_MOST]
     if not found:
         raise UsageError(
             "AC040",
@@ -61,7 +65,7 @@ def sampled(result: Result, names: Sequence[str], points: int) -> Trajectory:
     """Values after each of `points` equal intervals; the run's output grid contains them. After an event, if there."""
     start, stop = float(result.time[0]), float(result.time[-1])
     times = start + (stop - start) * np.arange(points + 1) / points
-    rows = np.searchsorted(result.time, times + 1e-9 * (stop - start) / points, side="right") - 1
+    rows = np.searchsorted(result.time, times + 1e-11 * (stop - start), side="right") - 1
     columns = [result.elements(name)[1][0] for name in names]
     values = np.empty((len(times), len(names)))
     for k, signal in enumerate(columns):
