@@ -1,0 +1,131 @@
+"""Logic, relays, samplers and sources at work: every expected value is the definition of the block, by hand."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import acausal
+from acausal import Component, Equations, connect, part
+from acausal.library import blocks
+
+
+class Board(Component):
+    """A sine of 1 Hz and a row of pulses, through every kind of hybrid block."""
+
+    sine: blocks.Sine = part()
+    pulse: blocks.BooleanPulse = part()
+    table: blocks.BooleanTable = part()
+    switch: blocks.Switch = part()
+    hysteresis: blocks.Hysteresis = part()
+    controller: blocks.OnOffController = part()
+    flip_flop: blocks.RSFlipFlop = part()
+    triggered: blocks.TriggeredSampler = part()
+    delay: blocks.UnitDelay = part()
+    hold: blocks.ZeroOrderHold = part()
+    first_order: blocks.FirstOrderHold = part()
+    noise: blocks.UniformNoise = part()
+    normal: blocks.NormalNoise = part()
+    relay: blocks.Relay = part()
+    dead_zone: blocks.DeadZone = part()
+
+    def build(self) -> None:
+        self.sine = blocks.Sine(f=1.0)
+        self.pulse = blocks.BooleanPulse(period=0.3, width=0.25, start_time=0.1)
+        self.table = blocks.BooleanTable(table=(0.2, 0.45, 0.9))
+        self.switch = blocks.Switch(u1=1.0, u3=-2.0)
+        self.hysteresis = blocks.Hysteresis(u_low=-0.5, u_high=0.5)
+        self.controller = blocks.OnOffController(bandwidth=0.4, reference=0.3)
+        self.flip_flop = blocks.RSFlipFlop()
+        self.triggered = blocks.TriggeredSampler()
+        self.delay = blocks.UnitDelay(sample_period=0.1, y_start=5.0)
+        self.hold = blocks.ZeroOrderHold(sample_period=0.1)
+        self.first_order = blocks.FirstOrderHold(sample_period=0.1)
+        self.noise = blocks.UniformNoise(sample_period=0.05, seed=3)
+        self.normal = blocks.NormalNoise(sample_period=0.05, seed=3, mu=1.0, sigma=2.0)
+        self.relay = blocks.Relay(u_low=-0.2, u_high=0.2, y_on=3.0)
+        self.dead_zone = blocks.DeadZone(u_max=0.5)
+
+    def equations(self) -> Equations:
+        yield connect(self.pulse.y, self.switch.u2, self.triggered.trigger, self.flip_flop.S)
+        yield connect(self.table.y, self.flip_flop.R)
+        yield connect(
+            self.sine.y,
+            self.hysteresis.u,
+            self.controller.u,
+            self.triggered.u,
+            self.delay.u,
+            self.hold.u,
+            self.first_order.u,
+            self.relay.u,
+            self.dead_zone.u,
+        )
+
+
+@pytest.fixture(scope="module", params=["rosenbrock", "idas"])
+def run(request: pytest.FixtureRequest) -> acausal.Result:
+    return acausal.simulate(Board(), stop_time=1.0, tolerance=1e-8, output_interval=0.01, solver=request.param)
+
+
+def changes(r: acausal.Result, name: str) -> list[float]:
+    """Instants at which a piecewise constant signal changes."""
+    return [float(t) for t in r.time[1:][np.abs(np.diff(r[name])) > 0.5]]
+
+
+def level(angle: float) -> float:
+    """When a sine of 1 Hz reaches sin(angle) on its first way up."""
+    return angle / (2.0 * math.pi)
+
+
+def test_pulses_and_tables_change_exactly_when_they_say(run: acausal.Result) -> None:
+    assert changes(run, "pulse.y") == pytest.approx([0.1, 0.175, 0.4, 0.475, 0.7, 0.775], abs=1e-14)
+    assert changes(run, "table.y") == pytest.approx([0.2, 0.45, 0.9], abs=1e-14)
+    assert set(np.unique(run["switch.y"])) == {1.0, -2.0}
+    assert changes(run, "switch.y") == changes(run, "pulse.y")
+
+
+def test_relays_switch_at_the_ends_of_their_bands(run: acausal.Result) -> None:
+    """sin(2 pi t) above 0.5 from 1/12 s, below -0.5 from 7/12 s; the relay at 0.2 and -0.2; the controller between."""
+    assert changes(run, "hysteresis.y") == pytest.approx([1.0 / 12.0, 7.0 / 12.0], abs=1e-7)
+    a = math.asin(0.2)
+    assert changes(run, "relay.y") == pytest.approx([level(a), 0.5 + level(a)], abs=1e-7)
+    assert run["relay.y"].max() == 3.0
+    on, off = level(math.asin(0.1)), level(math.asin(0.5))
+    assert changes(run, "controller.y") == pytest.approx([off, 0.5 - on], abs=1e-7)
+
+
+def test_the_flip_flop_keeps_what_it_was_told_last(run: acausal.Result) -> None:
+    """Set at 0.1; reset at 0.2; at 0.4 both are true: it stays reset, until the reset ends while it is set at 0.45."""
+    assert changes(run, "flip_flop.Q") == pytest.approx([0.1, 0.2, 0.45, 0.9], abs=1e-14)
+    np.testing.assert_array_equal(run["flip_flop.Q"] + run["flip_flop.QI"], 1.0)
+
+
+@pytest.mark.parametrize("t", [0.031, 0.149, 0.352, 0.777])
+def test_samplers_hold_their_samples(run: acausal.Result, t: float) -> None:
+    def u(at: float) -> float:
+        return math.sin(2.0 * math.pi * at)
+
+    k = math.floor(t / 0.1)
+    last = k * 0.1
+    before = max((p for p in (0.1, 0.4, 0.7) if p <= t), default=None)
+    assert run.at(t, "hold.y") == pytest.approx(u(last), abs=1e-9)
+    assert run.at(t, "delay.y") == pytest.approx(u(last - 0.1) if k else 5.0, abs=1e-9)
+    assert run.at(t, "triggered.y") == pytest.approx(0.0 if before is None else u(before), abs=1e-9)
+    slope = (u(last) - u(last - 0.1)) / 0.1 if k else 0.0
+    assert run.at(t, "first_order.y") == pytest.approx(u(last) + slope * (t - last), abs=1e-9)
+    assert run.at(t, "dead_zone.y") == pytest.approx(math.copysign(max(abs(u(t)) - 0.5, 0.0), u(t)), abs=1e-9)
+
+
+def test_noise_is_the_same_in_every_run_and_in_its_range(run: acausal.Result) -> None:
+    """Twenty draws; the last of seed 3, one by one in whole numbers (`test_noise.py` has the generator)."""
+    from acausal.library.blocks.noise import _first_state
+
+    state = int(_first_state(3))
+    for _ in range(20):
+        state = 16807 * state % (2**31 - 1)
+    assert run.at(0.975, "noise.y") == pytest.approx(state / (2**31 - 1), abs=1e-12)
+    assert len(np.unique(run["noise.y"])) == 20
+    assert 0.0 < run["noise.y"].min() < run["noise.y"].max() < 1.0
+    assert abs(run["normal.y"].mean() - 1.0) < 1.5
