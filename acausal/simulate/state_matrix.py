@@ -26,8 +26,8 @@ FEW = 12
 class StateMatrix:
     """d(rates)/d(states) of a compiled model with given parameters and inputs.
 
-    Algebraic variables follow the states by the implicit function theorem. Integrals of time that act on nothing are
-    left out: their eigenvalues are zero.
+    Algebraic variables follow the states by the implicit function theorem. Integrals of time that act on nothing and
+    discrete variables are left out: their eigenvalues are zero.
     """
 
     compiled: CompiledModel

@@ -33,16 +33,20 @@ def undamped() -> Exhibit:
     cases = []
     for order in (1, 2, 3, 5):
         run = idas({"x": x, "ode": ca.vertcat(x[1], -x[0])}, [1, 0], grid, 1e-6, max_multistep_order=order)
-        amplitude = np.maximum(np.hypot(*run.x), 1e-6)
+        amplitude = np.hypot(*run.x)
         text = run.failure or f"amplitude {np.hypot(*run.x)[-1]:.3g} after 1000 periods, {run.steps} steps"
-        cases.append(Case(f"IDAS 1e-6, order {order} at most", text, abs(amplitude[-1] - 1) > 1e-3, (run.t, amplitude)))
+        cases.append(
+            Case(
+                f"IDAS 1e-6, order {order} at most", text, abs(amplitude[-1] - 1) > 1e-3, (run.t, np.abs(amplitude - 1))
+            )
+        )
     result = acausal.simulate(UndampedOscillator())
     text = f"amplitude {float(result.final('amplitude')):.5f}, {result.stats['steps']:.0f} steps"
-    cases.append(Case("acausal, erk 1e-6", text, False, (result.time, result["amplitude"])))
+    cases.append(Case("acausal, erk 1e-6", text, False, (result.time, np.abs(result["amplitude"] - 1))))
     return Exhibit(
         "undamped", "Undamped oscillator with BDF", "UndampedOscillator",
         "BDF damps with order 1, 2 and 5, and amplifies with order 3.",
-        cases, y="amplitude", log="y", limits=(1e-2, 3.0),
+        cases, y="|amplitude - 1|", log="y", limits=(1e-8, 3.0),
         done="The verdict predicts the factor of every order from the characteristic equation, and names `erk`.",
     )  # fmt: skip
 
@@ -206,8 +210,7 @@ def quaternion() -> Exhibit:
 def invariant() -> Exhibit:
     exact = 8.86123352e-23
     y = ca.SX.sym("y", 4)
-    scale = 1e-19
-    q = y * scale
+    q = y
     A, B, C, M = 7.89e-10, 1.1e7, 1.13e3, 1e6
     ode = ca.vertcat(
         -A * q[0] - B * q[0] * q[2],
@@ -218,19 +221,20 @@ def invariant() -> Exhibit:
     grid = np.geomspace(1e-3, 1e13, 61)
     cases = []
     for rtol in (1e-6, 1e-8):
-        run = idas({"x": y, "ode": ode / scale}, [1.76e-3 / scale, 0, 0, 0], grid, rtol, abstol=1e-12)
+        run = idas({"x": y, "ode": ode}, [1.76e-3, 0, 0, 0], grid, rtol, abstol=1e-18 * rtol, first_time=1e-6)
         if len(run.t):
-            end = run.x[1][-1] * scale
+            end = run.x[1][-1]
             text = run.failure or f"y2 = {end:.3g} instead of {exact:.4g}"
-            curve = (run.t, np.maximum(np.abs(run.x[1] * scale), 1e-40))
+            curve = (run.t, np.maximum(np.abs(run.x[1]), 1e-60))
             cases.append(Case(f"IDAS {rtol:.0e} on all four balances", text, abs(end / exact - 1) > 1e-3, curve))
         else:
             cases.append(Case(f"IDAS {rtol:.0e} on all four balances", run.failure, True))
     result = acausal.simulate(E5())
-    found = [float(result.at(float(t), "y2")) for t in grid[::6]]
+    shown = grid[grid >= 1.0][::3]
+    found = [float(result.at(float(t), "y2")) for t in shown]
     off = abs(float(result.final("y2")) / exact - 1.0)
     text = f"y2 = {float(result.final('y2')):.6g}, off by {off:.0e}"
-    cases.append(Case("acausal, rosenbrock 1e-8", text, False, (grid[::6], np.array(found))))
+    cases.append(Case("acausal, rosenbrock 1e-8", text, False, (shown, np.array(found))))
     return Exhibit(
         "invariant", "Invariant lost to rounding", "E5",
         "y2 - y3 - y4 = 0, and y2 - y3 is below the rounding of what is integrated.",

@@ -1,4 +1,4 @@
-"""Scenes `zeno`, `friction-stop`, `bang-bang` of `stability_scenes.json`: events that switch the right-hand side."""
+"""Scenes `zeno`, `friction-stop`, `bang-bang`, `change-point` of `stability_scenes.json`."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import acausal
+from acausal.models.stability.nonlinear import ChangePoint
 from acausal.models.stability.switching import BangBang, FrictionStop, ZenoBall
 
 REST = 4.0637127688715781401
@@ -62,3 +63,25 @@ def test_bang_bang_verdict() -> None:
     assert "events" in {f.kind for f in study.verdict.findings}
     assert "any method across switches" in {a.method for a in study.verdict.avoid}
     assert study.verdict.solver in ("erk", "rosenbrock")
+
+
+@pytest.mark.parametrize("rows", [5, 40, 333])
+def test_change_point(rows: int) -> None:
+    """`change-point`: two turns on the right branch, p = 0 and q = th, at any output grid and with noise at the start.
+
+    Newton's method from the last position folds the linkage over at th = pi, for every step.
+    """
+    for noise in (0.0, 1e-9, -1e-9):
+        model = ChangePoint(p=acausal.guess(noise), q=acausal.guess(0.5 * math.pi - noise))
+        result = acausal.simulate(model, output_interval=4.0 * math.pi / rows)
+        assert np.max(np.abs(result["p"])) < 1e-8
+        assert np.max(np.abs(result["q"] - result["th"])) < 1e-8
+
+
+def test_change_point_verdict() -> None:
+    """The Jacobian of the loop, -2*sin(th), changes its sign at th = pi, t = pi/2."""
+    study = acausal.stability(ChangePoint(), points=40)
+    finding = next(f for f in study.verdict.findings if f.kind == "singular")
+    just_before = float(finding.fact.split("t = ")[1].split(" s")[0])
+    assert math.pi / 2 < just_before < math.pi / 2 + 0.5
+    assert "Newton's method started from the last point" in {a.method for a in study.verdict.avoid}

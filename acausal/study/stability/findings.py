@@ -98,7 +98,7 @@ def _invariants(facts: Facts) -> Finding | None:
         return None
     return Finding(
         "invariant",
-        f"{', '.join(facts.by_invariants)} would be lost to rounding if integrated: a linear invariant determines it",
+        f"{', '.join(facts.by_invariants)} follows from a linear invariant; integrated, it could be lost to rounding",
         "it is computed from the invariant instead",
         (("all balances integrated as written", "their difference is below rounding"),),
     )

@@ -41,7 +41,9 @@ class Mode:
     def text(self) -> str:
         """The eigenvalue for people."""
         v = self.eigenvalue
-        return f"{v.real:.4g} 1/s" if v.imag == 0.0 else f"{v.real:.4g} +- {abs(v.imag):.4g}i 1/s"
+        # a millionth of the size is rounding
+        real = 0.0 if abs(v.real) < 1e-6 * abs(v) else v.real
+        return f"{real:.4g} 1/s" if abs(v.imag) < 1e-6 * abs(v) else f"{real:.4g} +- {abs(v.imag):.4g}i 1/s"
 
     def content(self) -> dict[str, object]:
         """For JSON."""

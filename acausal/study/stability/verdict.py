@@ -18,6 +18,8 @@ _WORTH = 4.0
 # Beyond so many states IDAS is the cheaper of the two (docs/devdocs/numerics.md).
 _MANY = 100
 _PERIODS = 5.0
+# Below this the median says nothing: where all is quiet the solution changes as fast as its rounding errors.
+_FELT = 5.0
 
 
 @dataclass(frozen=True)
@@ -119,8 +121,8 @@ def _stiff(ch: Character, large: bool) -> list[str]:
     names = ", ".join(ch.fastest.names[:3]) or "many states"
     text = [
         f"the mode {ch.fastest.text} of {names} is {ch.stiffness:.2g} times faster than the solution changes"
-        if ch.stiffness > 1.0
-        else f"the fastest mode is {ch.fastest.text}, of {names}",
+        if ch.stiffness > _FELT
+        else f"the fastest mode {ch.fastest.text} of {names} has long decayed while the run goes on",
         f"stability asks {ch.explicit_steps:.3g} steps of an explicit method; this run took {ch.steps:.0f}",
     ]
     text.append(
@@ -135,7 +137,7 @@ def _ringing(ch: Character) -> list[str]:
     assert ch.ringing is not None
     names = ", ".join(ch.ringing.names[:3]) or "many states"
     return [
-        f"{names} can oscillate at {ch.ringing.text} (damping ratio {ch.ringing.damping:.2g}), "
+        f"{names} can oscillate at {ch.ringing.text} (damping ratio {abs(ch.ringing.damping):.2g}), "
         "but the solution does not follow it",
         "an L-stable one-step method damps it away and steps with the slow solution",
     ]
@@ -143,12 +145,13 @@ def _ringing(ch: Character) -> list[str]:
 
 def _gentle(kind: str, ch: Character, facts: Facts) -> list[str]:
     if kind == "static":
-        return ["no state has dynamics of its own: any method integrates it exactly or nearly so"]
+        between = "between events " if facts.relations or facts.clauses else ""
+        return [f"{between}no state has dynamics of its own: any method integrates it exactly or nearly so"]
     text = [f"stability asks at most {ch.explicit_steps:.3g} steps of an explicit method: the run is not stiff"]
     if kind == "oscillating" and ch.oscillation is not None:
         text = [
             f"the solution is an oscillation of {', '.join(ch.oscillation.names[:3])} at {ch.oscillation.text}, "
-            f"{ch.periods:.3g} periods with damping ratio {ch.oscillation.damping:.2g}",
+            f"{ch.periods:.3g} periods with damping ratio {abs(ch.oscillation.damping):.2g}",
             "order 5 keeps its amplitude where BDF damps or amplifies it",
         ]
     if facts.algebraic:
