@@ -62,7 +62,7 @@ def scenes() -> tuple[Scene, ...]:
             "ThickBlock: drilling with given force, 40 s, stiff contact, one algebraic variable",
             ThickBlock(),
             "Stiff: explicit methods need steps below 0.2 ms, and a rootfinder at each evaluation.",
-            {"steps": (1e-2, 1e-3, 1e-4)},
+            {"tolerances": (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8), "steps": (1e-2, 1e-3)},
         ),
         Scene(
             "Chain",
@@ -76,7 +76,7 @@ def scenes() -> tuple[Scene, ...]:
             "RC ladder of 1000 sections, 1 s",
             RCLadder(n=1000),
             "1000 states, mildly stiff over this second: the multistep methods win where little accuracy is wanted.",
-            {},
+            {"tolerances": (1e-3, 1e-5, 1e-7, 1e-9), "steps": (1e-2, 1e-3)},
         ),
         Scene(
             "BouncingBall",
