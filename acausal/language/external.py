@@ -38,7 +38,7 @@ class External:
     Raises
     ------
     DeclarationError
-        AC142 when there are not as many units as outputs, or a shape is not one.
+        AC161 when there are not as many units as outputs, or a shape is not one.
     """
 
     def __init__(
@@ -59,7 +59,7 @@ class External:
         self._partials: External | None = None
         if len(self.units) != len(self.outputs) or any(len(s) > 2 for s in (*self.inputs, *self.outputs)):
             raise DeclarationError(
-                "AC142",
+                "AC161",
                 f"the external function {name} is declared with {len(self.outputs)} outputs, "
                 f"{len(self.units)} units and shapes {self.inputs} -> {self.outputs}",
                 help="shapes are (), (n,) or (m, n); give one unit for every output, or none at all",
@@ -69,11 +69,11 @@ class External:
         return f"External({self.name}: {', '.join(map(shape_text, self.inputs))})"
 
     def __call__(self, *arguments: Operand) -> Any:
-        """The outputs as expressions; AC143 when the arguments do not fit."""
+        """The outputs as expressions; AC162 when the arguments do not fit."""
         given = tuple(map(as_expr, arguments))
         if tuple(e.shape for e in given) != self.inputs:
             raise DeclarationError(
-                "AC143",
+                "AC162",
                 f"{self.name} takes {len(self.inputs)} arguments: {', '.join(map(shape_text, self.inputs))}",
                 evidence=[f"given: {', '.join(f'`{e}` ({shape_text(e.shape)})' for e in given) or 'none'}"],
             )

@@ -23,7 +23,7 @@ def function(external: External) -> Any:
     Raises
     ------
     DeclarationError
-        AC144 when the factory's function has other inputs or outputs than declared.
+        AC163 when the factory's function has other inputs or outputs than declared.
     """
     if external not in _made:
         _made[external] = _differentiated(external.primal) if external.primal is not None else _checked(external)
@@ -67,7 +67,7 @@ def _checked(external: External) -> Any:
     wanted = [[(*s, 1, 1)[:2] for s in shapes] for shapes in (external.inputs, external.outputs)]
     if found != wanted:
         raise DeclarationError(
-            "AC144",
+            "AC163",
             f"the factory of {external.name} makes a function that is not as declared",
             evidence=[
                 f"declared: {', '.join(map(shape_text, external.inputs))} -> "

@@ -35,13 +35,13 @@ def penetration(shape_a: Shape, shape_b: Shape) -> External:
     Raises
     ------
     DeclarationError
-        AC145 for a shape without volume, AC148 for two half-spaces.
+        AC174 for a shape without volume, AC177 for two half-spaces.
     """
     shape_a.check("the first body")
     shape_b.check("the second body")
     if isinstance(shape_a, HalfSpace) and isinstance(shape_b, HalfSpace):
         raise DeclarationError(
-            "AC148", "two half-spaces have no contact", help="one of the two bodies must be of finite size"
+            "AC177", "two half-spaces have no contact", help="one of the two bodies must be of finite size"
         )
     names = type(shape_a).__name__.lower(), type(shape_b).__name__.lower()
 

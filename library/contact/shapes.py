@@ -76,7 +76,7 @@ class Shape:
         return 0.0
 
     def check(self, body: str) -> None:
-        """Raise DeclarationError AC145 when the shape of `body` has no volume or is not convex."""
+        """Raise DeclarationError AC174 when the shape of `body` has no volume or is not convex."""
         raise NotImplementedError
 
     def support(self, direction: ArrayLike) -> Vector:
@@ -110,7 +110,7 @@ class Shape:
                 )
 
     def _wrong(self, body: str, fact: str, help: str) -> NoReturn:
-        raise DeclarationError("AC145", f"the {type(self).__name__} of {body} is no body: its {fact}", help=help)
+        raise DeclarationError("AC174", f"the {type(self).__name__} of {body} is no body: its {fact}", help=help)
 
 
 @dataclass(frozen=True)
@@ -319,7 +319,7 @@ class ConvexHull(Shape):
         given = np.asarray(points, dtype=float)
         if given.ndim != 2 or given.shape[1] != 3:
             raise DeclarationError(
-                "AC145", f"a convex hull is made of points, shape (n, 3), not of an array of shape {given.shape}"
+                "AC174", f"a convex hull is made of points, shape (n, 3), not of an array of shape {given.shape}"
             )
         object.__setattr__(self, "points", tuple(map(tuple, given.tolist())))
 
@@ -330,7 +330,7 @@ class ConvexHull(Shape):
         Raises
         ------
         DeclarationError
-            AC146 when the file cannot be read, AC147 when its surface is not convex.
+            AC175 when the file cannot be read, AC176 when its surface is not convex.
         """
         from acausal.library.contact.stl import convex_points
 

@@ -17,13 +17,13 @@ _TOLERANCE = 1e-5
 
 
 def read_stl(path: str, body: str) -> NDArray[np.float64]:
-    """Triangles of an STL file, shape (n, 3, 3); AC146 when there are none."""
+    """Triangles of an STL file, shape (n, 3, 3); AC175 when there are none."""
     file = Path(path)
     try:
         data = file.read_bytes()
     except OSError as error:
         raise DeclarationError(
-            "AC146", f"the mesh of {body} cannot be read: {file}", cause=str(error), help="give the path of an STL file"
+            "AC175", f"the mesh of {body} cannot be read: {file}", cause=str(error), help="give the path of an STL file"
         ) from None
     count = int.from_bytes(data[80:_HEADER], "little") if len(data) >= _HEADER else 0
     # Some binary files begin with the word `solid` too: their length tells.
@@ -37,7 +37,7 @@ def read_stl(path: str, body: str) -> NDArray[np.float64]:
         triangles = np.zeros((0, 3, 3))
     if not len(triangles) or not np.isfinite(triangles).all():
         raise DeclarationError(
-            "AC146",
+            "AC175",
             f"the mesh of {body} is no STL file: {file}",
             help="text files hold `vertex x y z` lines, binary ones 50 bytes for each triangle",
         )
@@ -45,7 +45,7 @@ def read_stl(path: str, body: str) -> NDArray[np.float64]:
 
 
 def convex_points(path: str, scale: float, body: str) -> NDArray[np.float64]:
-    """Corners of a mesh, shape (n, 3), times `scale`; AC147 when its surface is not convex."""
+    """Corners of a mesh, shape (n, 3), times `scale`; AC176 when its surface is not convex."""
     from scipy.spatial import ConvexHull, QhullError
 
     triangles = read_stl(path, body)
@@ -59,7 +59,7 @@ def convex_points(path: str, scale: float, body: str) -> NDArray[np.float64]:
     worst = int(depth.argmax())
     if depth[worst] > _TOLERANCE * size:
         raise DeclarationError(
-            "AC147",
+            "AC176",
             f"the mesh of {body} is not convex",
             evidence=[
                 f"triangle {worst} of {len(triangles)} lies {depth[worst] * scale:.3g} m below the hull of {path}"

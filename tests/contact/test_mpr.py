@@ -159,4 +159,4 @@ def test_one_function_for_equal_shapes() -> None:
 def test_two_half_spaces_are_refused() -> None:
     with pytest.raises(DeclarationError) as caught:
         penetration(HalfSpace(), HalfSpace())
-    assert caught.value.code == "AC148"
+    assert caught.value.code == "AC177"

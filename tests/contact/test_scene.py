@@ -134,7 +134,7 @@ class Refused(Component):
 @pytest.mark.parametrize(
     ("bodies", "surfaces", "code", "named"),
     [
-        ((ContactBody(name="lid", shape=Box((0.1, 0.1, 0.0))),), LAWS, "AC145", "lid"),
+        ((ContactBody(name="lid", shape=Box((0.1, 0.1, 0.0))),), LAWS, "AC174", "lid"),
         ((plate("a", 0.0), plate("a", 1.0)), LAWS, "AC172", "'a'"),
         ((ContactBody(name="ball", shape=Sphere(0.02)), plate("table", 0.0)), Surfaces(), "AC171", "ball and table"),
     ],

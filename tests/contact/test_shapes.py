@@ -104,7 +104,7 @@ def test_a_mesh_that_is_not_convex(tmp_path: Path) -> None:
     file.write_text(text_stl(np.concatenate([TRIANGLES[:10], dent])))
     with pytest.raises(DeclarationError, match="the mesh of bracket is not convex") as caught:
         ConvexHull.from_stl(str(file), body="bracket")
-    assert caught.value.code == "AC147"
+    assert caught.value.code == "AC176"
     assert "m below the hull" in caught.value.evidence[0]
 
 
@@ -115,7 +115,7 @@ def test_files_that_are_no_meshes(content: bytes | None, tmp_path: Path) -> None
         file.write_bytes(content)
     with pytest.raises(DeclarationError, match="mesh of bracket") as caught:
         ConvexHull.from_stl(str(file), body="bracket")
-    assert caught.value.code == "AC146"
+    assert caught.value.code == "AC175"
 
 
 @pytest.mark.parametrize(
@@ -136,14 +136,14 @@ def test_files_that_are_no_meshes(content: bytes | None, tmp_path: Path) -> None
 def test_bodies_without_volume_are_named(shape: Shape, what: str) -> None:
     with pytest.raises(DeclarationError, match="of plate") as caught:
         shape.check("plate")
-    assert caught.value.code == "AC145"
+    assert caught.value.code == "AC174"
     assert what in caught.value.fact
 
 
 def test_points_of_a_hull_have_three_coordinates() -> None:
     with pytest.raises(DeclarationError) as caught:
         ConvexHull([(0.0, 1.0), (1.0, 0.0)])
-    assert caught.value.code == "AC145"
+    assert caught.value.code == "AC174"
 
 
 def test_shapes_are_values() -> None:

@@ -73,14 +73,14 @@ def test_one_output_is_the_expression_itself() -> None:
 def test_wrong_arguments_are_named() -> None:
     with pytest.raises(DeclarationError, match="polar takes 2 arguments: vector of 3, 3x3 matrix") as caught:
         INLINE((1.0, 2.0), TURN)
-    assert caught.value.code == "AC143"
+    assert caught.value.code == "AC162"
     assert "vector of 2" in caught.value.evidence[0]
 
 
 def test_units_and_outputs_must_be_as_many() -> None:
     with pytest.raises(DeclarationError) as caught:
         External("f", lambda: None, inputs=((),), outputs=((), ()), units=("m",))
-    assert caught.value.code == "AC142"
+    assert caught.value.code == "AC161"
 
 
 def test_a_factory_that_makes_something_else_is_named() -> None:
@@ -94,7 +94,7 @@ def test_a_factory_that_makes_something_else_is_named() -> None:
 
     with pytest.raises(DeclarationError) as caught:
         acausal.simulate(Wrong(), stop_time=1.0)
-    assert caught.value.code == "AC144"
+    assert caught.value.code == "AC163"
 
 
 def test_units_of_outputs_are_checked() -> None:

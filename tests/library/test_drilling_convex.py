@@ -167,7 +167,7 @@ def test_a_hole_is_found_again_and_another_one_is_new() -> None:
 def test_bad_workpieces_are_refused_by_name() -> None:
     with pytest.raises(DeclarationError, match="lid") as flat:
         DrillingForce(level=ConvexLevel(Box((0.1, 0.1, 0.0)), name="lid"), t=0.0, k=1e8, d_c=2e4)
-    assert flat.value.code == "AC145"
+    assert flat.value.code == "AC174"
     with pytest.raises(DeclarationError, match="horn: a drill cannot enter a Cone") as cone:
         acausal.compile(_horn())
     assert cone.value.code == "AC173"
