@@ -82,14 +82,16 @@ class Guards:
                 own
                 - by_z.reshape(len(own), -1) @ np.linalg.lstsq(alg_z.reshape(len(at.z), -1), alg.ravel(), rcond=None)[0]
             )
-        noise = self._error(np.abs(slope.reshape(len(own), -1)), at.x, self._nominal)
-        noise += self._error(np.abs(by_z.reshape(len(own), -1)), at.z, self.problem.compiled.nominal_z)
-        return own, noise + np.abs(np.nan_to_num(own)) * _INSTANT * max(self.span, abs(t))
+        noise = slope.reshape(len(own), -1) @ self._error(at.x, self._nominal)
+        if len(at.z):
+            noise += np.abs(by_z.reshape(len(own), -1)) @ self._error(at.z, self.problem.compiled.nominal_z)
+        # never quite nothing: values are rounded, and instants are found to rounding only
+        noise += 1e-15 + np.abs(own) * (_INSTANT * max(self.span, abs(t)))
+        return own, noise if np.isfinite(noise).all() else np.nan_to_num(noise, nan=1e-15, posinf=1e-15)
 
-    def _error(self, slope: Vector, values: Vector, nominal: Vector) -> Vector:
-        """By how much distances are wrong because values are; never quite nothing, for rounding."""
-        error = 10 * (self.tolerances.relative * np.abs(values) + self.tolerances.absolute * nominal)
-        return np.asarray(np.nan_to_num(slope) @ error + 1e-15)
+    def _error(self, values: Vector, nominal: Vector) -> Vector:
+        """How far values may be off."""
+        return np.asarray(10 * (self.tolerances.relative * np.abs(values) + self.tolerances.absolute * nominal))
 
     def held(self, t: float, at: Moment) -> Vector:
         """States nearest to those given that are on the guards which the regime holds."""

@@ -98,9 +98,9 @@ class Hybrid:
             left = self.iteration.consistent(here, replace(moment, x=stop.x, z=stop.z))
             self._record(np.array([here]), left.x[:, None], left.z[:, None], left, {})
             times = times[times > here + 1e-13 * max(self.span, abs(here))]
-            guard = int(np.argmax(self.guards.fired(here, left)))
-            happened = self.event(here, left)
-            self.passages.append(Passage(here, left, guard, happened))
+            fired = self.guards.fired(here, left)
+            happened = self.event(here, left, fired)
+            self.passages.append(Passage(here, left, int(np.argmax(fired)), happened))
 
     def end(self, t: float) -> None:
         """The event at the end of the run, when `terminal()` is true."""
@@ -110,9 +110,8 @@ class Hybrid:
         if happened.causes:
             self._record_start(t, self._say(happened, t), happened)
 
-    def event(self, t: float, left: Moment) -> Happened:
+    def event(self, t: float, left: Moment, fired: Truth) -> Happened:
         """Flip what has reached its guard, and iterate."""
-        fired = self.guards.fired(t, left)
         relations = [left.regime.owners[k][0] for k in np.flatnonzero(fired)]
         moment, rested, notes = self.bounces.rest(t, left, relations)
         if rested:
@@ -169,7 +168,7 @@ class Hybrid:
         reach = np.inf if self.single_step and not self._failed else self._gap
         if reach < span / 8:
             span = min(span, max(8 * reach, 1e-9 * self.span))
-        count = LOOKS // 4 if self.single_step else LOOKS
+        count = LOOKS // 4 if self.single_step or span < self.span / 100 else LOOKS
         found = segment.start + span * np.arange(1, count + 1) / count
         found[-1] = min(segment.start + span, end) if span < end - segment.start else end
         return found
