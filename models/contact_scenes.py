@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import ClassVar
 
-from acausal import Component, Equations, Experiment, Panel, Real, connect, fixed, parameter, part, structural
+from acausal import Component, Equations, Experiment, Expr, Panel, Real, connect, fixed, parameter, part, structural
 from acausal.library.blocks import TimeTable
 from acausal.library.contact import Box, ContactBody, ContactScene, Coulomb, HalfSpace, HuntCrossley, Surfaces
 from acausal.library.drilling import DrillBody, EnergyBalance, WorkpieceBody
@@ -30,6 +30,7 @@ class BoxStack(Component):
     world: World = part()
     boxes: list[Body] = part()
     scene: ContactScene = part()
+    balance: EnergyBalance = part()
 
     experiment: ClassVar[Experiment] = Experiment(stop_time=0.6, tolerance=1e-6, solver="idas")
     figure: ClassVar[tuple[Panel, ...]] = (
@@ -39,7 +40,11 @@ class BoxStack(Component):
             title="Normal force",
             unit="N",
         ),
-        Panel(("scene.energy",), title="Energy stored in the contacts", unit="mJ"),
+        Panel(
+            ("balance.W_source", "balance.W_damping", "balance.W_friction"),
+            title="Work of gravity, and where it goes",
+            unit="mJ",
+        ),
     )
 
     def build(self) -> None:
@@ -63,10 +68,22 @@ class BoxStack(Component):
         boxes = [ContactBody(name=f"box{k}", shape=Box((size, size, size))) for k in range(self.n)]
         surfaces = Surfaces(law=HuntCrossley(k=1e5, n=1.0, e=0.5, v_0=0.01), friction=Coulomb(mu=0.5))
         self.scene = ContactScene(bodies=(ground, *boxes), surfaces=surfaces, keep=2, skin=0.02)
+        moving = [b.v_0 @ b.v_0 + b.w_a @ b.w_a / 600 for b in self.boxes]
+        self.balance = EnergyBalance(
+            P_source=self.m * _total([self.world.g_0 @ b.v_0 for b in self.boxes]),
+            P_cutting=0.0,
+            P_friction=self.scene.power_friction,
+            P_damping=self.scene.power_damping,
+            E=self.m / 2 * _total(moving) + self.scene.energy,
+        )
 
     def equations(self) -> Equations:
         for k, box in enumerate(self.boxes):
             yield connect(box.frame_a, self.scene.frame(f"box{k}"))
+
+
+def _total(terms: list[Expr]) -> Expr:
+    return sum(terms[1:], terms[0])
 
 
 class StackedPlates(Component):

@@ -146,15 +146,16 @@ def _boxes(
     ):
         along_own, along = R.T @ direction, other_R.T @ direction
         outward, first, second = _facing(R, along_own, half)
-        face = dot(direction, other_r) - _extent(along, other)
+        across, _, _ = _facing(other_R, -along, other)
         for one, two in product((-1.0, 1.0), repeat=2):
             corner = r + outward + first * one + second * two
             seen = other_R.T @ (corner - other_r)
             shift = other_R @ as_expr([where(_pressed(along[k]), 0.0, _back(seen[k], other[k])) for k in range(3)])
-            # On along the own face, which need not be parallel to the other.
+            # Along the own face, which need not be parallel to the other; then from face to face, each a plane.
             slope = dot(outward, shift) / dot(outward, direction)
-            depth = dot(direction, corner + shift) - slope - face
-            place = corner + shift - direction * (slope + depth / 2)
+            point = corner + shift - direction * slope
+            depth = dot(across, point - other_r - across) / dot(across, direction)
+            place = point - direction * (depth / 2)
             share = _inside(R.T @ (place - r), along_own, half, margin)
             found.append(Touch(depth, normal, place, share))
     return tuple(found)

@@ -97,6 +97,8 @@ def test_a_stack_of_five_boxes_stands() -> None:
         assert abs(y) < 1e-4
         assert z == pytest.approx(0.05 + 0.1 * k, abs=1e-3)
         assert np.abs(r.final(f"boxes[{k}].v_0")).max() < 1e-4
+    # over all structures of the run: what gravity gave is stored, damped or rubbed
+    assert np.abs(r["balance.residual"]).max() < 1e-6 * r["balance.W_source"].max()
 
 
 def test_the_report_says_why() -> None:
