@@ -25,7 +25,9 @@ _KNOWN: tuple[tuple[str, str, str], ...] = (
 )
 _AHEAD = 10.0 ** np.arange(-12.0, -1.0)  # shares of the segment that are looked at behind the last point
 _SHORT = 1e-4  # share of the run within which something doubles that grows without bound
-_SINGULAR = 1e-6  # ratio of singular values of the algebraic equations
+_SINGULAR = 1e-2  # smallest singular value of the algebraic equations, by what it is around that point
+_AROUND = 7  # points around it
+_MOST_ALGEBRAIC = 300
 
 
 @dataclass(frozen=True)
@@ -132,16 +134,28 @@ def _unbounded(compiled: CompiledModel, reached: Segment, ode: Vector) -> _Findi
 def _singular(problem: Problem, reached: Segment) -> _Finding | None:
     """Algebraic equations that cease to determine their unknowns."""
     compiled = problem.compiled
-    if not compiled.algebraic:
+    if not 0 < len(compiled.algebraic) <= _MOST_ALGEBRAIC:
         return None
     jacobian = compiled.rhs.factory("jacobian", compiled.rhs.name_in(), ["jac:alg:z"])
-    point = (reached.start, reached.x, reached.z, problem.u, problem.p, reached.p)
-    matrix = np.array(jacobian(*point)) * problem.scale_z[None, :]
-    rows = np.maximum(np.abs(matrix).max(axis=1, initial=0.0), _usual(problem, jacobian, reached))
-    if not np.isfinite(matrix).all() or not (rows > 0.0).all():
+
+    def matrix(x: Vector, z: Vector) -> Vector:
+        return np.array(jacobian(reached.start, x, z, problem.u, problem.p, reached.p)) * problem.scale_z[None, :]
+
+    here = matrix(reached.x, reached.z)
+    random = np.random.default_rng(7)
+    around = [
+        matrix(
+            reached.x + compiled.nominal_x * random.standard_normal(len(reached.x)),
+            reached.z + problem.scale_z * random.standard_normal(len(reached.z)),
+        )
+        for _ in range(_AROUND)
+    ]
+    if not all(np.isfinite(m).all() for m in (here, *around)):
         return None
-    _, sizes, right = np.linalg.svd(matrix / rows[:, None])
-    if sizes[-1] > _SINGULAR**0.5 * max(1.0, sizes[0]):
+    rows = np.maximum(np.max([np.abs(m).max(axis=1) for m in around], axis=0), 1e-300)[:, None]
+    usual = float(np.median([np.linalg.svd(m / rows, compute_uv=False)[-1] for m in around]))
+    _, sizes, right = np.linalg.svd(here / rows)
+    if sizes[-1] > _SINGULAR * usual:
         return None
     names = [compiled.algebraic[k] for k in np.flatnonzero(np.abs(right[-1]) > 0.1).tolist()]
     equations = [compiled.flat.equations[e] for e in _equations_of(compiled, names)]
@@ -153,13 +167,6 @@ def _singular(problem: Problem, reached: Segment) -> _Finding | None:
         "at this point the equations lose their solution, or two solutions meet",
         "look at what these variables do there; a mechanism may be stretched out, a characteristic may fold back",
     )
-
-
-def _usual(problem: Problem, jacobian: Any, reached: Segment) -> Vector:
-    """Sizes of the rows of the algebraic equations away from that point."""
-    z = reached.z + problem.scale_z
-    matrix = np.array(jacobian(reached.start, reached.x, z, problem.u, problem.p, reached.p)) * problem.scale_z[None, :]
-    return np.asarray(np.nan_to_num(np.abs(matrix).max(axis=1, initial=0.0)))
 
 
 def _equations_of(compiled: CompiledModel, names: list[str]) -> list[int]:
