@@ -43,7 +43,7 @@ class Mode:
         v = self.eigenvalue
         # a millionth of the size is rounding
         real = 0.0 if abs(v.real) < 1e-6 * abs(v) else v.real
-        return f"{real:.4g} 1/s" if abs(v.imag) < 1e-6 * abs(v) else f"{real:.4g} +- {abs(v.imag):.4g}i 1/s"
+        return f"{real:.4g} 1/s" if abs(v.imag) <= 1e-6 * abs(v) else f"{real:.4g} +- {abs(v.imag):.4g}i 1/s"
 
     def content(self) -> dict[str, object]:
         """For JSON."""
