@@ -60,15 +60,15 @@ class ThreeClutchDrive(Component):
 
 
 class ClutchChain(Component):
-    """`n` clutches, always pressed, between `n + 1` inertias at rest; a torque of growing amplitude pulls at the first.
+    """`n` clutches, always pressed, between `n + 1` inertias at rest; a torque that swings pulls at the first.
 
-    Each clutch lets go when the inertias behind it need more than its torque `tau_max`: they break loose one by one
-    and stick again.
+    Each clutch is pressed less than the one before, so that it cannot hold what the inertias behind it need: they break
+    loose one after the other, from the far end on, and stick again when the torque turns round.
     """
 
     n: int = structural(default=10, doc="Number of clutches")
     J: Real = parameter(default=0.1, unit="kg.m2", min=0.0, doc="Moment of inertia of each body")
-    fn_max: Real = parameter(default=2.0, unit="N", min=0.0, doc="Normal force of each clutch")
+    fn_max: Real = parameter(default=2.0, unit="N", min=0.0, doc="Normal force of the first clutch")
     amplitude: Real = parameter(default=5.0, unit="N.m", doc="Amplitude of the torque")
     f: Real = parameter(default=1.0, unit="Hz", doc="Frequency of the torque")
     inertias: list[Inertia] = part()
@@ -84,7 +84,8 @@ class ClutchChain(Component):
 
     def build(self) -> None:
         self.inertias = [Inertia(J=self.J, phi=0.0, w=0.0) for _ in range(self.n + 1)]
-        self.clutches = [Clutch(fn_max=self.fn_max, f_normalized=1.0) for _ in range(self.n)]
+        shares = [(1.0 - k / self.n) ** 2 for k in range(self.n)]
+        self.clutches = [Clutch(fn_max=self.fn_max * share, f_normalized=1.0) for share in shares]
         self.torque = Torque()
         self.sine = Sine(amplitude=self.amplitude, f=self.f)
 

@@ -31,8 +31,8 @@ class SampledSpeedControl(Component):
 
     experiment: ClassVar[Experiment] = Experiment(stop_time=0.3, tolerance=1e-8, output_interval=0.3e-3)
     figure: ClassVar[tuple[Panel, ...]] = (
-        Panel(("set_speed.y", "load.w"), title="Speed"),
-        Panel(("controller.y",), title="Torque of the controller", unit="N.m"),
+        Panel(("load.w",), title="Speed"),
+        Panel(("controller.y",), title="Torque of the controller in N.m"),
     )
 
     def build(self) -> None:
