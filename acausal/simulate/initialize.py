@@ -169,7 +169,13 @@ class _System:
     def _newton(self, residual: Any, y0: Vector) -> Vector | None:
         if residual.numel_out(0) != len(y0):
             return None
-        settings = {"abstol": 1e-13, "abstolStep": 1e-11, "max_iter": 400, "error_on_fail": False}
+        settings = {
+            "abstol": 1e-13,
+            "abstolStep": 1e-11,
+            "max_iter": 400,
+            "error_on_fail": False,
+            "show_eval_warnings": False,
+        }
         try:  # CasADi refuses a structurally singular Jacobian when the rootfinder is made: a mass of 0 kg
             found = np.array(ca.rootfinder("start", "newton", residual, settings)(y0)).ravel()
         except RuntimeError:

@@ -33,19 +33,24 @@ def contradicting(
     given = _value(compiled, condition, p)
     if given is None:
         fact = f"the start equation `{condition.text}` contradicts the others: it is off by {off:g}"
-        advice = "remove it, or make one of the others a guess(...)"
+        advice = "make one of the others a guess(...)"
+        if any(compiled.flat.text(e) == condition.text for e in compiled.flat.initial_equations):
+            advice = f"remove it, or {advice}"
     else:
         fact = f"the start value {condition.text} = {given:g} contradicts the others, which make it {given + off:g}"
         field = condition.text.rpartition(".")[2]
         advice = f"remove one of them, or make it a guess: {field}=guess({given:g})"
-    others = _others(compiled, condition, x, p)
-    states = counted(len(compiled.states), "state")
+    others = [text for text in _others(compiled, condition, x, p) if not text.startswith(f"{condition.text} ")]
+    cause = "the equations determine it at every time: no state is left to be chosen at the start"
+    if compiled.states:
+        states = counted(len(compiled.states), "state")
+        cause = f"more is fixed at the start than the {states} can follow: {listed(compiled.states)}"
     return InitializationError(
         "AC302",
         f"{compiled.name}: {fact}",
         where=condition.where or _model_at(compiled),
         evidence=["given too:", *(f"  {text}" for text in others)] if others else [],
-        cause=f"more is fixed at the start than the {states} can follow: {listed(compiled.states)}",
+        cause=cause,
         help=advice,
     )
 
@@ -164,6 +169,15 @@ def _singular(
 ) -> InitializationError:
     rows = np.flatnonzero(np.abs(null[0]) > 1e-6).tolist()
     open_ones = [names[k] for k in np.flatnonzero(np.abs(null[1]) > 1e-6).tolist()]
+    if len(rows) == 1:  # it depends on no other: its factors vanish by themselves
+        return InitializationError(
+            "AC304",
+            f"{compiled.name}: an equation says nothing about {listed(open_ones, 4)} at the start",
+            where=spans[rows[0]] or _model_at(compiled),
+            evidence=[labels[rows[0]]],
+            cause=f"what {listed(open_ones, 4)} is multiplied by is zero there",
+            help="start elsewhere, or state the equation so that it holds there too",
+        )
     return InitializationError(
         "AC304",
         f"{compiled.name}: the start conditions do not determine {listed(open_ones, 4)}",

@@ -14,6 +14,7 @@ from tests.messages import (
     test_signals,
     test_start_messages,
     test_unbalanced,
+    test_wrong_starts,
 )
 from tests.messages.cases import Case, normalised
 
@@ -28,6 +29,7 @@ BROKEN_MODELS: list[Case] = [
         test_signals,
         test_start_messages,
         test_unbalanced,
+        test_wrong_starts,
     )
     for case in module.corpus.cases
 ]

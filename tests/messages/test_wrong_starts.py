@@ -1,0 +1,132 @@
+"""Starts that cannot be: of what follows from the equations at every time, off a constraint, at a zero factor."""
+
+from __future__ import annotations
+
+import pytest
+
+import acausal
+from acausal import Component, Equations, Real, connect, der, fixed, guess, part, variable
+from acausal.library.electrical import Capacitor, ConstantVoltage, Ground
+from tests.messages.cases import Case, Corpus
+
+corpus = Corpus()
+
+
+@corpus.bad_start(
+    "AC302",
+    "capacitor.v",
+    """
+error[AC302]: AtASource: the start value capacitor.v = 1 contradicts the others, which make it 5
+  at      test_wrong_starts.py:N
+              self.capacitor = Capacitor(C=1.0, v=fixed(1.0))
+                               ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
+  cause   the equations determine it at every time: no state is left to be chosen at the start
+  help    remove one of them, or make it a guess: v=guess(1)
+""",
+)
+class AtASource(Component):
+    """A capacitor beside an ideal source has the voltage of that, from the start on."""
+
+    source: ConstantVoltage = part()
+    capacitor: Capacitor = part()
+    ground: Ground = part()
+
+    def build(self) -> None:
+        self.source = ConstantVoltage(V=5.0)
+        self.capacitor = Capacitor(C=1.0, v=fixed(1.0))
+        self.ground = Ground()
+
+    def equations(self) -> Equations:
+        yield connect(self.source.p, self.capacitor.p)
+        yield connect(self.source.n, self.capacitor.n, self.ground.p)
+
+
+@corpus.bad_start(
+    "AC302",
+    "x * x + y * y == 1",
+    """
+error[AC302]: OffTheCircle: the start equation `x * x + y * y == 1` contradicts the others: it is off by 1
+  at      test_wrong_starts.py:N
+              yield self.x * self.x + self.y * self.y == 1.0
+          given too:
+            x = 1
+            y = 1
+  cause   more is fixed at the start than the 4 states can follow: x, y, v and w
+  help    make one of the others a guess(...)
+""",
+)
+class OffTheCircle(Component):
+    """A pendulum of index 3, started beside its circle."""
+
+    x: Real = variable(default=fixed(1.0))
+    y: Real = variable(default=fixed(1.0))
+    v: Real = variable()
+    w: Real = variable()
+    tension: Real = variable()
+
+    def equations(self) -> Equations:
+        yield der(self.x) == self.v
+        yield der(self.y) == self.w
+        yield der(self.v) == -self.tension * self.x
+        yield der(self.w) == -self.tension * self.y - 9.81
+        yield self.x * self.x + self.y * self.y == 1.0
+
+
+@corpus.bad_start(
+    "AC304",
+    "y",
+    """
+error[AC304]: ZeroFactor: an equation says nothing about y at the start
+  at      test_wrong_starts.py:N
+              yield self.y * self.x == 1.0
+          y * x == 1   (ZeroFactor, test_wrong_starts.py:N)
+  cause   what y is multiplied by is zero there
+  help    start elsewhere, or state the equation so that it holds there too
+""",
+)
+class ZeroFactor(Component):
+    """y x = 1 where x starts at zero."""
+
+    x: Real = variable(default=fixed(0.0))
+    y: Real = variable()
+
+    def equations(self) -> Equations:
+        yield der(self.x) == 1.0
+        yield self.y * self.x == 1.0
+
+
+@corpus.bad_start(
+    "AC301",
+    "x",
+    """
+error[AC301]: NoRoot: no start found for x
+  at      test_wrong_starts.py:N
+              yield self.x * self.x == -1.0
+          largest residuals at the guesses:
+            2   in   x * x == -1   (NoRoot, test_wrong_starts.py:N)
+          guesses: x = 1
+  cause   the guesses are too far from a solution, or there is none
+  help    give better guesses: x=guess(...)
+""",
+)
+class NoRoot(Component):
+    """x^2 = -1."""
+
+    x: Real = variable(default=guess(1.0))
+    y: Real = variable(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        yield self.x * self.x == -1.0
+        yield der(self.y) == self.x
+
+
+@pytest.mark.parametrize("case", corpus.cases, ids=str)
+def test_message(case: Case) -> None:
+    case.check()
+
+
+def test_newtons_method_fails_in_silence(capfd: pytest.CaptureFixture[str]) -> None:
+    """CasADi printed a line for every point that was not finite, a thousand of them."""
+    with pytest.raises(acausal.AcausalError):
+        acausal.simulate(NoRoot(), stop_time=0.1)
+    assert not capfd.readouterr().err
