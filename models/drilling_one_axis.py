@@ -12,12 +12,15 @@ from acausal import (
     Expr,
     Panel,
     Real,
+    assert_,
     clamp,
     der,
     fabs,
     fixed,
     guess,
+    initial,
     maximum,
+    no_event,
     parameter,
     part,
     sin,
@@ -101,7 +104,12 @@ class OneAxisDrilling(Component):
         yield self.k * (self.s - self.s_tar) + self.d_c * (self.v - v_tar + free) == contact
         yield der(self.s) == self.v
         yield self.m * der(self.v) == self.F - self.F_f
-        yield der(self.s_tar) == where(self.s > 0, v_tar, 0.0)
+        # The ground has nothing to gain from an exact instant of the touch, where the force grows from zero.
+        yield der(self.s_tar) == where(no_event(self.s > 0), v_tar, 0.0)
+        yield assert_(
+            ~initial() | no_event((self.s < self.d / 100) | (self.k * self.s < edges * self.d * self.k_c11 * self.h_1)),
+            "the drill starts inside of the material: move it back",
+        )
 
     def feed(self, x: Expr) -> Expr:
         """Feed per edge [m] of `x = f_z k_c(f_z)` [N/m]; see `DrillContactForce.feed`."""
