@@ -166,7 +166,7 @@ class Pair:
         return ca.if_else(ca.sumsqr(wide) > 0.5 * ca.sumsqr(deep), wide, deep)
 
     def _inner(self, wide: bool) -> Any:
-        b = self.p + self.R @ ca.DM(self.b.inner.centre)
+        a, b = ca.SX(3, 1), self.p + self.R @ ca.DM(self.b.inner.centre)
         for _ in range(2):
             a = _nearest(self.a.inner, wide, b)
             b = self.p + self.R @ _nearest(self.b.inner, wide, self.R.T @ (a - self.p))
