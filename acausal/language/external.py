@@ -71,14 +71,14 @@ class External:
     def __call__(self, *arguments: Operand) -> Any:
         """The outputs as expressions; AC162 when the arguments do not fit."""
         given = tuple(map(as_expr, arguments))
-        if tuple(e.shape for e in given) != self.inputs:
+        if [e.shape for e in given] != list(self.inputs):
             raise DeclarationError(
                 "AC162",
                 f"{self.name} takes {len(self.inputs)} arguments: {', '.join(map(shape_text, self.inputs))}",
                 evidence=[f"given: {', '.join(f'`{e}` ({shape_text(e.shape)})' for e in given) or 'none'}"],
             )
-        found = tuple(Operation("call", given, shape, (self, k)) for k, shape in enumerate(self.outputs))
-        return found if len(found) > 1 else found[0]
+        found = [Operation("call", given, shape, (self, k)) for k, shape in enumerate(self.outputs)]
+        return found[0] if len(found) == 1 else tuple(found)
 
     @property
     def partials(self) -> External:
