@@ -136,7 +136,7 @@ class _Made:
             x, z = self._explicit(t, parts[0], parts[1])
         y = self.model.dae(t + self.h, x, z, self.u, self.p)[2]
         new = [x, z, t + self.h] if self.timed else [x, z]
-        outputs = ca.cse([ca.densify(ca.vertcat(*new)), ca.densify(y)])
+        outputs: Any = ca.cse([ca.densify(ca.vertcat(*new)), ca.densify(y)])
         function = ca.Function("step", [self.x, self.u, self.p], outputs, ["x", "u", "p"], ["x_next", "y"])
         clock = [Port("time", "s", "Time", self.model.start_time)] if self.timed else []
         return StepFunction(

@@ -107,7 +107,8 @@ def _phase(found: Trajectory, fine: Trajectory, floor: Vector) -> tuple[float | 
 
     # Gauss-Newton finds the nearest of many minima: start from the best shift by whole steps, at most a sixteenth.
     most = int((last - first) / 16 / step)
-    delay = float(min(step * np.arange(-most, most + 1), key=lambda d: float((gap(d) ** 2).sum())))
+    shifts = [float(step) * k for k in range(-most, most + 1)]
+    delay = min(shifts, key=lambda d: float((gap(d) ** 2).sum()))
     for _ in range(4):
         known = (times - delay <= last)[:, None]
         slopes = np.where(known, slope(np.clip(times - delay, first, last)), 0.0) / scale
