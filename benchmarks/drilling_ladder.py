@@ -6,32 +6,34 @@ The scene of section 3.2 of the founding paper (`ThickBlock`, 40 s) at four leve
 - kinematic: the feed is planned from force and rotation for a steady cut, the forces follow from it;
 - one axis: written by hand, `OneAxisDrilling`;
 - 3D: bodies, joints, frames, `ThickBlock`;
-- 3D with contact: the block is any convex body, and MPR looks for the overlap.
+- 3D contact scene: drill, block and bench are convex bodies that find each other, with MPR.
 
-Cost is the best time of a run up to these two outputs. Errors are the largest differences from the level of most
-detail at a tolerance of 1e-11; of the thrust outside of the first 0.5 s in which the drill hits the block.
+Cost is the least processor time of a run up to these two outputs. Errors are the largest differences from the scene of
+bodies and joints at a tolerance of 1e-11, after the first 0.6 s in which the drill bounces on the block.
 """
 
 from __future__ import annotations
 
 import argparse
+import gc
 import math
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from measure import alternated, report, rounded
+from measure import report, rounded
 
 import acausal
 from acausal import Component, Equations, Experiment, Real, connect, fixed, parameter, part, sin
 from acausal.library.blocks import Gain, TimeTable
-from acausal.library.contact.shapes import Box
-from acausal.library.drilling import DrillingForce, KinematicDrillingForce, Workpiece
-from acausal.library.drilling.geometry_convex import ConvexLevel
-from acausal.library.multibody import Prismatic, Revolute, World
+from acausal.library.contact import Box, ContactBody, ContactScene
+from acausal.library.drilling import DrillBody, KinematicDrillingForce, Workpiece, WorkpieceBody
+from acausal.library.multibody import Body, Prismatic, Revolute, World
 from acausal.library.rotational import Speed as RotationalSpeed
+from acausal.library.translational import Force
 from acausal.library.translational import Speed as TranslationalSpeed
 from acausal.models.drilling_dynamic import FORCE, SPEED, ThickBlock
 from acausal.models.drilling_one_axis import OneAxisDrilling
@@ -89,13 +91,52 @@ class PlannedDrilling(Component):
         yield connect(self.speed.flange, self.spindle.axis)
 
 
-class ConvexBlock(ThickBlock):
-    """The same scene with a convex body as block, and MPR to find where it overlaps the drill."""
+class SceneBlock(Component):
+    """The same motion in a contact scene: nobody says what the drill meets, and MPR looks for the overlap.
+
+    The bench below the block belongs to the scene too; the drill does not reach it.
+    """
+
+    world: World = part()
+    slide: Prismatic = part()
+    spindle: Revolute = part()
+    body: Body = part()
+    scene: ContactScene = part()
+    force_table: TimeTable = part()
+    force: Force = part()
+    speed_table: TimeTable = part()
+    turns_to_radians: Gain = part()
+    speed: RotationalSpeed = part()
+
+    experiment = Experiment(stop_time=40.0, tolerance=1e-8, solver="idas")
 
     def build(self) -> None:
-        super().build()
-        block = ConvexLevel(Box((0.1, 0.1, 0.05)), pose=((0.0, 0.0, 0.025), IDENTITY), name="the block")
-        self.drill = DrillingForce(level=block, t=self.workpiece.t, axis_a=AXIS, k=1e8, d_c=2e4)
+        self.world = World(g=0.0)
+        self.slide = Prismatic(n=AXIS, s=fixed(-1e-3), v=fixed(0.0))
+        self.spindle = Revolute(n=AXIS, phi=fixed(0.0))
+        self.body = Body(m=5.0)
+        block, bench = Box((0.1, 0.1, 0.05)), Box((0.3, 0.3, 0.02))
+        self.scene = ContactScene(
+            bodies=(
+                DrillBody(name="drill", wanders=False, reach=((0.0, 0.0, -0.01), (0.0, 0.0, 0.05))),
+                WorkpieceBody(name="block", shape=block, pose=((0.0, 0.0, 0.025), IDENTITY), at_rest=True),
+                ContactBody(name="bench", shape=bench, pose=((0.0, 0.0, 0.2), IDENTITY), at_rest=True),
+            )
+        )
+        self.force_table, self.speed_table = TimeTable(table=FORCE), TimeTable(table=SPEED)
+        self.force, self.speed = Force(), RotationalSpeed()
+        self.turns_to_radians = Gain(k=2.0 * math.pi)
+
+    def equations(self) -> Equations:
+        yield connect(self.world.frame_b, self.slide.frame_a)
+        yield connect(self.slide.frame_b, self.spindle.frame_a)
+        yield connect(self.spindle.frame_b, self.body.frame_a)
+        yield connect(self.body.frame_a, self.scene.frame("drill"))
+        yield connect(self.force_table.y, self.force.u)
+        yield connect(self.force.flange, self.slide.axis)
+        yield connect(self.speed_table.y, self.turns_to_radians.u)
+        yield connect(self.turns_to_radians.y, self.speed.w_ref)
+        yield connect(self.speed.flange, self.spindle.axis)
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +152,7 @@ LEVELS = (
     Level("kinematic", PlannedDrilling(), ("drill.s", "drill.F_f")),
     Level("one axis", OneAxisDrilling(), ("s", "F_f")),
     Level("3D", ThickBlock(), ("drill.s", "drill.F_f")),
-    Level("3D with MPR", ConvexBlock(), ("drill.s", "drill.F_f")),
+    Level("3D contact scene", SceneBlock(), ("scene.contacts[0].s", "scene.contacts[0].F_f")),
 )
 
 
@@ -141,6 +182,19 @@ def errors(level: Level, result: Result, truth: Result) -> dict[str, float]:
     return found
 
 
+def fastest(jobs: dict[str, Callable[[], Result]], repetitions: int) -> dict[str, float]:
+    """Least processor time of each job, one of each in turn; other work on the machine counts little in it."""
+    best = dict.fromkeys(jobs, math.inf)
+    for repetition in range(repetitions + 1):
+        for name, work in jobs.items():
+            gc.collect()
+            began = time.process_time()
+            work()
+            if repetition:
+                best[name] = min(best[name], time.process_time() - began)
+    return best
+
+
 def measured(repetitions: int) -> tuple[list[dict[str, Any]], float]:
     """One row for each level, and the ratio of the reduced 3D scene to the one by hand."""
     compiled: dict[str, Any] = {}
@@ -150,8 +204,8 @@ def measured(repetitions: int) -> tuple[list[dict[str, Any]], float]:
             key = f"{level.name}, {form}"
             compiled[key] = acausal.compile(level.model, **options)
             jobs[key] = job(compiled[key], level.outputs, form == "full")
-    seconds = alternated(jobs, repetitions)
-    truth = acausal.simulate(compiled["3D with MPR, reduced"], tolerance=1e-11, native=False, output_interval=0.1)
+    seconds = fastest(jobs, repetitions)
+    truth = acausal.simulate(compiled["3D, reduced"], tolerance=1e-11, native=False, output_interval=0.1)
     rows = []
     for level in LEVELS:
         for form in ("full", "reduced"):
@@ -161,7 +215,7 @@ def measured(repetitions: int) -> tuple[list[dict[str, Any]], float]:
                 {
                     "level": level.name,
                     "form": form,
-                    "milliseconds": 1e3 * min(seconds[key]),
+                    "milliseconds": 1e3 * seconds[key],
                     "states": len(c.states),
                     "algebraic": len(c.algebraic),
                     "equations": len(c.flat.equations) if form == "full" else len(c.solution.definitions),
@@ -169,7 +223,9 @@ def measured(repetitions: int) -> tuple[list[dict[str, Any]], float]:
                     **errors(level, jobs[key](), truth),
                 }
             )
-    return rows, min(seconds["3D, reduced"]) / min(seconds["one axis, full"])
+    pair = {name: jobs[name] for name in ("3D, reduced", "one axis, full")}
+    seconds = fastest(pair, 4 * repetitions)
+    return rows, seconds["3D, reduced"] / seconds["one axis, full"]
 
 
 def draw(rows: list[dict[str, Any]], file: Path) -> None:
@@ -177,43 +233,44 @@ def draw(rows: list[dict[str, Any]], file: Path) -> None:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(11.0, 4.2), layout="constrained")
+    figure = Figure(figsize=(12.0, 4.4), layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.subplots(1, 3)
     names = list(dict.fromkeys(r["level"] for r in rows))
-    colors = {"full": "C1", "reduced": "C0"}
-    for k, form in enumerate(("full", "reduced")):
+    for k, form in enumerate(_FORMS):
         own = [r for r in rows if r["form"] == form]
-        places = np.arange(len(own)) + 0.38 * (k - 0.5)
-        bars = axes[0].bar(places, [r["milliseconds"] for r in own], 0.36, color=colors[form], label=_FORMS[form])
-        axes[0].bar_label(bars, [f"{r['states']} | {r['equations']}" for r in own], fontsize=7, padding=2)
-        for ax, key in ((axes[1], "depth_mm"), (axes[2], "thrust_N")):
-            ax.plot([r["milliseconds"] for r in own], [r[key] for r in own], "o-", color=colors[form], lw=0.8)
-    axes[0].set_xticks(range(len(names)), [n.replace(" with", "\nwith") for n in names])
-    axes[0].set_yscale("log")
-    axes[0].set_ylim(top=3.0 * max(r["milliseconds"] for r in rows))
-    axes[0].set_ylabel("time of a run of 40 s, ms")
-    axes[0].set_title("cost, with states | equations", loc="left", fontsize=10)
-    axes[0].legend(fontsize=8, loc="upper left")
-    for ax, key, label in (
-        (axes[1], "depth_mm", "largest error of the depth, mm"),
-        (axes[2], "thrust_N", "of the thrust, N"),
-    ):
-        for r in rows:
-            if r["form"] == "reduced":
-                ax.annotate(r["level"], (r["milliseconds"], r[key]), (5, 6), textcoords="offset points", fontsize=8)
-        ax.set_xscale("log")
+        places = np.arange(len(own)) + 0.4 * (k - 0.5)
+        bars = axes[0].bar(places, [r["milliseconds"] for r in own], 0.38, color=_COLORS[form], label=_FORMS[form])
+        labels = [f"{r['states']}\n{r['equations']}" for r in own]
+        axes[0].bar_label(bars, labels, fontsize=8, padding=2)
+    axes[0].set_xticks(range(len(names)), [n.replace("3D ", "3D\n") for n in names])
+    axes[0].set_ylim(0.0, 1.45 * max(r["milliseconds"] for r in rows))
+    axes[0].set_ylabel("processor time of a run of 40 s, ms")
+    axes[0].set_title("Cost; on the bars: states, equations", loc="left", fontsize=10)
+    axes[0].legend(fontsize=8, loc="upper left", frameon=False)
+    for ax, key, label in ((axes[1], "depth_mm", "depth, mm"), (axes[2], "thrust_N", "thrust, N")):
+        for marker, name in zip("osD^", names, strict=False):
+            for r in (r for r in rows if r["level"] == name):
+                color = _COLORS[r["form"]]
+                face = color if r["form"] == "reduced" else "none"
+                legend = name if r["form"] == "reduced" else None
+                ax.plot(
+                    r["milliseconds"], r[key], marker, ms=8, mec=color, mfc=face, mew=1.4, label=legend, clip_on=False
+                )
         ax.set_yscale("log")
-        ax.set_xlabel("time of a run, ms")
+        ax.set_xlim(0.0, 1.1 * max(r["milliseconds"] for r in rows))
+        ax.set_xlabel("processor time of a run, ms")
         ax.set_ylabel(f"largest error of the {label}")
         ax.grid(True, which="major", lw=0.4)
-        ax.margins(0.25, 0.15)
-    axes[1].set_title("error of the depth against cost", loc="left", fontsize=10)
-    axes[2].set_title("error of the thrust against cost", loc="left", fontsize=10)
+        ax.margins(y=0.15)
+        ax.legend(fontsize=8, title="reduced: filled", title_fontsize=8)
+    axes[1].set_title("Error of the depth against cost", loc="left", fontsize=10)
+    axes[2].set_title("Error of the thrust against cost", loc="left", fontsize=10)
     file.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(file, dpi=130)
 
 
+_COLORS = {"full": "C1", "reduced": "C0"}
 _FORMS = {"full": "as composed, all signals", "reduced": "acausal reduce, depth and thrust"}
 
 
