@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.lower.compiled import CompiledModel, Symbols
+from acausal.simulate.direct import rows
 
 Vector = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -68,6 +69,55 @@ class StateMatrix:
         except np.linalg.LinAlgError:
             return None
         return np.asarray(matrix, dtype=float) if np.isfinite(matrix).all() else None
+
+    @property
+    def inert(self) -> bool:
+        """Whether all eigenvalues are zero whatever the numbers: states that integrate others, without a loop."""
+        if self.compiled not in _inert:
+            fx, fz, gx, _, *_ = (self._derivatives.sparsity_out(k) for k in range(4))
+            whole = fx
+            if len(self.compiled.algebraic):
+                rows = sorted(set(fz.row()))
+                columns = [c for c in range(gx.size2()) if gx.colind()[c + 1] > gx.colind()[c]]
+                whole = fx + ca.Sparsity.rowcol(rows, columns, self.size, self.size)
+            loops, *_ = whole.scc() if whole.nnz() else (0, [], [])
+            diagonal = whole.get_diag()[0].nnz() if whole.nnz() else 0
+            _inert[self.compiled] = whole.nnz() == 0 or (diagonal == 0 and loops == self.size)
+        return _inert[self.compiled]
+
+    def spectra(self, times: Vector, x: Vector, z: Vector, m: Vector) -> Complex:
+        """Eigenvalues [1/s] at many points, shape (points, size), nan where there are none; columns are points.
+
+        For small systems: one call of compiled loops for all points.
+        """
+        n, nz = self.size, len(self.compiled.algebraic)
+        flat = rows(self._packed, (times[:, None], x.T, z.T, self.u, self.p, m.T))
+        ends = np.cumsum([n * n, n * nz, nz * n])
+        fx, fz, gx, gz = (
+            part.reshape(len(times), columns, count).transpose(0, 2, 1)
+            for part, (count, columns) in zip(
+                np.split(flat, ends, axis=1), ((n, n), (n, nz), (nz, n), (nz, nz)), strict=True
+            )
+        )
+        found = np.full((len(times), n), np.nan, dtype=complex)
+        good = np.asarray(np.isfinite(flat).all(axis=1), dtype=bool)
+        if nz:
+            good = good & (np.abs(np.linalg.det(np.where(good[:, None, None], gz, 0.0))) > 0.0)
+            fx = fx.copy()
+            fx[good] -= fz[good] @ np.linalg.solve(gz[good], gx[good])
+        good = good & np.isfinite(fx).all(axis=(1, 2))
+        found[good] = np.linalg.eigvals(fx[good])
+        return found
+
+    @property
+    def _packed(self) -> Any:
+        """All four parts as one dense column, for calls on NumPy's memory."""
+        if self.compiled not in _columns:
+            s = Symbols(self.compiled)
+            parts = self._derivatives(*s.inputs)[:4]
+            column = ca.vertcat(*(ca.vec(ca.densify(part)) for part in parts))
+            _columns[self.compiled] = ca.Function("packed", s.inputs, [column])
+        return _columns[self.compiled]
 
     def regularity(self, t: float, x: Vector, z: Vector, m: Vector) -> tuple[float, float]:
         """How well the algebraic variables are determined: reciprocal condition and sign of the determinant.
@@ -131,3 +181,5 @@ class StateMatrix:
 
 # The derivatives of a model do not depend on the run; symbolic work of milliseconds.
 _made: WeakKeyDictionary[CompiledModel, Any] = WeakKeyDictionary()
+_columns: WeakKeyDictionary[CompiledModel, Any] = WeakKeyDictionary()
+_inert: WeakKeyDictionary[CompiledModel, bool] = WeakKeyDictionary()

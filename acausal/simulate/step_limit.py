@@ -47,19 +47,20 @@ class StepLimit:
 
     def __post_init__(self) -> None:
         found = method_of(self.solver) if self.options.step is not None and not self.force else None
-        self.method = found if found is not None and found.explicit else None
+        guarded = found is not None and found.explicit and self.problem.n_dynamic > 0 and not self.matrix.inert
+        self.method = found if guarded else None
 
     def check_start(self, t: float, x: Vector, z: Vector, m: Vector) -> None:
         """Refuse (AC405) a step that amplifies the start's modes a thousandfold within a twentieth of the run.
 
         The first steps count too: a tool that stands beside the work is in stiff contact after one of them.
         """
-        if self.method is None or not self.problem.n_dynamic:
+        if self.method is None:
             return
         span = self.options.stop_time - self.options.start_time
         n = self.problem.n_dynamic
         for _ in range(_FIRST_STEPS):
-            rate = self._rate(t, x, z, m)
+            rate = float(self._rates(np.array([t]), x[:, None], z[:, None], m[:, None])[0])
             if rate * max(_FIRST_PART * span, self.step) > _CERTAIN:
                 raise self._refusal(t, x, z, m, rate * span)
             speed, second = self.matrix.rates(t, x, z, m)
@@ -73,7 +74,7 @@ class StepLimit:
 
         The error carries `result`.
         """
-        if self.method is None or not self.problem.n_dynamic or not recorder.segments:
+        if self.method is None or not recorder.segments:
             return
         times, x, z, m = recorder.rows()
         good = np.flatnonzero(np.isfinite(x).all(axis=0) & np.isfinite(z).all(axis=0))
@@ -81,14 +82,14 @@ class StepLimit:
             return
         count = min(_POINTS_OF_SMALL if self.problem.n_dynamic <= _SMALL else _POINTS, len(good))
         chosen = np.unique(good[np.linspace(0, len(good) - 1, count).round().astype(int)])
-        points = [(float(times[k]), x[:, k], z[:, k], m[:, k]) for k in chosen]
-        rates = np.array([self._rate(*point) for point in points])
+        rates = self._rates(times[chosen], x[:, chosen], z[:, chosen], m[:, chosen])
         at = times[chosen]
         reach = np.diff(np.concatenate([[at[0]], 0.5 * (at[1:] + at[:-1]), [at[-1]]]))
         amplified = np.where(rates > 0.0, rates * np.maximum(reach, self.step), 0.0)
         worst = int(np.argmax(rates))
         if amplified.sum() > MOST_GROWTH:
-            error = self._refusal(*points[worst], float(amplified.sum()))
+            k = chosen[worst]
+            error = self._refusal(float(times[k]), x[:, k], z[:, k], m[:, k], float(amplified.sum()))
             error.result = result
             raise error
 
@@ -105,13 +106,19 @@ class StepLimit:
         """The linearised states of this run."""
         return StateMatrix(self.problem.compiled, self.problem.p, self.problem.u)
 
-    def _rate(self, t: float, x: Vector, z: Vector, m: Vector) -> float:
-        """Largest rate of numerical growth [1/s] at a point; 0 where none can be computed."""
+    def _rates(self, times: Vector, x: Vector, z: Vector, m: Vector) -> Vector:
+        """Largest rate of numerical growth [1/s] at each point; 0 where none can be computed."""
         assert self.method is not None
-        modes = self.matrix.eigenvalues(t, x, z, m)
-        if modes is None or not len(modes):
-            return 0.0
-        return float(np.max(self.method.growth(modes, self.step)))
+        if self.problem.n_dynamic <= _SMALL and len(self.problem.compiled.algebraic) <= _SMALL:
+            spectra = list(self.matrix.spectra(times, x, z, m))
+        else:
+            found = (self.matrix.eigenvalues(float(t), x[:, k], z[:, k], m[:, k]) for k, t in enumerate(times))
+            spectra = [np.full(1, np.nan, dtype=complex) if modes is None else modes for modes in found]
+        rates = np.zeros(len(times))
+        for k, modes in enumerate(spectra):
+            if np.isfinite(modes).all() and len(modes):
+                rates[k] = np.max(self.method.growth(modes, self.step))
+        return rates
 
     def _refusal(self, t: float, x: Vector, z: Vector, m: Vector, growth: float) -> IntegrationError:
         assert self.method is not None

@@ -13,6 +13,7 @@ import acausal
 from acausal import Component, Equations, Experiment, Real, cos, der, fixed, parameter, time, variable
 from acausal.errors import IntegrationError
 from acausal.simulate.amplification import METHODS, Method
+from acausal.simulate.state_matrix import StateMatrix
 
 
 class StiffAndTurning(Component):
@@ -29,6 +30,54 @@ class StiffAndTurning(Component):
         yield der(self.fast) == -1e4 * (self.fast - cos(self.om * time))
         yield der(self.y) == self.v
         yield der(self.v) == -self.y
+
+
+class LoopAndIntegral(Component):
+    """An algebraic loop z**3 + z = x, x' = -z, and an integral of x: eigenvalues -1/(1 + 3*z**2) and 0."""
+
+    x: Real = variable(default=fixed(2.0))
+    y: Real = variable(default=fixed(0.0))
+    z: Real = variable()
+
+    def equations(self) -> Equations:
+        yield self.z**3 + self.z == self.x
+        yield der(self.x) == -self.z
+        yield der(self.y) == self.x
+
+
+class Ramp(Component):
+    """Two integrals in a row: no eigenvalue but zero, whatever the numbers."""
+
+    x: Real = variable(default=fixed(0.0))
+    v: Real = variable(default=fixed(1.0))
+
+    def equations(self) -> Equations:
+        yield der(self.x) == self.v
+        yield der(self.v) == 1.0
+
+
+def state_matrix(model: Component) -> StateMatrix:
+    compiled = acausal.compile(model)
+    return StateMatrix(compiled, np.array(compiled.parameter_values, dtype=float), np.zeros(0))
+
+
+def test_spectra_of_many_points_are_those_of_each() -> None:
+    """-1/(1 + 3*z**2) at z = 1 and z = 2, by the implicit function theorem; nan where something is not finite."""
+    matrix = state_matrix(LoopAndIntegral())
+    assert len(matrix.compiled.algebraic) == 1
+    x, z = np.array([[2.0, 10.0, np.nan], [0.0, 0.0, 0.0]]), np.array([[1.0, 2.0, 0.0]])
+    spectra = matrix.spectra(np.zeros(3), x, z, np.zeros((0, 3)))
+    for k, expected in enumerate((-1.0 / 4.0, -1.0 / 13.0)):
+        assert sorted(spectra[k].real) == pytest.approx([expected, 0.0])
+        one = matrix.eigenvalues(0.0, x[:, k], z[:, k], np.zeros(0))
+        assert one is not None
+        assert sorted(one.real) == pytest.approx(sorted(spectra[k].real))
+
+
+def test_chains_of_integrals_are_inert() -> None:
+    assert state_matrix(Ramp()).inert
+    assert not state_matrix(LoopAndIntegral()).inert
+    assert not state_matrix(StiffAndTurning()).inert
 
 
 def method(name: str) -> Method:
