@@ -20,6 +20,8 @@ Vector = NDArray[np.float64]
 Truth = NDArray[np.bool_]
 # Instants are located to this share of the run, or of the time.
 _INSTANT = 1e-12
+# Guards are located to this share of the noise.
+LOCATED = 1e-2
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +116,7 @@ class Guards:
         """Guards that end the regime at this event: all that are reached and falling; at least the nearest."""
         g = self.distances(t, at)
         rate, noise = self.rates(t, at)
-        near = np.abs(g) <= np.maximum(1e-2 * noise, np.abs(rate) * _INSTANT * max(self.span, abs(t)))
+        near = np.abs(g) <= np.maximum(LOCATED * noise, np.abs(rate) * _INSTANT * max(self.span, abs(t)))
         found = (g < 0) | (near & (rate < 0))
         if not found.any():
             found[int(np.argmin(np.abs(g) / np.maximum(np.abs(rate), 1e-30)))] = True

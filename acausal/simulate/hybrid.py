@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.simulate.event_errors import accumulated
-from acausal.simulate.guards import Guards, Moment, Tolerances, Truth
+from acausal.simulate.guards import LOCATED, Guards, Moment, Tolerances, Truth
 from acausal.simulate.initialize import Start
 from acausal.simulate.iteration import Happened, Iteration
 from acausal.simulate.looking import LOOKS, first_crossing, locate
@@ -120,7 +120,7 @@ class Hybrid:
         happened = self.iteration.settle(t, self.iteration.flipped(moment, fired), left.m)
         if rested:
             happened = replace(happened, notes=(*notes, *happened.notes))
-        self.bounces.saw(t, relations)
+        self.bounces.saw(t, relations if happened.changed else [])
         if self.bounces.is_endless:
             names = [self.guards.texts[k] for k in self.bounces.crowded]
             raise accumulated(self.problem.compiled.name, t, self.bounces.count, names)
@@ -223,7 +223,7 @@ class Hybrid:
         if not moment.regime.owners:
             return np.zeros(0)
         g, (rate, noise) = self.guards.distances(t, moment), self.guards.rates(t, moment)
-        resting: Truth = (np.abs(g) <= noise) & (rate <= noise)
+        resting: Truth = (g <= LOCATED * noise) & (rate <= noise)
         return np.where(resting, 2 * noise, 0.0)
 
     def _say(self, happened: Happened, t: float) -> Moment:

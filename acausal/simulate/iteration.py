@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.simulate.event_errors import unsettled, violated
-from acausal.simulate.guards import Cause, Guards, Moment, Truth
+from acausal.simulate.guards import LOCATED, Cause, Guards, Moment, Truth
 from acausal.simulate.initialize import Start, consistent
 from acausal.simulate.problem import Problem
 from acausal.simulate.quick import Quick
@@ -213,7 +213,7 @@ class Iteration:
                 walk.doubt[relation] = max(walk.doubt[relation], noise[k])
                 noise[k] = walk.doubt[relation] if walk.flips[relation] > 1 else noise[k]
         wrong = g < -2 * noise
-        at = np.abs(g) <= noise
+        at = g <= LOCATED * noise  # not the whole noise: a thin plate has its other side within it
         return np.asarray(wrong | (at & (rate < -noise)) if leaving else wrong)
 
     def _slide(self, t: float, moment: Moment, relations: list[int], notes: list[str]) -> Moment | None:

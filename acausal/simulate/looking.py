@@ -103,12 +103,14 @@ def _ended(
         x, z = last.x[:, -1], last.z[:, -1]
         for name, count in last.counters.items():
             counters[name] = counters.get(name, 0.0) + count
-    here = replace(moment, x=x, z=z)
-    value, (rate, _) = guards.distances(t, here) + band, guards.rates(t, here)
-    nearest = int(np.argmin(np.abs(value) / np.maximum(np.abs(rate), 1e-30)))
-    step = float(-value[nearest] / rate[nearest]) if rate[nearest] else 0.0
-    if abs(step) <= 1e-3 * (all_times[k] - all_times[k - 1]):
-        problem = moment.regime.problem
+    problem = moment.regime.problem
+    for _ in range(1 if len(z) else 3):
+        here = replace(moment, x=x, z=z)
+        value, (rate, _) = guards.distances(t, here) + band, guards.rates(t, here)
+        nearest = int(np.argmin(np.abs(value) / np.maximum(np.abs(rate), 1e-30)))
+        step = float(-value[nearest] / rate[nearest]) if rate[nearest] else 0.0
+        if abs(step) > 1e-3 * (all_times[k] - all_times[k - 1]):
+            break
         ode = np.array(problem.compiled.rhs(t, x, z, problem.u, problem.p, moment.m)[0]).ravel()
         x, t = x + step * ode, max(t + step, segment.start)
     return Stop(Piece(np.zeros((len(x), 0)), np.zeros((len(z), 0)), counters), times[:0], float(t), x, z)
