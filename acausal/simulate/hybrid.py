@@ -178,6 +178,8 @@ class Hybrid:
         if not moment.regime.owners or not len(stop.times):
             return stop
         g = self.guards.along(stop.times, stop.piece.x, stop.piece.z, moment.m, moment.regime)
+        if stop.time is not None:  # a row at the event itself may be past it, by rounding
+            g = g[stop.times < stop.time - 1e-12 * max(self.span, abs(stop.time))]
         g = np.vstack([np.maximum(self.guards.distances(segment.start, moment), 0.0), g])
         times, x, z = stop.times, stop.piece.x, stop.piece.z
         done = 0
