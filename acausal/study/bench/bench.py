@@ -36,6 +36,8 @@ Vector = NDArray[np.float64]
 Say = Callable[[str], None]
 
 _COMPILE_LIMIT = 120.0
+# Mixed errors from which on a run is a failure, not a point of a curve.
+_ASTRAY = 10.0
 
 
 def bench(
@@ -277,6 +279,8 @@ class _Lab:
         far = distance(found.trajectory, against.trajectory, against.floor, against.trusted_digits)
         if against.only_end:
             far = replace(far, series=far.end, phase=None, shape=None)
+        if far.series > _ASTRAY:
+            return Run(case, failure=f"the solution has left the reference: error {far.series:.1e}")
         return Run(
             case,
             distance=far,

@@ -126,8 +126,7 @@ def _panel(axes: Axes, bench: Bench, label: str, value: Callable[[Run], float]) 
     low, high = sorted(axes.get_xlim())
     if low < trusted < high:
         axes.axvspan(low, trusted, color="0.93", zorder=0)
-    for axis in (axes.xaxis, axes.yaxis):
-        axis.set_minor_formatter(NullFormatter())
+    axes.xaxis.set_minor_formatter(NullFormatter())
     axes.xaxis.set_major_locator(LogLocator(numticks=9))
 
 
@@ -201,6 +200,7 @@ def _generic(failure: str) -> str:
     """A reason without the numbers that differ from run to run."""
     text = re.sub(r"^not tried: ", "", failure)
     text = re.sub(r" at (tolerance|step) \S+( s)?$", "", text)
+    text = re.sub(r": error \S+$", "", text)
     return re.sub(r" stopped at t = \S+ s", " stopped", text)
 
 
