@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,11 +89,12 @@ def _ended(
     from scipy.interpolate import BarycentricInterpolator  # half a second, for a crossing only
     from scipy.optimize import brentq
 
+    bracketed: Any = brentq
     for j in np.flatnonzero(g[k] < -band[: g.shape[1]]):
         curve = BarycentricInterpolator(all_times[near], g[near, j] + band[j])
         a, b = all_times[k - 1], all_times[k]
         if curve(a) > 0 > curve(b):
-            root = min(root, float(brentq(curve, a, b, xtol=1e-15 * b, rtol=1e-15)))
+            root = min(root, float(bracketed(curve, a, b, xtol=1e-15 * b, rtol=1e-15)))
         else:
             root = min(root, a)
     x, z = segment.x, segment.z

@@ -21,7 +21,7 @@ class Quick:
         self._function = function  # the buffer does not keep it alive
         self._buffer, self._run = function.buffer()
         self._inputs = [np.zeros(function.numel_in(k)) for k in range(function.n_in())]
-        self._outputs = [np.zeros(function.size_out(k), order="F") for k in range(function.n_out())]
+        self._outputs: list[Any] = [np.zeros(function.size_out(k), order="F") for k in range(function.n_out())]
         for k in range(function.n_out()):
             if function.nnz_out(k) != function.numel_out(k):
                 raise ValueError(f"{function.name()}: output {k} is not dense")

@@ -96,6 +96,6 @@ def test_diode_bridge_meets_the_published_solution_and_the_closed_form(reference
     errors = error_of(r, example)
     assert max(errors.values()) <= 2e-3, errors
     # the means of a rectified sine, with 2e-5 Ohm of the diodes in series with 20 Ohm: README of the data
-    assert abs(r.final("meanVoltage.y") - 99.0347) < 1e-4
-    assert abs(r.final("meanCurrent.y") - 4.95173) < 1e-5
-    assert abs(r.final("rootMeanSquareVoltage.mean.y") - 12099.976) < 1e-2
+    assert r.final("meanVoltage.y") == pytest.approx(99.0347, abs=1e-4)
+    assert r.final("meanCurrent.y") == pytest.approx(4.95173, abs=1e-5)
+    assert r.final("rootMeanSquareVoltage.mean.y") == pytest.approx(12099.976, abs=1e-2)

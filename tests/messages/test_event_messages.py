@@ -100,12 +100,12 @@ def where_of_an_equation() -> object:
     """
 error[AC108]: `True` (bool) is not a condition
   at      test_event_messages.py:N
-              return where(True, 1.0, thing.x)
+              return where(True, 1.0, thing.x)  # type: ignore[arg-type]
   help    write a relation such as x > 0; what is known to Python is decided with a plain `if`
 """,
 )
 def where_of_python() -> object:
-    return where(True, 1.0, thing.x)
+    return where(True, 1.0, thing.x)  # type: ignore[arg-type]
 
 
 @corpus.wrong(
@@ -184,12 +184,12 @@ def when_nothing() -> object:
     """
 error[AC140]: `3` is not an action
   at      test_event_messages.py:N
-              return when(thing.x > 0, 3)
+              return when(thing.x > 0, 3)  # type: ignore[arg-type]
   help    write when(condition, reset(x, value)) or when(condition, terminate("why"))
 """,
 )
 def when_without_action() -> object:
-    return when(thing.x > 0, 3)
+    return when(thing.x > 0, 3)  # type: ignore[arg-type]
 
 
 @corpus.wrong(

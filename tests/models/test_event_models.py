@@ -80,7 +80,7 @@ def test_the_rectifier_charges_twice_a_period(runs: dict[Any, acausal.Result]) -
     r = runs[BridgeRectifier]
     np.testing.assert_allclose(r["diode_p1.i"], r["diode_n2.i"], rtol=0, atol=5e-3)  # up to the leakage of the others
     assert min(r[f"diode_{d}.i"].min() for d in ("p1", "p2", "n1", "n2")) > -5e-3
-    last, before = (r.at(np.linspace(t, t + 0.01, 41), "load.v") for t in (0.09, 0.08))
+    last, before = (np.asarray(r.at(np.linspace(t, t + 0.01, 41), "load.v")) for t in (0.09, 0.08))
     np.testing.assert_allclose(last, before, rtol=1e-3)
     assert 100.0 < last.min() < last.max() < math.sqrt(2.0) * 110.0
 

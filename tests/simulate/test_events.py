@@ -120,12 +120,12 @@ def test_a_ball_comes_to_rest(solver: str, stop: float) -> None:
     """The scene `zeno`: rest from sqrt(2 / g) (1 + e) / (1 - e) = 4.0637 s on, h = 0 within 1e-9, under 200 events."""
     r = acausal.simulate(Ball(), stop_time=stop, tolerance=1e-8, solver=solver)
     limit = math.sqrt(2 / G) * 1.8 / 0.2
-    assert abs(r.final("h")) <= 1e-9
+    assert r.final("h") == pytest.approx(0.0, abs=1e-9)
     assert r.final("v") == 0.0
     assert r["h"].min() >= -1e-9
     assert len(r.events) < 200
     assert r.events[-1].time == pytest.approx(limit, abs=1e-3)
-    assert "at rest" in r.stats["notes"][0]
+    assert "at rest" in str(r.stats["notes"])
 
 
 class Lift(Component):
@@ -171,7 +171,7 @@ def test_a_relay_slides(solver: str) -> None:
     assert r.final("x") == pytest.approx(0.0, abs=1e-12)
     assert r.final("y") == pytest.approx(0.3, abs=1e-12)
     assert [e.time for e in r.events] == [pytest.approx(1 / 0.7, abs=1e-7)]
-    assert "sliding" in r.stats["notes"][0]
+    assert "sliding" in str(r.stats["notes"])
 
 
 class Stiction(Component):
