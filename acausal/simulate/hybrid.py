@@ -60,6 +60,8 @@ class Hybrid:
         self.iteration = Iteration(self.problem, self.guards)
         self.bounces = Bounces(self.problem, self.guards, self.span)
         self.single_step = self.solver.name in ("rosenbrock", "erk") and not self.problem.compiled.algebraic
+        # without states there is no error to choose a step by
+        self.single_step &= self.problem.n_dynamic > 0
 
     def begin(self, t: float, start: Start, m: Vector, *, flag: str | None = "initial") -> None:
         """The event at the start of the run; `m` is what the start has decided.
@@ -102,11 +104,11 @@ class Hybrid:
             happened = self.event(here, left, fired)
             self.passages.append(Passage(here, left, int(np.argmax(fired)), happened))
 
-    def end(self, t: float) -> None:
-        """The event at the end of the run, when `terminal()` is true."""
-        if "terminal" not in self.iteration.flag_names or self.moment is None:
+    def end(self, t: float, samples: Vector) -> None:
+        """The event at the end of the run, when `terminal()` is true, and perhaps a sample."""
+        if self.moment is None or not ("terminal" in self.iteration.flag_names or samples.any()):
             return
-        happened = self.iteration.settle(t, self.moment, self.moment.m, flag="terminal")
+        happened = self.iteration.settle(t, self.moment, self.moment.m, samples=samples, flag="terminal")
         if happened.causes:
             self._record_start(t, self._say(happened, t), happened)
 
@@ -194,31 +196,15 @@ class Hybrid:
             inside = replace(segment, start=start, times=times[k : k + 1], x=xa, z=za)
             at = replace(moment, x=xa, z=za)
             closer = locate(self.guards, at, inside, band, lambda s: self.integrate(moment.regime, s))
-            if closer.time is None and not seen:
+            if (
+                closer.time is None
+            ):  # a longer step had seen what a shorter one does not: it may come in the next interval
                 done = k + 1
+                g[done] = np.maximum(g[done], 0.0)
                 continue
-            if closer.time is None:  # what the longer step had seen is not there: go on from its end
-                rows = Piece(x[:, : k + 1], z[:, : k + 1], stop.piece.counters)
-                return self._again(segment, moment, Stop(rows, times[: k + 1], None, closer.x, closer.z), stop, band)
             keep = a + 1
             rows = Piece(x[:, :keep], z[:, :keep], {**stop.piece.counters})
             return Stop(rows, times[:keep], closer.time, closer.x, closer.z)
-
-    def _again(self, segment: Segment, moment: Moment, part: Stop, whole: Stop, band: Vector) -> Stop:
-        """A stretch whose middle had to be integrated again: its rest, from there on."""
-        here = float(part.times[-1])
-        rest = whole.times[whole.times > here]
-        if not len(rest):
-            return part
-        onward = replace(segment, start=here, times=rest, x=part.x, z=part.z)
-        piece = self.integrate(moment.regime, onward)
-        at = replace(moment, x=part.x, z=part.z)
-        stop = Stop(piece, rest[: piece.x.shape[1]], None, piece.x[:, -1], piece.z[:, -1])
-        after = self.checked(onward, at, stop, band)
-        joined = Piece(
-            np.hstack([part.piece.x, after.piece.x]), np.hstack([part.piece.z, after.piece.z]), after.piece.counters
-        )
-        return Stop(joined, np.append(part.times, after.times), after.time, after.x, after.z)
 
     def band(self, t: float, moment: Moment) -> Vector:
         """How far past its guard each one may go: the noise where it rests there and does not leave, else 0."""

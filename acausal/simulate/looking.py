@@ -53,6 +53,9 @@ def locate(guards: Guards, moment: Moment, segment: Segment, band: Vector, integ
     `time` of the answer is None when a closer look finds nothing.
     """
     end = float(segment.times[0])
+    if end - segment.start <= 16 * _FINE * np.spacing(max(abs(end), guards.span)):  # nothing fits in between
+        none = Piece(np.zeros((len(segment.x), 0)), np.zeros((len(segment.z), 0)), {})
+        return Stop(none, segment.times[:0], segment.start, segment.x, segment.z)
     fine = _FINE
     for _ in range(_MOST_LOOKS):
         times = segment.start + (end - segment.start) * np.arange(1, fine + 1) / fine

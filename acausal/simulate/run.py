@@ -250,7 +250,9 @@ class Run:
                     if self.hybrid is not None and self.hybrid.terminated is not None:
                         break
                 if self.hybrid is not None:
-                    self.hybrid.end(recorder.time)
+                    stopped = self.hybrid.terminated is not None
+                    samples = due(self.compiled, self.p, recorder.time)
+                    self.hybrid.end(recorder.time, 0.0 * samples if stopped else samples)
         except (IntegrationError, EventError, KeyboardInterrupt) as error:
             if not recorder.segments:
                 raise

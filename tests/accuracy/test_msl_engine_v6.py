@@ -39,17 +39,20 @@ class GasForce(Component):
         yield self.s == self.flange.s
         yield self.v == der(self.s)
         x = 1 - self.s / self.L
+        # fitted curves that meet: no crossing of theirs has to be located (as events they cost minutes)
         inward = where(
             x < 0.986061,
             177.4132 * x**4 - 287.2189 * x**3 + 151.8252 * x**2 - 24.9973 * x + 2.4,
             2836360 * x**4 - 10569296 * x**3 + 14761814 * x**2 - 9158505 * x + 2129670,
+            smooth=True,
         )
         outward = where(
             x > 0.933,
             -3929704 * x**4 + 14748765 * x**3 - 20747000 * x**2 + 12964477 * x - 3036495,
             145.930 * x**4 - 131.707 * x**3 + 17.3438 * x**2 + 17.9272 * x + 2.4,
+            smooth=True,
         )
-        pressure = 1e5 * where(self.v < 0, inward, outward)
+        pressure = 1e5 * where(self.v < 0, inward, outward, smooth=True)
         yield self.flange.f == -pressure * (math.pi * 0.1**2 / 4)
 
 
