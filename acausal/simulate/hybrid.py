@@ -196,9 +196,8 @@ class Hybrid:
             inside = replace(segment, start=start, times=times[k : k + 1], x=xa, z=za)
             at = replace(moment, x=xa, z=za)
             closer = locate(self.guards, at, inside, band, lambda s: self.integrate(moment.regime, s))
-            if (
-                closer.time is None
-            ):  # a longer step had seen what a shorter one does not: it may come in the next interval
+            if closer.time is None:
+                # a longer step had seen what a shorter one does not: it may come in the next interval
                 done = k + 1
                 g[done] = np.maximum(g[done], 0.0)
                 continue

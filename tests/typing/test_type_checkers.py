@@ -14,6 +14,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.slow  # the checkers are tools of developers: not there where only the tests are installed
+
 ROOT = Path(__file__).resolve().parents[2]
 CASES = Path(__file__).with_name("wrong_calls.txt")
 
