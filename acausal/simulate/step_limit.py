@@ -27,7 +27,7 @@ Vector = NDArray[np.float64]
 # Growth in the first part of the run by which the start alone condemns it.
 _CERTAIN = math.log(1e3)
 _FIRST_PART = 0.05
-_POINTS, _POINTS_OF_SMALL, _SMALL = 12, 48, 50
+_POINTS, _POINTS_OF_SMALL, _SMALL = 12, 400, 50
 _FIRST_STEPS = 3
 _FEWEST_SHOWN = 0.1
 
