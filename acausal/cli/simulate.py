@@ -17,7 +17,7 @@ from acausal.cli.real_time import paces, say_paces
 from acausal.cli.reference import find_model
 from acausal.cli.report import record
 from acausal.cli.session import Session
-from acausal.cli.settings import prepare
+from acausal.cli.settings import numbers_of, prepare
 from acausal.errors import AcausalError, UsageError
 
 if TYPE_CHECKING:
@@ -131,12 +131,12 @@ def simulate(
             "solver": solver,
             "native": native,
             "force": force,
-            "inputs": _inputs(inputs),
+            "inputs": numbers_of("--input", inputs),
             # a model of changing structure is compiled again and again during its run
             **({"model": prepared.model, "parameters": prepared.parameters} if changing else {"model": compiled}),
         },
     )
-    paced = paces(compiled, result, times["step"], _inputs(inputs)) if real_time_factor else {}
+    paced = paces(compiled, result, times["step"], numbers_of("--input", inputs)) if real_time_factor else {}
     if as_json:
         record({**session.content(result), **({"real_time": paced} if paced else {})})
     elif not quiet:
@@ -160,18 +160,6 @@ def _run(session: Session, quiet: bool, options: dict[str, Any]) -> Result:
     session.clock.lap("integrate")
     session.finish(result)
     return result
-
-
-def _inputs(given: list[str] | None) -> dict[str, float]:
-    """Values of inputs by name."""
-    found = {}
-    for text in given or ():
-        name, sign, value = text.partition("=")
-        try:
-            found[name.strip()] = float(value)
-        except ValueError as error:
-            raise UsageError("AC009", f"--input {text}: {'no number' if sign else 'write NAME=VALUE'}") from error
-    return found
 
 
 def seconds_of(name: str, text: str | None) -> float | None:

@@ -56,9 +56,12 @@ def test_it_is_the_second_plate_that_the_drill_is_in() -> None:
 
 @pytest.mark.parametrize("values", [{"gap": -1e-5}, {"gap": -0.01, "drill.s_start": 0.01}, {"gap": 0.0}])
 def test_a_drill_that_starts_in_contact_or_in_its_hole_is_fine(values: dict[str, float]) -> None:
-    acausal.simulate(ThickBlock(), parameters=values, stop_time=0.1)
+    r = acausal.simulate(ThickBlock(), parameters=values, stop_time=0.1)
+    assert r.time[-1] == 0.1
+    assert r["drill.F_f"].min() >= 0.0  # the work pushes, it never pulls
 
 
 def test_a_soft_contact_may_be_pressed_in_far() -> None:
     # 1e5 N/m under 500 N: 5 mm, and no mistake.
-    acausal.simulate(ThickBlock(), parameters={"gap": -5e-3, "drill.k": 1e5}, stop_time=0.1)
+    r = acausal.simulate(ThickBlock(), parameters={"gap": -5e-3, "drill.k": 1e5}, stop_time=0.1)
+    assert r["drill.F_f"][0] == pytest.approx(500.0, rel=1e-6)
