@@ -14,7 +14,7 @@ from acausal.cli.report import place, plural, record, say
 from acausal.cli.settings import prepare
 
 if TYPE_CHECKING:
-    from acausal.flatten.flat import FlatEquation, FlatSystem
+    from acausal.flatten.flat import FlatAssignment, FlatEquation, FlatSystem, FlatWhen
     from acausal.flatten.pool import Pool
     from acausal.lower.analyse import Structure
     from acausal.lower.reduce import ReducedSystem
@@ -79,12 +79,16 @@ def flat_sections(flat: FlatSystem) -> Sections:
         return [_entry(_equality(flat.pool, e.left, e.right, names), e) for e in listed]
 
     sections = {"equations": shown(flat.equations)}
+    if flat.assignments:
+        sections["discrete equations"] = [_entry(flat.text(a), a) for a in flat.assignments]
+    if flat.whens:
+        sections["events"] = [_entry(str(w.source), w) for w in flat.whens]
     if flat.initial_equations:
         sections["initial equations"] = shown(flat.initial_equations)
     return sections
 
 
-def _entry(text: str, equation: FlatEquation | None) -> dict[str, Any]:
+def _entry(text: str, equation: FlatEquation | FlatAssignment | FlatWhen | None) -> dict[str, Any]:
     if equation is None:
         return {"text": text}
     where = place(equation.origin.span()) if equation.origin is not None else ""

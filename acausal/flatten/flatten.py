@@ -216,17 +216,18 @@ class _Builder:
         """What the component does at events."""
         done: dict[int, Scalars] = {}
         found = []
-        for item, origin in items:
-            if isinstance(item, When):
-                condition = scalars(self.pool, item.condition, self.resolve, done)[0]
+        guarded = [(item.guarded(), origin) for item, origin in items if isinstance(item, When)]  # alive while done is
+        for branches, origin in guarded:
+            for acts, branch in branches:
+                condition = scalars(self.pool, acts, self.resolve, done)[0]
                 actions = tuple(
                     (
                         int(self.pool.nodes[self.resolve(a.target)[0]][1]),
                         scalars(self.pool, a.value, self.resolve, done)[0],
                     )
-                    for a in item.actions
+                    for a in branch.actions
                 )
-                found.append(FlatWhen(condition, actions, origin, instance.path, item, item.terminate))
+                found.append(FlatWhen(condition, actions, origin, instance.path, branch, branch.terminate))
         return found
 
     def leaf_equations(self, leaves: _LeafStatements) -> list[FlatEquation]:

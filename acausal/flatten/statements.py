@@ -41,9 +41,10 @@ def run(component: Component, cls: str, method: str, function: Callable[..., Any
             check_dimensions(item, _Where(origin))  # type: ignore[arg-type]
             _check_discrete(item, origin)
         elif isinstance(item, When | Assertion) and method == "equations":
-            for action in item.actions if isinstance(item, When) else ():
-                check_dimensions(Equation(action.target, action.value), _Where(origin))  # type: ignore[arg-type]
-            check_dimensions(Equation(item.condition, item.condition), _Where(origin))  # type: ignore[arg-type]
+            for branch in (item, *item.branches) if isinstance(item, When) else (item,):
+                for action in branch.actions if isinstance(branch, When) else ():
+                    check_dimensions(Equation(action.target, action.value), _Where(origin))  # type: ignore[arg-type]
+                check_dimensions(Equation(branch.condition, branch.condition), _Where(origin))  # type: ignore[arg-type]
         elif method != "ties" and not (isinstance(item, Connection) and method == "equations"):
             raise DeclarationError(
                 "AC130",

@@ -7,7 +7,7 @@ true, all its actions see the values from before, and relations are decided agai
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from acausal.errors import DeclarationError
 from acausal.language.declare import check_discrete
@@ -31,17 +31,49 @@ class Terminate:
 
 @dataclass(frozen=True)
 class When:
-    """Actions at the instants at which a condition becomes true; yield it like an equation."""
+    """Actions at the instants at which a condition becomes true; yield it like an equation.
+
+    `branches` are its `elsewhen`s in the order of their priority. Each of them is a `When` without branches, whose
+    `keyword` is "elsewhen".
+    """
 
     condition: Expr
     actions: tuple[Reset, ...]
     terminate: str | None = None
+    branches: tuple[When, ...] = ()
+    keyword: str = "when"
 
     def __str__(self) -> str:
         actions = [f"reset({a.target}, {a.value})" for a in self.actions]
         if self.terminate is not None:
             actions.append(f'terminate("{self.terminate}")')
-        return f"when({', '.join([str(self.condition), *actions])})"
+        own = f"{self.keyword}({', '.join([str(self.condition), *actions])})"
+        return ".".join([own, *map(str, self.branches)])
+
+    def elsewhen(self, condition: Expr | Sequence[Expr], *actions: Reset | Terminate) -> When:
+        """The same with a further branch, which acts when its condition becomes true and no earlier one does just then.
+
+        Branches need not set the same variables: what a branch does not set keeps its value. Source: Modelica language
+        specification 3.6, section 8.3.5.2.
+
+        Raises
+        ------
+        DeclarationError
+            AC108 when `condition` is no condition, AC140 when an action is neither a `reset` nor a `terminate`.
+        """
+        return replace(self, branches=(*self.branches, _made(condition, actions, "elsewhen")))
+
+    def guarded(self) -> list[tuple[Expr, When]]:
+        """Every branch with the condition under which it acts: its own becomes true, and none before it does."""
+        if not self.branches:
+            return [(self.condition, self)]
+        found: list[tuple[Expr, When]] = []
+        earlier: Expr | None = None
+        for branch in (replace(self, branches=()), *self.branches):
+            rises: Expr = Operation("edge", (branch.condition,), ())
+            found.append((rises if earlier is None else rises & ~earlier, branch))
+            earlier = rises if earlier is None else earlier | rises
+        return found
 
 
 @dataclass(frozen=True)
@@ -59,22 +91,27 @@ class Assertion:
 def when(condition: Expr | Sequence[Expr], *actions: Reset | Terminate) -> When:
     """Do `actions` at every instant at which `condition`, or one of several, becomes true.
 
+    `.elsewhen(other, ...)` behind it adds branches; of several that become true at one instant the first acts.
+
     Raises
     ------
     DeclarationError
         AC108 when `condition` is no condition, AC140 when an action is neither a `reset` nor a `terminate`.
     """
+    return _made(condition, actions, "when")
+
+
+def _made(condition: Expr | Sequence[Expr], actions: Sequence[object], keyword: str) -> When:
     for action in actions:
         if not isinstance(action, Reset | Terminate):
             raise DeclarationError(
                 "AC140",
                 f"`{action}` is not an action",
-                help='write when(condition, reset(x, value)) or when(condition, terminate("why"))',
+                help=f'write {keyword}(condition, reset(x, value)) or {keyword}(condition, terminate("why"))',
             )
+    resets = tuple(a for a in actions if isinstance(a, Reset))
     ends = [a.message for a in actions if isinstance(a, Terminate)]
-    return When(
-        _any_of(condition), tuple(a for a in actions if isinstance(a, Reset)), "; ".join(ends) if ends else None
-    )
+    return When(_any_of(condition), resets, "; ".join(ends) if ends else None, keyword=keyword)
 
 
 def _any_of(condition: Expr | Sequence[Expr]) -> Expr:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from acausal.errors import EventError, Span
-from acausal.lower.state_events import Assert
+from acausal.lower.state_events import Assert, Clause
 
 
 def accumulated(model: str, t: float, count: int, names: Sequence[str]) -> EventError:
@@ -40,4 +40,16 @@ def violated(model: str, t: float, broken: Assert) -> EventError:
         where=where,
         evidence=[f"an assertion of the model{place} does not hold"],
         help="the model says itself what it cannot do: look at its parameters and inputs",
+    )
+
+
+def contradicting(model: str, t: float, name: str, clauses: Sequence[Clause]) -> EventError:
+    """Two `when`s that act at one instant and disagree."""
+    return EventError(
+        "AC504",
+        f"{name} is set to different values at t = {t:.9g} s in {model}",
+        where=tuple(c.where for c in clauses),
+        evidence=[c.text for c in clauses],
+        cause="two `when`s become true at the same instant; neither comes first",
+        help="make them branches of one: when(...).elsewhen(...), of which the first that becomes true acts",
     )

@@ -13,7 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from acausal.simulate.event_errors import unsettled, violated
+from acausal.lower.state_events import Clause
+from acausal.simulate.event_errors import contradicting, unsettled, violated
 from acausal.simulate.guards import LOCATED, Cause, Guards, Moment, Truth
 from acausal.simulate.initialize import Start, consistent
 from acausal.simulate.problem import Problem
@@ -110,12 +111,17 @@ class Iteration:
                 break
             jumps.append((moment, rising))
             x, k = moment.x.copy(), 0
+            setters: dict[int, Clause] = {}
             for clause, acts in zip(self.events.clauses, rising, strict=True):
                 if acts:
                     causes.append(Cause(clause.text, clause.where, clause.component))
                     terminated = clause.terminate or terminated
                 for position, _ in clause.actions:
                     if acts:
+                        first = setters.setdefault(position, clause)
+                        if first is not clause and x[position] != reacted[3][k]:
+                            name = self.problem.compiled.states[position]
+                            raise contradicting(self.problem.compiled.name, t, name, (first, clause))
                         x[position] = reacted[3][k]
                     k += 1
             m = moment.m.copy()
@@ -124,14 +130,20 @@ class Iteration:
         else:
             acting = [c.text for c, r in zip(self.events.clauses, rising, strict=True) if r]
             raise unsettled(self.problem.compiled.name, t, acting or [a.text for a in self.events.assignments])
-        m = moment.m.copy()
-        m[self.samples] = 0.0
-        m[self.flags] = 0.0
-        moment = replace(moment, m=m)
+        moment = self._over(t, moment)
         for position in np.flatnonzero(moment.x != x_before).tolist():
             changed[self.problem.compiled.states[position]] = None
         self._check(t, reacted[5], notes)
         return Happened(moment, tuple(causes), tuple(changed), tuple(notes), terminated, tuple(jumps))
+
+    def _over(self, t: float, moment: Moment) -> Moment:
+        """The moment after the instant: samples and flags are false again, also to what remembers them."""
+        m = moment.m.copy()
+        m[self.samples] = 0.0
+        m[self.flags] = 0.0
+        if len(self.events.memories) and not np.array_equal(m, moment.m):
+            m[self.memories] = self._react(t, replace(moment, m=m))[4]
+        return replace(moment, m=m)
 
     def decide(self, t: float, moment: Moment, notes: list[str], walk: _Walk) -> Moment:
         """Flip relations and apply discrete equations until all hold at this point, or leave their guard rightly.

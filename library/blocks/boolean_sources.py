@@ -53,9 +53,10 @@ class BooleanPulse(PartialBooleanSource):
     start_time: Real = parameter(default=0.0, unit="s", doc="Beginning of the first pulse")
 
     def equations(self) -> Equations:
-        # two clocks: both edges are exact. With width = 1 they tick together, and the later action counts
-        yield when(sample(self.start_time + self.width * self.period, self.period), reset(self.y, False))
-        yield when(sample(self.start_time, self.period), reset(self.y, no_event(self.width > 0.0)))
+        # two clocks: both edges are exact. With width = 1 they tick together, and the beginning of a pulse counts
+        begin = sample(self.start_time, self.period)
+        end = sample(self.start_time + self.width * self.period, self.period)
+        yield when(begin, reset(self.y, no_event(self.width > 0.0))).elsewhen(end, reset(self.y, False))
 
 
 class SampleTrigger(PartialBooleanSource):
