@@ -1,4 +1,4 @@
-"""A segment of a run with events: stretches in which the modes hold, and what happens between them."""
+"""A run with events: stretches in which the modes hold, and what happens between them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from acausal.simulate.course import Course, Place
 from acausal.simulate.event_errors import accumulated
+from acausal.simulate.flight import Flight
 from acausal.simulate.guards import LOCATED, Guards, Moment, Tolerances, Truth
 from acausal.simulate.initialize import Start
 from acausal.simulate.iteration import Happened, Iteration
@@ -47,6 +49,7 @@ class Hybrid:
     integrate: Integrate
     tolerances: Tolerances
     span: float
+    traced: bool = False
     moment: Moment | None = None
     notes: list[str] = field(default_factory=list)
     passages: list[Passage] = field(default_factory=list)
@@ -75,34 +78,59 @@ class Hybrid:
         """The regime in force just after a time."""
         return next(regime for start, regime in reversed(self.history) if start <= t)
 
-    def segment(self, m: Vector, template: Segment, samples: Vector) -> None:
-        """Integrate from `template.start` over its output times; `m` has the relations of time, up to date."""
-        here, times = template.start, template.times
-        moment = self.moment
-        assert moment is not None, "a run begins before its first segment"
-        before = moment.m
-        timely = len(self.problem.compiled.time_events.relations)
-        changed = before.copy()
-        changed[:timely] = m[:timely]
-        happened = self.iteration.settle(here, replace(moment, m=changed), before, samples=samples)
+    def run(self, course: Course, template: Segment, report: Callable[[float], None]) -> None:
+        """Go from the first instant of the course to the last, or to the end that the model asks for.
+
+        `report` is told the time that was reached.
+        """
+        flight = Flight(self, course, template)
+        place = Place(0, float(course.instants[0]), False, False)
+        while place.segment < course.segments and self.terminated is None:
+            place = flight.from_here(place) or (
+                self.stretch(course, template, place) if place.entered else self.enter(course, place)
+            )
+            if not place.entered:
+                report(self.recorder.time)
+
+    def enter(self, course: Course, place: Place) -> Place:
+        """The event at the start of a segment."""
+        moment = self.reached
+        timely = course.modes.shape[1]
+        here = float(course.instants[place.segment])
+        changed = moment.m.copy()
+        changed[:timely] = course.modes[place.segment]
+        samples = course.samples[place.segment]
+        happened = self.iteration.settle(here, replace(moment, m=changed), moment.m, samples=samples)
         self.passages.append(Passage(here, moment, None, happened))
-        while True:
-            moment = self._say(happened, here)
-            self._record_start(here, moment, happened)
-            if not len(times) or self.terminated is not None:
-                break
-            stop = self.stretch(replace(template, start=here, times=times, x=moment.x, z=moment.z, p=moment.m), moment)
-            if stop.time is None:
-                self.moment = replace(moment, x=stop.x, z=stop.z)
-                break
-            self._gap = max(stop.time - here, self._gap / 8 if np.isfinite(self._gap) else 0.0)
-            here = stop.time
-            left = self.iteration.consistent(here, replace(moment, x=stop.x, z=stop.z))
-            self._record(np.array([here]), left.x[:, None], left.z[:, None], left, {})
+        self._record_start(here, self._say(happened, here), happened)
+        return replace(place, here=here, entered=True, fresh=True)
+
+    def stretch(self, course: Course, template: Segment, place: Place) -> Place:
+        """Integrate to the next event, or to the end of the segment, and pass it."""
+        here, moment, times = place.here, self.reached, course.outputs(place.segment)
+        if not place.fresh:
             times = times[times > here + 1e-13 * max(self.span, abs(here))]
-            fired = self.guards.fired(here, left)
-            happened = self.event(here, left, fired)
-            self.passages.append(Passage(here, left, int(np.argmax(fired)), happened))
+        if not len(times):
+            return Place(place.segment + 1, here, False, False)
+        stop = self.integrated(replace(template, start=here, times=times, x=moment.x, z=moment.z, p=moment.m), moment)
+        if stop.time is None:
+            self.moment = replace(moment, x=stop.x, z=stop.z)
+            return Place(place.segment + 1, float(times[-1]), False, False)
+        self._gap = max(stop.time - here, self._gap / 8 if np.isfinite(self._gap) else 0.0)
+        here = stop.time
+        left = self.iteration.consistent(here, replace(moment, x=stop.x, z=stop.z))
+        self._record(np.array([here]), left.x[:, None], left.z[:, None], left, {})
+        fired = self.guards.fired(here, left)
+        happened = self.event(here, left, fired)
+        self.passages.append(Passage(here, left, int(np.argmax(fired)), happened))
+        self._record_start(here, self._say(happened, here), happened)
+        return replace(place, here=here, fresh=False)
+
+    @property
+    def reached(self) -> Moment:
+        """The moment that the run has reached."""
+        assert self.moment is not None, "a run begins before its first segment"
+        return self.moment
 
     def end(self, t: float, samples: Vector) -> None:
         """The event at the end of the run, when `terminal()` is true, and perhaps a sample."""
@@ -128,7 +156,7 @@ class Hybrid:
             raise accumulated(self.problem.compiled.name, t, self.bounces.count, names)
         return replace(happened, causes=(*(self.guards.causes[k] for k in relations), *happened.causes))
 
-    def stretch(self, segment: Segment, moment: Moment) -> Stop:
+    def integrated(self, segment: Segment, moment: Moment) -> Stop:
         """Integrate and record up to the next event, or to the end."""
         band = self.band(segment.start, moment)
         while True:

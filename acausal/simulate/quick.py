@@ -18,7 +18,7 @@ class Quick:
     """A function of dense arguments; outputs are fresh arrays, column-major matrices as (rows, columns)."""
 
     def __init__(self, function: Any) -> None:
-        self._function = function  # the buffer does not keep it alive
+        self.function = function  # the buffer does not keep it alive
         self._buffer, self._run = function.buffer()
         self._inputs = [np.zeros(function.numel_in(k)) for k in range(function.n_in())]
         self._outputs: list[Any] = [np.zeros(function.size_out(k), order="F") for k in range(function.n_out())]

@@ -53,15 +53,32 @@ class Recorder:
         self._append(times, x, piece.z, m)
         if drift is not None:
             self.counters["drift"] = max(self.counters.get("drift", 0.0), drift)
-        for name, count in piece.counters.items():
-            self.counters[name] = self.counters.get(name, 0.0) + count
+        self._count(piece.counters)
         return Piece(x, piece.z, piece.counters)
+
+    def extend(
+        self,
+        times: Vector,
+        x: Vector,
+        m: Vector,
+        boundaries: list[tuple[float, tuple[Cause, ...], tuple[str, ...]]],
+        counters: dict[str, float],
+    ) -> None:
+        """Rows of many segments of a model without algebraic variables or constraints, and the events in them."""
+        self.boundaries += boundaries
+        self.segments += len(boundaries)
+        self._append(times, x, np.zeros((0, len(times))), m)
+        self._count(counters)
 
     def _append(self, times: Vector, x: Vector, z: Vector, m: Vector) -> None:
         self._times.append(times)
         self._x.append(x)
         self._z.append(z)
         self._m.append(m if m.ndim == 2 else np.tile(m[:, None], (1, len(times))))
+
+    def _count(self, counters: dict[str, float]) -> None:
+        for name, count in counters.items():
+            self.counters[name] = self.counters.get(name, 0.0) + count
 
     def rows(self) -> tuple[Vector, Vector, Vector, Vector]:
         """(times, x, z, modes) of all rows; columns are instants."""

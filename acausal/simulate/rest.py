@@ -7,7 +7,7 @@ that distance and approach stay zero, until it would have to pull.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -22,49 +22,59 @@ _ENDLESS = 40
 
 @dataclass
 class Bounces:
-    """How the events of each relation follow one another."""
+    """How the events of each relation follow one another.
+
+    Attributes
+    ----------
+    count, time, standing
+        Number of events so far, the time of the last one, and how many came at that very time.
+    last, gap, crowd
+        Of each relation the time of its last event, the time since the one before, and how many came ever sooner.
+    impossible
+        1 for relations that have no state of rest.
+    """
 
     problem: Problem
     guards: Guards
     span: float
     count: int = 0
-    _time: float = -np.inf
-    _standing: int = 0
-    _last: dict[int, float] = field(default_factory=dict)
-    _gap: dict[int, float] = field(default_factory=dict)
-    _crowd: dict[int, int] = field(default_factory=dict)
-    _impossible: set[int] = field(default_factory=set)
+    time: float = -np.inf
+    standing: int = 0
+
+    def __post_init__(self) -> None:
+        size = len(self.problem.compiled.state_events.relations)
+        self.last, self.gap = np.full(size, -np.inf), np.full(size, np.inf)
+        self.crowd, self.impossible = np.zeros(size, dtype=np.int64), np.zeros(size, dtype=np.int64)
 
     def saw(self, t: float, relations: list[int]) -> None:
         """Count events of relations at an instant."""
         self.count += 1
-        self._standing = self._standing + 1 if t - self._time <= 1e-14 * max(self.span, abs(t)) else 0
-        self._time = t
+        self.standing = self.standing + 1 if t - self.time <= 1e-14 * max(self.span, abs(t)) else 0
+        self.time = t
         for k in relations:
-            gap = t - self._last.get(k, -np.inf)
-            self._crowd[k] = self._crowd.get(k, 0) + 1 if gap < self._gap.get(k, np.inf) else 0
-            self._gap[k], self._last[k] = gap, t
+            gap = t - self.last[k]
+            self.crowd[k] = self.crowd[k] + 1 if gap < self.gap[k] else 0
+            self.gap[k], self.last[k] = gap, t
 
     @property
     def crowded(self) -> list[int]:
         """Relations whose events come ever sooner."""
-        return [k for k, n in self._crowd.items() if n >= _SEQUENCE]
+        return [int(k) for k in np.flatnonzero(self.crowd >= _SEQUENCE)]
 
     @property
     def is_endless(self) -> bool:
         """Whether events follow one another although no rest could be found."""
-        return self._standing > _ENDLESS or any(
-            n >= _ENDLESS and self._gap[k] <= 1e-9 * self.span for k, n in self._crowd.items()
-        )
+        endless = (self.crowd >= _ENDLESS) & (self.gap <= 1e-9 * self.span)
+        return self.standing > _ENDLESS or bool(endless.any())
 
     def rest(self, t: float, left: Moment, relations: list[int]) -> tuple[Moment, list[int], list[str]]:
         """The moment with those of these relations held that have reached rest, which they are, and what to say."""
         moment, rested, notes = left, [], []
         for k in relations:
-            if self._crowd.get(k, 0) >= _SEQUENCE and k not in self._impossible and self._is_low(t, left, k):
+            if self.crowd[k] >= _SEQUENCE and not self.impossible[k] and self._is_low(t, left, k):
                 found = self._held(t, moment, k)
                 if found is None:
-                    self._impossible.add(k)
+                    self.impossible[k] = 1
                     continue
                 moment = found[0]
                 rested.append(k)
@@ -75,7 +85,7 @@ class Bounces:
         """Whether the flight that ends here was no higher than the noise: it rises to a quarter of speed times time."""
         rate, noise = self.guards.rates(t, left)
         at = [k for k, (r, side) in enumerate(left.regime.owners) if r == relation and side < 0]
-        gap = t - self._last[relation]
+        gap = t - self.last[relation]
         return bool(at) and abs(float(rate[at[0]])) * gap / 4 <= noise[at[0]]
 
     def _held(self, t: float, left: Moment, relation: int) -> tuple[Moment, str] | None:

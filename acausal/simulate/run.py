@@ -21,6 +21,7 @@ from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.samples import STABILISATION_RATE
 from acausal.result import Event, Result
+from acausal.simulate.course import Course, plan
 from acausal.simulate.failure import integration_error
 from acausal.simulate.guards import Cause, Tolerances
 from acausal.simulate.hybrid import Hybrid
@@ -33,7 +34,7 @@ from acausal.simulate.project import projected
 from acausal.simulate.record import Recorder, make_result
 from acausal.simulate.regime import Regime
 from acausal.simulate.restructure import Pieces, RunPiece, variable_parts
-from acausal.simulate.sampling import due, sample_times
+from acausal.simulate.sampling import sample_times
 from acausal.simulate.solvers import Solver, choose
 from acausal.simulate.solvers.base import TOLERANCE_SHARE, Piece, Segment
 from acausal.simulate.step_limit import StepLimit
@@ -238,21 +239,17 @@ class Run:
         limit = StepLimit(problem, solver.name, opts, self.force)
         limit.check_start(opts.start_time, start.x, start.z, m)
         if self.compiled.state_events or self.traced:
-            self.hybrid = Hybrid(problem, solver, recorder, self.plain(solver), self.tolerances, opts.span)
+            self.hybrid = Hybrid(problem, solver, recorder, self.plain(solver), self.tolerances, opts.span, self.traced)
         began = clock.perf_counter()
         grid = opts.grid() if self.outputs is None else self.outputs
         try:
             with self.interrupt:
                 if self.hybrid is not None:
                     self.hybrid.begin(opts.start_time, start, m, flag="initial" if self.opening else None)
-                for a, b in pairwise(boundaries):
-                    start = self.segment(problem, solver, recorder, start, a, b, grid)
-                    if self.hybrid is not None and self.hybrid.terminated is not None:
-                        break
-                if self.hybrid is not None:
-                    stopped = self.hybrid.terminated is not None
-                    samples = due(self.compiled, self.p, recorder.time)
-                    self.hybrid.end(recorder.time, 0.0 * samples if stopped else samples)
+                    self.pass_events(self.hybrid, solver, plan(self.compiled, self.p, np.array(boundaries), grid))
+                else:
+                    for a, b in pairwise(boundaries):
+                        start = self.segment(problem, solver, recorder, start, a, b, grid)
         except (IntegrationError, EventError, KeyboardInterrupt) as error:
             if not recorder.segments:
                 raise
@@ -344,6 +341,23 @@ class Run:
         """Modes of the time events between two instants."""
         return np.array(self.compiled.modes(0.5 * (a + b), self.p)).ravel()
 
+    def pass_events(self, hybrid: Hybrid, solver: Solver, course: Course) -> None:
+        """The whole run of a model with events."""
+        template = self.stretch(
+            float(course.instants[0]), course.times, Start(hybrid.reached.x, hybrid.reached.z, ()), hybrid.reached.m
+        )
+        recorder = hybrid.recorder
+        try:
+            hybrid.run(course, template, self.report)
+        except RuntimeError as error:
+            self.interrupt.check()
+            moment, here = hybrid.reached, recorder.time if recorder.segments else template.start
+            times = course.outputs(min(int(np.searchsorted(course.instants, here, "right")), course.segments) - 1)
+            reached = replace(template, start=here, times=times[times > here], x=moment.x, z=moment.z, p=moment.m)
+            raise integration_error(moment.regime.problem, solver.name, reached, str(error)) from None
+        samples = course.samples[-1] if hybrid.terminated is None else 0.0 * course.samples[-1]
+        hybrid.end(recorder.time, samples)
+
     def segment(
         self,
         problem: Problem,
@@ -358,18 +372,6 @@ class Run:
         m = self.modes(a, b)
         span = b - a
         times = np.append(grid[(grid > a + 1e-12 * span) & (grid < b - 1e-12 * span)], b)
-        if self.hybrid is not None:
-            template = self.stretch(a, times, start, m)
-            try:
-                self.hybrid.segment(m, template, due(self.compiled, self.p, a))
-            except RuntimeError as error:
-                self.interrupt.check()
-                moment = self.hybrid.moment
-                assert moment is not None, "a run begins before its first segment"
-                reached = replace(template, start=recorder.time, x=moment.x, z=moment.z, p=moment.m)
-                raise integration_error(moment.regime.problem, solver.name, reached, str(error)) from None
-            self.report(recorder.time)
-            return start
         z = problem.restarted(a, start.x, start.z, m) if len(start.z) else start.z
         start = consistent(self.compiled, a, start, self.p, self.u, m) if z is None else Start(start.x, z, start.notes)
         recorder.begin(a, start.x, start.z, m)

@@ -34,10 +34,10 @@ def sample_times(compiled: CompiledModel, p: Vector, start: float, stop: float) 
     return np.concatenate(found)
 
 
-def due(compiled: CompiledModel, p: Vector, t: float) -> Vector:
-    """Which samples are true at an instant."""
-    found = []
-    for first, interval in clocks(compiled, p):
-        turns = (t - first) / interval
-        found.append(float(abs(turns - round(turns)) <= 1e-9 and round(turns) >= 0))
-    return np.array(found)
+def due(compiled: CompiledModel, p: Vector, times: Vector) -> Vector:
+    """Which samples are true at n instants, shape (n, samples)."""
+    found = np.zeros((len(times), len(compiled.state_events.samples)))
+    for k, (first, interval) in enumerate(clocks(compiled, p)):
+        turns = (times - first) / interval
+        found[:, k] = (np.abs(turns - np.round(turns)) <= 1e-9) & (np.round(turns) >= 0)
+    return found

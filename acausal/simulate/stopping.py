@@ -19,6 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.simulate.native.equations import CONSTANTS
+from acausal.simulate.native.flight import FlightProgram
+from acausal.simulate.native.policy import Library, StoppingEquations
 from acausal.simulate.regime import Regime
 from acausal.simulate.solvers.base import Piece, Segment, bounded, counted, islands
 
@@ -56,26 +58,16 @@ def integrate_to_event(regime: Regime, segment: Segment, band: Vector, plugin: s
     """
     problem = regime.problem
     n = problem.n_dynamic
-    settings: dict[str, Any] = {
-        "reltol": segment.tolerance,
-        "abstol": segment.absolute,
-        "max_num_steps": 10**6,
-        "event_tol": 1e-13,
-        "max_events": 3,
-        **bounded(segment),
-    }
-    if segment.step:
-        settings["step_size"] = segment.step
     grid = segment.times - segment.start
     x0 = np.concatenate([segment.x[:n] / problem.scale_x, [0.0, 0.0]])
     numbers = np.concatenate([problem.numbers(segment.p, segment.x, segment.start), band])
-    library = problem.native.stopping(plugin, settings, lambda: stopping_equations(regime), n + 2)
+    library = compiled_program(regime, segment, plugin)
     if library is not None:
         p = np.concatenate([regime.constants(library), numbers])
         rows, _, stats = library.run(x0, np.zeros(0), p, grid, segment.tolerance, segment.absolute, segment.step or 0.0)
         xf = rows.T
     else:
-        xf, stats = _interpreted(regime, plugin, settings, grid, x0, numbers)
+        xf, stats = _interpreted(regime, plugin, _settings(segment), grid, x0, numbers)
         problem.native.interpreted(f"{plugin}, events", stats.get("n_rhs", 0.0) + _MAKING)
     if not np.isfinite(xf).all():
         raise RuntimeError("the solution is not finite")
@@ -93,6 +85,26 @@ def integrate_to_event(regime: Regime, segment: Segment, band: Vector, plugin: s
     rows = np.vstack([x[:, :count], apart[:, :count], np.tile(discrete[:, None], (1, count))])
     piece = Piece(rows, np.zeros((0, count)), counters)
     return Stop(piece, times, time, np.concatenate([x[:, -1], apart[:, -1], discrete]), np.zeros(0))
+
+
+def compiled_program(regime: Regime, segment: Segment, plugin: str) -> Library[FlightProgram] | None:
+    """The integrator of a regime as compiled C, where there is one or it pays to make one."""
+    problem = regime.problem
+    return problem.native.stopping(
+        plugin, _settings(segment), lambda: stopping_equations(regime), problem.n_dynamic + 2
+    )
+
+
+def _settings(segment: Segment) -> dict[str, Any]:
+    settings: dict[str, Any] = {
+        "reltol": segment.tolerance,
+        "abstol": segment.absolute,
+        "max_num_steps": 10**6,
+        "event_tol": 1e-13,
+        "max_events": 3,
+        **bounded(segment),
+    }
+    return {**settings, "step_size": segment.step} if segment.step else settings
 
 
 def _interpreted(
@@ -118,8 +130,8 @@ def _stopping(regime: Regime) -> tuple[Any, Any]:
     return _stopped(t, x, z, ca.SX(0, 1), p, ode, guards)
 
 
-def stopping_equations(regime: Regime) -> tuple[Any, Any, Any]:
-    """The same with free parameters, as compiled code needs it: DAE, transition, and `(p, u) -> c`.
+def stopping_equations(regime: Regime) -> StoppingEquations:
+    """The same with free parameters, as compiled code needs it.
 
     The parameters of the DAE are `[c, m, d, shift, band]`; see `native/equations.py`.
     """
@@ -134,7 +146,9 @@ def stopping_equations(regime: Regime) -> tuple[Any, Any, Any]:
     ode, guards = ca.densify(compiled.rhs(*arguments)[0])[:n] / scale, ca.densify(regime.watch(*arguments))
     (ode, guards), symbols, values = ca.extract_parametric([ode, guards], ca.vertcat(p, u), {"extract_trivial": True})
     constants = ca.Function(CONSTANTS, [p, u], [ca.vertcat(*values) if values else ca.SX(0, 1)])
-    return *_stopped(t, x, z, ca.vertcat(ca.SX(0, 1), *symbols), numbers, ode, guards), constants
+    dae, transition = _stopped(t, x, z, ca.vertcat(ca.SX(0, 1), *symbols), numbers, ode, guards)
+    events = regime.watch, regime.rates.function, compiled.events.reactions
+    return StoppingEquations(dae, transition, constants, events)
 
 
 def _stopped(t: Any, x: Any, z: Any, constants: Any, numbers: Any, ode: Any, guards: Any) -> tuple[Any, Any]:

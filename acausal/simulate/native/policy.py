@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 from acausal.lower.compiled import CompiledModel
 from acausal.simulate.native import cache, source
 from acausal.simulate.native.equations import CONSTANTS, equations
+from acausal.simulate.native.flight import SOURCE, FlightProgram
 from acausal.simulate.native.functions import made
 from acausal.simulate.native.program import HeunProgram, Program
 
@@ -59,6 +60,20 @@ class Library(Generic[T]):
     def vector(self, p: Vector, u: Vector, numbers: Vector) -> Vector:
         """The parameter vector of its equations; `numbers` as in `Problem.numbers`."""
         return np.concatenate([np.array(self.constants(p, u)).ravel(), numbers])
+
+
+@dataclass(frozen=True, eq=False)
+class StoppingEquations:
+    """What a library that passes events is made of, as CasADi functions.
+
+    `dae` and `transition` as CasADi's integrators want them, `constants` as in `equations.py`; `event_functions` are
+    "watch", "rates" and "reactions".
+    """
+
+    dae: Any
+    transition: Any
+    constants: Any
+    event_functions: tuple[Any, Any, Any]
 
 
 @dataclass(eq=False)
@@ -94,7 +109,8 @@ class Native:
         kind = f"{plugin}, fixed steps" if fixed else plugin
 
         def text() -> str | None:
-            return source.integrator(plugin, *self.equations, neutral)
+            dae, constants = self.equations
+            return source.integrator(plugin, dae, neutral, constants)
 
         def load(path: Path) -> Program:
             return Program(path, self._nx, len(self.compiled.algebraic))
@@ -102,20 +118,22 @@ class Native:
         return self._library(kind, repr(sorted(neutral.items())), self._spent(plugin), text, load)
 
     def stopping(
-        self, plugin: str, settings: Mapping[str, Any], equations: Callable[[], tuple[Any, Any, Any]], size: int
-    ) -> Library[Program] | None:
+        self, plugin: str, settings: Mapping[str, Any], equations: Callable[[], StoppingEquations], size: int
+    ) -> Library[FlightProgram] | None:
         """A whole integrator that stops at events (`simulate/stopping.py`); `equations` makes what it integrates."""
         fixed = {"step_size": 0.25} if settings.get("step_size") else {}
         neutral = {**settings, "reltol": 1e-6, "abstol": 1e-8, **fixed}
         kind = f"{plugin}, events" + (", fixed steps" if fixed else "")
 
         def text() -> str | None:
-            dae, transition, constants = equations()
+            made = equations()
             with contextlib.redirect_stderr(io.StringIO()):  # CasADi says that events are experimental
-                return source.integrator(plugin, dae, constants, {**neutral, "transition": transition})
+                whole = {**neutral, "transition": made.transition}
+                written = source.integrator(plugin, made.dae, whole, made.constants, *made.event_functions)
+            return None if written is None else written + SOURCE.read_text(encoding="utf-8")
 
-        def load(path: Path) -> Program:
-            return Program(path, size, 0)
+        def load(path: Path) -> FlightProgram:
+            return FlightProgram(path, size)
 
         # with the derivatives that locate events there is four times as much to compile
         return self._library(kind, repr(sorted(neutral.items())), self._spent(kind) / 4, text, load)
@@ -201,6 +219,6 @@ class Native:
         compiled = self.compiled
         scales = compiled.quadratures, compiled.discretes, compiled.nominal_x.tolist(), compiled.nominal_z.tolist()
         # What the equations are made from rather than they: a hit needs nothing that is symbolic.
-        guards = compiled.events.distances.serialize() if "events" in kind else ""
-        key = cache.key(kind, details, compiled.rhs.serialize(), guards, repr(scales))
+        events = compiled.events.reactions.serialize() + SOURCE.read_text("utf-8") if "events" in kind else ""
+        key = cache.key(kind, details, compiled.rhs.serialize(), events, repr(scales))
         return made(key, text, lambda path: Library(load(path), ca.external(CONSTANTS, str(path))))

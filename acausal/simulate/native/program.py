@@ -17,7 +17,8 @@ from acausal.simulate.native.source import ENTRY
 
 Vector = NDArray[np.float64]
 
-_INTERRUPTED = 100
+INTERRUPTED = 100
+"""Status of a program that Ctrl-C has ended."""
 # CasADi's casadi_ivp_flag_t, in the words by which `failure.integration_error` knows SUNDIALS' failures.
 _FAILURES = {
     1: "TOO_MUCH_WORK: more steps than allowed within an output interval",
@@ -27,7 +28,7 @@ _FAILURES = {
 }
 
 
-class _Run(ctypes.Structure):
+class RunStructure(ctypes.Structure):
     """`struct acausal_run` of source.py."""
 
     _fields_ = (
@@ -111,8 +112,14 @@ class HeunProgram:
 
 def _prepared(grid: Vector, reltol: float, abstol: float, step: float) -> Any:
     grid = np.ascontiguousarray(grid, dtype=float)
-    run = _Run(grid=_address(grid), n=len(grid), reltol=reltol, abstol=abstol, step=step)
-    run.kept = grid  # alive as long as the pointer to it
+    run = RunStructure(grid=_address(grid), n=len(grid), reltol=reltol, abstol=abstol, step=step)
+    run.kept = grid  # type: ignore[attr-defined]  # alive as long as the pointer to it
+    prepare(run)
+    return run
+
+
+def prepare(run: RunStructure) -> None:
+    """Let a program look for Ctrl-C."""
     # Python runs its signal handlers in the main thread only; elsewhere there is nothing to look for.
     if threading.current_thread() is threading.main_thread():
         api = ctypes.pythonapi
@@ -123,11 +130,10 @@ def _prepared(grid: Vector, reltol: float, abstol: float, step: float) -> Any:
             ("leave", api.PyGILState_Release),
         ):
             setattr(run, field, ctypes.cast(function, ctypes.c_void_p).value)
-    return run
 
 
 def _check(status: int) -> None:
-    if status == _INTERRUPTED:
+    if status == INTERRUPTED:
         raise KeyboardInterrupt
     if status:
         raise RuntimeError(_FAILURES.get(status, f"status {status}"))

@@ -96,7 +96,7 @@ def functions(*parts: Any) -> str:
     return _direct(str(generator.dump()))
 
 
-def integrator(plugin: str, dae: Any, companion: Any, settings: Mapping[str, Any]) -> str | None:
+def integrator(plugin: str, dae: Any, settings: Mapping[str, Any], *companions: Any) -> str | None:
     """C of a whole integrator, whose argument 3 is a pointer to a `struct acausal_run`; None when it cannot be had.
 
     Parameters
@@ -105,12 +105,12 @@ def integrator(plugin: str, dae: Any, companion: Any, settings: Mapping[str, Any
         "rosenbrock" or "erk".
     dae
         The oracle, SX, without controls.
-    companion
-        One more function for the same library.
     settings
         CasADi's options; tolerances and step are replaced by arguments.
+    companions
+        More functions for the same library.
     """
-    source = functions(ca.integrator(ENTRY, plugin, dae, 0.0, [0.5, 1.0], dict(settings)), companion)
+    source = functions(ca.integrator(ENTRY, plugin, dae, 0.0, [0.5, 1.0], dict(settings)), *companions)
     # Our argument takes the place of the controls, of which there are none.
     if "arg[3]" in source[source.index("/* Problem structure */") : source.index("/* Forward integration")]:
         return None

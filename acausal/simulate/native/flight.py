@@ -1,0 +1,65 @@
+"""The structure of `flight.c`, from Python."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.simulate.native.program import INTERRUPTED, Program, RunStructure, prepare
+
+Vector = NDArray[np.float64]
+SOURCE = Path(__file__).with_name("flight.c")
+_POSITION = ("segment", "entered", "fresh")
+_BOUNCES = ("last_time", "standing", "count")
+
+
+def _fields(kind: Any, names: str) -> tuple[tuple[str, Any], ...]:
+    return tuple((name, kind) for name in names.split())
+
+
+class FlightStructure(ctypes.Structure):
+    """`struct flight` of flight.c."""
+
+    _fields_ = (
+        *_fields(ctypes.c_longlong, "states dynamic modes timely samples memories flags relations assigned clauses"),
+        *_fields(ctypes.c_longlong, "actions asserts constants boundaries"),
+        *_fields(ctypes.c_double, "span relative absolute step"),
+        *_fields(ctypes.c_void_p, "assigned_at action_at action_of ends impossible"),
+        *_fields(ctypes.c_void_p, "scale nominal constant u p boundary timely_modes due times times_end"),
+        *_fields(ctypes.c_longlong, "segment entered fresh"),
+        *_fields(ctypes.c_double, "here"),
+        *_fields(ctypes.c_void_p, "x m"),
+        *_fields(ctypes.c_double, "last_time"),
+        *_fields(ctypes.c_longlong, "standing count"),
+        *_fields(ctypes.c_void_p, "last gap crowd"),
+        *_fields(ctypes.c_longlong, "rows row_capacity events event_capacity acts act_capacity"),
+        *_fields(ctypes.c_void_p, "row_time row_x row_m event_time event_row acts_end act fired"),
+        ("run", RunStructure),
+        *_fields(ctypes.c_longlong, "steps rejected rhs jacobians"),
+    )
+
+
+class FlightProgram(Program):
+    """A compiled integrator that stops at events, and passes ordinary ones by itself."""
+
+    def __init__(self, path: Path, nx: int) -> None:
+        """Load the library; OSError or AttributeError when it is not one of ours."""
+        super().__init__(path, nx, 0)
+        self.fly = ctypes.CDLL(str(path)).acausal_flight
+
+    def structure(self, numbers: Mapping[str, float], arrays: Mapping[str, NDArray[Any]]) -> FlightStructure:
+        """The structure with these fields; it keeps the arrays alive."""
+        flight = FlightStructure(**numbers, **{name: a.ctypes.data for name, a in arrays.items()})
+        flight.kept = arrays  # type: ignore[attr-defined]
+        prepare(flight.run)
+        return flight
+
+    def run(self, flight: FlightStructure) -> None:
+        """Go on as far as it goes; KeyboardInterrupt when Ctrl-C was pressed."""
+        if self.fly(ctypes.byref(flight)) == INTERRUPTED:
+            raise KeyboardInterrupt
