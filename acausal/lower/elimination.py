@@ -7,7 +7,7 @@ not.
 
 Where no single pivot is safe, two equations are solved for two unknowns at once if the determinant keeps its sign: the
 equations of motion with their constraints are an indefinite system, for which single pivots do not suffice, but pairs
-do. What has neither is left over, for the DAE solver.
+do. What has neither is left over, for the DAE solver, but for a last unknown that only one equation is left for.
 
 Source: H. M. Markowitz, The elimination form of the inverse, Management Science 3 (1957) 255-269; J. R. Bunch,
 L. Kaufman, Some stable methods for calculating inertia and solving symmetric linear systems, Math. Comp. 31 (1977)
@@ -114,8 +114,26 @@ class _Work:
             self._singles()
             pair = self._pair()
             if pair is None:
-                return
+                break
             self._pivot(*pair)
+        for i in sorted(self.active):
+            self._alone(i)
+
+    def _alone(self, i: int) -> None:
+        """Solve a row in which one unknown is left that stands nowhere else: there is no better pivot to wait for.
+
+        Only its sign must be certain. Between a closed and an open switch it changes by the ratio of their
+        conductances, 1e9, which does not make it unsafe.
+        """
+        if len(self.rows[i]) == 1:
+            (v, c), *_ = self.rows[i].items()
+            found = self.points.certainly(c)
+            if (
+                len(self.columns[v]) == 1
+                and (np.isfinite(found) & (np.sign(found) == np.sign(found[0]))).all()
+                and found[0]
+            ):
+                self._pivot((i,), (v,))
 
     def _singles(self) -> None:
         while self.heap:

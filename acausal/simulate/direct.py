@@ -49,16 +49,22 @@ def rows(function: Any, arguments: Sequence[Array]) -> Array:
     buffer, run = function.buffer()
     n = max((len(a) for a in arguments if a.ndim == 2), default=1)
     found = np.zeros((n, function.numel_out(0)))
-    varying: list[tuple[int, Array]] = []
+    if not found.size:
+        return found
+    varying: list[tuple[Array, Array]] = []
     held = [np.ascontiguousarray(a, dtype=np.float64) for a in arguments]
+    here = np.zeros(found.shape[1])
+    buffer.set_res(0, here.data)
+    # copied to one place: to tell CasADi of another takes longer than to copy a small row
     for place, value in enumerate(held):
-        if value.ndim == 1 and value.size:
-            buffer.set_arg(place, value.data)
-        elif value.size:
-            varying.append((place, value))
-    for k in range(n if found.size else 0):
-        for place, value in varying:
-            buffer.set_arg(place, memoryview(value[k]))
-        buffer.set_res(0, memoryview(found[k]))
+        if value.size:
+            row = value if value.ndim == 1 else np.zeros(value.shape[1])
+            buffer.set_arg(place, row.data)
+            if value.ndim == 2:
+                varying.append((row, value))
+    for k in range(n):
+        for row, value in varying:
+            row[:] = value[k]
         run()
+        found[k] = here
     return found

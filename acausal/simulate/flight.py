@@ -1,8 +1,8 @@
 """Events passed in compiled code, where a run has it and nothing unusual happens.
 
 Between two calls of CasADi's functions the event iteration in Python takes 0.5 ms an event, in C a few microseconds.
-The meaning is that of `iteration.py`; what is not ordinary is left to it (`native/flight.c` says what that is). A flight
-ends before such an event, and the next one starts behind it.
+The meaning is that of `iteration.py`; what is not ordinary is left to it (`native/flight.c` says what that is). A
+flight ends before such an event, and the next one starts behind it.
 """
 
 from __future__ import annotations

@@ -85,9 +85,6 @@ def test_switch_with_arc_meets_the_converged_solution(reference: Path) -> None:
     assert max(errors.values()) <= 1e-5, errors
 
 
-@pytest.mark.xfail(
-    reason="a sample in the zero crossing at which all four diodes change: docs/known-gaps.md", strict=False
-)
 def test_diode_bridge_meets_the_published_solution_and_the_closed_form(reference: Path) -> None:
     example = read_example(reference / "msl" / "Electrical_DiodeBridge2Pulse", "reference.csv")
     r = acausal.simulate(

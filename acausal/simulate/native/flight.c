@@ -59,6 +59,7 @@ struct space {
   double *before_x, *before_m, *left_m, *grid, *wide, *rows, *parameters, *x0;
   unsigned char *was, *fired, *asked;
   count_t* flips;
+  casadi_int arguments, results;
 };
 
 static double most(double a, double b) { return a > b ? a : b; }
@@ -280,8 +281,11 @@ static int integrate(struct flight* s, struct space* o, count_t wide, count_t* s
   memcpy(q, o->band, s->relations * sizeof(double));
   s->run.grid = o->grid; s->run.n = wide;
   s->run.reltol = s->relative; s->run.abstol = s->absolute; s->run.step = s->step;
+  /* arguments and results that are not asked for */
+  memset(o->arg, 0, sizeof(double*) * (size_t) o->arguments);
+  memset(o->res, 0, sizeof(double*) * (size_t) o->results);
   o->arg[0] = o->x0; o->arg[1] = o->x0; o->arg[2] = o->parameters; o->arg[3] = (const double*) &s->run;
-  o->res[0] = o->rows; o->res[1] = 0;
+  o->res[0] = o->rows;
   status = segment(o->arg, o->res, o->iw, o->w, 0);
   if (status) return status == INTERRUPTED ? INTERRUPTED : UNUSUAL;
   for (k = 0; k < wide * size; ++k)
@@ -411,8 +415,10 @@ CASADI_SYMBOL_EXPORT int acausal_flight(struct flight* s) {
   used = carved(s, &o, 0, wide);
   memory = malloc(sizeof(double) * (used + (size_t) (s->states + 1 + sizes[3])));
   bytes = malloc((size_t) (s->clauses + s->relations + wide + 1));
-  o.arg = malloc(sizeof(double*) * (size_t) (sizes[0] + 8));
-  o.res = malloc(sizeof(double*) * (size_t) (sizes[1] + 8));
+  o.arguments = sizes[0] + 6;
+  o.results = sizes[1] + 6;
+  o.arg = malloc(sizeof(double*) * (size_t) o.arguments);
+  o.res = malloc(sizeof(double*) * (size_t) o.results);
   o.iw = malloc(sizeof(casadi_int) * (size_t) (sizes[2] + 1));
   o.flips = malloc(sizeof(count_t) * (size_t) (s->relations + 1));
   if (memory && bytes && o.arg && o.res && o.iw && o.flips) {

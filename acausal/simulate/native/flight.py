@@ -55,7 +55,7 @@ class FlightProgram(Program):
     def structure(self, numbers: Mapping[str, float], arrays: Mapping[str, NDArray[Any]]) -> FlightStructure:
         """The structure with these fields; it keeps the arrays alive."""
         flight = FlightStructure(**numbers, **{name: a.ctypes.data for name, a in arrays.items()})
-        flight.kept = arrays  # type: ignore[attr-defined]
+        flight.kept = arrays
         prepare(flight.run)
         return flight
 

@@ -113,7 +113,7 @@ class HeunProgram:
 def _prepared(grid: Vector, reltol: float, abstol: float, step: float) -> Any:
     grid = np.ascontiguousarray(grid, dtype=float)
     run = RunStructure(grid=_address(grid), n=len(grid), reltol=reltol, abstol=abstol, step=step)
-    run.kept = grid  # type: ignore[attr-defined]  # alive as long as the pointer to it
+    run.kept = grid  # alive as long as the pointer to it
     prepare(run)
     return run
 

@@ -1,0 +1,187 @@
+"""Events passed in compiled code are those of the event iteration: the same instants, words, changes and values.
+
+Expected values are those of closed forms where there is one, else of the interpreted run, which is tested against
+closed forms in test_events.py.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import acausal
+from acausal import (
+    Component,
+    Equations,
+    Real,
+    assert_,
+    boolean,
+    der,
+    discrete,
+    fixed,
+    integer,
+    parameter,
+    pre,
+    reset,
+    sample,
+    terminate,
+    time,
+    variable,
+    when,
+    where,
+)
+from acausal.errors import EventError
+from acausal.models.bouncing_ball import BouncingBall
+from acausal.models.clutches import ThreeClutchDrive
+from acausal.models.rectifier import BridgeRectifier, SCRBridge
+from acausal.models.sampled_control import SampledSpeedControl
+from acausal.models.switched_converter import BuckConverter
+from acausal.simulate import course, flight
+from acausal.simulate.native import cache
+
+pytestmark = pytest.mark.skipif(cache.compiler() is None, reason="no C compiler on this machine")
+
+
+class Wanderer(Component):
+    """A point that a thermostat, a counter, a sampler and two walls act upon."""
+
+    slow: Real = parameter(default=0.7, unit="1/s")
+    x: Real = variable(default=fixed(0.3), unit="")
+    v: Real = variable(default=fixed(1.0), unit="")
+    held: Real = discrete(default=0.0, unit="")
+    turns: Real = integer(default=0)
+    on: Real = boolean(default=True)
+
+    def equations(self) -> Equations:
+        yield der(self.x) == self.v
+        yield der(self.v) == where(self.on, 1.0, -1.0) - 0.1 * self.slow * self.v + where(time < 2.0, 0.0, 0.2)
+        yield self.on == ((self.x < -0.5) | (pre(self.on) & (self.x < 0.5)))
+        yield when((self.x > 1.5) | (self.x < -1.5), reset(self.v, -0.8 * pre(self.v)))
+        yield when(self.v < 0.0, reset(self.turns, pre(self.turns) + 1))
+        yield when(sample(0.0, 0.25), reset(self.held, self.x))
+
+
+class Ending(Component):
+    """A clock that ends the run."""
+
+    x: Real = variable(default=fixed(0.0), unit="")
+
+    def equations(self) -> Equations:
+        yield der(self.x) == 1.0
+        yield when(self.x > 0.25, terminate("enough"))
+
+
+class Breaking(Component):
+    """A clock that must not pass 1."""
+
+    x: Real = variable(default=fixed(0.0), unit="")
+
+    def equations(self) -> Equations:
+        yield der(self.x) == 1.0
+        yield assert_(self.x < 1.0, "x is too large")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Libraries of these tests in a folder of their own, so that a changed flight.c is compiled."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ACAUSAL_CACHE", str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
+@pytest.fixture
+def flown(monkeypatch: pytest.MonkeyPatch) -> list[course.Place | None]:
+    """Where the flights of a test have come to."""
+    found: list[course.Place | None] = []
+    plain = flight.Flight.from_here
+
+    def noted(self: flight.Flight, place: course.Place) -> course.Place | None:
+        found.append(plain(self, place))
+        return found[-1]
+
+    monkeypatch.setattr(flight.Flight, "from_here", noted)
+    return found
+
+
+MODELS: list[tuple[Callable[[], Component], float]] = [
+    (BouncingBall, 1.0),
+    (BuckConverter, 5e-3),
+    (SampledSpeedControl, 0.05),
+    (ThreeClutchDrive, 2.0),
+    (BridgeRectifier, 0.05),
+    (SCRBridge, 0.05),
+    (Wanderer, 6.0),
+]
+
+
+@pytest.mark.parametrize("solver", ["rosenbrock", "erk"])
+@pytest.mark.parametrize(("model", "stop"), MODELS, ids=[m.__name__ for m, _ in MODELS])
+def test_a_compiled_run_passes_the_events_of_an_interpreted_one(
+    model: Callable[[], Component], stop: float, solver: str, flown: list[course.Place | None]
+) -> None:
+    if model is SampledSpeedControl and solver == "erk":
+        pytest.skip("a stiff plant, not one for an explicit method")
+    compiled = acausal.compile(model())
+    runs = [
+        acausal.simulate(compiled, stop_time=stop, output_interval=stop / 40, tolerance=1e-7, solver=solver, native=n)
+        for n in (True, False)
+    ]
+    assert any(place is not None for place in flown)
+    ours, theirs = runs
+    assert [(e.condition, e.changed, e.component, e.where) for e in ours.events] == [
+        (e.condition, e.changed, e.component, e.where) for e in theirs.events
+    ]
+    assert [e.time for e in ours.events] == pytest.approx([e.time for e in theirs.events], rel=1e-9, abs=1e-9 * stop)
+    assert ours.time.shape == theirs.time.shape
+    for name in compiled.states:
+        scale = float(np.max(np.abs(theirs[name]))) + 1e-9
+        assert np.max(np.abs(ours[name] - theirs[name])) <= 1e-6 * scale, name
+
+
+@pytest.mark.parametrize("points", [1, 100, 3000])
+def test_bounces_do_not_depend_on_the_outputs(points: int) -> None:
+    # free fall from 1 m: sqrt(2/g), then flights of 2*e**k*sqrt(2/g)
+    stop = 1.5
+    r = acausal.simulate(BouncingBall(), stop_time=stop, output_interval=stop / points, tolerance=1e-9, native=True)
+    first, e = math.sqrt(2.0 / 9.81), 0.7  # the defaults of the model
+    expected = [first, first * (1 + 2 * e), first * (1 + 2 * e + 2 * e**2)]
+    assert [event.time for event in r.events] == pytest.approx([t for t in expected if t < stop], abs=1e-9)
+
+
+def test_a_ball_comes_to_rest_in_compiled_code_too() -> None:
+    # bounces end at sqrt(2/g)*(1 + e)/(1 - e)
+    r = acausal.simulate(BouncingBall(), stop_time=6.0, tolerance=1e-8, native=True)
+    assert any("at rest" in note for note in r.stats["notes"])
+    assert r.final("h") == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_end_that_a_model_asks_for() -> None:
+    r = acausal.simulate(Ending(), stop_time=1.0, solver="rosenbrock", native=True)
+    assert r.stats["terminated"] == "enough"
+    assert r.time[-1] == pytest.approx(0.25, abs=1e-9)
+
+
+def test_an_assertion_ends_the_run_with_its_words() -> None:
+    with pytest.raises(EventError, match="x is too large") as caught:
+        acausal.simulate(Breaking(), stop_time=2.0, solver="rosenbrock", native=True)
+    assert caught.value.result is not None
+    assert caught.value.result.time[-1] == pytest.approx(1.0, abs=1e-6)
+
+
+def test_a_record_that_is_full_is_emptied(monkeypatch: pytest.MonkeyPatch, flown: list[course.Place | None]) -> None:
+    monkeypatch.setattr(flight, "_MOST_EVENTS", 7)
+    compiled = acausal.compile(Wanderer())
+    few = acausal.simulate(compiled, stop_time=20.0, solver="rosenbrock", tolerance=1e-8, native=True)
+    assert sum(place is not None for place in flown) > 10
+    monkeypatch.undo()
+    many = acausal.simulate(compiled, stop_time=20.0, solver="rosenbrock", tolerance=1e-8, native=True)
+    assert [e.time for e in few.events] == [e.time for e in many.events]
+    assert np.array_equal(few["x"], many["x"])
+
+
+def test_the_source_is_part_of_the_package() -> None:
+    assert (Path(flight.__file__).parent / "native" / "flight.c").is_file()
