@@ -6,8 +6,9 @@
     |   `-- UnitError         AC15x  dimensions do not agree
     |-- StructureError        AC2xx  balance and structure of the equations
     |-- InitializationError   AC3xx  no consistent start
-    |-- IntegrationError      AC4xx  the run stopped early; `result` holds what was computed
-    |-- EventError            AC5xx
+    |-- RunError                     the run stopped early; `result` holds what was computed
+    |   |-- IntegrationError  AC4xx  the solver cannot go on
+    |   `-- EventError        AC5xx  events do not settle, or an assertion is broken
     |-- ExportError           AC6xx
     `-- InternalError         AC9xx  a defect of acausal itself
 
@@ -152,7 +153,7 @@ class InitializationError(AcausalError):
     """No start values satisfy the equations."""
 
 
-class IntegrationError(AcausalError):
+class RunError(AcausalError):
     """The run stopped before its end.
 
     `result` is the part that was computed, or None when nothing was.
@@ -163,8 +164,12 @@ class IntegrationError(AcausalError):
         self.result = result
 
 
-class EventError(AcausalError):
-    """Events do not settle."""
+class IntegrationError(RunError):
+    """The solver cannot go on."""
+
+
+class EventError(RunError):
+    """Events do not settle, or an assertion is broken."""
 
 
 class ExportError(AcausalError):

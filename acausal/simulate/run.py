@@ -12,7 +12,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from acausal.errors import EventError, IntegrationError, UsageError, nearest
+from acausal.errors import IntegrationError, RunError, UsageError, nearest
 from acausal.flatten.flat import suffixes
 from acausal.flatten.parameters import check_limit, entries
 from acausal.language.component import Component
@@ -250,7 +250,7 @@ class Run:
                 else:
                     for a, b in pairwise(boundaries):
                         start = self.segment(problem, solver, recorder, start, a, b, grid)
-        except (IntegrationError, EventError, KeyboardInterrupt) as error:
+        except (RunError, KeyboardInterrupt) as error:
             if not recorder.segments:
                 raise
             error.result = self.finish(problem, recorder, solver, reason, start.notes)  # type: ignore[union-attr]
