@@ -1,9 +1,9 @@
 """Linear blocks solved symbolically: sparse Gaussian elimination with pivots that cannot vanish.
 
-The order is Markowitz's (fewest fill-in), the pivots are restricted to coefficients that are constant, depend on
-parameters only, or keep their sign at all sample points. On the flat equations of a tree-structured mechanism this
-recovers the recursion of the articulated-body algorithm, linear in the number of bodies; tearing to a dense core does
-not.
+The order is from the leaves of what the equations hang on to its root (`orders.py`), or Markowitz's (fewest fill-in),
+whichever costs less; the pivots are restricted to coefficients that are constant, depend on parameters only, or keep
+their sign at all sample points. On the flat equations of a tree-structured mechanism this recovers the recursion of the
+articulated-body algorithm, linear in the number of bodies; tearing to a dense core does not.
 
 Where no single pivot is safe, two equations are solved for two unknowns at once if the determinant keeps its sign: the
 equations of motion with their constraints are an indefinite system, for which single pivots do not suffice, but pairs
@@ -20,15 +20,19 @@ import heapq
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations, islice
+from math import inf
 
 import numpy as np
 
 from acausal.flatten.pool import Pool
 from acausal.lower.evaluate import Samples
+from acausal.lower.orders import Distances, orders
 from acausal.lower.samples import SamplePoints
 
 _MOST_PAIRS = 20_000  # candidates for a pair of pivots that are looked at
 _SHORT = 32  # entries of a row that are looked at again whenever one of them changes
+_OUTWARD = 1e6  # more than any count: a pivot that is further out comes first
+_SEARCH = 3_000  # products spent on each order after the first, when all is solved
 _PENALTY = (0.0, 0.2, 0.6, 2.0)  # added to Markowitz's count: a division by a constant is cheaper and safer
 
 
@@ -68,16 +72,36 @@ def keeps_sign(found: Samples) -> bool:
     return bool(((found > 0).all() or (found < 0).all()) and low > 1e-6 * high)
 
 
-def eliminate(points: SamplePoints, rows: Sequence[dict[int, int]], rests: Sequence[int]) -> Eliminated:
-    """Solve `sum(rows[i][v] * v) + rests[i] == 0` for all v."""
-    work = _Work(points, rows, rests)
-    work.run()
-    return work.result()
+def eliminate(
+    points: SamplePoints, rows: Sequence[dict[int, int]], rests: Sequence[int], differentiated: Sequence[int] = ()
+) -> Eliminated:
+    """Solve `sum(rows[i][v] * v) + rests[i] == 0` for all v, in the order that leaves least, then costs least.
+
+    `differentiated` are the positions of rows that were differentiated from constraints.
+    """
+    best: _Work | None = None
+    for order in orders(rows, differentiated):
+        work = _Work(points, rows, rests, order)
+        if best is None:
+            work.run()
+        elif not work.run(min(best.products, _SEARCH) if not best.left else _SEARCH) or work.rank >= best.rank:
+            continue
+        best = work
+    assert best is not None, "there is always an order"
+    return best.result()
 
 
 class _Work:
-    def __init__(self, points: SamplePoints, rows: Sequence[dict[int, int]], rests: Sequence[int]) -> None:
+    def __init__(
+        self,
+        points: SamplePoints,
+        rows: Sequence[dict[int, int]],
+        rests: Sequence[int],
+        order: Distances | None = None,
+    ) -> None:
         self.points = points
+        self.order = order
+        self.products = 0  # of coefficients, formed so far
         self.pool: Pool = points.reduced.pool
         self.rows = [{v: c for v, c in row.items() if c != self.pool.zero} for row in rows]
         self.rests = list(rests)
@@ -101,23 +125,34 @@ class _Work:
         rank = self._safety[c]
         if rank is None:
             return None
-        return (len(self.rows[i]) - 1) * (len(self.columns[v]) - 1) + _PENALTY[rank]
+        count = (len(self.rows[i]) - 1) * (len(self.columns[v]) - 1) + _PENALTY[rank]
+        return count if self.order is None else count - _OUTWARD * self.order.outward(i, v)
 
     def _offer(self, i: int, v: int, c: int) -> None:
         cost = self._cost(i, v, c)
         if cost is not None:
             heapq.heappush(self.heap, (cost, i, v, c))
 
-    def run(self) -> None:
-        """Single pivots while there are any, else a pair of them."""
-        while True:
-            self._singles()
+    @property
+    def left(self) -> int:
+        """Number of rows that are not solved."""
+        return len(self.active)
+
+    @property
+    def rank(self) -> tuple[int, int]:
+        """What decides between orders."""
+        return self.left, self.products
+
+    def run(self, most: float = inf) -> bool:
+        """Single pivots while there are any, else a pair of them; False when that takes too many products."""
+        while self._singles(most):
             pair = self._pair()
             if pair is None:
-                break
+                for i in sorted(self.active):
+                    self._alone(i)
+                return True
             self._pivot(*pair)
-        for i in sorted(self.active):
-            self._alone(i)
+        return False
 
     def _alone(self, i: int) -> None:
         """Solve a row in which one unknown is left that stands nowhere else: there is no better pivot to wait for.
@@ -135,8 +170,10 @@ class _Work:
             ):
                 self._pivot((i,), (v,))
 
-    def _singles(self) -> None:
+    def _singles(self, most: float) -> bool:
         while self.heap:
+            if self.products > most:
+                return False
             cost, i, v, c = heapq.heappop(self.heap)
             if i not in self.active or self.rows[i].get(v) != c or v not in self.columns:
                 continue
@@ -147,6 +184,7 @@ class _Work:
                 heapq.heappush(self.heap, (now, i, v, c))
                 continue
             self._pivot((i,), (v,))
+        return True
 
     def _pair(self) -> tuple[tuple[int, int], tuple[int, int]] | None:
         """The cheapest two rows and columns whose determinant is safe."""
@@ -186,6 +224,7 @@ class _Work:
         changed: set[int] = set()
         factors = pivot.factors([other.pop(v, pool.zero) for v in pivot.variables])
         for i, factor in zip(pivot.rows, factors, strict=True):
+            self.products += len(self.rows[i])
             for w, c in self.rows[i].items():
                 if w in pivot.variables:
                     continue

@@ -11,7 +11,7 @@ import numpy as np
 from acausal.flatten.pool import LEAVES, Pool
 from acausal.lower.evaluate import Samples, operation, values
 from acausal.lower.reduce import ReducedSystem
-from acausal.lower.rounding import is_certain
+from acausal.lower.rounding import agrees, is_certain
 
 COUNT = 12
 """Number of points; the first is the declared start."""
@@ -39,6 +39,7 @@ class SamplePoints:
         self._definition: dict[int, int] = {}
         self._values: dict[int, Any] = {}
         self._bounds: dict[int, Any] = {}
+        self._rough: dict[int, Any] = {}
         self._varies: dict[int, bool] = {}
 
     def define(self, variable: int, node: int) -> None:
@@ -47,6 +48,7 @@ class SamplePoints:
         self._known.pop(variable, None)
         self._values.clear()
         self._bounds.clear()
+        self._rough.clear()
 
     def of(self, node: int) -> Samples:
         """Values of a node, shape (COUNT,)."""
@@ -59,6 +61,8 @@ class SamplePoints:
     def certainly(self, node: int) -> Samples:
         """As `everywhere`, with zero for values that are nothing but rounding errors of terms that cancel."""
         found = self.everywhere(node)
+        if agrees(self.reduced.pool, node, self._values, self._rough):
+            return found
         certain = is_certain(self.reduced.pool, node, self._values, self._bounds)
         return np.where(certain | ~np.isfinite(found), found, 0.0)
 

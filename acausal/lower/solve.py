@@ -134,7 +134,8 @@ class _Work:
         linear = [form.of(self.structure.residuals[r]) for r in block.rows]
         if all(x is not None for x in linear):
             found = [x for x in linear if x is not None]
-            done = eliminate(self.points, [x[1] for x in found], [x[0] for x in found])
+            derived = [i for i, r in enumerate(block.rows) if r in self.structure.integral]
+            done = eliminate(self.points, [x[1] for x in found], [x[0] for x in found], derived)
             self._linear(block, done)
         else:
             self._torn(block)
