@@ -311,6 +311,26 @@ class Pool:
                 stack.extend(node[1:])
         return found
 
+    def variables_behind(self, roots: Iterable[int], definitions: Mapping[int, int]) -> set[int]:
+        """The same through variables that are defined by nodes; each node is visited once."""
+        nodes = self.nodes
+        found: set[int] = set()
+        seen: set[int] = set()
+        stack = list(roots)
+        while stack:
+            number = stack.pop()
+            node = nodes[number]
+            op = node[0]
+            if op == "var":
+                if node[1] not in found:
+                    found.add(node[1])
+                    if node[1] in definitions:
+                        stack.append(definitions[node[1]])
+            elif op not in LEAVES and number not in seen:
+                seen.add(number)
+                stack.extend(node[1:])
+        return found
+
     def rewrite(self, roots: Iterable[int], leaf: Callable[[int], int], done: dict[int, int]) -> None:
         """Fill `done` with the image of every node below `roots` when each variable i becomes node `leaf(i)`."""
         nodes = self.nodes

@@ -171,12 +171,11 @@ def _sort_states(solution: Solution) -> tuple[tuple[int, ...], int, int]:
     others (IDAS took 1e5 steps of order 1 for the angle of an evenly accelerated shaft; 30 when it is a state).
     """
     reach = Reach(solution)
-    acting: set[int] = set()
     reduced = solution.structure.reduced
     clauses = [n for c, values in reduced.whens for n in (c, *values)]
     clauses += [*reduced.assignments, *reduced.asserts]
-    for node in [n for v, n in solution.definitions if v in solution.needed] + list(solution.residuals) + clauses:
-        acting |= reach.pool.variables_in(node)
+    followed = [n for v, n in solution.definitions if v in solution.needed]
+    acting = reach.pool.variables_in(*followed, *solution.residuals, *clauses)
     acting |= {solution.structure.derivative(x) for x in solution.structure.states}
     fixed = discrete_variables(reduced)
     states = tuple(x for x in solution.structure.states if x not in fixed)

@@ -49,9 +49,7 @@ def distances(rows: Sequence[Collection[int]], root: int) -> Distances:
         if front:
             distance = of_variables[next(iter(reached))] + 1
             of_rows.update(dict.fromkeys(front, distance))
-    return Distances(
-        tuple(of_rows.get(i, 0) for i in range(len(rows))), {v: of_variables.get(v, 0) for v in columns}
-    )
+    return Distances(tuple(of_rows.get(i, 0) for i in range(len(rows))), {v: of_variables.get(v, 0) for v in columns})
 
 
 def orders(rows: Sequence[Collection[int]], differentiated: Sequence[int]) -> list[Distances | None]:

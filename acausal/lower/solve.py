@@ -203,16 +203,5 @@ class _Work:
 def needed(structure: Structure, definitions: Sequence[tuple[int, int]], residuals: Sequence[int]) -> frozenset[int]:
     """Everything that the rates of the states and the residuals depend on."""
     pool = structure.reduced.pool
-    node_of = dict(definitions)
-    stack = [structure.derivative(x) for x in structure.states]
-    for r in residuals:
-        stack.extend(pool.variables_in(r))
-    found: set[int] = set()
-    while stack:
-        v = stack.pop()
-        if v in found:
-            continue
-        found.add(v)
-        if v in node_of:
-            stack.extend(pool.variables_in(node_of[v]))
-    return frozenset(found)
+    roots = [pool.var(structure.derivative(x)) for x in structure.states] + list(residuals)
+    return frozenset(pool.variables_behind(roots, dict(definitions)))
