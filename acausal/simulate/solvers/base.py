@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from acausal.simulate.direct import called
 from acausal.simulate.islands import integrals
+from acausal.simulate.polish import polished
 from acausal.simulate.problem import Problem
 
 Vector = NDArray[np.float64]
@@ -98,6 +99,7 @@ class CasadiSolver:
         x = np.vstack([x, islands(problem, segment), unmoved(problem, segment)])
         if self.algebraic:
             z = scaled_z.T * problem.scale_z[:, None]
+            z = polished(problem.compiled, segment.times, x, z, problem.u, problem.p, segment.p)
         else:
             z = problem.solve_algebraic(segment.times, x, segment.z, segment.p)
         return Piece(x, z, counted(stats))
