@@ -1,0 +1,62 @@
+"""Algebraic variables at outputs and guards are those of the equations, however large the steps between them are.
+
+Expected values: with x = t, z + z^3 = t has z = 1 at t = 2 exactly; half a wave of a sine through an ideal diode
+carries the charge 2/omega, and the diode switches at the zero crossings.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import acausal
+from acausal import Component, Equations, Real, der, fixed, guess, integer, pre, reset, sin, time, variable, when, where
+
+_OMEGA = 100 * np.pi
+
+
+class Cubic(Component):
+    """A state that is a straight line, so that multistep methods take steps of a quarter of the run."""
+
+    x: Real = variable(default=fixed(0.0))
+    z: Real = variable(default=guess(0.5))
+    above: Real = variable(default=fixed(0.0))
+    n: Real = integer()
+
+    def equations(self) -> Equations:
+        yield der(self.x) == 1.0
+        yield self.z + self.z * self.z * self.z == self.x
+        yield der(self.above) == where(self.z > 1.0, 1.0, 0.0)
+        yield when(self.z > 1.0, reset(self.n, pre(self.n) + 1))
+
+
+class HalfWave(Component):
+    """A diode without any leak, in series with 1 Ohm."""
+
+    t: Real = variable()
+    s: Real = variable()
+    charge: Real = variable(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        yield self.t == time
+        yield sin(_OMEGA * self.t) == where(self.s > 0.0, self.s, 0.0) + where(self.s > 0.0, 0.0, self.s)
+        yield der(self.charge) == where(self.s > 0.0, self.s, 0.0)
+
+
+@pytest.mark.parametrize("solver", ["idas", "rosenbrock", "cvodes"])
+@pytest.mark.parametrize("points", [1, 100, 10_000])
+def test_a_guard_on_an_algebraic_variable_is_located(solver: str, points: int) -> None:
+    result = acausal.simulate(Cubic(), stop_time=4.0, output_interval=4.0 / points, tolerance=1e-8, solver=solver)
+    assert [event.time for event in result.events] == pytest.approx([2.0], abs=1e-9)
+    assert result.final("above") == pytest.approx(2.0, abs=1e-7)
+    assert result.final("n") == 1.0
+    z = np.asarray(result["z"])
+    assert np.max(np.abs(z + z**3 - result.time)) < 1e-8
+
+
+@pytest.mark.parametrize("solver", ["idas", "rosenbrock"])
+@pytest.mark.parametrize("points", [1, 600])
+def test_an_ideal_diode_switches_at_the_zero_crossings(solver: str, points: int) -> None:
+    result = acausal.simulate(HalfWave(), stop_time=0.06, output_interval=0.06 / points, tolerance=1e-8, solver=solver)
+    assert [event.time for event in result.events] == pytest.approx([0.01, 0.02, 0.03, 0.04, 0.05], abs=1e-9)
+    assert result.final("charge") == pytest.approx(3 * 2 / _OMEGA, abs=1e-8)
