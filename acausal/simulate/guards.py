@@ -78,15 +78,12 @@ class Guards:
 
     def rates(self, t: float, at: Moment) -> tuple[Vector, Vector]:
         """Time derivatives of the guards along the solution, and by how much the distances can be wrong."""
-        own, by_z, alg, alg_z, slope = at.regime.rates(t, at.x, at.z, self.problem.u, self.problem.p, at.m)
+        problem = self.problem
+        errors = self._error(at.x, self._nominal), self._error(at.z, problem.compiled.nominal_z)
+        own, noise, by_z, alg, alg_z = at.regime.rates(t, at.x, at.z, problem.u, problem.p, at.m, *errors)
         if len(at.z):
-            own = (
-                own
-                - by_z.reshape(len(own), -1) @ np.linalg.lstsq(alg_z.reshape(len(at.z), -1), alg.ravel(), rcond=None)[0]
-            )
-        noise = slope.reshape(len(own), -1) @ self._error(at.x, self._nominal)
-        if len(at.z):
-            noise += np.abs(by_z.reshape(len(own), -1)) @ self._error(at.z, self.problem.compiled.nominal_z)
+            moved = np.linalg.lstsq(alg_z.reshape(len(at.z), -1), alg.ravel(), rcond=None)[0]
+            own = own - by_z.reshape(len(own), -1) @ moved
         # never quite nothing: values are rounded, and instants are found to rounding only
         noise += 1e-15 + np.abs(own) * (_INSTANT * max(self.span, abs(t)))
         return own, noise if np.isfinite(noise).all() else np.nan_to_num(noise, nan=1e-15, posinf=1e-15)

@@ -100,14 +100,20 @@ class Regime:
 
     @cached_property
     def rates(self) -> Quick:
-        """`-> (dg/dt without z, dg/dz, dalg/dt without z, dalg/dz, |dg/dx|)` along the solution of this regime."""
+        """`(t, x, z, u, p, m, ex, ez) -> (dg/dt without z, noise, dg/dz, dalg/dt without z, dalg/dz)`.
+
+        Time derivatives along the solution of this regime, and how far the guards can be wrong when states and
+        algebraic variables can be by `ex` and `ez`. Products, because there may be hundreds of guards and states.
+        """
         s = Symbols(self.compiled)
         ode, alg = self.compiled.rhs(*s.inputs)
         g = self.watch(*s.inputs)
+        error_x, error_z = ca.SX.sym("ex", s.x.numel()), ca.SX.sym("ez", s.z.numel())
         tx, rate = ca.vertcat(s.t, s.x), ca.vertcat(1, ode)
-        parts = [ca.jtimes(g, tx, rate), ca.jacobian(g, s.z), ca.jtimes(alg, tx, rate)]
-        parts += [ca.jacobian(alg, s.z), ca.fabs(ca.jacobian(g, s.x))]
-        return Quick(ca.Function("rates", s.inputs, [ca.densify(q) for q in parts]))
+        by_x, by_z = ca.jacobian(g, s.x), ca.jacobian(g, s.z)
+        noise = ca.fabs(by_x) @ error_x + ca.fabs(by_z) @ error_z
+        parts = [ca.jtimes(g, tx, rate), noise, by_z, ca.jtimes(alg, tx, rate), ca.jacobian(alg, s.z)]
+        return Quick(ca.Function("rates", [*s.inputs, error_x, error_z], [ca.densify(q) for q in parts]))
 
     @cached_property
     def multipliers(self) -> Any:

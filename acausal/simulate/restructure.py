@@ -27,7 +27,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from acausal.errors import IntegrationError
+from acausal.errors import IntegrationError, RunError
 from acausal.flatten.instances import instances
 from acausal.language.component import Component
 from acausal.lower.compile import compile
@@ -111,7 +111,7 @@ class Pieces:
                 piece = self.run(
                     self._compiled, replace(opts, start_time=t, stop_time=end), self.start(), times, not self.pieces
                 )
-            except IntegrationError as error:
+            except RunError as error:
                 if error.result is not None:
                     self.add(error.result, slice(0, None))
                     error.result = self.joined()

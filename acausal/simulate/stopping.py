@@ -90,8 +90,13 @@ def integrate_to_event(regime: Regime, segment: Segment, band: Vector, plugin: s
 def compiled_program(regime: Regime, segment: Segment, plugin: str) -> Library[FlightProgram] | None:
     """The integrator of a regime as compiled C, where there is one or it pays to make one."""
     problem = regime.problem
+
+    def instructions() -> int:
+        functions = regime.watch, regime.rates.function, problem.compiled.events.reactions
+        return sum(int(f.n_instructions()) for f in functions)
+
     return problem.native.stopping(
-        plugin, _settings(segment), lambda: stopping_equations(regime), problem.n_dynamic + 2
+        plugin, _settings(segment), lambda: stopping_equations(regime), problem.n_dynamic + 2, instructions
     )
 
 

@@ -55,7 +55,7 @@ struct space {
   casadi_int* iw;
   double* w;
   double *distance, *assigned, *values, *remembered, *asserts, *conditions; /* of reactions */
-  double *g, *rate, *slope, *noise, *doubt, *band, *ahead[3];
+  double *g, *rate, *error, *noise, *doubt, *band, *ahead[3];
   double *before_x, *before_m, *left_m, *grid, *wide, *rows, *parameters, *x0;
   unsigned char *was, *fired, *asked;
   count_t* flips;
@@ -68,6 +68,7 @@ static int called(function_t f, const struct flight* s, struct space* o, double 
                   int count, double** results) {
   int k;
   o->arg[0] = &t; o->arg[1] = x; o->arg[2] = 0; o->arg[3] = s->u; o->arg[4] = s->p; o->arg[5] = m;
+  o->arg[6] = o->error; o->arg[7] = 0;
   for (k = 0; k < count; ++k) o->res[k] = results[k];
   return f(o->arg, o->res, o->iw, o->w, 0);
 }
@@ -87,17 +88,15 @@ static int take_guards(const struct flight* s, struct space* o, double t, const 
 
 /* Rates of the guards along the solution, and by how much the guards can be wrong (guards.py). */
 static int take_rates(const struct flight* s, struct space* o, double t) {
-  double* results[5] = {o->rate, 0, 0, 0, o->slope};
+  double* results[5] = {o->rate, o->noise, 0, 0, 0};
   double instant = INSTANT * most(s->span, fabs(t));
-  count_t k, j;
+  count_t k;
+  for (k = 0; k < s->states; ++k)
+    o->error[k] = 10 * (s->relative * fabs(s->x[k]) + s->absolute * s->nominal[k]);
   if (called(rates, s, o, t, s->x, s->m, 5, results)) return UNUSUAL;
   for (k = 0; k < s->relations; ++k) {
-    double noise = 0;
-    for (j = 0; j < s->states; ++j)
-      noise += o->slope[k + j * s->relations] * (10 * (s->relative * fabs(s->x[j]) + s->absolute * s->nominal[j]));
-    noise += 1e-15 + fabs(o->rate[k]) * instant;
-    if (!isfinite(noise)) return UNUSUAL;
-    o->noise[k] = noise;
+    o->noise[k] += 1e-15 + fabs(o->rate[k]) * instant;
+    if (!isfinite(o->noise[k])) return UNUSUAL;
   }
   return 0;
 }
@@ -383,10 +382,10 @@ static casadi_int larger(casadi_int a, casadi_int b) { return a > b ? a : b; }
 /* Cut up the doubles of a call, where there are any yet; returns their number. */
 static size_t carved(const struct flight* s, struct space* o, double* memory, count_t wide) {
   count_t r = s->relations, n = s->states, all = s->constants + s->modes + n + 1 + r;
-  count_t sizes[] = {r, s->assigned, s->actions, s->memories, s->asserts, s->clauses, r, r, r * n, r, r, r, r, r, r,
+  count_t sizes[] = {r, s->assigned, s->actions, s->memories, s->asserts, s->clauses, r, r, n, r, r, r, r, r, r,
                      n, s->modes, s->modes, wide, wide, wide * (s->dynamic + 2), all, n + 2};
   double** parts[] = {&o->distance, &o->assigned, &o->values, &o->remembered, &o->asserts, &o->conditions, &o->g,
-                      &o->rate, &o->slope, &o->noise, &o->doubt, &o->band, &o->ahead[0], &o->ahead[1], &o->ahead[2],
+                      &o->rate, &o->error, &o->noise, &o->doubt, &o->band, &o->ahead[0], &o->ahead[1], &o->ahead[2],
                       &o->before_x, &o->before_m, &o->left_m, &o->grid, &o->wide, &o->rows, &o->parameters, &o->x0};
   size_t k, used = 0;
   for (k = 0; k < sizeof(sizes) / sizeof(*sizes); ++k) {
@@ -415,7 +414,7 @@ CASADI_SYMBOL_EXPORT int acausal_flight(struct flight* s) {
   used = carved(s, &o, 0, wide);
   memory = malloc(sizeof(double) * (used + (size_t) (s->states + 1 + sizes[3])));
   bytes = malloc((size_t) (s->clauses + s->relations + wide + 1));
-  o.arguments = sizes[0] + 6;
+  o.arguments = sizes[0] + 8;
   o.results = sizes[1] + 6;
   o.arg = malloc(sizeof(double*) * (size_t) o.arguments);
   o.res = malloc(sizeof(double*) * (size_t) o.results);

@@ -45,9 +45,14 @@ _START, _COMPILED_INSTRUCTION = 0.5, 3e-4
 _LARGEST_ORACLE = 2000
 
 
-def pays(evaluations: float, size: int) -> bool:
-    """Whether compiling equations of `size` instructions costs less than this number of evaluations has cost."""
-    return evaluations * (_CALL + _INSTRUCTION * size) > _START + _COMPILED_INSTRUCTION * size
+def pays(evaluations: float, size: int, code: int | None = None) -> bool:
+    """Whether to compile equations of `size` instructions costs less than this number of evaluations has cost.
+
+    `code` is the number of instructions to compile, where it is another.
+    """
+    return evaluations * (_CALL + _INSTRUCTION * size) > _START + _COMPILED_INSTRUCTION * (
+        size if code is None else code
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,12 +120,22 @@ class Native:
         def load(path: Path) -> Program:
             return Program(path, self._nx, len(self.compiled.algebraic))
 
-        return self._library(kind, repr(sorted(neutral.items())), self._spent(plugin), text, load)
+        return self._library(
+            kind, repr(sorted(neutral.items())), lambda: pays(self._spent(plugin), self._size), text, load
+        )
 
     def stopping(
-        self, plugin: str, settings: Mapping[str, Any], equations: Callable[[], StoppingEquations], size: int
+        self,
+        plugin: str,
+        settings: Mapping[str, Any],
+        equations: Callable[[], StoppingEquations],
+        nx: int,
+        instructions: Callable[[], int],
     ) -> Library[FlightProgram] | None:
-        """A whole integrator that stops at events (`simulate/stopping.py`); `equations` makes what it integrates."""
+        """A whole integrator that stops at events (`simulate/stopping.py`).
+
+        `equations` makes what it integrates, `nx` states; `instructions` is the size of its event functions.
+        """
         fixed = {"step_size": 0.25} if settings.get("step_size") else {}
         neutral = {**settings, "reltol": 1e-6, "abstol": 1e-8, **fixed}
         kind = f"{plugin}, events" + (", fixed steps" if fixed else "")
@@ -133,10 +148,13 @@ class Native:
             return None if written is None else written + SOURCE.read_text(encoding="utf-8")
 
         def load(path: Path) -> FlightProgram:
-            return FlightProgram(path, size)
+            return FlightProgram(path, nx)
 
-        # with the derivatives that locate events there is four times as much to compile
-        return self._library(kind, repr(sorted(neutral.items())), self._spent(kind) / 4, text, load)
+        def pays_now() -> bool:
+            # the derivatives that locate events are twice as much again as the event functions
+            return pays(self._spent(kind), self._size, 4 * self._size + 3 * instructions())
+
+        return self._library(kind, repr(sorted(neutral.items())), pays_now, text, load)
 
     def oracle(self, plugin: str, settings: Mapping[str, Any]) -> Library[Any] | None:
         """Right-hand side and Jacobian for one of CasADi's integrators, as the oracle to give it.
@@ -152,7 +170,7 @@ class Native:
             derived = (inside.get_function(name) for name in inside.get_function() if name != dae.name())
             return source.functions(dae, constants, *derived)
 
-        return self._library(plugin, "", 0.0, text, lambda path: ca.external("dae", str(path)))
+        return self._library(plugin, "", lambda: False, text, lambda path: ca.external("dae", str(path)))
 
     def heun(self, step: Callable[[Any], Any], evaluations: float) -> Library[HeunProgram] | None:
         """Heun's method; `step` makes the function `(x, [t, h], p) -> x` of a DAE without algebraic variables.
@@ -165,7 +183,9 @@ class Native:
             return source.heun(step(dae), constants)
 
         expected = self._spent("heun") + evaluations
-        return self._library("heun", "", expected, text, lambda path: HeunProgram(path, self._nx))
+        return self._library(
+            "heun", "", lambda: pays(expected, self._size), text, lambda path: HeunProgram(path, self._nx)
+        )
 
     def interpreted(self, kind: str, evaluations: float) -> None:
         """Remember what an interpreted stretch of time has cost."""
@@ -191,7 +211,7 @@ class Native:
         self,
         kind: str,
         details: str,
-        evaluations: float,
+        is_worth_it: Callable[[], bool],
         text: Callable[[], str | None],
         load: Callable[[Path], T],
     ) -> Library[T] | None:
@@ -199,7 +219,7 @@ class Native:
         if self.wanted is False:
             return None
         if kind not in memory.ready:
-            allowed = self.wanted is True or pays(evaluations, self._size)
+            allowed = self.wanted is True or is_worth_it()
             tried = memory.failed if allowed else memory.absent
             if kind in tried:
                 return None
