@@ -89,12 +89,13 @@ def _ended(
     low = max(0, min(k - _NEAREST // 2, len(all_times) - _NEAREST))
     near = slice(low, low + _NEAREST)
     root = all_times[k]
-    from scipy.interpolate import BarycentricInterpolator  # half a second, for a crossing only
+    # not the barycentric form: SciPy permutes its nodes at random, and two equal runs differ in the last digit
+    from scipy.interpolate import KroghInterpolator  # half a second, for a crossing only
     from scipy.optimize import brentq
 
     bracketed: Any = brentq
     for j in np.flatnonzero(g[k] < -band[: g.shape[1]]):
-        curve = BarycentricInterpolator(all_times[near], g[near, j] + band[j])
+        curve = KroghInterpolator(all_times[near], g[near, j] + band[j])
         a, b = all_times[k - 1], all_times[k]
         if curve(a) > 0 > curve(b):
             root = min(root, float(bracketed(curve, a, b, xtol=1e-15 * b, rtol=1e-15)))
