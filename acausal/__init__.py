@@ -41,6 +41,7 @@ from acausal.language.declare import signal_input as signal_input
 from acausal.language.declare import signal_output as signal_output
 from acausal.language.declare import structural as structural
 from acausal.language.declare import variable as variable
+from acausal.language.delay import delay as delay
 from acausal.language.events import assert_ as assert_
 from acausal.language.events import reset as reset
 from acausal.language.events import terminate as terminate

@@ -10,6 +10,7 @@ from collections.abc import Callable
 
 from acausal.errors import DeclarationError
 from acausal.flatten.pool import LEAVES, RELATIONS, Pool
+from acausal.language.delay import Delayed
 from acausal.language.external import Call
 
 _CONSTANT = frozenset(("pre", "initial", "terminal", "sample", "not", "and", "or", *RELATIONS))
@@ -35,6 +36,8 @@ def differentiate(pool: Pool, root: int) -> int:
         if missing:
             stack.extend(missing)
             continue
+        if isinstance(node[0], Delayed):
+            raise _rate_of_delay(node[0])
         if isinstance(node[0], Call):
             done[number] = _call(pool, node[0], node[1:])
         else:
@@ -65,6 +68,15 @@ def _refuse(pool: Pool, op: str) -> int:
         "AC128",
         f"the time derivative of {op} is needed and does not exist",
         help="it jumps, or is true or false: keep it out of der(...) and of prescribed positions",
+    )
+
+
+def _rate_of_delay(op: Delayed) -> DeclarationError:
+    return DeclarationError(
+        "AC184",
+        f"the time derivative of {op.label} is needed",
+        cause="a delayed signal is known as a value only; its derivative may jump where nothing else does",
+        help="delay the derivative instead: delay(der(x), T); a prescribed motion needs both",
     )
 
 

@@ -107,6 +107,17 @@ class FlatAssert(NamedTuple):
     source: Assertion
 
 
+class FlatDelay(NamedTuple):
+    """The node `source` as it was `time` ago; `most` bounds a delay that varies. Its place among all is its number."""
+
+    source: int
+    time: int
+    most: int | None
+    label: str
+    origin: Origin | None
+    component: str
+
+
 class FlatStart(NamedTuple):
     """A declared start of one scalar: an initial equation when `is_fixed`, else a guess."""
 
@@ -152,6 +163,10 @@ class FlatSystem:
         Names of parameter scalars that were made numbers (`acausal.lower.freeze`).
     nominals
         Magnitude of each scalar before that: frozen zeros join variables, which must not change the tolerances.
+    delays
+        Signals of the past.
+    undelayed
+        Delays that are zero with the values of these parameters: node of the delay, and its words.
     """
 
     name: str
@@ -173,6 +188,8 @@ class FlatSystem:
     notes: tuple[str, ...] = ()
     frozen: tuple[str, ...] = ()
     nominals: tuple[float, ...] = ()
+    delays: tuple[FlatDelay, ...] = ()
+    undelayed: tuple[tuple[int, str], ...] = ()
 
     def __repr__(self) -> str:
         return (

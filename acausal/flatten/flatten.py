@@ -9,6 +9,7 @@ from functools import partial
 from acausal.errors import DeclarationError
 from acausal.flatten.allocate import allocate
 from acausal.flatten.connections import FlowSet, Joint, check_signals, flow_sets, joints
+from acausal.flatten.delays import delays
 from acausal.flatten.discrete import asserts, assignments, check_assigned, constancy, fill_starts, places
 from acausal.flatten.flat import (
     FlatAssert,
@@ -92,6 +93,7 @@ def flatten(model: Component, parameters: Mapping[str, object] | None = None) ->
     initial += surplus
     fill_starts(pool, starts, discrete)
     experiment = getattr(type(model), "experiment", None)
+    delayed = delays(pool, [*equations, *initial], builder.whens, builder.assignments, builder.asserts)
     return FlatSystem(
         name=type(model).__name__,
         pool=pool,
@@ -106,6 +108,8 @@ def flatten(model: Component, parameters: Mapping[str, object] | None = None) ->
         inputs=inputs,
         parameter_values=tuple(builder.table.values),
         starts=starts,
+        delays=delayed,
+        undelayed=tuple(pool.undelayed),
         experiment=experiment if isinstance(experiment, Experiment) else Experiment(),
         components={i.path: FlatComponent(type(i.component), i.origin) for i in found},
         loops=tree.loops,

@@ -27,6 +27,7 @@ class ParameterTable:
         self.number_of = number_of
         self.overrides = dict(overrides)
         self.values: list[float] = []
+        pool.parameter_values = self.values
         self._nodes: dict[tuple[int, str], Scalars] = {}
         self._free_paths: set[str] = set()
         self._open: list[str] = []

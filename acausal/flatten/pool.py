@@ -13,6 +13,7 @@ from collections.abc import Callable, Container, Iterable, Mapping
 from itertools import compress
 from typing import Any
 
+from acausal.language.delay import Delayed
 from acausal.language.external import Call
 
 Node = tuple[Any, ...]
@@ -52,7 +53,7 @@ _BINARY: dict[str, Callable[[float, float], float]] = {
 }
 LEAVES = frozenset(("const", "var", "par", "time"))
 RELATIONS = frozenset(("lt", "le", "gt", "ge"))
-_KEPT = frozenset(("sample", "pre", "initial", "terminal", "delay"))  # what they are depends on the run
+_KEPT = frozenset(("sample", "pre", "initial", "terminal"))  # what they are depends on the run
 _MANY = 16  # roots are many when there are more than one in so many nodes
 
 
@@ -70,6 +71,9 @@ class Pool:
         self.derivative_of: dict[int, int] = {}
         self.integral_of: dict[int, int] = {}
         self.slope: dict[int, int] = {}
+        self.delays: list[tuple[int, int, int | None, str]] = []  # signal, delay, its maximum, and the words
+        self.undelayed: list[tuple[int, str]] = []  # delays that are zero
+        self.parameter_values: list[float] | None = None  # as far as they are known
         self._slopes: dict[int, int] = {}
         self.zero = self.const(0.0)
         self.one = self.const(1.0)
@@ -114,11 +118,38 @@ class Pool:
         node = self.nodes[number]
         return node[1] if node[0] == "const" else None
 
+    def delayed(self, source: int, time: int, most: int | None, label: str) -> int:
+        """The node of a signal as it was `time` ago; equal ones are one delay."""
+        key = source, time, most
+        index = next((k for k, d in enumerate(self.delays) if d[:3] == key), len(self.delays))
+        if index == len(self.delays):
+            self.delays.append((*key, label))
+        return self.intern((Delayed(index, label), self.sub(self.time, time)))
+
+    def parameter_value(self, root: int) -> float:
+        """Value of a node of parameters; nan where one is not known, or there is none."""
+        known: dict[int, float] = {}
+        values = self.parameter_values or []
+        for number in self.reachable([root]):
+            op, *args = self.nodes[number]
+            if op == "const":
+                known[number] = args[0]
+            elif op == "par":
+                known[number] = values[args[0]] if args[0] < len(values) else math.nan
+            elif op in _VALUES and not any(math.isnan(known[a]) for a in args):
+                try:
+                    known[number] = _VALUES[op](*[known[a] for a in args])
+                except (ValueError, OverflowError, ZeroDivisionError):
+                    known[number] = math.nan
+            else:
+                known[number] = math.nan
+        return known[root]
+
     def make(self, op: str, *args: int) -> int:
         """The node `op(args)`, simplified where that is exact for every value of the operands."""
         if op in _MAKE:
             return _MAKE[op](self, *args)
-        if op in _KEPT or isinstance(op, Call):
+        if op in _KEPT or isinstance(op, Call | Delayed):
             return self.intern((op, *args))
         values: list[Any] = [self.value(a) for a in args]
         if all(v is not None for v in values):
@@ -358,6 +389,18 @@ def _summands(nodes: list[Node], node: Node) -> tuple[tuple[int, float], ...]:
             if nodes[known][0] == "const":
                 return ((other, nodes[known][1]),)
     return ()
+
+
+_VALUES: dict[str, Callable[..., float]] = {
+    **_UNARY,
+    **_BINARY,
+    "add": lambda a, b: a + b,
+    "sub": lambda a, b: a - b,
+    "neg": lambda a: -a,
+    "mul": lambda a, b: a * b,
+    "div": lambda a, b: a / b,
+    "where": lambda c, a, b: a if c else b,
+}
 
 
 _MAKE: dict[str, Callable[..., int]] = {

@@ -77,6 +77,8 @@ def _entries(pool: Pool, e: Expr, resolve: Resolve, args: list[Scalars]) -> Scal
     if op == "pre":
         # of a continuous expression it stands in a `when`, which sees everything as it was before
         return tuple(pool.make("pre", a) for a in args[0]) if is_discrete(e.args[0]) else args[0]
+    if op == "delay":
+        return _delayed(pool, e, args)
     if op in ("edge", "change", "equals"):
         return (_compared(pool, op, [a[0] for a in args], is_condition(e.args[0])),)
     if op == "where":
@@ -89,6 +91,18 @@ def _entries(pool: Pool, e: Expr, resolve: Resolve, args: list[Scalars]) -> Scal
     size = max(len(a) for a in args)
     columns = [_wide(a, size) for a in args]
     return tuple(pool.make(op, *operands) for operands in zip(*columns, strict=True))
+
+
+def _delayed(pool: Pool, e: Expr, args: list[Scalars]) -> Scalars:
+    """What never changes, or is delayed by nothing, is itself."""
+    time, most = args[1][0], args[2][0] if len(args) > 2 else None
+    if pool.parameter_value(time) == 0.0:
+        pool.undelayed.append((time, str(e)))
+        return args[0]
+    constant = [all(pool.nodes[n][0] in ("const", "par") for n in pool.reachable([a])) for a in args[0]]
+    return tuple(
+        a if still else pool.delayed(a, time, most, str(e)) for a, still in zip(args[0], constant, strict=True)
+    )
 
 
 def _compared(pool: Pool, op: str, args: list[int], is_logical: bool) -> int:

@@ -62,8 +62,8 @@ _structural: Callable[..., tuple[str, ...]] = cache(_structural_names)
 def make_template(instance: Instance, found: Sequence[Statement]) -> Template | None:
     """The template of a leaf component from the statements of one instance.
 
-    None when they act at events, are discrete equations, or hold what belongs to another component: a function given as
-    structural value may close over the parameters of the owner.
+    None when they act at events, are discrete equations, delay something, or hold what belongs to another component: a
+    function given as structural value may close over the parameters of the owner.
     """
     own = {id(part.component) for part in (instance, *instance.parts)}
     for item, _ in found:
@@ -100,6 +100,8 @@ def make_template(instance: Instance, found: Sequence[Statement]) -> Template | 
         if isinstance(item, Equation)
         for left, right in sides(pool, item, resolve, done, origin)
     ]
+    if pool.delays or pool.undelayed:
+        return None
     return Template(pool, n_local, tuple(parameters), tuple(equations))
 
 

@@ -74,6 +74,8 @@ def _dimension(e: Expr, parts: list[Dimension | None]) -> Dimension | None:
         return _SECOND
     if op == "const":
         return None
+    if op == "delay":
+        return _delay(e, parts)
     if op in _SUMS or op == "stack":
         return _sum(e, parts[1:] if op == "where" else parts)
     if op in _SAME:
@@ -105,6 +107,13 @@ def _sum(e: Expr, parts: list[Dimension | None]) -> Dimension | None:
     if e.op in _COMPARED:
         return DIMENSIONLESS
     return declared[0] if declared else None
+
+
+def _delay(e: Expr, parts: list[Dimension | None]) -> Dimension | None:
+    for t, found in zip(e.args[1:], parts[1:], strict=True):
+        if found is not None and found != _SECOND:
+            raise _Mismatch(f"`{e}`: a delay is a time, `{t}` is in {format_dimension(found)}")
+    return parts[0]
 
 
 def _pow(e: Expr, parts: list[Dimension | None]) -> Dimension | None:

@@ -13,8 +13,10 @@ from typing import Any
 import casadi as ca
 
 from acausal.flatten.pool import LEAVES, Pool
+from acausal.language.delay import Delayed
 from acausal.language.external import Call, External
 from acausal.language.functions import UNARY
+from acausal.lower.chebyshev import delayed
 from acausal.lower.external import call
 
 _BUILD: dict[str, Callable[..., Any]] = {
@@ -64,6 +66,7 @@ class Builder:
         self.definitions: dict[int, int] = {}
         self.done: dict[int, Any] = dict(modes)
         self.homotopy: Any = None  # 0 at the simplified, 1 at the actual side of homotopy(...); None means 1
+        self.windows: list[Any] = []  # modes of each delay
         self.blend = False  # whether `where` takes conditions between 0 and 1: a mean of its values (sliding modes)
         self._values: Any = ca.SX(0, 1)  # with room to grow, else each column would copy all before it
         self._filled = 0
@@ -101,6 +104,9 @@ class Builder:
         for (_, op), members in sorted(levels.items()):
             if op in LEAVES:
                 self._leaves(op, members)
+            elif isinstance(op, Delayed):
+                for number in members:
+                    self.done[number] = delayed(self.windows[op.number], self._scalar(operands[number][0]))
             elif isinstance(op, Call):
                 for number in members:
                     self.done[number] = self._external(op, tuple(operands[number]))

@@ -19,6 +19,7 @@ from acausal.lower.analyse import analyse
 from acausal.lower.build import Builder
 from acausal.lower.cache import recall, remember, signature
 from acausal.lower.compiled import CompiledModel, Symbols, _column
+from acausal.lower.delays import find_delays, refuse_delays
 from acausal.lower.freeze import freeze as fold_parameters
 from acausal.lower.hidden import HiddenConstraint
 from acausal.lower.invariants import use_invariants
@@ -82,6 +83,8 @@ def compile(
         flat = fold_parameters(flatten(model, parameters), _names("freeze", freeze))
         clock.lap("flatten")
         selecting = outputs is not None or bool(freeze) or bool(quasi_static)
+        if selecting:
+            refuse_delays(flat, "a reduced model", "compile it whole: without outputs, freeze and quasi_static")
         key = signature(flat, formulation) if cache and not selecting else None
         known = recall(key, flat) if key is not None else None
         if known is not None:
@@ -144,13 +147,14 @@ def _collector_paused() -> Iterator[None]:
 def lower(solution: Solution) -> CompiledModel:
     """The CasADi functions of a solution; observed variables are lowered when they are first asked for."""
     reduced = solution.structure.reduced
-    roots = [n for _, n in solution.definitions] + list(solution.residuals)
+    delays = find_delays(solution)
+    roots = [n for _, n in solution.definitions] + list(solution.residuals) + delays.roots
     events = find_time_events(reduced.pool, roots)
     states, quadratures, discretes = _sort_states(solution)
     shell = CompiledModel(
         reduced.flat.name, solution, states, quadratures, discretes, start_problem(solution), events, None, None, None
     )
-    shell = replace(shell, state_events=find_state_events(solution, states, events))
+    shell = replace(shell, state_events=find_state_events(solution, states, events), delays=delays)
     symbols = Symbols(shell)
     builder = symbols.builder(shell)
     builder.define([d for d in solution.definitions if d[0] in solution.needed], shell.rewritten)
@@ -173,7 +177,7 @@ def _sort_states(solution: Solution) -> tuple[tuple[int, ...], int, int]:
     reach = Reach(solution)
     reduced = solution.structure.reduced
     clauses = [n for c, values in reduced.whens for n in (c, *values)]
-    clauses += [*reduced.assignments, *reduced.asserts]
+    clauses += [*reduced.assignments, *reduced.asserts, *(n for d in reduced.delays for n in d[:2])]
     followed = [n for v, n in solution.definitions if v in solution.needed]
     acting = reach.pool.variables_in(*followed, *solution.residuals, *clauses)
     acting |= {solution.structure.derivative(x) for x in solution.structure.states}

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from acausal.flatten.flat import FlatSystem
 from acausal.lower.build import Builder
+from acausal.lower.delays import PADE, Delays, refuse_delays, signals, windows
 from acausal.lower.event_functions import EventFunctions
 from acausal.lower.reduce import nominal
 from acausal.lower.samples import STABILISATION_RATE
@@ -34,7 +35,7 @@ class CompiledModel:
 
     Sizes: `nx` states (`n_dynamic` of the coupled system, then `quadratures` integrals of time that act on nothing,
     then `discretes` variables that change at events only), `nz` algebraic
-    variables, `nu` inputs, `np` free parameters, `nm` modes of events.
+    variables, `nu` inputs, `np` free parameters, `nm` modes of events; the numbers of delayed signals are among them.
 
     Attributes
     ----------
@@ -63,6 +64,7 @@ class CompiledModel:
     modes: Any
     instants: Any
     state_events: StateEvents = field(default_factory=StateEvents)
+    delays: Delays = field(default_factory=Delays)
     selection: Selection | None = None
     timings: dict[str, float] = field(default_factory=dict)
 
@@ -211,16 +213,33 @@ class CompiledModel:
         return {**self.time_events.rewritten, **self.state_events.rewritten}
 
     @property
+    def mode_places(self) -> tuple[int, ...]:
+        """Places of `mode_nodes` in m; the numbers of the delays come behind the relations of time."""
+        timely, gap = len(self.time_events.relations), self.delays.size
+        return tuple(k if k < timely else k + gap for k in range(len(self.mode_nodes)))
+
+    @property
+    def n_timely(self) -> int:
+        """Number of modes that are known before a stretch: relations of time, and delays."""
+        return len(self.time_events.relations) + self.delays.size
+
+    @property
     def n_modes(self) -> int:
         """Number of modes."""
-        return len(self.mode_nodes)
+        return len(self.mode_nodes) + self.delays.size
 
     @cached_property
     def all_modes(self) -> Any:
         """`(t, x, z, u, p) -> m[nm]`: all relations as they hold at a point, for use outside a run.
 
         Samples, `initial()` and `terminal()` are false there, and `pre(d)` is d.
+
+        Raises
+        ------
+        UsageError
+            AC035 for a model with delays, which depends on the past.
         """
+        refuse_delays(self.flat, "a point without a past", PADE)
         symbols = Symbols(self)
         builder = symbols.builder(self)
         builder.done = {n: ca.SX(0) for n in (*self.state_events.samples, *self.state_events.flags)}
@@ -232,6 +251,16 @@ class CompiledModel:
     def events(self) -> EventFunctions:
         """What the event iteration asks for."""
         return EventFunctions(self)
+
+    @cached_property
+    def delay_signals(self) -> Any:
+        """`(t, x, z, u, p, m) -> [sources, delays]`; see `acausal.lower.delays.signals`."""
+        return signals(self, blend=False)
+
+    @cached_property
+    def blended_delay_signals(self) -> Any:
+        """The same for modes between 0 and 1."""
+        return signals(self, blend=True)
 
     @cached_property
     def homotopy(self) -> Any:
@@ -318,8 +347,9 @@ class Symbols:
     def builder(self, compiled: CompiledModel) -> DefiningBuilder:
         """A builder that knows states, algebraic variables, inputs and modes."""
         solution = compiled.solution
-        modes = {n: self.m[k] for k, n in enumerate(compiled.mode_nodes)}
+        modes = {n: self.m[k] for k, n in zip(compiled.mode_places, compiled.mode_nodes, strict=True)}
         builder = DefiningBuilder(solution.structure.reduced.pool, self.t, self.p, modes)
+        builder.windows = windows(compiled, self.m)
         for symbols, variables in (
             (self.x, compiled.state_variables),
             (self.z, solution.algebraic),

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.flatten.pool import Pool
+from acausal.language.delay import Delayed
 from acausal.language.external import Call, External
 
 Samples = NDArray[np.float64]
@@ -52,7 +53,14 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
 
 def operation(op: str) -> Callable[..., Any]:
     """The numeric function of an operation."""
+    if isinstance(op, Delayed):
+        return _past(op)
     return _External(op) if isinstance(op, Call) else FUNCTIONS[op]
+
+
+def _past(op: Delayed) -> Callable[[Any], Any]:
+    """Some signal of both signs: what it will be is not known before the run."""
+    return lambda instant: np.sin(37.0 * np.asarray(instant) + 1.0 + op.number)
 
 
 class _External:
@@ -138,6 +146,8 @@ def _gradient(
         factors = [operation(Call(external.partials, op.entry * external.size + k)) for k in range(len(args))]
         pairs = zip(factors, args, strict=True)
         return _combine((f(*operands), slope[a]) for f, a in pairs if slope[a])
+    if isinstance(op, Delayed):
+        return _combine([(37.0 * np.cos(37.0 * np.asarray(value[args[0]]) + 1.0 + op.number), slope[args[0]])])
     partial = PARTIALS.get(op)
     if partial is None:
         return {}

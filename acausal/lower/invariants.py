@@ -36,7 +36,7 @@ def use_invariants(reduced: ReducedSystem) -> ReducedSystem:
 
     A model with events is returned as it is: what an event sets anew need not be balanced.
     """
-    if getattr(reduced, "whens", ()):
+    if getattr(reduced, "whens", ()) or reduced.delays:
         return reduced
     balances = _balances(reduced)
     residuals = list(reduced.residuals)

@@ -63,6 +63,7 @@ class ReducedSystem:
     whens: tuple[tuple[int, tuple[int, ...]], ...]
     assignments: tuple[int, ...] = ()
     asserts: tuple[int, ...] = ()
+    delays: tuple[tuple[int, int, int | None], ...] = ()
     left_out: frozenset[int] = frozenset()
 
     def __repr__(self) -> str:
@@ -384,8 +385,11 @@ class _Aliases:
         whens_old = [[self.done[n] for n in nodes] for nodes in whens_old]
         assigned_old = self._images([a.node for a in self.flat.assignments])
         asserts_old = self._images([a.condition for a in self.flat.asserts])
+        delays_old = [[n for n in (d.source, d.time, d.most) if n is not None] for d in self.flat.delays]
+        delays_old = [self._images(nodes) for nodes in delays_old]
         roots = list(self.residual.values()) + image_old + [n for pair in slopes_old for n in pair] + initial_old
         roots += [n for nodes in whens_old for n in nodes] + assigned_old + asserts_old
+        roots += [n for nodes in delays_old for n in nodes]
         reachable = old.reachable(roots)
         for variable in sorted(node[1] for node in map(old.nodes.__getitem__, reachable) if node[0] == "var"):
             fresh(variable)
@@ -411,6 +415,7 @@ class _Aliases:
             whens=tuple((done[nodes[0]], tuple(done[n] for n in nodes[1:])) for nodes in whens_old),
             assignments=tuple(done[n] for n in assigned_old),
             asserts=tuple(done[n] for n in asserts_old),
+            delays=tuple((done[n[0]], done[n[1]], done[n[2]] if len(n) > 2 else None) for n in delays_old),
         )
 
     def _images(self, roots: list[int]) -> list[int]:

@@ -102,7 +102,7 @@ def find_state_events(solution: Solution, states: tuple[int, ...], time_events: 
     assignments = tuple(_assignments(reduced, states))
     asserts = tuple(_asserts(reduced))
     own = [n for c in clauses for n in (c.condition, *(v for _, v in c.actions))]
-    own += [a.node for a in assignments] + [a.condition for a in asserts]
+    own += [a.node for a in assignments] + [a.condition for a in asserts] + [n for d in reduced.delays for n in d[:2]]
     roots = [*own, *solution.residuals, *_definitions(solution, own)]
     rewritten = dict(time_events.rewritten)
     discrete = discrete_variables(reduced)
@@ -259,6 +259,9 @@ def origins(compiled: CompiledModel) -> list[tuple[Span | None, str]]:
     held += [
         (node, e.origin.span() if e.origin else None, e.component)
         for e, node in zip(flat.assignments, reduced.assignments, strict=True)
+    ]
+    held += [
+        (n, d.where, d.component) for d in compiled.delays.items for n in (compiled.delays.sources[d.source], d.time)
     ]
     equations = [(node, solution.structure.flat_equation(rows[v][0])) for v, node in solution.definitions if v in rows]
     equations += [(node, solution.structure.flat_equation(e)) for e, node in enumerate(solution.structure.residuals)]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from acausal.flatten.pool import Node, Pool
+from acausal.language.delay import Delayed
 
 NameOf = Callable[[str, int], str]
 """Name of a leaf: ("var", number) or ("par", number)."""
@@ -59,6 +60,8 @@ def _pieces(node: Node, context: int, name_of: NameOf) -> list[str | tuple[int, 
         return [name_of(str(op), node[1])]
     if op == "time":
         return ["time"]
+    if isinstance(op, Delayed):
+        return [op.label]
     if op == "neg":
         return _closed(["-", (node[1], _NEG)], context > _NEG)
     if op == "not":

@@ -65,6 +65,8 @@ class Hybrid:
         self.single_step = self.solver.name in ("rosenbrock", "erk") and not self.problem.compiled.algebraic
         # without states there is no error to choose a step by
         self.single_step &= self.problem.n_dynamic > 0
+        # what is delayed is recorded by integrations that go on to their end
+        self.single_step &= not self.problem.compiled.delays
 
     def begin(self, t: float, start: Start, m: Vector, *, flag: str | None = "initial") -> None:
         """The event at the start of the run; `m` is what the start has decided.

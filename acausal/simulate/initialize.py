@@ -49,7 +49,7 @@ def _decided(compiled: CompiledModel, t: float, p: Vector, u: Vector, m: Vector)
     """The start together with relations and discrete equations, which are decided by the solution they lead to."""
     x, z = (np.array(v, dtype=float).ravel() for v in compiled.guess(p))
     events, nodes = compiled.state_events, compiled.solution.structure.reduced.pool.nodes
-    memories = len(compiled.time_events.relations) + len(events.samples)
+    memories = compiled.n_timely + len(events.samples)
     flags = memories + len(events.memories)
     relations = flags + len(events.flags)
     reactions = compiled.events.reactions

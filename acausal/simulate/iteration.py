@@ -60,7 +60,7 @@ class Iteration:
         self.events = compiled.state_events
         self.reactions = Quick(compiled.events.reactions)
         self.first = guards.first
-        first_sample = len(compiled.time_events.relations)
+        first_sample = compiled.n_timely
         first_memory = first_sample + len(self.events.samples)
         first_flag = first_memory + len(self.events.memories)
         self.samples = slice(first_sample, first_memory)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Callable
 from weakref import WeakKeyDictionary
 
@@ -28,6 +29,9 @@ class Recorder:
         self.counters: dict[str, float] = {}
         self.boundaries: list[tuple[float, tuple[Cause, ...], tuple[str, ...]]] = []
         self.segments = 0
+        self.count = 0  # rows so far
+        self._hidden: list[int] = []
+        self._starts: list[int] = []
         self._times: list[Vector] = []
         self._x: list[Vector] = []
         self._z: list[Vector] = []
@@ -71,10 +75,32 @@ class Recorder:
         self._count(counters)
 
     def _append(self, times: Vector, x: Vector, z: Vector, m: Vector) -> None:
+        self._starts.append(self.count)
+        self.count += len(times)
         self._times.append(times)
         self._x.append(x)
         self._z.append(z)
         self._m.append(m if m.ndim == 2 else np.tile(m[:, None], (1, len(times))))
+
+    def hide(self, row: int, boundary: int | None = None) -> None:
+        """Leave a row out of the result, and a boundary at which nothing has happened."""
+        self._hidden.append(row)
+        if boundary is not None:
+            del self.boundaries[boundary]
+
+    def explain(self, boundary: int, causes: tuple[Cause, ...]) -> None:
+        """Further causes of what happened at a boundary."""
+        t, known, changed = self.boundaries[boundary]
+        self.boundaries[boundary] = t, (*causes, *known), changed
+
+    def shown(self) -> tuple[Vector, Vector, Vector, Vector]:
+        """The rows of the result, as `rows` gives them."""
+        times, *columns = self.rows()
+        if not self._hidden:
+            return times, *columns  # type: ignore[return-value]
+        keep = np.ones(len(times), dtype=bool)
+        keep[self._hidden] = False
+        return times[keep], *(a[:, keep] for a in columns)  # type: ignore[return-value]
 
     def _count(self, counters: dict[str, float]) -> None:
         for name, count in counters.items():
@@ -91,8 +117,9 @@ class Recorder:
 
     def point(self, k: int) -> tuple[float, Vector, Vector, Vector]:
         """Time, states, algebraic variables and modes of one row."""
-        times, x, z, m = self.rows()
-        return float(times[k]), x[:, k], z[:, k], m[:, k]
+        part = bisect_right(self._starts, k) - 1
+        j = k - self._starts[part]
+        return float(self._times[part][j]), self._x[part][:, j], self._z[part][:, j], self._m[part][:, j]
 
     def observe(self, times: Vector, x: Vector, z: Vector, m: Vector) -> Vector:
         """All trajectories, shape (rows, columns).
@@ -116,7 +143,7 @@ def make_result(
     dense: Callable[[float], Vector],
 ) -> Result:
     """The result of what was recorded."""
-    times, x, z, m = recorder.rows()
+    times, x, z, m = recorder.shown()
     return Result(
         model=recorder.compiled.name,
         time=times,

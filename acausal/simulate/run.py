@@ -19,9 +19,12 @@ from acausal.language.component import Component
 from acausal.language.experiment import Experiment
 from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
+from acausal.lower.delays import refuse_delays
 from acausal.lower.samples import STABILISATION_RATE
 from acausal.result import Event, Result
 from acausal.simulate.course import Course, plan
+from acausal.simulate.delay.crossing import begin, cross, opened
+from acausal.simulate.delay.memory import Memory, check_undelayed
 from acausal.simulate.failure import integration_error
 from acausal.simulate.guards import Cause, Tolerances
 from acausal.simulate.hybrid import Hybrid
@@ -221,31 +224,38 @@ class Run:
     timings: dict[str, float] = field(default_factory=dict)
     interrupt: Interruptible = field(default_factory=Interruptible)
     hybrid: Hybrid | None = None
+    memory: Memory | None = None
 
     def result(self) -> Result:
         opts = self.options
+        check_undelayed(self.compiled, self.p)
         solver, reason = choose(self.compiled, opts.solver, opts.step)
         began = clock.perf_counter()
         instants = self.instants()
         boundaries = [opts.start_time, *instants, opts.stop_time]
         m = self.modes(boundaries[0], boundaries[1])
-        start = self.begun(m)
+        problem = Problem(self.compiled, self.p, self.u, opts.native)
+        start = self.begun(m) if not self.compiled.delays else self.remembering(problem, m)
         for note in start.notes:
             _log.warning("%s: %s", self.compiled.name, note)
         self.timings["initialize"] = clock.perf_counter() - began
         self.stabilise(start, m)
-        problem = Problem(self.compiled, self.p, self.u, opts.native)
         recorder = Recorder(self.compiled, self.p, self.u)
         limit = StepLimit(problem, solver.name, opts, self.force)
         limit.check_start(opts.start_time, start.x, start.z, m)
-        if self.compiled.state_events or self.traced:
-            self.hybrid = Hybrid(problem, solver, recorder, self.plain(solver), self.tolerances, opts.span, self.traced)
+        if self.compiled.state_events or self.traced or self.memory is not None:
+            plain = self.plain(solver) if self.memory is None else self.memory.recorded(self.plain(solver))
+            self.hybrid = Hybrid(problem, solver, recorder, plain, self.tolerances, opts.span, self.traced)
         began = clock.perf_counter()
         grid = opts.grid() if self.outputs is None else self.outputs
         try:
             with self.interrupt:
                 if self.hybrid is not None:
-                    self.hybrid.begin(opts.start_time, start, m, flag="initial" if self.opening else None)
+                    flag = "initial" if self.opening else None
+                    if self.memory is None:
+                        self.hybrid.begin(opts.start_time, start, m, flag=flag)
+                    else:
+                        begin(self.memory, self.hybrid, opts.start_time, start, m, flag)
                     self.pass_events(self.hybrid, solver, plan(self.compiled, self.p, np.array(boundaries), grid))
                 else:
                     for a, b in pairwise(boundaries):
@@ -290,6 +300,14 @@ class Run:
             first = len(m) - len(self.compiled.state_events.relations)
             m[first:] = truths(self.compiled, t, self.given.x, self.given.z, self.u, self.p, m)
         return consistent(self.compiled, t, self.given, self.p, self.u, m)
+
+    def remembering(self, problem: Problem, m: Vector) -> Start:
+        """The start of a run of a model with delays."""
+        if self.given is not None:
+            help_ = "give the model without contacts that change its structure"
+            refuse_delays(self.compiled.flat, "a run in pieces of different structure", help_)
+        self.memory = Memory(self.compiled, self.p, self.u, self.tolerances, self.options.span)
+        return opened(self.memory, problem, self.options.start_time, self.begun, m)
 
     def stabilise(self, start: Start, m: Vector) -> None:
         """Choose the rate of stabilised constraints by the model's own time scale at the start, unless it was given."""
@@ -348,7 +366,10 @@ class Run:
         )
         recorder = hybrid.recorder
         try:
-            hybrid.run(course, template, self.report)
+            if self.memory is None:
+                hybrid.run(course, template, self.report)
+            else:
+                cross(self.memory, hybrid, course, template, self.report)
         except RuntimeError as error:
             self.interrupt.check()
             moment, here = hybrid.reached, recorder.time if recorder.segments else template.start

@@ -1,0 +1,107 @@
+"""The delays of a flat system: where they stand, and that their times can be."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+
+from acausal.errors import DeclarationError
+from acausal.flatten.flat import FlatAssert, FlatAssignment, FlatDelay, FlatEquation, FlatWhen
+from acausal.flatten.pool import Pool
+from acausal.language.delay import Delayed
+from acausal.language.origin import Origin
+
+_Holder = tuple[tuple[int, ...], Origin | None, str]
+
+
+def delays(
+    pool: Pool,
+    equations: Iterable[FlatEquation],
+    whens: Iterable[FlatWhen],
+    assignments: Iterable[FlatAssignment],
+    asserts: Iterable[FlatAssert],
+) -> tuple[FlatDelay, ...]:
+    """Every delay of the pool with the first statement that holds it.
+
+    Raises
+    ------
+    DeclarationError
+        AC182 when a delay is negative, or longer than its maximum; AC183 when it varies and has no maximum.
+    """
+    if not pool.delays:
+        return ()
+    holders: list[_Holder] = [((e.left, e.right), e.origin, e.component) for e in equations]
+    holders += [((w.condition, *(n for _, n in w.actions)), w.origin, w.component) for w in whens]
+    holders += [((a.node,), a.origin, a.component) for a in assignments]
+    holders += [((a.condition,), a.origin, a.component) for a in asserts]
+    found: list[FlatDelay] = []
+    places = _places(pool, holders)
+    for k, (source, time, most, label) in enumerate(pool.delays):
+        origin, component = places.get(k, (None, ""))
+        made = FlatDelay(source, time, most, label, origin, component)
+        _check(pool, made)
+        found.append(made)
+    return tuple(found)
+
+
+def _places(pool: Pool, holders: Sequence[_Holder]) -> dict[int, tuple[Origin | None, str]]:
+    """Place and component of each delay; one inside another stands where that one does."""
+    found: dict[int, tuple[Origin | None, str]] = {}
+
+    def inside(roots: Iterable[int]) -> Iterator[int]:
+        for n in pool.reachable(roots):
+            op = pool.nodes[n][0]
+            if isinstance(op, Delayed):
+                yield op.number
+
+    for roots, origin, component in holders:
+        todo = [k for k in inside(roots) if k not in found]
+        while todo:
+            k = todo.pop()
+            found[k] = origin, component
+            todo += [j for j in inside(pool.delays[k][:1]) if j not in found]
+        if len(found) == len(pool.delays):
+            break
+    return found
+
+
+def _varies(pool: Pool, node: int) -> bool:
+    return any(pool.nodes[n][0] in ("var", "time") for n in pool.reachable([node]))
+
+
+def _check(pool: Pool, made: FlatDelay) -> None:
+    where = (made.origin.span(),) if made.origin is not None else ()
+    name = f"{made.label} in {made.component}" if made.component else made.label
+    if made.most is not None and _varies(pool, made.most):
+        raise DeclarationError(
+            "AC183",
+            f"{name}: the maximum of a delay must be constant",
+            where=where,
+            help="make it of numbers and parameters",
+        )
+    if _varies(pool, made.time):
+        if made.most is None:
+            raise DeclarationError(
+                "AC183",
+                f"{name}: a delay that varies needs a maximum",
+                where=where,
+                cause="how much of the past must be kept follows from it",
+                help="give the longest delay as third argument: delay(x, T, T_max)",
+            )
+        return
+    t = pool.parameter_value(made.time)
+    if t < 0.0:
+        raise DeclarationError(
+            "AC182",
+            f"{name}: the delay is {t:g} s",
+            where=where,
+            cause="a signal cannot be read before it is there",
+            help='give a delay of at least zero: parameter(unit="s", min=0.0)',
+        )
+    most = pool.parameter_value(made.most) if made.most is not None else t
+    if t > most:
+        raise DeclarationError(
+            "AC182",
+            f"{name}: the delay of {t:g} s is longer than its maximum of {most:g} s",
+            where=where,
+            help="raise the maximum, the third argument of delay",
+        )

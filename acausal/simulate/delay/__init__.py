@@ -1,0 +1,1 @@
+"""The past of a run: what was, for signals that are read later."""

@@ -1,0 +1,42 @@
+"""Errors of delays in a run: they name the delay and where it stands."""
+
+from __future__ import annotations
+
+from acausal.errors import EventError, UsageError
+from acausal.lower.delays import Delay
+
+
+def out_of_bounds(model: str, t: float | None, item: Delay, length: float, longest: float) -> EventError | UsageError:
+    """A delay that is negative, or longer than was said."""
+    limits = f"it is {length:.9g} s, and must be at least 0" + (f" and at most {longest:.9g} s" if longest >= 0 else "")
+    kind = UsageError if t is None else EventError
+    return kind(
+        "AC182",
+        f"{item.name} cannot be read" + (f" at t = {t:.9g} s in {model}" if t is not None else f" in {model}"),
+        where=(item.where,) if item.where is not None else (),
+        evidence=[limits],
+        cause="a signal cannot be read before it is there" if length < 0 else "what is older has been forgotten",
+        help="limit it: maximum(T, 0.0)" if length < 0 else "raise the maximum, the third argument of delay",
+    )
+
+
+def vanished(model: str, t: float, item: Delay, length: float) -> EventError:
+    """A delay that varies and becomes so short that a run makes no headway."""
+    return EventError(
+        "AC185",
+        f"{item.name} is {length:.3g} s at t = {t:.9g} s in {model}: too short to go on",
+        where=(item.where,) if item.where is not None else (),
+        cause="a stretch of a run is no longer than the delay it reads",
+        help="give it a lower limit that makes no difference: maximum(T, 1e-3)",
+    )
+
+
+def changed_kind(model: str, name: str, length: float) -> UsageError:
+    """A delay that is zero in a model compiled with one, or the other way round."""
+    zero = length == 0.0
+    return UsageError(
+        "AC037",
+        f"{name} is {length:g} s, but {model} was compiled {'with a delay there' if zero else 'with 0 s there'}",
+        cause="a delay of zero is the signal itself: other equations",
+        help="compile anew with the value: acausal.compile(model, parameters={...})",
+    )
