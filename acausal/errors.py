@@ -66,14 +66,20 @@ _MODELLERS = tuple(_PACKAGE + name + os.sep for name in ("library", "models"))
 def calling_span() -> tuple[Span, ...]:
     """The innermost caller outside the compiler: code of a modeller, of the library or of the models."""
     frame = sys._getframe(1)
+    # What code of the library refuses, was given to it by its user.
+    raising = frame.f_back.f_code.co_filename if frame.f_back is not None else ""
+    refused = raising.startswith(_MODELLERS[0]) and frame.f_code.co_name == "__init__"
+    innermost: tuple[Span, ...] = ()
     while frame is not None:
         file = frame.f_code.co_filename
         if file.startswith(_COMMAND_LINE):
-            return ()  # behind it there is no source of the user's, only the option parser
+            return innermost  # behind it there is no source of the user's, only the option parser
         if not file.startswith("<frozen") and (not file.startswith(_PACKAGE) or file.startswith(_MODELLERS)):
-            return (Span(file, frame.f_lineno),)
+            innermost = innermost or (Span(file, frame.f_lineno),)
+            if not (refused and file.startswith(_MODELLERS[0])):
+                return (Span(file, frame.f_lineno),)
         frame = frame.f_back  # type: ignore[assignment]
-    return ()
+    return innermost
 
 
 class AcausalError(Exception):
@@ -138,7 +144,14 @@ class DeclarationError(AcausalError):
     """
 
     def __init__(self, code: str, fact: str, *, where: Sequence[Span] = (), **details: Any) -> None:
+        self._nameless = sys._getframe(1).f_code.co_filename.startswith(_MODELLERS[0])
         super().__init__(code, fact, where=where or calling_span(), **details)
+
+    def name(self, owner: str) -> None:
+        """Put the class into the fact, once, where a function of the library that does not know it has refused."""
+        if self._nameless and owner not in self.fact:
+            self.fact = f"{owner}: {self.fact}"
+        self._nameless = False
 
 
 class UnitError(DeclarationError):

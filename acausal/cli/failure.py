@@ -12,8 +12,9 @@ from __future__ import annotations
 import sysconfig
 import traceback
 from pathlib import Path
-from types import TracebackType
+from types import FrameType, TracebackType
 
+from acausal.cli.advice import advice
 from acausal.errors import AcausalError, InternalError, Span, UsageError
 
 FAILED, USAGE, OUT_OF_TOLERANCE, INTERRUPTED = 1, 2, 3, 130
@@ -40,10 +41,11 @@ def as_error(error: Exception) -> AcausalError:
         return ModelCodeError(
             "AC002", f"{Path(error.filename).name} is not Python: {error.msg}", where=[_syntax_span(error)]
         )
-    span = _guilty(error.__traceback__)
+    found = _guilty(error.__traceback__)
     what = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
-    if span is not None:
-        return ModelCodeError("AC002", f"the code of the model raised {what}", where=[span])
+    if found is not None:
+        span, frame = found
+        return ModelCodeError("AC002", f"{_place(frame)} raised {what}", where=[span], help=advice(error, frame))
     if isinstance(error, MemoryError):
         return AcausalError(
             "AC903", "the memory does not suffice", help="shorten the run or lengthen --output-interval"
@@ -66,7 +68,16 @@ def _syntax_span(error: SyntaxError) -> Span:
     return Span(str(error.filename), error.lineno or 1, column)
 
 
-def _guilty(trace: TracebackType | None) -> Span | None:
+def _place(frame: FrameType) -> str:
+    """`Model.equations`, as the author of the model calls the code that a frame runs."""
+    name = frame.f_code.co_qualname.replace("<locals>.", "")
+    owner = frame.f_locals.get("self")
+    if owner is not None and name.endswith(f".{frame.f_code.co_name}"):
+        return f"{type(owner).__name__}.{frame.f_code.co_name}"
+    return Path(frame.f_code.co_filename).name if name == "<module>" else name
+
+
+def _guilty(trace: TracebackType | None) -> tuple[Span, FrameType] | None:
     """The innermost place, if it is in a model or a library rather than in the compiler.
 
     Python's own and installed packages are skipped: the guilty one is who called them.
@@ -79,7 +90,7 @@ def _guilty(trace: TracebackType | None) -> Span | None:
             return None
         path = Path(file).resolve()
         if any(path.is_relative_to(folder) for folder in _OPEN) or not any(path.is_relative_to(f) for f in _FOREIGN):
-            return Span(file, line)
+            return Span(file, line), frame
     return None
 
 

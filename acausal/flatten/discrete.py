@@ -91,6 +91,7 @@ def check_assigned(
         first[a.scalar] = (a.origin, str(a.source))
     reset: set[int] = set()
     for w in whens:
+        _refuse_repeated(w)
         for scalar, _ in w.actions:
             reset.add(scalar)
             if scalar in first:
@@ -108,6 +109,19 @@ def check_assigned(
                 if is_input
                 else f"yield self.{name} == condition in {type(instance.component).__name__}.equations",
             )
+
+
+def _refuse_repeated(w: FlatWhen) -> None:
+    scalars_ = [scalar for scalar, _ in w.actions]
+    names = [str(a.target) for k, a in enumerate(w.source.actions) if scalars_.count(scalars_[k]) > 1]
+    if names:
+        raise DeclarationError(
+            "AC145",
+            f"{names[0]} is reset twice by one `when`",
+            where=() if w.origin is None else (w.origin.span(),),
+            evidence=[str(w.source)],
+            help="keep one of the two, or make them branches: when(...).elsewhen(...)",
+        )
 
 
 def _twice(place: Place, ends: Sequence[tuple[Origin | None, str]]) -> DeclarationError:

@@ -8,6 +8,7 @@ from functools import partial
 
 from acausal.errors import DeclarationError
 from acausal.flatten.allocate import allocate
+from acausal.flatten.bound_units import check_bound
 from acausal.flatten.connections import FlowSet, Joint, check_signals, flow_sets, joints
 from acausal.flatten.delays import delays
 from acausal.flatten.discrete import asserts, assignments, check_assigned, constancy, fill_starts, places
@@ -296,6 +297,7 @@ class _Builder:
                         where=(instance.origin.span(),),
                         help="remove one of the two",
                     )
+                check_bound(instance, name, value)
                 right = scalars(self.pool, value, self.resolve, {})
                 text = f"{instance.prefix}{name} == {value}"
                 for k, node in enumerate(right):
@@ -348,6 +350,7 @@ class _Builder:
                 expr: Expr = value.value
                 resolve = partial(self.table.symbol, user=f"the start of {instance.prefix}{name}")
                 refuse_time(f"the start of {instance.prefix}{name}", expr, instance)
+                check_bound(instance, name, expr)
                 nodes = scalars(self.pool, expr, resolve, {})
                 for k, node in enumerate(nodes):
                     scalar = instance.first[name] + k

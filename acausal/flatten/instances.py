@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from acausal.errors import DeclarationError
 from acausal.language.component import Component, Connector
 from acausal.language.declare import Kind
+from acausal.language.misuse import own_constructor
 from acausal.language.origin import Origin
 
 
@@ -46,6 +47,8 @@ def instances(model: Component) -> list[Instance]:
     stack: list[tuple[Component, str, Instance | None]] = [(model, "", None)]
     while stack:
         component, path, owner = stack.pop()
+        if "_origin" not in component.__dict__:
+            raise own_constructor(type(component)) or TypeError(component)
         if id(component) in seen:
             raise DeclarationError(
                 "AC117",

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from acausal.errors import DeclarationError, Span, UsageError, nearest
+from acausal.flatten.bound_units import check_bound
 from acausal.flatten.flat import FlatParameter, suffixes
 from acausal.flatten.instances import Instance
 from acausal.flatten.pool import Pool
@@ -80,6 +81,7 @@ class ParameterTable:
                 help="give one of them a number",
             )
         refuse_time(path, value, instance)
+        check_bound(instance, name, value)
         self._open.append(path)
         result = scalars(self.pool, value, lambda s: self.symbol(s, path), {})
         self._open.pop()

@@ -8,10 +8,11 @@ from typing import Any
 from acausal.errors import DeclarationError, Span
 from acausal.language.component import Component
 from acausal.language.connect import Connection
-from acausal.language.declare import check_discrete
+from acausal.language.declare import Kind, check_discrete
 from acausal.language.dimensions import check_dimensions
 from acausal.language.events import Assertion, When
-from acausal.language.expression import Equation, assigned, is_discrete
+from acausal.language.expression import Equation, Expr, Symbol, assigned, is_discrete
+from acausal.language.misuse import called
 from acausal.language.origin import Origin, origin_of
 
 Statement = tuple[Any, Origin]
@@ -27,11 +28,13 @@ def statements(component: Component, method: str = "equations") -> Iterator[Stat
 
 def run(component: Component, cls: str, method: str, function: Callable[..., Any], *args: Any) -> Iterator[Statement]:
     """What one generator method yields; raises AC129 when it is no generator, AC130 for a wrong item."""
-    generator = function(component, *args)
+    form = f"def {method}(self) -> Equations"
+    generator = called(f"{cls}.{method}", form, function, component, *args)
     if not isinstance(generator, Generator):
+        what = "yields nothing" if generator is None else f"returns a {type(generator).__name__} and yields nothing"
         raise DeclarationError(
             "AC129",
-            f"{cls}.{method} yields nothing",
+            f"{cls}.{method} {what}",
             where=(Span(function.__code__.co_filename, function.__code__.co_firstlineno),),
             help="every equation needs a `yield`: yield left == right",
         )
@@ -50,7 +53,9 @@ def run(component: Component, cls: str, method: str, function: Callable[..., Any
                 "AC130",
                 f"{cls}.{method} yields `{item}` ({type(item).__name__})",
                 where=(origin.span(),),
-                cause="two plain numbers were compared: Python decided it at once" if isinstance(item, bool) else None,
+                cause="two plain numbers, or two connectors, were compared: Python decided it at once"
+                if isinstance(item, bool)
+                else None,
                 help="yield an equation `left == right`"
                 + (", connect(a, b), when(...) or assert_(...)" if method == "equations" else ""),
             )
@@ -79,9 +84,34 @@ def _check_discrete(equation: Equation, origin: Origin) -> None:
                 help="use it in a `when`, or keep the value in a discrete(): "
                 "yield when(condition, reset(self.held, x))",
             )
+        if e.op == "der" and (still := _unchanging(e.args[0])) is not None:
+            kind = "discrete" if still.declaration.discrete else f"a {still.declaration.kind.value}"
+            raise DeclarationError(
+                "AC144",
+                f"`{e}`: `{still}` is {kind} and has no derivative",
+                where=(origin.span(),),
+                evidence=[str(equation)],
+                cause="it keeps its value between events" if still.declaration.discrete else "it is constant in a run",
+                help=f"declare what changes in time by variable(): {still.name}: Real = variable(...)",
+            )
         if id(e) not in seen:
             seen.add(id(e))
             stack.extend(e.args)
+
+
+def _unchanging(e: Expr) -> Symbol | None:
+    """A symbol of an expression in which nothing varies between events; None where something does."""
+    stack, found = [e], None
+    while stack:
+        here = stack.pop()
+        if isinstance(here, Symbol):
+            found = here
+            if not (here.declaration.discrete or here.declaration.kind is Kind.PARAMETER):
+                return None
+        elif here.op in ("time", "call"):
+            return None
+        stack.extend(here.args)
+    return found
 
 
 class _Where:

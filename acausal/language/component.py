@@ -7,15 +7,23 @@ they were made, and the owner they were given to (for messages). Nothing is glob
 from __future__ import annotations
 
 import inspect
-import linecache
 import math
 import sys
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, ClassVar, Self, dataclass_transform
 
-from acausal.errors import DeclarationError, Span, calling_span, nearest
+from acausal.errors import DeclarationError, calling_span, nearest
 from acausal.language.declare import Declaration, Kind, Real, checked_value, parameter, structural
 from acausal.language.expression import Expr, Symbol
+from acausal.language.misuse import (
+    called,
+    declared_at,
+    declared_class,
+    endless,
+    field_span,
+    own_constructor,
+    refuse_hiding,
+)
 from acausal.language.origin import Origin
 
 Equations = Iterator[Any]
@@ -34,6 +42,7 @@ class Component:
 
     _declarations: ClassVar[dict[str, Declaration]] = {}
     _prototypes: ClassVar[dict[str, Component]] = {}
+    _classes: ClassVar[dict[str, type[Component] | None]]
     _parts: dict[str, Component | list[Any]]
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
@@ -43,6 +52,7 @@ class Component:
         for base in reversed(cls.__bases__):
             declarations |= getattr(base, "_declarations", {})
             prototypes |= getattr(base, "_prototypes", {})
+        refuse_hiding(cls, declarations)
         annotated = inspect.get_annotations(cls)
         for name, annotation in annotated.items():
             if name not in cls.__dict__ and not name.startswith("_") and "ClassVar" not in str(annotation):
@@ -51,7 +61,7 @@ class Component:
                 raise DeclarationError(
                     "AC112",
                     f"{cls.__name__}.{name} is annotated but not declared",
-                    where=_field_span(cls, name),
+                    where=field_span(cls, name),
                     help=f"{made}, or ClassVar[...] for what is no field",
                 )
         for name, value in list(cls.__dict__.items()):
@@ -60,7 +70,7 @@ class Component:
                     raise DeclarationError(
                         "AC112",
                         f"{cls.__name__}.{name} has no annotation",
-                        where=_field_span(cls, name),
+                        where=field_span(cls, name),
                         help=f"{name}: {_annotation_for(value)} = ...",
                     )
                 _check_name(cls, name)
@@ -114,12 +124,17 @@ class Component:
                     )
                 own[name] = declaration.default
             elif declaration.kind is not Kind.PART and declaration.default is not None:
-                value = declaration.default(self) if callable(declaration.default) else declaration.default
-                own["_values"][name] = checked_value(cls.__name__, name, declaration, value)
+                own["_values"][name] = self._declared(name, declaration)
         own["_building"] = True
         build = getattr(self, "build", None)
         if build is not None:
-            build()
+            try:
+                called(f"{cls.__name__}.build", "def build(self) -> None", build)
+            except RecursionError as error:
+                raise endless(self) or error from None
+            except DeclarationError as error:
+                error.name(cls.__name__)
+                raise
         for name, parts in own["_parts"].items():
             if isinstance(parts, list):
                 self._adopt(name, parts)  # again: build may have appended to it
@@ -129,8 +144,21 @@ class Component:
                 raise DeclarationError(
                     "AC114",
                     f"{cls.__name__}: part '{name}' was not made",
+                    where=(*calling_span(), *declared_at(cls, name)),
                     help=f"make it in `build`: self.{name} = {_annotation_of(cls, name)}",
                 )
+
+    def _declared(self, name: str, declaration: Declaration) -> Any:
+        """The value that the class body gives; what is wrong with it is wrong there."""
+        value = declaration.default
+        cls = type(self)
+        try:
+            if callable(value):
+                value = called(f"the default of {cls.__name__}.{name}", "default=lambda self: ...", value, self)
+            return checked_value(cls.__name__, name, declaration, value)
+        except DeclarationError as error:
+            error.where = error.where if callable(declaration.default) and error.where else declared_at(cls, name)
+            raise
 
     def _give(self, name: str, declaration: Declaration, value: Any) -> None:
         if declaration.kind is Kind.STRUCTURAL:
@@ -163,6 +191,15 @@ class Component:
                     f"not a {type(member).__name__}",
                     help="a connector is declared in the class; it need not be given",
                 )
+            wanted = None if prototype is not None else declared_class(type(self), name)
+            if wanted is not None and not isinstance(member, wanted):
+                raise DeclarationError(
+                    "AC116",
+                    f"{type(self).__name__}: part '{name}' is declared as {wanted.__name__}, "
+                    f"{type(member).__name__} is none",
+                    where=(*calling_span(), *declared_at(type(self), name)),
+                    help=f"make {_annotation_of(type(self), name)}, or declare a class that both derive from",
+                )
             if member.__dict__["_owner"] is not None and member.__dict__["_owner"][0] is not self:
                 owner, its_name = member.__dict__["_owner"]
                 raise DeclarationError(
@@ -177,8 +214,8 @@ class Component:
 
     def __setattr__(self, name: str, value: Any) -> None:
         cls = type(self)
-        if not self.__dict__["_building"]:
-            raise DeclarationError(
+        if not self.__dict__.get("_building", False):
+            raise own_constructor(cls) or DeclarationError(
                 "AC118",
                 f"{cls.__name__}.{name} cannot be set after construction",
                 help=f"a value is given where it is made: {cls.__name__}({name}=...); "
@@ -250,7 +287,7 @@ class Connector(Component):
                     "AC123",
                     f"connector {cls.__name__}: '{name}' is a "
                     f"{'discrete ' * declaration.discrete}{declaration.kind.value}",
-                    where=_field_span(cls, name),
+                    where=field_span(cls, name),
                     help="a connector holds variable(...) and flow(...); everything else belongs to the component",
                 )
             count[declaration.kind] += math.prod(declaration.shape)
@@ -266,22 +303,6 @@ class Connector(Component):
                 ],
                 help="a connector needs one flow for every potential; use signal_input and signal_output for signals",
             )
-
-
-def _field_span(cls: type[Component], name: str) -> tuple[Span, ...]:
-    """The line of a class body that declares `name`, searched from the line of the class on."""
-    for start in calling_span():
-        first = linecache.getline(start.file, start.line)
-        indent = len(first) - len(first.lstrip())
-        for number in range(start.line + 1, len(linecache.getlines(start.file)) + 1):
-            line = linecache.getline(start.file, number)
-            text = line.strip()
-            if text and len(line) - len(line.lstrip()) <= indent:
-                break
-            if text.startswith((f"{name}:", f"{name} =", f"{name}=")):
-                return (Span(start.file, number),)
-        return (start,)
-    return ()
 
 
 def _amount(count: int, noun: str) -> str:
@@ -327,7 +348,7 @@ def _check_name(cls: type[Component], name: str) -> None:
         raise DeclarationError(
             "AC125",
             f"{cls.__name__}.{name}: a field cannot have this name",
-            where=_field_span(cls, name),
+            where=field_span(cls, name),
             cause=f"`{name}` is a method of components" if name in _RESERVED else "names with _ in front are no fields",
             help="choose another name",
         )
@@ -336,7 +357,7 @@ def _check_name(cls: type[Component], name: str) -> None:
             raise DeclarationError(
                 "AC126",
                 f"{cls.__name__}.{name} is declared again: {base.__name__} has it already",
-                where=_field_span(cls, name),
+                where=field_span(cls, name),
                 help=f"choose another name; a value is given where a part is made: {cls.__name__}({name}=...)",
             )
 

@@ -99,6 +99,15 @@ def _declare(kind: Kind, *, unit: str, shape: Shape | int = (), **rest: Any) -> 
                 f"declared unit '{unit}' is not coherent (1 {unit} = {parsed.factor:g} SI units)",
                 help="declare in SI; values given on the command line are converted: --set length=16mm",
             )
+    low, high, nominal = rest.get("min", -math.inf), rest.get("max", math.inf), rest.get("nominal", 1.0)
+    if not low <= high:
+        raise DeclarationError(
+            "AC110", f"min={low:g} is above max={high:g}", help="swap the two, or leave out what has no limit"
+        )
+    if not 0.0 < nominal < math.inf:
+        raise DeclarationError(
+            "AC110", f"nominal={nominal:g} is no magnitude", help="give the usual size of the variable: nominal=1e-3"
+        )
     return Declaration(kind, _shape(shape), unit, **rest)
 
 
@@ -176,7 +185,14 @@ def _discrete(kind: Kind, default: Any, shape: Shape | int, doc: str, **rest: An
 
 
 def _shape(shape: Shape | int) -> Shape:
-    return (shape,) if isinstance(shape, int) else tuple(shape)
+    sizes = shape if isinstance(shape, tuple | list) else (shape,)
+    if len(sizes) > 2 or not all(isinstance(n, int) and n > 0 for n in sizes):
+        raise DeclarationError(
+            "AC105",
+            f"shape={shape!r} is no shape",
+            help="shape=3 declares a vector, shape=(3, 3) a matrix; leave it out for a scalar",
+        )
+    return tuple(sizes)
 
 
 def flow(*, unit: str = "", doc: str = "", shape: Shape | int = (), nominal: float = 1.0, hint: str = "") -> Any:

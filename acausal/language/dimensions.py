@@ -101,7 +101,7 @@ def _dimension(e: Expr, parts: list[Dimension | None]) -> Dimension | None:
 def _sum(e: Expr, parts: list[Dimension | None]) -> Dimension | None:
     declared = [p for p in parts if p is not None]
     if e.op == "stack":
-        return declared[0] if len(declared) == len(parts) and len(set(declared)) == 1 else None
+        return declared[0] if len(set(declared)) == 1 else None
     if len(set(declared)) > 1:
         raise _Mismatch(f"`{e}` mixes {format_dimension(declared[0])} and {format_dimension(declared[1])}")
     if e.op in _COMPARED:

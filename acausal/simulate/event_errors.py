@@ -43,6 +43,17 @@ def violated(model: str, t: float, broken: Assert) -> EventError:
     )
 
 
+def not_a_clock(model: str, first: float, interval: float, clauses: Sequence[Clause]) -> EventError:
+    """A sample whose instants cannot be listed."""
+    return EventError(
+        "AC505",
+        f"{model}: sample({first:g}, {interval:g}) has no instants: its interval is {interval:g} s",
+        where=tuple(c.where for c in clauses),
+        evidence=[c.text for c in clauses],
+        help="give a positive interval in seconds",
+    )
+
+
 def contradicting(model: str, t: float, name: str, clauses: Sequence[Clause]) -> EventError:
     """Two `when`s that act at one instant and disagree."""
     return EventError(

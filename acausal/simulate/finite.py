@@ -13,6 +13,7 @@ from acausal.lower.evaluate import values
 Vector = np.ndarray[Any, np.dtype[np.float64]]
 
 _MOST_CHECKED = 3000
+_SIMPLE = ("var", "par", "const", "time", "neg")
 
 
 class Undefined(NamedTuple):
@@ -36,7 +37,7 @@ def first_undefined(
     if is_finite and len(solution.definitions) > _MOST_CHECKED:
         return None
     if is_finite and np.isfinite(np.array(compiled.observe(t, x, z, u, p, m))).all():
-        return None
+        return _constant(compiled, p)
     reduced = solution.structure.reduced
     known = dict(zip(compiled.state_variables, x, strict=True))
     known.update(zip(solution.algebraic, z, strict=True))
@@ -50,4 +51,23 @@ def first_undefined(
             equation = reduced.flat.equations[solution.structure.flat_equation(rows[variable][0])]
             inside = [f"{reduced.name(v)} = {known[v]:g}" for v in sorted(reduced.pool.variables_in(node))]
             return Undefined(reduced.name(variable), equation, tuple(inside))
+    return None
+
+
+def _constant(compiled: CompiledModel, p: Vector) -> Undefined | None:
+    """The first variable that is computed from parameters alone and has no finite value."""
+    reduced = compiled.solution.structure.reduced
+    pool = reduced.pool
+    computed = {
+        node: scalar
+        for scalar, node in enumerate(reduced.image)
+        if scalar not in reduced.left_out and pool.nodes[node][0] not in _SIMPLE and not pool.variables_in(node)
+    }
+    known = values(pool, list(computed), {"par": p.__getitem__, "time": lambda _: 0.0})
+    for node, scalar in computed.items():
+        if not np.isfinite(np.ravel(known[node])[0]):
+            flat = reduced.flat
+            holds = (e for e in flat.equations if scalar in flat.pool.variables_in(e.left, e.right))
+            equation = next(holds, flat.equations[0])
+            return Undefined(flat.scalar_name(scalar), equation, ())
     return None

@@ -5,8 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from acausal.flatten.pool import LEAVES
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.evaluate import values
+from acausal.lower.state_events import Clause
+from acausal.simulate.event_errors import not_a_clock
 
 Vector = NDArray[np.float64]
 
@@ -19,7 +22,26 @@ def clocks(compiled: CompiledModel, p: Vector) -> list[tuple[float, float]]:
     for number in compiled.state_events.samples:
         _, a, b = pool.nodes[number]
         known = values(pool, [a, b], leaves)
-        found.append((float(known[a]), float(known[b])))
+        first, interval = float(known[a]), float(known[b])
+        if not (np.isfinite(first) and 0.0 < interval < np.inf):
+            raise not_a_clock(compiled.name, first, interval, _users(compiled, number))
+        found.append((first, interval))
+    return found
+
+
+def _users(compiled: CompiledModel, sample: int) -> list[Clause]:
+    """Clauses whose condition holds a sample."""
+    nodes = compiled.solution.structure.reduced.pool.nodes
+    found = []
+    for clause in compiled.state_events.clauses:
+        stack = [clause.condition]
+        while stack:
+            here = stack.pop()
+            if here == sample:
+                found.append(clause)
+                break
+            op, *operands = nodes[here]
+            stack += () if op in LEAVES else operands
     return found
 
 

@@ -111,7 +111,9 @@ def not_found(
     labels, spans = _labels(compiled, bool(free))
     singular = _common_null(jacobians)
     if singular is not None and len(labels) == len(singular[0]):
-        return _singular(compiled, names, labels, spans, singular)
+        return _contradiction(compiled, labels, spans, residuals, jacobians) or _singular(
+            compiled, names, labels, spans, singular
+        )
     worst = np.argsort(-np.abs(residuals))[:4]
     shown = [f"{n} = {v:g}" for n, v in zip(names, guesses, strict=True)]
     return InitializationError(
@@ -158,6 +160,36 @@ def _common_null(jacobians: Sequence[Any]) -> tuple[Vector, Vector] | None:
             return None
         found = found or (u[:, -1], vt[-1])
     return found
+
+
+def _contradiction(
+    compiled: CompiledModel,
+    labels: Sequence[str],
+    spans: Sequence[tuple[Span, ...]],
+    residuals: Vector,
+    jacobians: Sequence[Any],
+) -> InitializationError | None:
+    """AC302 when linear conditions have one left side and different right ones; None for others."""
+    first, *others = (np.array(j, dtype=float) for j in jacobians)
+    u, s, _ = np.linalg.svd(first)
+    weights = u[:, s <= 1e-11 * s[0]]
+    for weight in weights.T if weights.shape[1] == 1 else ():
+        rows = np.flatnonzero(np.abs(weight) > 1e-9 * np.max(np.abs(weight))).tolist()
+        off = float(weight @ residuals) / float(np.max(np.abs(weight)))
+        is_linear = all(np.allclose(first[rows], j[rows], rtol=1e-12, atol=1e-12) for j in others)
+        if len(rows) < 2 or not is_linear or abs(off) < 1e-9:
+            return None
+        texts = [labels[k].partition("   (")[0].removeprefix("start equation ") for k in rows]
+        names = [f"`{text}`" for text in texts]
+        return InitializationError(
+            "AC302",
+            f"{compiled.name}: the start equations {listed(names, 3)} contradict each other",
+            where=[s for k in rows[:2] for s in spans[k]] or _model_at(compiled),
+            evidence=["together they demand 0 == " + f"{abs(off):g}:", *(f"  {labels[k]}" for k in rows[:6])],
+            cause="start conditions say the same with different numbers",
+            help="remove one of them, or replace it by a condition for something else",
+        )
+    return None
 
 
 def _singular(

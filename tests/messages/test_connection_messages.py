@@ -225,7 +225,7 @@ class Half(Component):
 error[AC130]: Numbers.equations yields `False` (bool)
   at      test_connection_messages.py:N
               yield 1.0 == 2.0
-  cause   two plain numbers were compared: Python decided it at once
+  cause   two plain numbers, or two connectors, were compared: Python decided it at once
   help    yield an equation `left == right`, connect(a, b), when(...) or assert_(...)
 """,
 )

@@ -45,6 +45,8 @@ def structural_without_value() -> None:
 error[AC114]: Train: part 'masses' was not made
   at      test_instance_messages.py:N
               Train()
+  at      test_instance_messages.py:N
+              masses: list[Mass] = part()
   help    make it in `build`: self.masses = [Mass(...), ...]
 """,
 )

@@ -6,8 +6,11 @@ import pytest
 
 import acausal
 from tests.messages import (
+    test_circuits,
+    test_class_bodies,
     test_dependent,
     test_loops,
+    test_mechanisms,
     test_prescribed_flows,
     test_prescribed_twice,
     test_references,
@@ -21,8 +24,11 @@ from tests.messages.cases import Case, normalised
 BROKEN_MODELS: list[Case] = [
     case
     for module in (
+        test_circuits,
+        test_class_bodies,
         test_dependent,
         test_loops,
+        test_mechanisms,
         test_prescribed_flows,
         test_prescribed_twice,
         test_references,
@@ -49,6 +55,6 @@ def test_every_broken_model_is_explained_in_two_lines() -> None:
 
 
 def test_every_class_of_structural_and_start_error_occurs() -> None:
-    """AC208 is left out: Pantelides' algorithm reports no model here that the numbers have not explained before."""
+    """AC208 occurs by hand only: the numbers explain every model that we know before Pantelides' algorithm has to."""
     codes = {case.code for case in BROKEN_MODELS}
-    assert codes == {f"AC20{k}" for k in (1, 2, 3, 4, 5, 6, 7, 9)} | {f"AC30{k}" for k in (1, 2, 3, 4)}
+    assert codes >= {f"AC20{k}" for k in range(1, 10)} | {f"AC30{k}" for k in (1, 2, 3, 4)}

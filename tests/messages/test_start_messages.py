@@ -84,19 +84,19 @@ class Decay(Component):
 
 
 @corpus.bad_start(
-    "AC304",
-    "x and y",
+    "AC302",
+    "x + y == 1",
     """
-error[AC304]: SumTwice: the start conditions do not determine x and y
+error[AC302]: SumTwice: the start equations `x + y == 1` and `x + y == 2` contradict each other
   at      test_start_messages.py:N
               yield self.x + self.y == 1.0
   at      test_start_messages.py:N
               yield self.x + self.y == 2.0
-          these depend on each other at the start:
+          together they demand 0 == 1:
             start equation x + y == 1   (test_start_messages.py:N)
             start equation x + y == 2   (test_start_messages.py:N)
-  cause   two start conditions say the same, perhaps with different numbers
-  help    replace one of them by a condition for x, for example x=fixed(...)
+  cause   start conditions say the same with different numbers
+  help    remove one of them, or replace it by a condition for something else
 """,
 )
 class SumTwice(Decay):

@@ -17,6 +17,7 @@ from acausal.lower.diagnosis.words import (
     label,
     lines,
     listed,
+    loose,
     made_at,
     names_of,
     places,
@@ -91,15 +92,32 @@ def open_motion(numbers: Pencil) -> StructureError | None:
         evidence = [f"free with it: {listed([n for n in names_of(flat, hinted) if n != first.path], 4)}"]
         for y in twice[:1]:
             evidence += ["because these do not hold it:", *lines(flat, [flat.equations[i] for i in sorted(y)], 4)]
+        ends = _loose_frames(flat, path)
+        if ends:
+            cause = f"{listed(ends)} is not connected, so it carries neither force nor torque"
+            advice = f"connect {listed(ends)}, for example to a World or a body"
         return StructureError(
             "AC201",
-            f"{flat.name}: nothing determines {flat.scalar_name(hinted[0])}",
+            f"{flat.name}: nothing determines {flat.scalar_name(hinted[0])}"
+            + (f": {listed(ends)} is not connected" if ends else ""),
             where=made_at(flat, path),
             evidence=evidence,
             cause=cause,
             help=advice or f"connect {label(flat, path)} to what determines it",
         )
     return None
+
+
+def _loose_frames(flat: FlatSystem, path: str) -> list[str]:
+    """Overconstrained connectors of a component that nothing is connected to."""
+    frames = [
+        name
+        for name, c in flat.components.items()
+        if c.is_connector
+        and name.rpartition(".")[0] == path
+        and any(d.overconstrained for d in c.cls._declarations.values())
+    ]
+    return loose(flat, frames)
 
 
 def dependent_equations(numbers: Pencil) -> StructureError | None:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from acausal.errors import StructureError
-from acausal.flatten.flat import FlatEquation, FlatSystem, span_of
-from acausal.language.declare import Kind
+from acausal.flatten.flat import FlatEquation, span_of
 from acausal.lower.diagnosis.causes import probable
-from acausal.lower.diagnosis.words import component_of, connector_of, counted, hint, lines, listed, made_at
+from acausal.lower.diagnosis.cut_forces import is_cut_force, loop_error
+from acausal.lower.diagnosis.words import component_of, connector_of, counted, lines, listed, made_at
 from acausal.lower.reduce import ReducedSystem
 
 
@@ -23,19 +23,19 @@ def overconstrained_loop(reduced: ReducedSystem, undetermined: Sequence[int]) ->
     flat = reduced.flat
     if not flat.loops:
         return None
-    scalars = [s for v in undetermined for s in reduced.aliases.get(v, ()) if _is_cut_force(flat, s)]
+    scalars = [s for v in undetermined for s in reduced.aliases.get(v, ()) if is_cut_force(flat, s)]
     around = {c for loop in flat.loops for c in loop.components}
     if not any(component_of(flat, flat.owner[s].path) in around for s in scalars):
         return None
     forces = [flat.scalar_name(s) for s in scalars if connector_of(flat, flat.owner[s].path)]
-    return _loop_error(flat, forces, [])
+    return loop_error(flat, forces, [])
 
 
 def redundant_constraints(reduced: ReducedSystem, equations: Sequence[FlatEquation]) -> StructureError:
     """AC206 for constraints, by their equations, that follow from others wherever the model can be."""
     flat = reduced.flat
     if flat.loops:
-        return _loop_error(flat, [], equations)
+        return loop_error(flat, [], equations)
     found = probable(flat)
     if found is not None:
         return found
@@ -47,39 +47,4 @@ def redundant_constraints(reduced: ReducedSystem, equations: Sequence[FlatEquati
         evidence=lines(flat, equations, 4),
         cause="these constraints follow from the others, or contradict them, wherever the model can be",
         help="remove one of them, or replace a rigid component by one that can give way",
-    )
-
-
-def _is_cut_force(flat: FlatSystem, scalar: int) -> bool:
-    owner = flat.owner[scalar]
-    path = connector_of(flat, owner.path)
-    if path is None or owner.declaration.kind is not Kind.FLOW:
-        return False
-    return any(d.overconstrained for d in flat.components[path].cls._declarations.values())
-
-
-def _loop_error(flat: FlatSystem, forces: Sequence[str], equations: Sequence[FlatEquation]) -> StructureError:
-    loops = list(flat.loops)
-    loop = min(loops, key=lambda one: len(one.components))
-    moving = {component_of(flat, v.path) for v in flat.variables if v.declaration.prefer_state}
-    joints = [c for c in loop.components if c in moving]
-    cause, advice = hint(
-        d
-        for path in dict.fromkeys(f.rpartition(".")[0] for f in forces)
-        if path in flat.components
-        for d in flat.components[path].cls._declarations.values()
-        if d.kind is Kind.FLOW
-    )
-    evidence = [f"the loop: {' - '.join(loop.components)}"]
-    evidence.append(f"closed between {loop.ends[0]} and {loop.ends[1]}")
-    if forces:
-        evidence.append(f"not determined: {listed(forces, 4)}")
-    evidence += lines(flat, equations, 4)
-    return StructureError(
-        "AC206",
-        f"{flat.name}: the closed loop of {listed(joints or loop.components, 8)} is overconstrained",
-        where=(loop.origin.span(),),
-        evidence=evidence,
-        cause=cause or "the joints of the loop constrain the same motion twice (a planar loop, two parallel guides)",
-        help=advice or "replace one joint of the loop by one with more freedom, as RevolutePlanarLoopConstraint",
     )

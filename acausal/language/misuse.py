@@ -1,0 +1,149 @@
+"""What a class body gets wrong in Python's own terms: `__init__`, hidden fields, signatures, endless parts."""
+
+from __future__ import annotations
+
+import inspect
+import linecache
+import sys
+from collections.abc import Callable
+from types import FrameType
+from typing import TYPE_CHECKING, Any
+
+from acausal.errors import DeclarationError, Span, calling_span
+from acausal.language.declare import Declaration
+
+if TYPE_CHECKING:
+    from acausal.language.component import Component
+
+
+def refuse_hiding(cls: type[Component], inherited: dict[str, Declaration]) -> None:
+    """Refuse attributes that take the name of an inherited field (AC126)."""
+    for name in inherited.keys() & cls.__dict__.keys():
+        if not isinstance(cls.__dict__[name], Declaration) and not hasattr(cls.__dict__[name], "_declarations"):
+            raise DeclarationError(
+                "AC126",
+                f"{cls.__name__}.{name} hides the {inherited[name].kind.value} {name} that it inherits",
+                where=field_span(cls, name),
+                help=f"give the value where it is made: {cls.__name__}({name}=...), or in `build`: self.{name} = ...",
+            )
+
+
+def own_constructor(cls: type[Component]) -> DeclarationError | None:
+    """AC109 for a class that defines `__init__`; None for all others."""
+    for base in cls.__mro__:
+        code = getattr(base.__dict__.get("__init__"), "__code__", None)
+        if code is not None:
+            break
+    if "_declarations" in base.__dict__ and base.__module__ == "acausal.language.component":
+        return None
+    return DeclarationError(
+        "AC109",
+        f"{base.__name__} defines __init__",
+        where=() if code is None else (Span(code.co_filename, code.co_firstlineno),),
+        cause="fields are given to the constructor by name; it is made by acausal",
+        help="declare the arguments as parameter(...) or structural(...), and make parts in `build`",
+    )
+
+
+def called(what: str, form: str, function: Callable[..., Any], *args: Any) -> Any:
+    """What a function of the model returns; AC109 when it cannot be called with `args`."""
+    try:
+        return function(*args)
+    except TypeError as error:
+        inside = error.__traceback__.tb_next if error.__traceback__ is not None else None
+        if inside is not None:
+            raise
+        code = getattr(function, "__code__", None)
+        raise DeclarationError(
+            "AC109",
+            f"{what} cannot be called: {error}",
+            where=() if code is None else (Span(code.co_filename, code.co_firstlineno),),
+            help=f"write it as `{form}`",
+        ) from None
+
+
+def endless(component: Component) -> DeclarationError | None:
+    """The error for components whose `build` makes themselves again and again; None for other recursions."""
+    here = sys._getframe(1)
+    frame: FrameType | None = here
+    inner: list[str] = []
+    while frame is not None:
+        if frame.f_code is here.f_code:
+            inner.append(type(frame.f_locals["self"]).__name__)
+        frame = frame.f_back
+    names = inner[::-1]
+    first = next((k for k, name in enumerate(names) if name in names[k + 1 :]), None)
+    if first is None:
+        return None
+    circle = names[first : names.index(names[first], first + 1) + 1]
+    return DeclarationError(
+        "AC138",
+        f"{circle[0]} is built inside itself without end: {' -> '.join(circle)}",
+        where=declared_at(type(component), "build"),
+        help="a part cannot hold what it is a part of; end the recursion by a structural number",
+    )
+
+
+def declared_at(cls: type[Component], name: str) -> tuple[Span, ...]:
+    """The line of the class body that declares a field or a method; empty where there is no source."""
+    for base in cls.__mro__:
+        member = base.__dict__.get(name)
+        code = getattr(member, "__code__", None)
+        if code is not None:
+            return (Span(code.co_filename, code.co_firstlineno),)
+        if name in inspect.get_annotations(base):
+            try:
+                source, line = inspect.getsourcelines(base)
+                file = inspect.getsourcefile(base)
+            except (OSError, TypeError):
+                return ()
+            line += next((k for k, text in enumerate(source) if text.lstrip().startswith("class ")), 0)  # decorators
+            return () if file is None else _declaring_line(Span(file, line), name)
+    return ()
+
+
+def declared_class(cls: type[Component], name: str) -> type[Component] | None:
+    """Class that a part is declared as, of its members for a list; None where the annotation does not tell."""
+    known = cls.__dict__.get("_classes")
+    if known is None:
+        known = cls._classes = {}  # of this class alone: a subclass may declare it anew
+    if name not in known:
+        known[name] = _annotated_class(cls, name)
+    found: type[Component] | None = known[name]
+    return found
+
+
+def _annotated_class(cls: type[Component], name: str) -> type[Component] | None:
+    for base in cls.__mro__:
+        text = inspect.get_annotations(base).get(name)
+        if text is None:
+            continue
+        members = getattr(text, "__args__", ())
+        found = members[0] if members else text
+        if isinstance(text, str):
+            text = text.removeprefix("list[").removesuffix("]") if text.startswith("list[") else text
+            found = vars(sys.modules.get(base.__module__, sys)).get(text.partition(".")[0])
+            for part in text.split(".")[1:]:
+                found = getattr(found, part, None)
+        return found if isinstance(found, type) and hasattr(found, "_declarations") else None
+    return None
+
+
+def field_span(cls: type[Component], name: str) -> tuple[Span, ...]:
+    """The line of a class body that declares `name`, searched from the line of the class on."""
+    for start in calling_span():
+        return _declaring_line(start, name)
+    return ()
+
+
+def _declaring_line(start: Span, name: str) -> tuple[Span, ...]:
+    first = linecache.getline(start.file, start.line)
+    indent = len(first) - len(first.lstrip())
+    for number in range(start.line + 1, len(linecache.getlines(start.file)) + 1):
+        line = linecache.getline(start.file, number)
+        text = line.strip()
+        if text and len(line) - len(line.lstrip()) <= indent:
+            break
+        if text.startswith((f"{name}:", f"{name} =", f"{name}=")):
+            return (Span(start.file, number),)
+    return (start,)
