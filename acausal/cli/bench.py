@@ -2,67 +2,91 @@
 
 from __future__ import annotations
 
+import shlex
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from acausal.cli.options import JsonOption, ModelArgument, SetOption
+from acausal.cli.options import (
+    InputsOption,
+    JsonOption,
+    ModelArgument,
+    RepeatOption,
+    SetOption,
+    StartTimeOption,
+    StopTimeOption,
+)
 from acausal.cli.outputs import check_picture, check_writable
 from acausal.cli.reference import find_model
 from acausal.cli.report import record, remark, say, seconds, table
-from acausal.cli.settings import prepare
-from acausal.cli.simulate import seconds_of
+from acausal.cli.settings import numbers_of, prepare, seconds_of
 from acausal.errors import UsageError
+from acausal.language.experiment import Experiment
 
 if TYPE_CHECKING:
     from acausal.study.bench.recommend import Recommendation
     from acausal.study.bench.report import Bench
 
 
+SolversOption = Annotated[
+    list[str] | None,
+    typer.Option("--solver", help="Try only this one; repeatable.", show_default=False),
+]
+TolerancesOption = Annotated[
+    list[float] | None,
+    typer.Option("--tolerance", help="Tolerance to try; repeatable. Default: 1e-3 to 1e-10.", show_default=False),
+]
+FormulationsOption = Annotated[
+    list[str] | None,
+    typer.Option("--formulation", help="torn, dae or projected; repeatable. Default: all.", show_default=False),
+]
+StepsOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--step",
+        metavar="TIME",
+        help="Fixed step to try; repeatable. Default: 100, 1000, 10000 steps.",
+        show_default=False,
+    ),
+]
+ReferenceOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--reference",
+        help="Result file, or JSON with end values. Default: two solvers that agree.",
+        show_default=False,
+    ),
+]
+VariablesOption = Annotated[
+    list[str] | None,
+    typer.Option("--variable", metavar="VAR", help="Count its error; repeatable. Default: all states."),
+]
+ChartsOption = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--output",
+        "-o",
+        help="Chart (.png, .svg, .pdf) or data (.json); repeatable. Default: no file.",
+        show_default=False,
+    ),
+]
+
+
 def bench(
     model: ModelArgument,
     settings: SetOption = None,
-    solver: Annotated[
-        list[str] | None,
-        typer.Option("--solver", help="Try only this one; repeatable.", show_default=False),
-    ] = None,
-    tolerance: Annotated[
-        list[float] | None,
-        typer.Option("--tolerance", help="Tolerance to try; repeatable. Default: 1e-3 to 1e-10.", show_default=False),
-    ] = None,
-    formulation: Annotated[
-        list[str] | None,
-        typer.Option("--formulation", help="torn, dae or projected; repeatable. Default: all.", show_default=False),
-    ] = None,
-    step: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--step",
-            metavar="TIME",
-            help="Fixed step to try; repeatable. Default: 100, 1000, 10000 steps.",
-            show_default=False,
-        ),
-    ] = None,
-    start_time: Annotated[
-        str | None, typer.Option("--start-time", metavar="TIME", help="Start of the run.", show_default=False)
-    ] = None,
-    stop_time: Annotated[
-        str | None, typer.Option("--stop-time", metavar="TIME", help="End of the run.", show_default=False)
-    ] = None,
-    reference: Annotated[
-        Path | None,
-        typer.Option(
-            "--reference",
-            help="Result file, or JSON with end values. Default: two solvers that agree.",
-            show_default=False,
-        ),
-    ] = None,
-    variable: Annotated[
-        list[str] | None,
-        typer.Option("--variable", metavar="VAR", help="Count its error; repeatable. Default: all states."),
-    ] = None,
-    repeat: Annotated[int, typer.Option("--repeat", help="Time is the best of so many runs after a warm-up.")] = 5,
+    inputs: InputsOption = None,
+    solver: SolversOption = None,
+    tolerance: TolerancesOption = None,
+    formulation: FormulationsOption = None,
+    step: StepsOption = None,
+    start_time: StartTimeOption = None,
+    stop_time: StopTimeOption = None,
+    reference: ReferenceOption = None,
+    variable: VariablesOption = None,
+    repeat: RepeatOption = 5,
     time_limit: Annotated[float, typer.Option("--time-limit", help="Seconds that a single run may take.")] = 20.0,
     native: Annotated[
         bool, typer.Option("--native/--no-native", help="Compile to C where a solver can use it.")
@@ -71,14 +95,12 @@ def bench(
         bool, typer.Option("--recommend", help="Name the cheapest solver and tolerance for --accuracy.")
     ] = False,
     accuracy: Annotated[
-        float | None, typer.Option("--accuracy", help="Wanted accuracy, with --recommend.", show_default=False)
-    ] = None,
-    output: Annotated[
-        Path | None,
+        float | None,
         typer.Option(
-            "--output", "-o", help="Chart (.png, .svg, .pdf) or data (.json). Default: no file.", show_default=False
+            "--accuracy", help="Wanted accuracy. Default with --recommend: the model's tolerance.", show_default=False
         ),
     ] = None,
+    output: ChartsOption = None,
     as_json: JsonOption = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress on stderr.")] = False,
 ) -> None:
@@ -88,26 +110,24 @@ def bench(
     """
     if accuracy is not None and not 0 < accuracy < 1:
         raise UsageError("AC041", f"--accuracy {accuracy:g} is not between 0 and 1")
-    if recommend and accuracy is None:
-        raise UsageError("AC042", "--recommend needs an accuracy to aim at", help="--accuracy 1e-6")
     prepared = prepare(find_model(model), settings or ())
-    if output is not None:
-        check_writable(output) if output.suffix.lower() == ".json" else check_picture(output)
+    if recommend and accuracy is None:
+        accuracy = getattr(type(prepared.model), "experiment", Experiment()).tolerance
+    for file in output or ():
+        check_writable(file) if file.suffix.lower() == ".json" else check_picture(file)
     from acausal.study.bench.bench import bench as made_by
-    from acausal.study.bench.recommend import recommend as cheapest
 
-    steps = None if step is None else [seconds_of("step", text) or 0.0 for text in step]
-    if steps is None and (solver or tolerance):
-        steps = [] if tolerance else None
     found = made_by(
         prepared.model,
         solvers=solver,
         tolerances=tolerance,
         formulations=formulation,
-        steps=steps,
+        # with tolerances alone, nothing was asked about fixed steps
+        steps=[seconds_of("step", text) or 0.0 for text in step] if step else [] if tolerance else None,
         reference=reference,
         variables=variable,
         parameters=prepared.parameters,
+        inputs=numbers_of("--input", inputs),
         repeat=repeat,
         time_limit=time_limit,
         native=native,
@@ -115,15 +135,17 @@ def bench(
         stop_time=seconds_of("stop_time", stop_time),
         progress=None if quiet else remark,
     )
-    if output is not None:
-        _write(found, output)
-    advice = cheapest(found, accuracy) if accuracy is not None else None
+    for file in output or ():
+        _write(found, file)
+    advice = found.recommend(accuracy) if accuracy is not None else None
     if as_json:
         record({**found.record(), "recommendation": None if advice is None else advice.record()})
         return
-    _summary(found, advice, model, recommend)
-    if output is not None:
-        remark(f"wrote {output}")
+    again = [model, *_repeated("--set", settings), *_repeated("--input", inputs)]
+    again += [*_repeated("--start-time", [start_time]), *_repeated("--stop-time", [stop_time])]
+    _summary(found, advice, shlex.join(again), recommend)
+    for file in output or ():
+        remark(f"wrote {file}")
 
 
 def _write(found: Bench, output: Path) -> None:
@@ -137,6 +159,10 @@ def _write(found: Bench, output: Path) -> None:
         return
     with atomic(output) as file:
         file.write(json.dumps(plain(found.record()), indent=1).encode())
+
+
+def _repeated(flag: str, values: Sequence[str | None] | None) -> list[str]:
+    return [part for value in values or () if value is not None for part in (flag, value)]
 
 
 def _summary(found: Bench, advice: Recommendation | None, model: str, brief: bool) -> None:

@@ -7,12 +7,11 @@ from typing import Annotated
 
 import typer
 
-from acausal.cli.options import JsonOption, ModelArgument, SetOption
+from acausal.cli.options import JsonOption, ModelArgument, OutputsOption, SetOption
 from acausal.cli.outputs import check_writable
 from acausal.cli.reference import find_model
 from acausal.cli.report import quantity, record, remark, say, table
-from acausal.cli.settings import prepare
-from acausal.cli.simulate import seconds_of
+from acausal.cli.settings import prepare, seconds_of
 
 export = typer.Typer(help="Write a model in another form.", no_args_is_help=True)
 
@@ -29,10 +28,7 @@ def casadi(
         Path | None,
         typer.Option("--output-file", "-o", help="File to write. Default: MODEL.casadi.", show_default=False),
     ] = None,
-    outputs: Annotated[
-        list[str] | None,
-        typer.Option("--output", metavar="VAR", help="What y holds; repeatable. Default: the model's own variables."),
-    ] = None,
+    outputs: OutputsOption = None,
     settings: SetOption = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -75,10 +71,7 @@ def step(
         Path | None,
         typer.Option("--output-file", "-o", help="C file to write. Default: MODEL_step.c.", show_default=False),
     ] = None,
-    outputs: Annotated[
-        list[str] | None,
-        typer.Option("--output", metavar="VAR", help="What y holds; repeatable. Default: the model's own variables."),
-    ] = None,
+    outputs: OutputsOption = None,
     settings: SetOption = None,
     as_json: JsonOption = False,
 ) -> None:

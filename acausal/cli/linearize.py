@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from acausal.cli.options import JsonOption, ModelArgument, SetOption
+from acausal.cli.options import InputsOption, JsonOption, ModelArgument, SetOption
 from acausal.cli.reference import find_model
 from acausal.cli.report import plural, record, say, table
-from acausal.cli.settings import numbers_of, prepare
-from acausal.cli.simulate import seconds_of
+from acausal.cli.settings import numbers_of, prepare, seconds_of
 from acausal.errors import UsageError
 
 if TYPE_CHECKING:
@@ -31,10 +30,7 @@ def linearize(
         list[str] | None,
         typer.Option("--state", metavar="NAME=VALUE", help="Value of a state, in SI; repeatable.", show_default=False),
     ] = None,
-    inputs: Annotated[
-        list[str] | None,
-        typer.Option("--input", metavar="NAME=VALUE", help="Constant of a free input; repeatable.", show_default=False),
-    ] = None,
+    inputs: InputsOption = None,
     outputs: Annotated[
         list[str] | None,
         typer.Option("--output", metavar="NAME", help="Variable for y; repeatable.", show_default=False),

@@ -28,3 +28,28 @@ JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object.
 ResultArgument = Annotated[
     Path, typer.Argument(metavar="RESULT", help="A .mat, .csv or .npz file.", show_default=False)
 ]
+InputsOption = Annotated[
+    list[str] | None,
+    typer.Option("--input", metavar="NAME=VALUE", help="Constant of a free input; repeatable.", show_default=False),
+]
+StartTimeOption = Annotated[
+    str | None,
+    typer.Option("--start-time", metavar="TIME", help="Start of the run, in s or with a unit.", show_default=False),
+]
+StopTimeOption = Annotated[
+    str | None,
+    typer.Option("--stop-time", metavar="TIME", help="End of the run, in s or with a unit.", show_default=False),
+]
+ToleranceOption = Annotated[
+    float | None, typer.Option("--tolerance", help="Relative tolerance of the solver.", show_default=False)
+]
+NativeOption = Annotated[
+    bool | None,
+    typer.Option("--native/--no-native", help="Compile to C; decided by the run's length when not given."),
+]
+QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
+RepeatOption = Annotated[int, typer.Option("--repeat", help="Time is the best of so many runs after a warm-up.")]
+OutputsOption = Annotated[
+    list[str] | None,
+    typer.Option("--output", metavar="VAR", help="What y holds; repeatable. Default: the model's own variables."),
+]

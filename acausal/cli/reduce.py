@@ -7,11 +7,18 @@ from typing import Annotated, Any
 
 import typer
 
-from acausal.cli.options import JsonOption, ModelArgument, SetOption
+from acausal.cli.options import (
+    InputsOption,
+    JsonOption,
+    ModelArgument,
+    RepeatOption,
+    SetOption,
+    StopTimeOption,
+    ToleranceOption,
+)
 from acausal.cli.reference import find_model
 from acausal.cli.report import record, say
-from acausal.cli.settings import prepare
-from acausal.cli.simulate import seconds_of
+from acausal.cli.settings import numbers_of, prepare, seconds_of
 from acausal.errors import UsageError
 
 # Commas between names, not those of R[0,1].
@@ -43,16 +50,13 @@ def reduce(
             show_default=False,
         ),
     ] = None,
-    stop_time: Annotated[
-        str | None, typer.Option("--stop-time", metavar="TIME", help="End of the compared runs.", show_default=False)
-    ] = None,
-    tolerance: Annotated[
-        float | None, typer.Option("--tolerance", help="Tolerance of the compared runs.", show_default=False)
-    ] = None,
+    inputs: InputsOption = None,
+    stop_time: StopTimeOption = None,
+    tolerance: ToleranceOption = None,
     solver: Annotated[
         str | None, typer.Option("--solver", help="Solver of the compared runs.", show_default=False)
     ] = None,
-    repeat: Annotated[int, typer.Option("--repeat", help="Time is the best of so many runs.")] = 5,
+    repeat: RepeatOption = 5,
     compare: Annotated[
         bool, typer.Option("--compare/--no-compare", help="Run both models: speed gained and error caused.")
     ] = True,
@@ -71,6 +75,7 @@ def reduce(
         "stop_time": seconds_of("stop_time", stop_time),
         "tolerance": tolerance,
         "solver": solver,
+        "inputs": numbers_of("--input", inputs),
     }
     found = reduced(
         prepared.model,

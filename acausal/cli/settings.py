@@ -74,6 +74,19 @@ def numbers_of(flag: str, given: Sequence[str] | None) -> dict[str, float]:
     return found
 
 
+def seconds_of(name: str, text: str | None) -> float | None:
+    """A time option in seconds."""
+    if text is None:
+        return None
+    try:
+        return convert(text, "s")
+    except AcausalError as error:
+        flag = "--" + name.replace("_", "-")
+        raise UsageError(
+            error.code, f"{flag} {text}: {error.fact}", evidence=error.evidence, help=error.help
+        ) from error
+
+
 @dataclass(frozen=True)
 class _Definition(Origin):
     """The place of a class, as the origin of the outermost instance."""

@@ -10,20 +10,54 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from acausal.cli.clock import Clock
-from acausal.cli.options import JsonOption, ModelArgument, SetOption
+from acausal.cli.options import (
+    InputsOption,
+    JsonOption,
+    ModelArgument,
+    NativeOption,
+    QuietOption,
+    SetOption,
+    StartTimeOption,
+    StopTimeOption,
+    ToleranceOption,
+)
 from acausal.cli.outputs import check_picture, check_result_file
 from acausal.cli.progress import ProgressBar
 from acausal.cli.real_time import paces, say_paces
 from acausal.cli.reference import find_model
 from acausal.cli.report import record
 from acausal.cli.session import Session
-from acausal.cli.settings import numbers_of, prepare
+from acausal.cli.settings import numbers_of, prepare, seconds_of
 from acausal.errors import AcausalError, UsageError
 
 if TYPE_CHECKING:
     from acausal.result import Result
 
 TimeOption = str | None
+
+OutputFileOption = Annotated[
+    Path | None,
+    typer.Option("--output-file", "-o", help="Result: .mat, .csv or .npz. Default: MODEL.mat.", show_default=False),
+]
+FormulationOption = Annotated[
+    str,
+    typer.Option(
+        "--formulation",
+        help="torn: solve blocks symbolically; dae: leave them to the DAE solver; projected: keep all constraints.",
+    ),
+]
+AccuracyOption = Annotated[
+    float | None,
+    typer.Option(
+        "--accuracy",
+        help="Wanted accuracy: a bench finds the cheapest solver and tolerance first.",
+        show_default=False,
+    ),
+]
+SolverOption = Annotated[
+    str | None,
+    typer.Option("--solver", help="auto, idas, rosenbrock, cvodes, erk, collocation, rk, rk2.", show_default=False),
+]
 
 
 def _time(flag: str, help: str) -> Any:
@@ -33,47 +67,20 @@ def _time(flag: str, help: str) -> Any:
 def simulate(
     model: ModelArgument,
     settings: SetOption = None,
-    start_time: Annotated[TimeOption, _time("--start-time", "Start of the run")] = None,
-    stop_time: Annotated[TimeOption, _time("--stop-time", "End of the run")] = None,
+    start_time: StartTimeOption = None,
+    stop_time: StopTimeOption = None,
     output_interval: Annotated[TimeOption, _time("--output-interval", "Distance of the rows of the result")] = None,
-    tolerance: Annotated[
-        float | None, typer.Option("--tolerance", help="Relative tolerance of the solver.", show_default=False)
-    ] = None,
-    accuracy: Annotated[
-        float | None,
-        typer.Option(
-            "--accuracy",
-            help="Wanted accuracy: a bench finds the cheapest solver and tolerance first.",
-            show_default=False,
-        ),
-    ] = None,
-    solver: Annotated[
-        str | None,
-        typer.Option("--solver", help="auto, idas, rosenbrock, cvodes, erk, collocation, rk, rk2.", show_default=False),
-    ] = None,
+    tolerance: ToleranceOption = None,
+    accuracy: AccuracyOption = None,
+    solver: SolverOption = None,
     step: Annotated[TimeOption, _time("--step", "Size of a fixed step")] = None,
-    formulation: Annotated[
-        str,
-        typer.Option(
-            "--formulation",
-            help="torn: solve blocks symbolically; dae: leave them to the DAE solver; projected: keep all constraints.",
-        ),
-    ] = "torn",
-    native: Annotated[
-        bool | None,
-        typer.Option("--native/--no-native", help="Compile to C; decided by the run's length when not given."),
-    ] = None,
+    formulation: FormulationOption = "torn",
+    native: NativeOption = None,
     force: Annotated[
         bool, typer.Option("--force", help="Run a fixed step that is too large to be stable too.")
     ] = False,
-    inputs: Annotated[
-        list[str] | None,
-        typer.Option("--input", metavar="NAME=VALUE", help="Constant of a free input; repeatable.", show_default=False),
-    ] = None,
-    output_file: Annotated[
-        Path | None,
-        typer.Option("--output-file", "-o", help="Result: .mat, .csv or .npz. Default: MODEL.mat.", show_default=False),
-    ] = None,
+    inputs: InputsOption = None,
+    output_file: OutputFileOption = None,
     no_output: Annotated[bool, typer.Option("--no-output", help="Write no result file.")] = False,
     plot: Annotated[bool, typer.Option("--plot", help="Draw the model's figure to MODEL.png.")] = False,
     plot_file: Annotated[
@@ -86,7 +93,7 @@ def simulate(
     ] = False,
     stats: Annotated[bool, typer.Option("--stats", help="Solver counters and times of all stages too.")] = False,
     as_json: JsonOption = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Simulate a model.
 
@@ -95,23 +102,14 @@ def simulate(
     clock = Clock()
     cls = find_model(model)
     prepared = prepare(cls, settings or ())
-    if no_output and output_file is not None:
-        raise UsageError("AC009", "--output-file and --no-output exclude each other")
-    result_file = None if no_output else output_file or Path(f"{cls.__name__}.mat")
-    picture = plot_file or (Path(f"{cls.__name__}.png") if plot else None)
+    result_file, picture = _files(cls.__name__, no_output, output_file, plot, plot_file)
     times = {
-        name: seconds_of(name, text)
-        for name, text in (
-            ("start_time", start_time),
-            ("stop_time", stop_time),
-            ("output_interval", output_interval),
-            ("step", step),
-        )
+        "start_time": seconds_of("start_time", start_time),
+        "stop_time": seconds_of("stop_time", stop_time),
+        "output_interval": seconds_of("output_interval", output_interval),
+        "step": seconds_of("step", step),
     }
-    if result_file is not None:
-        check_result_file(result_file)
-    if picture is not None:
-        check_picture(picture)
+    constants = numbers_of("--input", inputs)
     from acausal.lower.compile import compile
     from acausal.simulate.restructure import shrink
     from acausal.simulate.run import simulate as _  # noqa: F401  (its import belongs to the first stage)
@@ -131,17 +129,32 @@ def simulate(
             "solver": solver,
             "native": native,
             "force": force,
-            "inputs": numbers_of("--input", inputs),
+            "inputs": constants,
             # a model of changing structure is compiled again and again during its run
             **({"model": prepared.model, "parameters": prepared.parameters} if changing else {"model": compiled}),
         },
     )
-    paced = paces(compiled, result, times["step"], numbers_of("--input", inputs)) if real_time_factor else {}
+    paced = paces(compiled, result, times["step"], constants) if real_time_factor else {}
     if as_json:
         record({**session.content(result), **({"real_time": paced} if paced else {})})
     elif not quiet:
         session.summary(result, stats)
         say_paces(paced)
+
+
+def _files(
+    name: str, no_output: bool, output_file: Path | None, plot: bool, plot_file: Path | None
+) -> tuple[Path | None, Path | None]:
+    """Where result and picture go, both writable; None for what is not wanted."""
+    if no_output and output_file is not None:
+        raise UsageError("AC009", "--output-file and --no-output exclude each other")
+    result_file = None if no_output else output_file or Path(f"{name}.mat")
+    picture = plot_file or (Path(f"{name}.png") if plot else None)
+    if result_file is not None:
+        check_result_file(result_file)
+    if picture is not None:
+        check_picture(picture)
+    return result_file, picture
 
 
 def _run(session: Session, quiet: bool, options: dict[str, Any]) -> Result:
@@ -160,18 +173,3 @@ def _run(session: Session, quiet: bool, options: dict[str, Any]) -> Result:
     session.clock.lap("integrate")
     session.finish(result)
     return result
-
-
-def seconds_of(name: str, text: str | None) -> float | None:
-    """A time option in seconds."""
-    from acausal.units import convert
-
-    if text is None:
-        return None
-    try:
-        return convert(text, "s")
-    except AcausalError as error:
-        flag = "--" + name.replace("_", "-")
-        raise UsageError(
-            error.code, f"{flag} {text}: {error.fact}", evidence=error.evidence, help=error.help
-        ) from error

@@ -7,31 +7,33 @@ from typing import Annotated
 
 import typer
 
-from acausal.cli.options import JsonOption, ModelArgument, SetOption
+from acausal.cli.options import (
+    InputsOption,
+    JsonOption,
+    ModelArgument,
+    SetOption,
+    StartTimeOption,
+    StopTimeOption,
+    ToleranceOption,
+)
 from acausal.cli.outputs import check_picture
 from acausal.cli.reference import find_model
 from acausal.cli.report import record, remark, say
-from acausal.cli.settings import prepare
-from acausal.cli.simulate import seconds_of
+from acausal.cli.settings import numbers_of, prepare, seconds_of
 
 
 def stability(
     model: ModelArgument,
     settings: SetOption = None,
+    inputs: InputsOption = None,
     points: Annotated[int, typer.Option("--points", help="How many points of the run to linearise at.")] = 20,
     solver: Annotated[
         str | None,
         typer.Option("--solver", help="Solver of the run: idas, rosenbrock, cvodes, erk.", show_default=False),
     ] = None,
-    tolerance: Annotated[
-        float | None, typer.Option("--tolerance", help="Relative tolerance of the run.", show_default=False)
-    ] = None,
-    start_time: Annotated[
-        str | None, typer.Option("--start-time", metavar="TIME", help="Start of the run.", show_default=False)
-    ] = None,
-    stop_time: Annotated[
-        str | None, typer.Option("--stop-time", metavar="TIME", help="End of the run.", show_default=False)
-    ] = None,
+    tolerance: ToleranceOption = None,
+    start_time: StartTimeOption = None,
+    stop_time: StopTimeOption = None,
     step: Annotated[
         str | None,
         typer.Option("--step", metavar="TIME", help="Fixed step to scale the picture by.", show_default=False),
@@ -59,6 +61,7 @@ def stability(
         start_time=seconds_of("start_time", start_time),
         stop_time=seconds_of("stop_time", stop_time),
         tolerance=tolerance,
+        inputs=numbers_of("--input", inputs),
         check=check,
     )
     if output is not None:

@@ -91,7 +91,7 @@ class CasadiSolver:
             if not problem.compiled.algebraic:
                 return Piece(x, problem.solve_algebraic(segment.times, x, segment.z, segment.p), {})
             z = problem.follow_algebraic(segment.start, segment.times, segment.x, segment.z, segment.p)
-            return Piece(x, z, {})
+            return Piece(x, polished(problem.compiled, segment.times, x, z, problem.u, problem.p, segment.p), {})
         scaled_x, scaled_z, stats = self._solved(problem, segment)
         x = scaled_x.T * problem.scale_x[:, None]
         if not np.isfinite(x).all():

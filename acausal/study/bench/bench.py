@@ -8,7 +8,7 @@ import platform
 import statistics
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,7 @@ from acausal.language.component import Component
 from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
 from acausal.simulate.options import options as run_options
+from acausal.simulate.run import input_vector
 from acausal.simulate.solvers import solver_named
 from acausal.study.bench import case as defaults
 from acausal.study.bench import reference as references
@@ -93,28 +94,18 @@ def bench(
     began = time.perf_counter()
     component = model() if isinstance(model, type) else model
     times = {"build": time.perf_counter() - began}
-    first, compiled_in = _compiled(component, parameters, "torn")
-    times["compile torn"] = compiled_in
-    models, failures, notes = {"torn": first}, {}, []
+    first, times["compile torn"] = _compiled(component, parameters, "torn")
+    forms = _Forms({"torn": first}, {}, [], times)
     for formulation in formulations or defaults.FORMULATIONS:
-        if formulation == "torn":
-            continue
-        say(f"compile {formulation}")
-        outcome = isolated(lambda f=formulation: iter([bool(_compiled(component, parameters, f))]), _COMPILE_LIMIT)  # type: ignore[misc]
-        if outcome.value is None:
-            failures[formulation] = outcome.failure
-            continue
-        found, times[f"compile {formulation}"] = _compiled(component, parameters, formulation)
-        if formulations is None and (found.states, found.algebraic) == (first.states, first.algebraic):
-            notes.append(f"{formulation}: the same equations as torn")
-        else:
-            models[formulation] = found
+        if formulation != "torn":
+            say(f"compile {formulation}")
+            forms.compile(component, parameters, formulation, asked=formulations is not None)
     if formulations is not None and "torn" not in formulations:
-        del models["torn"]
+        del forms.models["torn"]
     return _benched(
         first,
-        models,
-        failures,
+        forms.models,
+        forms.failures,
         solvers,
         tolerances,
         steps,
@@ -124,9 +115,34 @@ def bench(
         time_limit=time_limit,
         options={"native": native, "start_time": start_time, "stop_time": stop_time, "inputs": inputs},
         times=times,
-        notes=notes,
+        notes=forms.notes,
         say=say,
     )
+
+
+@dataclass(frozen=True)
+class _Forms:
+    """The compiled forms of one model, why others are not there, and what is said about them."""
+
+    models: dict[str, CompiledModel]
+    failures: dict[str, str]
+    notes: list[str]
+    times: dict[str, float]
+
+    def compile(
+        self, component: Component, parameters: Mapping[str, object] | None, formulation: str, asked: bool
+    ) -> None:
+        """Add one form, or the reason why it cannot be had; a form like the first only when it is asked for."""
+        outcome = isolated(lambda: iter([bool(_compiled(component, parameters, formulation))]), _COMPILE_LIMIT)
+        if outcome.value is None:
+            self.failures[formulation] = outcome.failure
+            return
+        first = self.models["torn"]
+        found, self.times[f"compile {formulation}"] = _compiled(component, parameters, formulation)
+        if not asked and (found.states, found.algebraic) == (first.states, first.algebraic):
+            self.notes.append(f"{formulation}: the same equations as torn")
+        else:
+            self.models[formulation] = found
 
 
 def bench_compiled(
@@ -189,6 +205,7 @@ def _benched(
         first.flat.experiment, start_time=options.get("start_time"), stop_time=options.get("stop_time")
     )
     span = chosen.stop_time - chosen.start_time
+    input_vector(first, options.get("inputs") or {})  # a missing one is a wrong request, not a failure of every case
     task = Task(first, components(first, variables), span, options)
     nominal = _nominal(first, task.names)
     if reference is None:

@@ -12,9 +12,10 @@ from typing import Any
 import matplotlib
 from cycler import cycler
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, NullFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from acausal.errors import UsageError
 from acausal.files import atomic
@@ -51,6 +52,8 @@ _STYLE: dict[Any, Any] = {
 }
 _COLUMNS = 3
 _MOST_REASONS = 6
+# Where runs without any error are drawn.
+_EXACT = 1e-16
 _LONGEST_REASON = 110
 
 
@@ -78,13 +81,15 @@ def chart(bench: Bench, file: str | Path | None = None, title: str | None = None
         panels.append(("Phase error at the end [s]", _phase))
     if any(run.constraint_drift for run in bench.runs):
         panels.append(("Constraint drift before projection", lambda r: r.constraint_drift or math.nan))
-    rows = math.ceil(len(panels) / _COLUMNS)
+    panels = panels[:1] + [panel for panel in panels[1:] if any(panel[1](run) > 0 for run in bench.runs)]
+    columns = 2 if len(panels) == 4 else _COLUMNS
+    rows = math.ceil(len(panels) / columns)
     reasons = _reasons(bench)
     with matplotlib.rc_context(_STYLE):
         height = 3.5 * rows + 1.2 + 0.16 * len(reasons)
         figure = Figure(figsize=(4.4 * _COLUMNS, height))
         FigureCanvasAgg(figure)
-        axes = list(figure.subplots(rows, _COLUMNS, squeeze=False).flat)
+        axes = list(figure.subplots(rows, columns, squeeze=False).flat)
         for place, (label, value) in zip(axes, panels, strict=False):
             _panel(place, bench, label, value)
         for place in axes[len(panels) :]:
@@ -112,7 +117,8 @@ def _title(bench: Bench) -> str:
 
 def _panel(axes: Axes, bench: Bench, label: str, value: Callable[[Run], float]) -> None:
     for name, runs in bench.series.items():
-        points = [(r.error, value(r)) for r in runs if r.distance is not None and r.error > 0]
+        # no error at all has no place on a logarithmic axis: it stands at its end
+        points = [(max(r.error, _EXACT), value(r)) for r in runs if r.distance is not None]
         points = [(x, y) for x, y in points if math.isfinite(x) and math.isfinite(y) and y > 0]
         if points:
             axes.plot(*zip(*points, strict=True), label=name, **_look(runs[0]))
@@ -126,8 +132,18 @@ def _panel(axes: Axes, bench: Bench, label: str, value: Callable[[Run], float]) 
     low, high = sorted(axes.get_xlim())
     if low < trusted < high:
         axes.axvspan(low, trusted, color="0.93", zorder=0)
+    _plain_numbers(axes.yaxis, *axes.get_ylim())
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.xaxis.set_major_locator(LogLocator(numticks=9))
+
+
+def _plain_numbers(axis: Axis, low: float, high: float) -> None:
+    """Ticks at 1, 2, 5 where there are few decades, and written without powers of ten while that is short."""
+    narrow = math.log10(high / low) < 2.0
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if narrow else (1.0,), numticks=12))
+    axis.set_minor_formatter(NullFormatter())
+    if 1e-4 < low and high < 1e6:
+        axis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}" if v < 1e5 else f"{v:.0e}".replace("e+0", "e")))
 
 
 def _look(run: Run) -> dict[str, Any]:
@@ -142,10 +158,10 @@ def _look(run: Run) -> dict[str, Any]:
 
 
 def _limits(axes: Axes, bench: Bench) -> None:
-    errors = [r.error for r in bench.runs if r.error > 0 and math.isfinite(r.error)]
+    errors = [max(r.error, _EXACT) for r in bench.runs if math.isfinite(r.error)]
     knobs = [r.case.tolerance for r in bench.runs if r.case.tolerance is not None]
     everything = [e for e in [*errors, *knobs] if e is not None] or [1.0]
-    high, low = min(2 * max(everything), 1e3), max(min(everything) / 2, 1e-16)
+    high, low = min(2 * max(everything), 1e3), min(everything) / 2
     axes.set_xlim(high, low)
 
 
@@ -212,7 +228,7 @@ def _legend(figure: Figure, axes: Axes, bench: Bench, height: float) -> None:
         figure.legend(handles, labels, loc="upper left", ncols=columns, bbox_to_anchor=(0.005, 1 - 0.42 / height))
     bottom = (0.5 + 0.16 * min(len(_reasons(bench)), _MOST_REASONS + 1)) / height
     figure.subplots_adjust(
-        left=0.055,
+        left=0.06,
         right=0.99,
         wspace=0.24,
         top=1 - (0.62 + 0.19 * rows) / height,

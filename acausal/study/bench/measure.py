@@ -11,7 +11,7 @@ from typing import Any
 
 from acausal.lower.compiled import CompiledModel
 from acausal.result import Result
-from acausal.study.bench.case import Case
+from acausal.study.bench.case import ONLY_FIXED, Case
 from acausal.study.bench.isolated import Outcome, isolated
 from acausal.study.bench.trajectory import POINTS, Trajectory, sampled
 
@@ -34,15 +34,24 @@ class Task:
         """Simulate once."""
         from acausal.simulate.run import simulate
 
-        interval = self.span / points
         return simulate(
             self.compiled,
             solver=case.solver,
             tolerance=case.tolerance,
             step=case.step,
-            output_interval=interval,
+            output_interval=self.span / points,
             **self.options,
         )
+
+    def points(self, case: Case) -> int:
+        """Intervals of the grid for a case: as fine as the others, unless that would cut its steps shorter.
+
+        Methods that know their solution at the ends of steps only make one for every output.
+        """
+        if case.step is None or case.solver not in ONLY_FIXED:
+            return POINTS
+        most = self.span / case.step * (1 + 1e-9)
+        return max((n for n in range(1, POINTS + 1) if POINTS % n == 0 and n <= most), default=1)
 
 
 @dataclass(frozen=True)
@@ -73,7 +82,8 @@ def measured(task: Task, case: Case, repeat: int, limit: float) -> Outcome[Measu
     def work() -> Iterator[Measured]:
         processor_clock()
         began = time.process_time()
-        best = _measured(task, task.run(case), 0.0)
+        points = task.points(case)
+        best = _measured(task, task.run(case, points), points, 0.0)
         took = time.process_time() - began
         best = replace(best, first_time=took)
         yield best
@@ -81,7 +91,7 @@ def measured(task: Task, case: Case, repeat: int, limit: float) -> Outcome[Measu
         for k in range(repeat):
             if time.process_time() > stop:
                 break
-            again = _measured(task, task.run(case), took)
+            again = _measured(task, task.run(case, points), points, took)
             # the first run counts only where there is no other
             best = again if k == 0 or again.solve_time < best.solve_time else best
         yield best
@@ -112,7 +122,7 @@ def processor_clock() -> None:
         setattr(module, name, busy)
 
 
-def _measured(task: Task, result: Result, first_time: float) -> Measured:
+def _measured(task: Task, result: Result, points: int, first_time: float) -> Measured:
     stats = dict(result.stats)
     times: Any = stats["time"]
     making = float(str(stats.get("making", 0.0)))
@@ -122,7 +132,7 @@ def _measured(task: Task, result: Result, first_time: float) -> Measured:
         counters["factorisations"] = counters.get("steps", 0.0) + counters.get("rejected", 0.0)
     drift = stats.get("drift")
     return Measured(
-        trajectory=sampled(result, task.names, POINTS),
+        trajectory=sampled(result, task.names, points),
         solve_time=times["integrate"] - making,
         startup_time=times["initialize"] + making,
         first_time=first_time,

@@ -15,6 +15,8 @@ from acausal.study.bench.reference import Reference
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from acausal.study.bench.recommend import Recommendation
+
 
 @dataclass(frozen=True)
 class Run:
@@ -130,6 +132,12 @@ class Bench:
             "machine": dict(self.machine),
             "notes": list(self.notes),
         }
+
+    def recommend(self, accuracy: float) -> Recommendation:
+        """The cheapest run that reaches an accuracy; IntegrationError AC411 when there is none."""
+        from acausal.study.bench.recommend import recommend
+
+        return recommend(self, accuracy)
 
     def plot(self, file: str | Path | None = None) -> Figure:
         """Draw the chart, to a file where one is given: .png, .svg or .pdf."""

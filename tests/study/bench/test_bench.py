@@ -11,7 +11,21 @@ import numpy as np
 import pytest
 
 import acausal
-from acausal import Component, Equations, Experiment, Real, der, fixed, parameter, variable
+from acausal import (
+    Component,
+    Equations,
+    Experiment,
+    Real,
+    der,
+    fixed,
+    integer,
+    parameter,
+    pre,
+    reset,
+    sample,
+    variable,
+    when,
+)
 from acausal.errors import IntegrationError, UsageError
 from acausal.study.bench.recommend import recommend
 from acausal.study.bench.report import Bench
@@ -40,6 +54,15 @@ class Stiff(Component):
 
     def equations(self) -> Equations:
         yield der(self.x) == 1e6 * (1.0 - self.x)
+
+
+class Counter(Component):
+    """Nothing but a number that a clock increases."""
+
+    n: Real = integer()
+
+    def equations(self) -> Equations:
+        yield when(sample(0.0, 0.1), reset(self.n, pre(self.n) + 1))
 
 
 @pytest.fixture(scope="module")
@@ -201,3 +224,12 @@ def test_a_dead_method_costs_its_limit_once(tmp_path: Path) -> None:
     reasons = [run.failure for run in found.runs]
     assert reasons[0] == "no end after 0.05 s"
     assert reasons[1:] == ["not tried: no end after 0.05 s at tolerance 0.001"] * 2
+
+
+def test_exact_runs_stand_on_the_chart_too(tmp_path: Path) -> None:
+    """A counter has no error at all: zero has no place on a logarithmic axis, and is drawn at the end of it."""
+    found = acausal.bench(Counter(), solvers=["erk"], tolerances=[1e-4], steps=[], repeat=1, native=False)
+    assert [run.error for run in found.runs] == [0.0]
+    figure = found.plot(tmp_path / "counter.png")
+    assert len(figure.axes[0].lines) == 1
+    assert found.recommend(1e-6).run is found.runs[0]
