@@ -54,7 +54,7 @@ def plan(compiled: CompiledModel, p: Vector, instants: Vector, grid: Vector) -> 
     parts = [np.append(grid[i:j], end) for i, j, end in zip(first, last, b, strict=True)]
     return Course(
         instants,
-        rows(compiled.modes, (0.5 * (a + b)[:, None], p))[:, : len(compiled.time_events.relations)],
+        rows(compiled.modes, (0.5 * (a + b)[:, None], p))[:, : compiled.n_timely],
         due(compiled, p, instants),
         np.concatenate(parts),
         np.cumsum([len(part) for part in parts], dtype=np.int64),

@@ -1,50 +1,81 @@
-"""Events passed in compiled code, where a run has it and nothing unusual happens.
+"""Segments and ordinary events passed in compiled code, where a run has it.
 
-Between two calls of CasADi's functions the event iteration in Python takes 0.5 ms an event, in C a few microseconds.
-The meaning is that of `iteration.py`; what is not ordinary is left to it (`native/flight.c` says what that is). A
-flight ends before such an event, and the next one starts behind it.
+Between two calls of an integrator Python takes half a millisecond, and as long again for an event; C takes a few
+microseconds. The meaning of events is that of `iteration.py`; what is not ordinary is left to it (`native/flight.c`
+says what that is). A flight ends before such an event, and the next one starts behind it.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from acausal.simulate.course import Course, Place
-from acausal.simulate.guards import Cause, Moment
+from acausal.simulate.guards import Cause
 from acausal.simulate.native.flight import FlightProgram, FlightStructure
 from acausal.simulate.native.policy import Library
-from acausal.simulate.solvers.base import Segment, counted
-from acausal.simulate.stopping import compiled_program
-
-if TYPE_CHECKING:
-    from acausal.simulate.hybrid import Hybrid
+from acausal.simulate.problem import Problem
+from acausal.simulate.record import Recorder
+from acausal.simulate.rest import Bounces
+from acausal.simulate.solvers import Solver
+from acausal.simulate.solvers.base import Segment, counted, islands
 
 Vector = NDArray[np.float64]
+Explain = Callable[[list[int], list[int]], tuple[Cause, ...]]
 _MOST_EVENTS = 1024
 _ACTS = 16
 # Flights in a row that ended where they began, after which no more are tried.
 _VAIN = 8
 
 
-class Flight:
-    """The flights of one run."""
+@dataclass(frozen=True, eq=False)
+class Landing:
+    """Where a flight has come to, with states and modes."""
 
-    def __init__(self, hybrid: Hybrid, course: Course, template: Segment) -> None:
-        self.hybrid, self.course, self.template = hybrid, course, template
-        compiled = hybrid.problem.compiled
-        events = compiled.state_events
+    place: Place
+    x: Vector
+    m: Vector
+
+
+def can_fly(problem: Problem, solver: Solver) -> bool:
+    """Whether runs of this problem can be passed in compiled code: those of one-step methods on ODEs."""
+    compiled = problem.compiled
+    apart = range(compiled.n_dynamic, compiled.n_dynamic + compiled.quadratures)
+    return (
+        solver.name in ("rosenbrock", "erk")
+        and not compiled.algebraic
+        and compiled.n_dynamic > 0
+        and not compiled.delays
+        and not compiled.solution.structure.invariants
+        and not any(position in apart for c in compiled.state_events.clauses for position, _ in c.actions)
+    )
+
+
+class Flight:
+    """The flights of one run.
+
+    `explain` says what the relations and clauses with these numbers are; `bounces` is kept up to date.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        recorder: Recorder,
+        course: Course,
+        template: Segment,
+        span: float,
+        bounces: Bounces | None = None,
+        explain: Explain = lambda relations, clauses: (),
+    ) -> None:
+        self.problem, self.recorder, self.course, self.template = problem, recorder, course, template
+        self.span, self.bounces, self.explain = span, bounces, explain
+        compiled = problem.compiled
         self._vain = 0
-        self._flight: FlightStructure | None = None
-        self._possible = (
-            hybrid.single_step
-            and not hybrid.traced
-            and not compiled.quadratures
-            and not compiled.solution.structure.invariants
-        )
+        self._structure: FlightStructure | None = None
         longest = int(np.max(np.diff(course.ends, prepend=0)))
         rows, self._acts = longest + 4 * _MOST_EVENTS, _ACTS * _MOST_EVENTS
         self.x, self.m = np.empty(len(compiled.states)), np.empty(compiled.n_modes)
@@ -52,44 +83,49 @@ class Flight:
         self.row_m = np.empty((rows, compiled.n_modes))
         self.event_time, self.event_row = np.empty(_MOST_EVENTS), np.empty(_MOST_EVENTS, dtype=np.int64)
         self.acts_end, self.act = np.empty(_MOST_EVENTS, dtype=np.int64), np.empty(self._acts, dtype=np.int64)
-        self.fired = np.empty((_MOST_EVENTS, len(events.relations)), dtype=np.uint8)
+        self.fired = np.empty((_MOST_EVENTS, len(compiled.state_events.relations)), dtype=np.uint8)
 
-    def from_here(self, place: Place) -> Place | None:
-        """Where a flight has come to; None where none is possible, or none has got anywhere."""
-        hybrid = self.hybrid
-        regime = hybrid.reached.regime
-        if not self._possible or regime.holds or (place.segment == 0 and not place.entered):
-            return None
-        library = compiled_program(regime, self.template, hybrid.solver.name)
-        if library is None:
-            return None
+    @property
+    def is_vain(self) -> bool:
+        """Whether flights have not got anywhere for so long that no more should be tried."""
+        return self._vain >= _VAIN
+
+    def go(
+        self, library: Library[FlightProgram], place: Place, x: Vector, m: Vector, segments: int | None = None
+    ) -> Landing | None:
+        """Where a flight comes to, over so many segments at most; None when it does not get anywhere."""
         flight = self._prepared(library)
+        last = self.course.segments if segments is None else min(place.segment + segments, self.course.segments)
+        flight.boundaries = last + 1
         flight.segment, flight.here = place.segment, place.here
         flight.entered, flight.fresh = place.entered, place.fresh
-        self.x[:], self.m[:] = hybrid.reached.x, hybrid.reached.m
-        bounces = hybrid.bounces
-        flight.last_time, flight.standing, flight.count = bounces.time, bounces.standing, bounces.count
+        self.x[:], self.m[:] = x, m
+        bounces = self.bounces
+        if bounces is not None:
+            flight.last_time, flight.standing, flight.count = bounces.time, bounces.standing, bounces.count
         flight.rows = flight.events = flight.acts = 0
         flight.steps = flight.rejected = flight.rhs = flight.jacobians = 0
         library.run.run(flight)
-        bounces.time, bounces.standing, bounces.count = flight.last_time, flight.standing, flight.count
+        if bounces is not None:
+            bounces.time, bounces.standing, bounces.count = flight.last_time, flight.standing, flight.count
         self._vain = 0 if flight.rows else self._vain + 1
-        self._possible = self._vain < _VAIN
         if not flight.rows:
             return None
-        self._take(flight)
-        return Place(flight.segment, flight.here, bool(flight.entered), bool(flight.fresh))
+        self._record(flight, place.here, x)
+        here = Place(flight.segment, flight.here, bool(flight.entered), bool(flight.fresh))
+        return Landing(here, self.x.copy(), self.m.copy())
 
     def _prepared(self, library: Library[FlightProgram]) -> FlightStructure:
         """What the program has to know of the run; made once."""
-        if self._flight is not None:
-            return self._flight
-        hybrid, course, compiled = self.hybrid, self.course, self.hybrid.problem.compiled
-        events, bounces = compiled.state_events, hybrid.bounces
-        constants = hybrid.reached.regime.constants(library)
+        if self._structure is not None:
+            return self._structure
+        problem, course, compiled = self.problem, self.course, self.problem.compiled
+        events = compiled.state_events
+        constants = np.array(library.constants(problem.p, problem.u)).ravel()
         numbers = {
             "states": len(compiled.states),
             "dynamic": compiled.n_dynamic,
+            "discretes": compiled.discretes,
             "modes": compiled.n_modes,
             "timely": course.modes.shape[1],
             "samples": len(events.samples),
@@ -101,8 +137,7 @@ class Flight:
             "actions": sum(len(c.actions) for c in events.clauses),
             "asserts": len(events.asserts),
             "constants": len(constants),
-            "boundaries": len(course.instants),
-            "span": hybrid.span,
+            "span": self.span,
             "relative": self.template.tolerance,
             "absolute": self.template.absolute,
             "step": self.template.step or 0.0,
@@ -117,47 +152,58 @@ class Flight:
             "action_at": whole([position for c in events.clauses for position, _ in c.actions]),
             "action_of": whole([k for k, c in enumerate(events.clauses) for _ in c.actions]),
             "ends": whole([c.terminate is not None for c in events.clauses]),
-            "scale": real(hybrid.problem.scale_x),
+            "scale": real(problem.scale_x),
             "nominal": real(compiled.nominal_x),
             "constant": real(constants),
-            "u": real(hybrid.problem.u),
-            "p": real(hybrid.problem.p),
+            "u": real(problem.u),
+            "p": real(problem.p),
             "boundary": real(course.instants),
             "timely_modes": real(course.modes),
             "due": real(course.samples),
             "times": real(course.times),
             "times_end": course.ends,
-            **{name: getattr(bounces, name) for name in ("last", "gap", "crowd", "impossible")},
             **{name: getattr(self, name) for name in ("x", "m", "row_time", "row_x", "row_m", "event_time")},
             **{name: getattr(self, name) for name in ("event_row", "acts_end", "act", "fired")},
         }
-        self._flight = library.run.structure(numbers, arrays)
-        return self._flight
+        if self.bounces is not None:
+            arrays |= {name: getattr(self.bounces, name) for name in ("last", "gap", "crowd", "impossible")}
+        self._structure = library.run.structure(numbers, arrays)
+        return self._structure
 
-    def _take(self, flight: FlightStructure) -> None:
+    def _record(self, flight: FlightStructure, start: float, x_start: Vector) -> None:
         """Record what a flight has passed."""
-        hybrid, n = self.hybrid, flight.rows
-        moment = hybrid.reached
-        x, m = self.row_x[:n].T.copy(), self.row_m[:n].T.copy()
-        before = np.hstack([moment.x[:, None], x[:, :-1]])
+        n = flight.rows
+        times, x, m = self.row_time[:n].copy(), self.row_x[:n].T.copy(), self.row_m[:n].T.copy()
         starts = self.event_row[: flight.events]
+        self._fill(times, x, m, starts, start, x_start)
+        before = np.hstack([x_start[:, None], x[:, :-1]])
+        states = self.problem.compiled.states
         boundaries = []
         for k, row in enumerate(starts.tolist()):
-            acts = self.act[self.acts_end[k - 1] if k else 0 : self.acts_end[k]]
-            boundaries.append(
-                (float(self.event_time[k]), self._causes(k, acts), self._changed(before[:, row], x[:, row]))
-            )
+            clauses = self.act[self.acts_end[k - 1] if k else 0 : self.acts_end[k]].tolist()
+            causes = self.explain(np.flatnonzero(self.fired[k]).tolist(), clauses)
+            changed = tuple(states[j] for j in np.flatnonzero(x[:, row] != before[:, row]).tolist())
+            boundaries.append((float(self.event_time[k]), causes, changed))
         stats = {"n_steps": flight.steps, "n_rhs": flight.rhs, "n_jac": flight.jacobians, "n_reject": flight.rejected}
-        hybrid.recorder.extend(self.row_time[:n].copy(), x, m, boundaries, counted(stats))
-        hybrid.moment = Moment(self.x.copy(), moment.z, self.m.copy(), moment.regime)
+        self.recorder.extend(times, x, m, boundaries, counted(stats))
 
-    def _causes(self, event: int, acts: NDArray[np.int64]) -> tuple[Cause, ...]:
-        hybrid = self.hybrid
-        clauses = hybrid.problem.compiled.state_events.clauses
-        found = [hybrid.guards.causes[k] for k in np.flatnonzero(self.fired[event]).tolist()]
-        found += [Cause(clauses[k].text, clauses[k].where, clauses[k].component) for k in acts.tolist()]
-        return tuple(found)
-
-    def _changed(self, before: Vector, after: Vector) -> tuple[str, ...]:
-        states = self.hybrid.problem.compiled.states
-        return tuple(states[k] for k in np.flatnonzero(after != before).tolist())
+    def _fill(
+        self, times: Vector, x: Vector, m: Vector, starts: NDArray[np.int64], start: float, x_start: Vector
+    ) -> None:
+        """The integrals that are solved apart, into the rows and the state that was reached."""
+        compiled = self.problem.compiled
+        own = slice(compiled.n_dynamic, compiled.n_dynamic + compiled.quadratures)
+        if not compiled.quadratures:
+            return
+        here, reached = start, x_start
+        for rows in np.split(np.arange(len(times)), starts):
+            later = rows[times[rows] > here]
+            if len(later):
+                x[own, rows] = reached[own, None]
+                stretch = replace(self.template, start=here, times=times[later], x=x[:, later[0]], p=m[:, later[0]])
+                x[own, later] = islands(self.problem, stretch)
+            elif len(rows):
+                x[own, rows] = reached[own, None]
+            if len(rows):
+                here, reached = float(times[rows[-1]]), x[:, rows[-1]]
+        self.x[own] = reached[own]

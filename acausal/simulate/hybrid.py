@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from acausal.simulate.course import Course, Place
 from acausal.simulate.event_errors import accumulated
-from acausal.simulate.flight import Flight
-from acausal.simulate.guards import LOCATED, Guards, Moment, Tolerances, Truth
+from acausal.simulate.flight import Flight, can_fly
+from acausal.simulate.guards import LOCATED, Cause, Guards, Moment, Tolerances, Truth
 from acausal.simulate.initialize import Start
 from acausal.simulate.iteration import Happened, Iteration
 from acausal.simulate.looking import LOOKS, first_crossing, locate
@@ -22,7 +22,7 @@ from acausal.simulate.regime import Regime
 from acausal.simulate.rest import Bounces
 from acausal.simulate.solvers import Solver
 from acausal.simulate.solvers.base import Piece, Segment
-from acausal.simulate.stopping import Stop, integrate_to_event
+from acausal.simulate.stopping import Stop, compiled_program, integrate_to_event
 
 Vector = NDArray[np.float64]
 Integrate = Callable[[Regime, Segment], Piece]
@@ -85,14 +85,37 @@ class Hybrid:
 
         `report` is told the time that was reached.
         """
-        flight = Flight(self, course, template)
+        flight = None
+        if not self.traced and self.single_step and can_fly(self.problem, self.solver):
+            rest = self.span, self.bounces, self._explained
+            flight = Flight(self.problem, self.recorder, course, template, *rest)
         place = Place(0, float(course.instants[0]), False, False)
         while place.segment < course.segments and self.terminated is None:
-            place = flight.from_here(place) or (
-                self.stretch(course, template, place) if place.entered else self.enter(course, place)
-            )
+            flown = self._flown(flight, template, place)
+            if flown is not None:
+                place = flown
+            else:
+                place = self.stretch(course, template, place) if place.entered else self.enter(course, place)
             if not place.entered:
                 report(self.recorder.time)
+
+    def _flown(self, flight: Flight | None, template: Segment, place: Place) -> Place | None:
+        """Where compiled code comes to from here, if it does."""
+        moment = self.reached
+        # the first instant is that of the start, about which compiled code knows nothing
+        if flight is None or flight.is_vain or moment.regime.holds or (place.segment == 0 and not place.entered):
+            return None
+        library = compiled_program(moment.regime, template, self.solver.name)
+        landing = None if library is None else flight.go(library, place, moment.x, moment.m)
+        if landing is None:
+            return None
+        self.moment = replace(moment, x=landing.x, m=landing.m)
+        return landing.place
+
+    def _explained(self, relations: list[int], clauses: list[int]) -> tuple[Cause, ...]:
+        """What relations and clauses are, in the user's words."""
+        acting = (self.problem.compiled.state_events.clauses[k] for k in clauses)
+        return (*(self.guards.causes[k] for k in relations), *(Cause(c.text, c.where, c.component) for c in acting))
 
     def enter(self, course: Course, place: Place) -> Place:
         """The event at the start of a segment."""

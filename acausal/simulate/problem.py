@@ -74,7 +74,7 @@ class Problem:
         """`(t, [p, shift]) -> rate`, scaled, of the integrals of time that are solved apart."""
         t, _, _, p, _, _, rate = self.scaled
         n, nq = self.n_dynamic, self.compiled.quadratures
-        return ca.Function("islands", [t, p], [rate / ca.DM(self.compiled.nominal_x[n : n + nq])])
+        return ca.Function("islands", [t, p], [ca.densify(rate / ca.DM(self.compiled.nominal_x[n : n + nq]))])
 
     @cached_property
     def ode(self) -> Any:

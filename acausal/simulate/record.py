@@ -51,6 +51,16 @@ class Recorder:
         self.segments += 1
         self._append(np.array([t]), x[:, None], z[:, None], m)
 
+    def withdraw(self) -> None:
+        """Take back the start of a segment in which nothing has followed."""
+        self.segments -= 1
+        self.count -= 1
+        if self.count:
+            del self.boundaries[-1]
+        for part in (self._x, self._z, self._m):
+            part[-1] = part[-1][:, :-1]
+        self._times[-1] = self._times[-1][:-1]
+
     def add(self, times: Vector, piece: Piece, m: Vector) -> Piece:
         """Rows from a solver, projected onto the constraints; returns them as they are recorded."""
         x, drift = projection(self.compiled, times, piece.x, piece.z, self.u, self.p, m)

@@ -22,10 +22,11 @@ from acausal.lower.compiled import CompiledModel
 from acausal.lower.delays import refuse_delays
 from acausal.lower.samples import STABILISATION_RATE
 from acausal.result import Event, Result
-from acausal.simulate.course import Course, plan
+from acausal.simulate.course import Course, Place, plan
 from acausal.simulate.delay.crossing import begin, cross, opened
 from acausal.simulate.delay.memory import Memory, check_undelayed
 from acausal.simulate.failure import integration_error
+from acausal.simulate.flight import Flight, Landing, can_fly
 from acausal.simulate.guards import Cause, Tolerances
 from acausal.simulate.hybrid import Hybrid
 from acausal.simulate.initialize import Start, consistent, initialize
@@ -39,7 +40,7 @@ from acausal.simulate.regime import Regime
 from acausal.simulate.restructure import Pieces, RunPiece, variable_parts
 from acausal.simulate.sampling import sample_times
 from acausal.simulate.solvers import Solver, choose
-from acausal.simulate.solvers.base import TOLERANCE_SHARE, Piece, Segment
+from acausal.simulate.solvers.base import TOLERANCE_SHARE, Piece, Segment, program
 from acausal.simulate.step_limit import StepLimit
 from acausal.simulate.truth import truths
 
@@ -258,7 +259,8 @@ class Run:
                         begin(self.memory, self.hybrid, opts.start_time, start, m, flag)
                     self.pass_events(self.hybrid, solver, plan(self.compiled, self.p, np.array(boundaries), grid))
                 else:
-                    for a, b in pairwise(boundaries):
+                    done, start = self.flown(problem, solver, recorder, start, np.array(boundaries), grid)
+                    for a, b in pairwise(boundaries[done:]):
                         start = self.segment(problem, solver, recorder, start, a, b, grid)
         except (RunError, KeyboardInterrupt) as error:
             if not recorder.segments:
@@ -378,6 +380,30 @@ class Run:
             raise integration_error(moment.regime.problem, solver.name, reached, str(error)) from None
         samples = course.samples[-1] if hybrid.terminated is None else 0.0 * course.samples[-1]
         hybrid.end(recorder.time, samples)
+
+    def flown(
+        self, problem: Problem, solver: Solver, recorder: Recorder, start: Start, instants: Vector, grid: Vector
+    ) -> tuple[int, Start]:
+        """The segments that compiled code has passed by itself, from the first on, and the values at their end."""
+        course = plan(self.compiled, self.p, instants, grid)
+        template = self.stretch(float(instants[0]), course.times, start, self.modes(instants[0], instants[1]))
+        # one segment is faster as it is, and can be passed in parts
+        library = program(problem, solver, template) if course.segments > 1 and can_fly(problem, solver) else None
+        if library is None:
+            return 0, start
+        flight = Flight(problem, recorder, course, template, self.options.span)
+        recorder.begin(template.start, start.x, start.z, template.p)
+        landing = Landing(Place(0, template.start, True, True), start.x, template.p)
+        share = None if self.progress is None else max(1, course.segments // 50)
+        while landing.place.segment < course.segments:
+            found = flight.go(library, landing.place, landing.x, landing.m, share)
+            if found is None:
+                break
+            landing = found
+            self.report(recorder.time)
+        if landing.place.entered:  # what compiled code could not pass begins again
+            recorder.withdraw()
+        return landing.place.segment, replace(start, x=landing.x)
 
     def segment(
         self,

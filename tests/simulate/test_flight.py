@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -40,7 +41,7 @@ from acausal.models.clutches import ThreeClutchDrive
 from acausal.models.rectifier import BridgeRectifier, SCRBridge
 from acausal.models.sampled_control import SampledSpeedControl
 from acausal.models.switched_converter import BuckConverter
-from acausal.simulate import course, flight
+from acausal.simulate import flight
 from acausal.simulate.native import cache
 
 pytestmark = pytest.mark.skipif(cache.compiler() is None, reason="no C compiler on this machine")
@@ -94,16 +95,16 @@ def own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 
 
 @pytest.fixture
-def flown(monkeypatch: pytest.MonkeyPatch) -> list[course.Place | None]:
+def flown(monkeypatch: pytest.MonkeyPatch) -> list[flight.Landing | None]:
     """Where the flights of a test have come to."""
-    found: list[course.Place | None] = []
-    plain = flight.Flight.from_here
+    found: list[flight.Landing | None] = []
+    plain = flight.Flight.go
 
-    def noted(self: flight.Flight, place: course.Place) -> course.Place | None:
-        found.append(plain(self, place))
+    def noted(self: flight.Flight, *arguments: Any) -> flight.Landing | None:
+        found.append(plain(self, *arguments))
         return found[-1]
 
-    monkeypatch.setattr(flight.Flight, "from_here", noted)
+    monkeypatch.setattr(flight.Flight, "go", noted)
     return found
 
 
@@ -121,7 +122,7 @@ MODELS: list[tuple[Callable[[], Component], float]] = [
 @pytest.mark.parametrize("solver", ["rosenbrock", "erk"])
 @pytest.mark.parametrize(("model", "stop"), MODELS, ids=[m.__name__ for m, _ in MODELS])
 def test_a_compiled_run_passes_the_events_of_an_interpreted_one(
-    model: Callable[[], Component], stop: float, solver: str, flown: list[course.Place | None]
+    model: Callable[[], Component], stop: float, solver: str, flown: list[flight.Landing | None]
 ) -> None:
     if model is SampledSpeedControl and solver == "erk":
         pytest.skip("a stiff plant, not one for an explicit method")
@@ -130,7 +131,7 @@ def test_a_compiled_run_passes_the_events_of_an_interpreted_one(
         acausal.simulate(compiled, stop_time=stop, output_interval=stop / 40, tolerance=1e-7, solver=solver, native=n)
         for n in (True, False)
     ]
-    assert any(place is not None for place in flown)
+    assert any(landing is not None for landing in flown)
     ours, theirs = runs
     assert [(e.condition, e.changed, e.component, e.where) for e in ours.events] == [
         (e.condition, e.changed, e.component, e.where) for e in theirs.events
@@ -172,11 +173,11 @@ def test_an_assertion_ends_the_run_with_its_words() -> None:
     assert caught.value.result.time[-1] == pytest.approx(1.0, abs=1e-6)
 
 
-def test_a_record_that_is_full_is_emptied(monkeypatch: pytest.MonkeyPatch, flown: list[course.Place | None]) -> None:
+def test_a_record_that_is_full_is_emptied(monkeypatch: pytest.MonkeyPatch, flown: list[flight.Landing | None]) -> None:
     monkeypatch.setattr(flight, "_MOST_EVENTS", 7)
     compiled = acausal.compile(Wanderer())
     few = acausal.simulate(compiled, stop_time=20.0, solver="rosenbrock", tolerance=1e-8, native=True)
-    assert sum(place is not None for place in flown) > 10
+    assert sum(landing is not None for landing in flown) > 10
     monkeypatch.undo()
     many = acausal.simulate(compiled, stop_time=20.0, solver="rosenbrock", tolerance=1e-8, native=True)
     assert [e.time for e in few.events] == [e.time for e in many.events]

@@ -5,7 +5,8 @@
    times, rest, an end, a broken assertion, a crossing that the integrator has missed, anything not finite) is not
    decided here: the run is put back to the start of the stretch, or before the instant, and Python goes on from there.
 
-   Linked with CasADi's code of `segment`, `watch`, `rates` and `reactions`. Matrices are column-major. */
+   Linked with CasADi's code of `segment`, `watch`, `rates` and `reactions`. Where nothing but time makes events, PLAIN is
+   defined: there is only a `segment`, without stop watch and stop flag behind its states. */
 
 #include <stdlib.h>
 #include <string.h>
@@ -17,10 +18,30 @@ enum { LOOKS = 16, AT_ONCE = 12, CHATTER = 3, MOST_ROUNDS = 400, SEQUENCE = 10, 
 
 typedef long long count_t;
 
+#ifdef PLAIN
+#define WATCH 0
+static int none(const double** arg, double** res, casadi_int* iw, double* w, int mem) {
+  (void) arg; (void) res; (void) iw; (void) w; (void) mem;
+  return 0;
+}
+static int none_work(casadi_int* arg, casadi_int* res, casadi_int* iw, casadi_int* w) {
+  *arg = *res = *iw = *w = 0;
+  return 0;
+}
+#define watch none
+#define rates none
+#define reactions none
+#define watch_work none_work
+#define rates_work none_work
+#define reactions_work none_work
+#else
+#define WATCH 2
+#endif
+
 /* `Flight` of flight.py, field by field. */
 struct flight {
   /* sizes */
-  count_t states, dynamic, modes, timely, samples, memories, flags, relations, assigned, clauses, actions, asserts;
+  count_t states, dynamic, discretes, modes, timely, samples, memories, flags, relations, assigned, clauses, actions, asserts;
   count_t constants, boundaries;
   /* what does not change in a run */
   double span, relative, absolute, step;
@@ -148,6 +169,7 @@ static int decide(struct flight* s, struct space* o, double t, count_t* turn) {
 /* Iterate from modes that have changed already to a fixed point; `before` are those that held. */
 static int settle(struct flight* s, struct space* o, double t, const double* before, const double* due) {
   count_t k, a, round, turn = 0;
+  int ticked = 0;
   if (take_reactions(s, o, t, before)) return UNUSUAL;
   for (k = 0; k < s->clauses; ++k) o->was[k] = o->conditions[k] > 0.5;
   for (k = 0; k < s->samples; ++k) s->m[s->timely + k] = due ? due[k] : 0.0;
@@ -165,15 +187,28 @@ static int settle(struct flight* s, struct space* o, double t, const double* bef
       s->act[s->acts++] = k;
     }
     for (a = 0; a < s->actions; ++a) {
+      count_t b;
       k = s->action_of[a];
-      if (o->conditions[k] > 0.5 && !o->was[k]) s->x[s->action_at[a]] = o->values[a];
+      if (!(o->conditions[k] > 0.5) || o->was[k]) continue;
+      for (b = 0; b < a; ++b) /* clauses that contradict each other */
+        if (s->action_at[b] == s->action_at[a] && o->values[b] != o->values[a] && o->conditions[s->action_of[b]] > 0.5 &&
+            !o->was[s->action_of[b]])
+          return UNUSUAL;
+      s->x[s->action_at[a]] = o->values[a];
     }
     for (k = 0; k < s->clauses; ++k) o->was[k] = o->conditions[k] > 0.5;
     for (k = 0; k < s->memories; ++k) s->m[first_memory(s) + k] = o->remembered[k];
   }
-  for (k = 0; k < s->samples; ++k) s->m[s->timely + k] = 0.0;
   for (k = 0; k < s->asserts; ++k)
     if (!(o->asserts[k] > 0.5)) return UNUSUAL;
+  for (k = 0; k < s->samples; ++k) {
+    ticked |= s->m[s->timely + k] != 0.0;
+    s->m[s->timely + k] = 0.0;
+  }
+  if (ticked && s->memories) { /* samples are false again, also to what remembers them */
+    if (take_reactions(s, o, t, s->m)) return UNUSUAL;
+    for (k = 0; k < s->memories; ++k) s->m[first_memory(s) + k] = o->remembered[k];
+  }
   for (k = 0; k < s->states; ++k)
     if (!isfinite(s->x[k])) return UNUSUAL;
   return 0;
@@ -266,16 +301,15 @@ static int is_passed(const struct flight* s, const struct space* o, count_t seen
 
 /* Integrate to the next event or to the end of the segment; `stopped` is the row of the event, or the number of rows. */
 static int integrate(struct flight* s, struct space* o, count_t wide, count_t* stopped, double* time, double* last) {
-  count_t n = s->dynamic, size = n + 2, k, j;
-  count_t discretes = s->states - n;
+  count_t n = s->dynamic, size = n + WATCH, k, j;
   double* q = o->parameters;
   const double* end;
   int status;
   for (k = 0; k < n; ++k) o->x0[k] = s->x[k] / s->scale[k];
-  o->x0[n] = o->x0[n + 1] = 0.0;
+  for (k = 0; k < WATCH; ++k) o->x0[n + k] = 0.0;
   memcpy(q, s->constant, s->constants * sizeof(double)); q += s->constants;
   memcpy(q, s->m, s->modes * sizeof(double)); q += s->modes;
-  memcpy(q, s->x + n, discretes * sizeof(double)); q += discretes;
+  memcpy(q, s->x + s->states - s->discretes, s->discretes * sizeof(double)); q += s->discretes;
   *q++ = s->here;
   memcpy(q, o->band, s->relations * sizeof(double));
   s->run.grid = o->grid; s->run.n = wide;
@@ -290,12 +324,12 @@ static int integrate(struct flight* s, struct space* o, count_t wide, count_t* s
   for (k = 0; k < wide * size; ++k)
     if (!isfinite(o->rows[k])) return UNUSUAL;
   end = o->rows + (wide - 1) * size;
-  for (k = 0; k < wide && !(o->rows[k * size + n + 1] > 0.5); ++k) {}
+  for (k = 0; k < wide && !(WATCH && o->rows[k * size + n + 1] > 0.5); ++k) {}
   *stopped = k;
   *time = k < wide ? s->here + end[n] : o->wide[wide - 1];
   if (k < wide && k) *time = most(*time, o->wide[k - 1]); /* an event on an output time, to rounding */
   for (j = 0; j < n; ++j) last[j] = end[j] * s->scale[j];
-  memcpy(last + n, s->x + n, discretes * sizeof(double));
+  memcpy(last + n, s->x + n, (s->states - n) * sizeof(double));
   return 0;
 }
 
@@ -303,7 +337,8 @@ static int integrate(struct flight* s, struct space* o, count_t wide, count_t* s
 static int stretch(struct flight* s, struct space* o, double* x) {
   double end = s->boundary[s->segment + 1], far = 1e-13 * most(s->span, fabs(s->here));
   count_t from = s->segment ? s->times_end[s->segment - 1] : 0, until = s->times_end[s->segment];
-  count_t wide = 0, k, j, look = 1, stopped, seen = 0;
+  count_t looks = s->relations ? LOOKS : 1, look = 1; /* the end is always one */
+  count_t wide = 0, k, j, stopped, seen = 0;
   double time;
   int changed = 0;
   if (!s->fresh)
@@ -320,9 +355,9 @@ static int stretch(struct flight* s, struct space* o, double* x) {
     o->band[k] = resting ? 2 * o->noise[k] : 0.0;
     o->ahead[2][k] = most(o->g[k], 0.0);
   }
-  for (k = from; k < until || look <= LOOKS;) { /* outputs and looks, merged */
-    double at = look < LOOKS ? s->here + (end - s->here) * look / LOOKS : end;
-    if (look <= LOOKS && (k == until || at <= s->times[k])) {
+  for (k = from; k < until || look <= looks;) { /* outputs and looks, merged */
+    double at = look < looks ? s->here + (end - s->here) * look / looks : end;
+    if (look <= looks && (k == until || at <= s->times[k])) {
       o->asked[wide] = k < until && at == s->times[k];
       k += o->asked[wide];
       ++look;
@@ -338,8 +373,8 @@ static int stretch(struct flight* s, struct space* o, double* x) {
   s->steps += s->run.steps; s->rejected += s->run.rejected; s->rhs += s->run.rhs; s->jacobians += s->run.jac;
   for (k = 0; k < stopped; ++k) {
     double* oldest = o->ahead[0];
-    for (j = 0; j < s->dynamic; ++j) o->rows[k * (s->dynamic + 2) + j] *= s->scale[j];
-    memcpy(o->x0, o->rows + k * (s->dynamic + 2), s->dynamic * sizeof(double));
+    for (j = 0; j < s->dynamic; ++j) o->rows[k * (s->dynamic + WATCH) + j] *= s->scale[j];
+    memcpy(o->x0, o->rows + k * (s->dynamic + WATCH), s->dynamic * sizeof(double));
     memcpy(o->x0 + s->dynamic, s->x + s->dynamic, (s->states - s->dynamic) * sizeof(double));
     /* a row at the event itself may be past it, by rounding */
     if (stopped == wide || o->wide[k] < time - 1e-12 * most(s->span, fabs(time))) {

@@ -26,7 +26,9 @@ class FlightStructure(ctypes.Structure):
     """`struct flight` of flight.c."""
 
     _fields_ = (
-        *_fields(ctypes.c_longlong, "states dynamic modes timely samples memories flags relations assigned clauses"),
+        *_fields(
+            ctypes.c_longlong, "states dynamic discretes modes timely samples memories flags relations assigned clauses"
+        ),
         *_fields(ctypes.c_longlong, "actions asserts constants boundaries"),
         *_fields(ctypes.c_double, "span relative absolute step"),
         *_fields(ctypes.c_void_p, "assigned_at action_at action_of ends impossible"),
@@ -45,11 +47,11 @@ class FlightStructure(ctypes.Structure):
 
 
 class FlightProgram(Program):
-    """A compiled integrator that stops at events, and passes ordinary ones by itself."""
+    """A compiled integrator that can pass segments and ordinary events by itself."""
 
-    def __init__(self, path: Path, nx: int) -> None:
+    def __init__(self, path: Path, nx: int, nz: int) -> None:
         """Load the library; OSError or AttributeError when it is not one of ours."""
-        super().__init__(path, nx, 0)
+        super().__init__(path, nx, nz)
         self.fly = ctypes.CDLL(str(path)).acausal_flight
 
     def structure(self, numbers: Mapping[str, float], arrays: Mapping[str, NDArray[Any]]) -> FlightStructure:

@@ -31,7 +31,7 @@ from acausal.simulate.native import cache, source
 from acausal.simulate.native.equations import CONSTANTS, equations
 from acausal.simulate.native.flight import SOURCE, FlightProgram
 from acausal.simulate.native.functions import made
-from acausal.simulate.native.program import HeunProgram, Program
+from acausal.simulate.native.program import HeunProgram
 
 Vector = NDArray[np.float64]
 T = TypeVar("T")
@@ -104,8 +104,8 @@ class Native:
         self.memory = _MEMORIES.setdefault(compiled, Memory())
         self.used: set[str] = set()
 
-    def integrator(self, plugin: str, settings: Mapping[str, Any]) -> Library[Program] | None:
-        """A whole integrator, "rosenbrock" or "erk".
+    def integrator(self, plugin: str, settings: Mapping[str, Any]) -> Library[FlightProgram] | None:
+        """A whole integrator, "rosenbrock" or "erk", that passes time events by itself where nothing is algebraic.
 
         Tolerances and step are arguments of the program: all values of them use the same library.
         """
@@ -115,10 +115,11 @@ class Native:
 
         def text() -> str | None:
             dae, constants = self.equations
-            return source.integrator(plugin, dae, neutral, constants)
+            written = source.integrator(plugin, dae, neutral, constants)
+            return None if written is None else f"{written}#define PLAIN\n{SOURCE.read_text(encoding='utf-8')}"
 
-        def load(path: Path) -> Program:
-            return Program(path, self._nx, len(self.compiled.algebraic))
+        def load(path: Path) -> FlightProgram:
+            return FlightProgram(path, self._nx, len(self.compiled.algebraic))
 
         return self._library(
             kind, repr(sorted(neutral.items())), lambda: pays(self._spent(plugin), self._size), text, load
@@ -148,7 +149,7 @@ class Native:
             return None if written is None else written + SOURCE.read_text(encoding="utf-8")
 
         def load(path: Path) -> FlightProgram:
-            return FlightProgram(path, nx)
+            return FlightProgram(path, nx, 0)
 
         def pays_now() -> bool:
             # the derivatives that locate events are twice as much again as the event functions
@@ -239,6 +240,6 @@ class Native:
         compiled = self.compiled
         scales = compiled.quadratures, compiled.discretes, compiled.nominal_x.tolist(), compiled.nominal_z.tolist()
         # What the equations are made from rather than they: a hit needs nothing that is symbolic.
-        events = compiled.events.reactions.serialize() + SOURCE.read_text("utf-8") if "events" in kind else ""
-        key = cache.key(kind, details, compiled.rhs.serialize(), events, repr(scales))
+        events = compiled.events.reactions.serialize() if "events" in kind else ""
+        key = cache.key(kind, details, SOURCE.read_text("utf-8"), compiled.rhs.serialize(), events, repr(scales))
         return made(key, text, lambda path: Library(load(path), ca.external(CONSTANTS, str(path))))

@@ -21,8 +21,10 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from acausal.simulate.direct import called
+from acausal.simulate.direct import called, rows
 from acausal.simulate.islands import integrals
+from acausal.simulate.native.flight import FlightProgram
+from acausal.simulate.native.policy import Library
 from acausal.simulate.polish import polished
 from acausal.simulate.problem import Problem
 
@@ -134,16 +136,23 @@ class CasadiSolver:
         return x, z, {**stats, "making": making}
 
 
+def program(problem: Problem, solver: object, segment: Segment) -> Library[FlightProgram] | None:
+    """The solver as compiled C for problems without algebraic variables, where there is one or it pays to make one."""
+    if not isinstance(solver, CasadiSolver) or solver.native != "integrator" or problem.compiled.algebraic:
+        return None
+    return problem.native.integrator(solver.plugin, solver.settings(problem, segment))
+
+
 def islands(problem: Problem, segment: Segment) -> Vector:
     """Integrals of time that act on nothing, at the output times; shape (nq, n)."""
     if not problem.compiled.quadratures:
         return np.zeros((0, len(segment.times)))
     own = slice(problem.n_dynamic, problem.n_dynamic + problem.compiled.quadratures)
     scale = problem.compiled.nominal_x[own]
-    p = problem.numbers(segment.p, segment.x, 0.0)[:, None]
+    p = problem.numbers(segment.p, segment.x, 0.0)
 
     def rates(times: Vector) -> Vector:
-        return np.array(problem.islands(times[None, :], p))
+        return rows(problem.islands, (times[:, None], p)).T
 
     grown = integrals(rates, segment.start, segment.times, segment.tolerance, segment.absolute)
     return np.asarray(segment.x[own, None] + scale[:, None] * grown)
