@@ -33,7 +33,7 @@ class Core:
     rings: Vector
     half: tuple[float, float, float] | None
     inner: Inner
-    way_back: float = 0.0
+    way_back: tuple[float, float] = (0.0, 0.0)
 
     @property
     def round(self) -> bool:
@@ -61,7 +61,7 @@ def core(shape: Shape, unit: float) -> Core:
             (inner.half[0] / unit, inner.half[1] / unit, inner.half[2] / unit),
             None if inner.radius is None else inner.radius / unit,
         ),
-        shape.way_back / unit,
+        shape.way_back,
     )
 
 
@@ -147,13 +147,12 @@ class Pair:
         e = -(self.R.T @ d)
         return curvature(feature[:4], d) + self.R @ curvature(feature[4:], e) @ self.R.T
 
-    def retreat(self) -> tuple[Any, float] | None:
-        """Direction (3, 1) from a to b in which a tool is drawn back, and from which depth on; None without a tool."""
-        if bool(self.a.way_back) == bool(self.b.way_back):
+    def tool(self) -> tuple[Any, tuple[float, float]] | None:
+        """Direction (3, 1) from a to b in which a tool is drawn back, and how much farther; None without one."""
+        a, b = self.a.way_back, self.b.way_back
+        if any(a) == any(b):
             return None
-        if self.a.way_back:
-            return ca.SX(ca.DM([0, 0, -1])), self.a.way_back
-        return self.R[:, 2], self.b.way_back
+        return (ca.SX(ca.DM([0, 0, -1])), a) if any(a) else (self.R[:, 2], b)
 
     def inner(self) -> Any:
         """A point inside the difference from which the origin is seen through the nearest faces, (3, 1).

@@ -23,6 +23,7 @@ _F = [slice(8 * k, 8 * k + 8) for k in range(3)]
 _ON = [24, 25]
 _N = slice(26, 29)
 _L = [29, 30]
+NORMAL, OFFSET, SOUND, WEIGHTS = _N, 31, 32, _L
 _S = 31
 _OK = 32
 SIZE = 33
@@ -272,7 +273,9 @@ def finish(pair: Pair, state: Any) -> Any:
     check = newton(pair, c)
     error = ca.norm_2(check.normal - c.normal) + ca.fabs(check.offset - c.offset)
     height = _height(pair, check.normal)
-    sound = ca.logic_and(error < 1e-6, ca.fabs(height - check.offset) < 1e-9)
+    l1, l2, l3 = check.all_weights
+    pulling = ca.fmin(l1, ca.fmin(l2, l3)) < -1e-6
+    sound = ca.logic_and(error < 1e-6, ca.logic_and(ca.fabs(height - check.offset) < 1e-9, ca.logic_not(pulling)))
     feature = pair.settled(pair.support(c.normal), c.normal)
     plane = Contact([feature] * 3, [0, 0], c.normal, [0, 0], _height(pair, c.normal), 0)
     return ca.if_else(sound, c.vector, plane.vector)

@@ -26,7 +26,7 @@ SIZE = _COUNT + 1
 # Phases, counted down to the end.
 _FIRST, _SECOND, _DISCOVER, _REFINE = 4.0, 3.0, 2.0, 1.0
 
-_ASIDE = (0.43e-4, 0.27e-4, -0.61e-4)
+ASIDE = (0.43e-4, 0.27e-4, -0.61e-4)
 """Moves the ray out of the planes of symmetry in which it would meet edges: the answer does not depend on it."""
 
 # Steps after which no new ray is shot: it would not come to an end.
@@ -34,9 +34,13 @@ _LAST_RAY = 36
 _TINY = 1e-300
 
 
-def start(pair: Pair) -> Any:
-    """The state before the first step."""
-    v0 = pair.inner() + ca.DM(_ASIDE)
+def inner(pair: Pair) -> Any:
+    """Start of the first ray."""
+    return pair.inner() + ca.DM(ASIDE)
+
+
+def start(v0: Any) -> Any:
+    """The state before the first step of a ray from `v0`."""
     return ca.vertcat(v0, ca.SX.zeros(3 * VERTEX + 3), 0, _FIRST, 0)
 
 
@@ -97,14 +101,7 @@ def _refine(pair: Pair, state: Any, tolerance: float, near: float) -> Any:
 
     # The nearest point of the plane is outside the portal: a ray along the normal leaves elsewhere, and sooner.
     again = ca.logic_and(worth, _outside(w, n, offset, near))
-    restart = (ca.DM(_ASIDE) - 0.5 * n) * ca.fmin(offset, 0.1)
-    retreat = pair.retreat()
-    if retreat is not None:
-        # The way out leads on through: the tool goes back where it came from.
-        direction, deep = retreat
-        through = ca.logic_and(worth, ca.logic_and(ca.dot(n, direction) < -0.5, offset > deep))
-        back = (ca.DM(_ASIDE) - 0.5 * direction) * ca.fmin(offset, 0.1)
-        restart, again = ca.if_else(through, back, restart), ca.logic_or(through, again)
+    restart = (ca.DM(ASIDE) - 0.5 * n) * ca.fmin(offset, 0.1)
     refined = _refined(v0, v, found, ca.logic_not(close))
     return ca.vertcat(
         ca.if_else(again, restart, v0),
@@ -119,6 +116,11 @@ def _refine(pair: Pair, state: Any, tolerance: float, near: float) -> Any:
 def _after(state: Any, vertices: dict[int, Any], phase: Any) -> Any:
     kept = [vertices.get(k, state[place]) for k, place in enumerate(_V)]
     return ca.vertcat(state[:3], *kept, state[_N], state[OFFSET], phase, state[_COUNT] + 1)
+
+
+def corners(state: Any) -> Any:
+    """The vertices of the portal and the start of the ray as points, (12, 1)."""
+    return ca.vertcat(*(state[place][:3] for place in _V), state[:3])
 
 
 def result(state: Any) -> tuple[list[Any], Any, Any]:

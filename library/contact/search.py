@@ -1,4 +1,4 @@
-"""From a pose of two shapes to the features that touch: portal, then distance where they are apart, then polishing."""
+"""From a pose of two shapes to the features that touch: portal, distance where apart, polishing, other ways."""
 
 from __future__ import annotations
 
@@ -6,15 +6,17 @@ from typing import Any
 
 import casadi as ca
 
-from acausal.library.contact import distance, polish, portal
+from acausal.library.contact import deep, distance, polish, portal
 from acausal.library.contact.chain import frozen, repeat
 from acausal.library.contact.minkowski import Core, Pair
 
-_MOST_PORTAL, _MOST_DISTANCE, _MOST_POLISH = 64, 32, 24
+_MOST_PORTAL, _MOST_DISTANCE, _MOST_POLISH = 64, 32, 48
 """Bounds of the iterations; what is typical is 8, 3 and 2."""
 
-_CURVED, _FLAT = (1e-3, 0.3), (1e-12, 0.0)
+_CURVED, _FINE, _FLAT = (1e-3, 0.3), (1e-8, 0.01), (1e-12, 0.0)
 """Tolerance and nearness of the portal (see there), when there are circles, and when there are none.
+
+The one in between is for circles whose contact did not settle.
 
 A portal on something round shrinks by half at each step; polishing finds the rest in two or three.
 """
@@ -28,23 +30,33 @@ def search(a: Core, b: Core) -> Any:
     tolerance = _CURVED if a.round or b.round else _FLAT
     pose = ca.MX.sym("pose", 12)
 
-    flat = a.dimension + b.dimension < 3
-    apart = _apart(pair, data, tolerance)
-    if flat:
+    apart, polished = _apart(pair, data, tolerance), _polished(pair, data)
+    if a.dimension + b.dimension < 3:
         # The difference of points and lines has no inside: there is no portal, and no overlap either.
         d0 = pair.inner()
         v = pair.support(-d0)
         begin = ca.Function("begin", [data], [distance.start([v, v, v])])
-        contact = apart(begin(pose), pose)
+        contact = polished(apart(begin(pose), pose), pose)
     else:
-        contact = _with_portal(pair, data, tolerance, apart)(pose)
-    state = ca.SX.sym("state", polish.WORKING)
-    step = ca.Function("polish", [state, data], [polish.step(pair, state)], _CALL)
-    polished = repeat(step, polish.GOING, _MOST_POLISH)(contact, pose)
-    finish = ca.Function("finish", [state, data], [polish.finish(pair, state)], _CALL)
-    whole = ca.Function("contact", [pose], [finish(polished, pose)], _CALL)
+        v0 = ca.MX.sym("v0", 3)
+        ray = _from_ray(pair, data, tolerance, apart, polished)
+        fine = _from_ray(pair, data, _FINE, _apart(pair, data, _FINE), polished)
+        local = ca.Function("local", [v0, pose], [ray(v0, pose)[0]], _CALL)
+        finely = ca.Function("finely", [v0, pose], [fine(v0, pose)[0]], _CALL)
+        first = ca.Function("inner", [data], [portal.inner(pair)])
+        contact = deep.least(pair, data, local, finely)(*ray(first(pose), pose), pose)
+    whole = ca.Function("contact", [pose], [contact], _CALL)
     P, Q = ca.MX.sym("p", 3), ca.MX.sym("R", 3, 3)
     return frozen("contact_search", ca.Function("pose", [P, Q], [whole(ca.vertcat(P, ca.vec(Q)))], _CALL))
+
+
+def _polished(pair: Pair, data: Any) -> Any:
+    """`(state of polish, pose) -> contact`."""
+    state, s, pose = ca.SX.sym("state", polish.WORKING), ca.MX.sym("s", polish.WORKING), ca.MX.sym("pose", 12)
+    step = ca.Function("polish", [state, data], [polish.step(pair, state)], _CALL)
+    finish = ca.Function("finish", [state, data], [polish.finish(pair, state)], _CALL)
+    end = repeat(step, polish.GOING, _MOST_POLISH)(s, pose)
+    return ca.Function("polished", [s, pose], [finish(end, pose)], _CALL)
 
 
 def _apart(pair: Pair, data: Any, tolerance: tuple[float, float]) -> Any:
@@ -60,27 +72,29 @@ def _apart(pair: Pair, data: Any, tolerance: tuple[float, float]) -> Any:
     return ca.Function("apart", [s, pose], [finish(end, pose)], _CALL)
 
 
-def _with_portal(pair: Pair, data: Any, tolerance: tuple[float, float], apart: Any) -> Any:
-    """`pose -> state of polish`."""
+def _from_ray(pair: Pair, data: Any, tolerance: tuple[float, float], apart: Any, polished: Any) -> Any:
+    """`(start of the ray, pose) -> (contact, portal and start of the last ray (12, 1))`."""
     state = ca.SX.sym("state", portal.SIZE)
     phases = [
         ca.Function(f"portal_phase_{k}", [state, data], [after])
         for k, after in enumerate(portal.steps(pair, state, *tolerance), start=1)
     ]
     vertices, n, offset = portal.result(state)
-    begin = ca.Function("begin", [data], [portal.start(pair)], _CALL)
+    start = ca.SX.sym("v0", 3)
+    begin = ca.Function("begin", [start], [portal.start(start)], _CALL)
+    corners = ca.Function("corners", [state], [portal.corners(state)], _CALL)
     overlap = ca.Function("overlap", [state, data], [polish.start(pair, vertices, n, offset)], _CALL)
     separate = ca.Function("separate", [state], [distance.start(vertices), offset], _CALL)
 
-    s, pose = ca.MX.sym("s", portal.SIZE), ca.MX.sym("pose", 12)
+    s, pose, v0 = ca.MX.sym("s", portal.SIZE), ca.MX.sym("pose", 12), ca.MX.sym("v0", 3)
     chosen = ca.Function.conditional("portal_phases", phases[:-1], phases[-1])
     step = ca.Function("portal", [s, pose], [chosen(s[portal.GOING] - 1, s, pose)], _CALL)
     inside = ca.Function("inside", [s, pose], [overlap(s, pose)], _CALL)
     outside = ca.Function("outside", [s, pose], [apart(separate(s)[0], pose)], _CALL)
     switch = ca.Function.conditional("side", [outside], inside)
-    end = repeat(step, portal.GOING, _MOST_PORTAL)(begin(pose), pose)
+    end = repeat(step, portal.GOING, _MOST_PORTAL)(begin(v0), pose)
     value = switch(ca.if_else(end[portal.OFFSET] < -1e-10, 0, 1), end, pose)
-    return ca.Function("with_portal", [pose], [value], _CALL)
+    return ca.Function("from_ray", [v0, pose], [polished(value, pose), corners(end)], _CALL)
 
 
 _CALL = {"never_inline": True}

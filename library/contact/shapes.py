@@ -71,9 +71,9 @@ class Shape:
         raise NotImplementedError
 
     @property
-    def way_back(self) -> float:
-        """Depth [m] from which on a tool that points to -z is drawn back rather than pushed through; 0 for no tool."""
-        return 0.0
+    def way_back(self) -> tuple[float, float]:
+        """How many times as far a tool with its tip towards -z is drawn back rather than pushed through, or aside."""
+        return 0.0, 0.0
 
     def check(self, body: str) -> None:
         """Raise DeclarationError AC174 when the shape of `body` has no volume or is not convex."""
@@ -211,8 +211,8 @@ class Capsule(Shape):
 class Cone(Shape):
     """A cone with its tip at the origin that opens towards +z; its base has `radius` and lies at z = `length`.
 
-    It leaves another body where its tip came in, also when that is no longer the shortest way out; only within a tenth
-    of its length of the base does it touch with the base.
+    A tool: where the shortest way out of another body is on through, past the tip, it is drawn back instead, unless
+    that is more than four times as far: then it stands on its base.
     """
 
     radius: float
@@ -227,8 +227,8 @@ class Cone(Shape):
         return Inner((0.0, 0.0, _DEEP * self.length), (0.0, 0.0, 0.0))
 
     @property
-    def way_back(self) -> float:
-        return 0.1 * self.length
+    def way_back(self) -> tuple[float, float]:
+        return 4.0, 0.0
 
     def check(self, body: str) -> None:
         self._positive(body, radius=self.radius, length=self.length)
@@ -238,8 +238,8 @@ class Cone(Shape):
 class PointedDrill(Shape):
     """A drill with its tip at the origin and its shank towards +z.
 
-    The ray starts at the end of the shank: the drill leaves a workpiece on the side where it came in, also when that is
-    no longer the shortest way out.
+    A tool as `Cone` is: it leaves a workpiece on the side where it came in, also when on through would be shorter, and
+    when aside is, unless that is more than twice as far.
 
     Parameters
     ----------
@@ -267,6 +267,10 @@ class PointedDrill(Shape):
     def inner(self) -> Inner:
         inset = 0.5 * min(self.diameter / 2, self.length - self.point_length)
         return Inner((0.0, 0.0, self.length - inset), (0.0, 0.0, 0.0))
+
+    @property
+    def way_back(self) -> tuple[float, float]:
+        return 4.0, 2.0
 
     def check(self, body: str) -> None:
         self._positive(body, diameter=self.diameter, length=self.length)
@@ -355,9 +359,12 @@ class ConvexHull(Shape):
         from scipy.optimize import linprog
 
         corners, faces = self._hull
-        # The centre of the largest ball inside.
-        found = linprog([0, 0, 0, -1], np.hstack([faces[:, :3], np.ones((len(faces), 1))]), -faces[:, 3], bounds=None)
-        centre = found.x[:3]
+        # The centre of the largest ball inside; in units of the hull, for the solver's tolerances are absolute.
+        middle = corners.mean(axis=0)
+        size = float(np.abs(corners - middle).max())
+        rows, limits = np.hstack([faces[:, :3], np.ones((len(faces), 1))]), -(faces[:, 3] + faces[:, :3] @ middle)
+        found = linprog([0, 0, 0, -1], rows, limits / size, bounds=(None, None))
+        centre = middle + size * found.x[:3]
         extent = (corners.max(axis=0) - corners.min(axis=0)) / 2
         room = -(faces[:, :3] @ centre + faces[:, 3])
         half = extent * float((room / (np.abs(faces[:, :3]) @ extent)).min())

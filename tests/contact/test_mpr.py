@@ -11,7 +11,7 @@ import pytest
 from acausal import External
 from acausal.errors import DeclarationError
 from acausal.library.contact.penetration import collision_function, penetration
-from acausal.library.contact.shapes import Box, Capsule, Cone, Cylinder, HalfSpace, PointedDrill, Sphere
+from acausal.library.contact.shapes import Box, Capsule, Cone, ConvexHull, Cylinder, HalfSpace, PointedDrill, Sphere
 from tests.contact.poses import PAIRS, SHAPES, contact, directions, outside, placed, plane_heights, pose
 
 EXACT = 1e-9
@@ -108,18 +108,42 @@ def test_depth_is_the_least_overlap_of_all_directions(a: str, b: str) -> None:
     """By definition: the least height of the support plane of the difference over all directions.
 
     Exact: the plane supports the difference (to rounding), the witnesses are points of the shapes, and they lie along
-    the normal. Least: no direction of a dense set is lower. The poses are shallow, where the nearest way out is unique.
+    the normal. Least: no direction of a dense set is lower.
     """
     one, two = SHAPES[a], SHAPES[b]
     rng = np.random.default_rng(int.from_bytes(f"{a}{b}".encode()) % 2**32)
-    for k in range(3):
-        pose_a, pose_b = placed(one, two, (0.01, 0.003, -0.05)[k], rng)
+    for depth in (0.01, 0.003, -0.05, 0.05, 0.1):
+        pose_a, pose_b = placed(one, two, depth, rng)
         d, n, p, q = contact(one, pose_a, two, pose_b)
         assert float(plane_heights(one, pose_a, two, pose_b, n[None])[0]) == pytest.approx(d, abs=1e-12)
         assert p - q == pytest.approx(d * n, abs=1e-12)
         assert outside(one, pose_a, p) < 1e-9
         assert outside(two, pose_b, q) < 1e-9
         assert d <= plane_heights(one, pose_a, two, pose_b, directions()).min() + 1e-12
+
+
+def test_boxes_deep_in_each_other() -> None:
+    """Least overlap along the 15 directions of the separating axis theorem, which is exact for boxes (S. Gottschalk,
+    M. C. Lin, D. Manocha, OBBTree, SIGGRAPH 1996)."""
+    rng = np.random.default_rng(5)
+    one, two = Box((0.9, 0.5, 0.2)), Box((0.3, 0.8, 0.6))
+    for _ in range(25):
+        pose_a, pose_b = placed(one, two, rng.uniform(0.02, 0.15), rng)
+        R, S = pose_a[1], pose_b[1]
+        axes = np.vstack([R.T, S.T, [np.cross(R[:, i], S[:, k]) for i in range(3) for k in range(3)]])
+        axes /= np.linalg.norm(axes, axis=1)[:, None]
+        found = contact(one, pose_a, two, pose_b)[0]
+        assert found == pytest.approx(
+            plane_heights(one, pose_a, two, pose_b, np.vstack([axes, -axes])).min(), abs=EXACT
+        )
+
+
+def test_a_hull_away_from_its_origin() -> None:
+    """All of its coordinates negative: the same box elsewhere."""
+    corners = np.array(list(product((-0.3, -0.1), repeat=3)))
+    d, n, _, _ = contact(ConvexHull(corners), HERE, Sphere(0.05), pose((-0.2, -0.18, -0.07)))
+    assert d == pytest.approx(0.02, abs=EXACT)
+    assert n == pytest.approx((0.0, 0.0, 1.0), abs=EXACT)
 
 
 @pytest.mark.parametrize(("a", "b"), [(a, b) for a, b in PAIRS if a != b])

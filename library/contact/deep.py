@@ -1,0 +1,219 @@
+"""The lowest of several ways out, for shapes that overlap deeply: the portal's ray finds one of them.
+
+A deep overlap has a nearest face on each side. The one found is the lowest of all when a ball of its height around the
+origin lies in the tetrahedron of the portal and the start of the ray, which is part of the difference. Where it does
+not, the heights of many directions are compared, and the search is started again from the lowest that lead elsewhere.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations, product
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from acausal.library.contact import polish, portal
+from acausal.library.contact.minkowski import Core, Pair
+from acausal.library.contact.shapes import Vector
+
+_SHALLOW = 1e-10
+"""Offset below which another face cannot be worth looking for."""
+
+_LATTICE = 120
+_STARTS = 4
+_SAME_WAY = 0.9
+"""Cosine of the angle below which two directions lead to different faces."""
+
+_WORTH = 1.5
+"""Ratio of a direction's height to the best offset up to which the face next to it may be lower."""
+
+_UNSOUND = 1e-6
+_MOST_NORMALS, _MOST_EDGES = 60, 400
+_BIG = 1e3
+_CALL = {"never_inline": True}
+
+
+def least(pair: Pair, data: Any, local: Any, finely: Any) -> Any:
+    """`(contact, triangle, pose) -> contact` with the lowest offset.
+
+    `local` and `finely` are `(start of a ray, pose) -> contact`, the second for what did not settle with the first.
+    `triangle` has the vertices of the portal and the start of its ray, (12, 1).
+    """
+    c, triangle, pose = ca.MX.sym("c", polish.SIZE), ca.MX.sym("triangle", 12), ca.MX.sym("pose", 12)
+    searched = _searched(pair, data, local)
+    found = ca.Function("searched", [c, triangle, pose], [searched(c, pose)], _CALL)
+    same = ca.Function("same", [c, triangle, pose], [c])
+    switch = ca.Function.conditional("deep_switch", [found], same)
+    certified = _certified(data)
+    best = switch(certified(c, triangle), c, triangle, pose)
+    tool = pair.tool()
+    if tool is not None:
+        best = _drawn_back(data, *tool, local)(best, pose)
+    return ca.Function("deep", [c, triangle, pose], [_settled(pair, data, finely)(best, pose)], _CALL)
+
+
+def _settled(pair: Pair, data: Any, finely: Any) -> Any:
+    """`(contact, pose) -> contact`: one that did not settle is searched again with a small portal."""
+    c, pose = ca.MX.sym("c", polish.SIZE), ca.MX.sym("pose", 12)
+    inner = ca.Function("inner", [data], [portal.inner(pair)])
+    overlap = c[polish.OFFSET] > 0
+    new = finely(ca.if_else(overlap, _behind(c[polish.NORMAL], c[polish.OFFSET]), inner(pose)), pose)
+    lower = _rank(new) < _rank(c)
+    search = ca.Function("fine", [c, pose], [ca.if_else(lower, new, c)], _CALL)
+    same = ca.Function("not_fine", [c, pose], [c])
+    switch = ca.Function.conditional("fine_switch", [search], same)
+    return ca.Function("settled", [c, pose], [switch(ca.if_else(_good(c), 1, 0), c, pose)], _CALL)
+
+
+def _certified(data: Any) -> Any:
+    """`(contact, triangle) -> 0` where another face may be lower, else 1."""
+    c, t = ca.SX.sym("c", polish.SIZE), ca.SX.sym("triangle", 12)
+    found = polish.contact(c)
+    w, v0 = [t[3 * k : 3 * k + 3] for k in range(3)], t[9:]
+    room = ca.SX(_BIG)
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        across = ca.cross(w[i] - v0, w[j] - v0)
+        across = ca.if_else(ca.dot(across, w[k] - v0) > 0, -across, across)
+        room = ca.fmin(room, ca.dot(across, v0) / ca.fmax(ca.norm_2(across), 1e-300))
+    enough = ca.logic_and(found.sound, room >= found.offset)
+    return ca.Function("certified", [c, t], [ca.logic_or(found.offset <= _SHALLOW, enough)], _CALL)
+
+
+def _searched(pair: Pair, data: Any, local: Any) -> Any:
+    """`(contact, pose) -> contact`, the lowest of it and of those that new searches end at."""
+    c, pose = ca.MX.sym("c", polish.SIZE), ca.MX.sym("pose", 12)
+    candidates, heights = _sample(pair.a, pair.b)(pose)
+    try_one = _tried(local)
+    # A search that did not settle may have stopped on the right side.
+    taken = ca.if_else(_good(c), c[polish.NORMAL], ca.MX(3, 1))
+    best = c
+    near = ca.mmin(heights)
+    for _ in range(_STARTS):
+        heights = heights + _BIG * ((taken.T @ candidates) > _SAME_WAY)
+        lowest = ca.mmin(heights)
+        direction = candidates[:, ca.find(heights.T <= lowest)]
+        best = try_one(best, direction, lowest, near, pose)
+        taken = direction
+    return ca.Function("all_ways", [c, pose], [best], _CALL)
+
+
+def _tried(local: Any) -> Any:
+    """`(contact, direction, its height, lowest height, pose) -> contact`: that of a new search if it is lower."""
+    c, m, pose = ca.MX.sym("c", polish.SIZE), ca.MX.sym("m", 3), ca.MX.sym("pose", 12)
+    height, near = ca.MX.sym("height"), ca.MX.sym("near")
+    offset = c[polish.OFFSET]
+    given = [c, m, height, near, pose]
+    new = local(_behind(m, ca.fmin(near, offset)), pose)
+    lower = _rank(new) < _rank(c)
+    search = ca.Function("start", given, [ca.if_else(lower, new, c)], _CALL)
+    same = ca.Function("no_start", given, [c])
+    switch = ca.Function.conditional("start_switch", [search], same)
+    worth = ca.logic_or(height < _WORTH * offset, ca.logic_not(_good(c)))
+    return ca.Function("tried", given, [switch(ca.if_else(worth, 0, 1), *given)], _CALL)
+
+
+def _behind(m: Any, room: Any) -> Any:
+    """Start of a ray through the origin that leaves in direction m."""
+    return (ca.DM(portal.ASIDE) - 0.4 * m) * ca.fmin(room, 0.1)
+
+
+def _rank(c: Any) -> Any:
+    """The offset, for comparing: a plane that did not settle has to be lower by more than rounding."""
+    return c[polish.OFFSET] + _UNSOUND * ca.logic_not(_good(c))
+
+
+def _good(c: Any) -> Any:
+    """Whether a search has settled, with witnesses inside of the shapes."""
+    one, two = c[polish.WEIGHTS[0]], c[polish.WEIGHTS[1]]
+    least = ca.fmin(ca.fmin(one, two), 1 - one - two)
+    return ca.logic_and(c[polish.SOUND] > 0.5, least > -1e-6)
+
+
+def _drawn_back(data: Any, direction: Any, most: tuple[float, float], local: Any) -> Any:
+    """`(contact, pose) -> contact`: a tool that would be pushed on through is drawn back, unless that is much farther.
+
+    Whether its tip has come out, or it was set down on its base: no shape can tell, but the depths do. `most` are the
+    ratios of the depths up to which it is drawn back instead of through, and instead of aside.
+    """
+    way = ca.Function("way_back", [data], [direction])
+    c, pose = ca.MX.sym("c", polish.SIZE), ca.MX.sym("pose", 12)
+    back, offset = way(pose), c[polish.OFFSET]
+    along = ca.dot(c[polish.NORMAL], back)
+    other = local(_behind(back, offset), pose)
+    near = other[polish.OFFSET] < ca.if_else(along < -0.5, *most) * offset
+    taken = ca.logic_and(ca.logic_and(ca.dot(other[polish.NORMAL], back) > 0.7, near), _good(other))
+    search = ca.Function("back", [c, pose], [ca.if_else(taken, other, c)], _CALL)
+    same = ca.Function("not_back", [c, pose], [c])
+    switch = ca.Function.conditional("back_switch", [search], same)
+    wrong = ca.logic_and(along < (0.5 if most[1] else -0.5), offset > _SHALLOW)
+    return ca.Function("drawn_back", [c, pose], [switch(ca.if_else(wrong, 0, 1), c, pose)], _CALL)
+
+
+def _sample(a: Core, b: Core) -> Any:
+    """`pose -> (directions (3, k), their heights (1, k))`: normals of faces, across two edges, a lattice."""
+    pose = ca.MX.sym("pose", 12)
+    p, R = pose[:3], ca.reshape(pose[3:], 3, 3)
+    own = np.vstack([_normals(a), _lattice(_LATTICE)])
+    d = ca.horzcat(ca.DM(own.T), -(R @ ca.DM(_normals(b).T)))
+    pairs = list(product(_edges(a), _edges(b)))
+    if pairs and len(pairs) <= _MOST_EDGES:
+        one, two = (ca.DM(np.array(side).T) for side in zip(*pairs, strict=True))
+        two = R @ two
+        across = ca.vertcat(
+            one[1, :] * two[2, :] - one[2, :] * two[1, :],
+            one[2, :] * two[0, :] - one[0, :] * two[2, :],
+            one[0, :] * two[1, :] - one[1, :] * two[0, :],
+        )
+        # Parallel edges have no direction of their own; the floor keeps it finite, and short.
+        across = across / ca.repmat(ca.sqrt(ca.fmax(ca.sum1(across**2), 1e-8)), 3, 1)
+        d = ca.horzcat(d, across, -across)
+    lengths = ca.sum1(d**2)
+    heights = _heights(a, d) + _heights(b, -(R.T @ d)) - p.T @ d + _BIG * (lengths < 0.5)
+    return ca.Function("sample", [pose], [d, heights], _CALL)
+
+
+def _heights(body: Core, d: Any) -> Any:
+    """Support function (1, k) of a core for directions (3, k)."""
+    if body.half is not None:
+        return sum(ca.fabs(d[k, :]) * h for k, h in enumerate(body.half))
+    across = ca.sqrt(d[0, :] ** 2 + d[1, :] ** 2) if body.round else None
+    best = None
+    for row in body.rings:
+        height = ca.DM(row[:3]).T @ d
+        if row[3] and across is not None:
+            height = height + float(row[3]) * across
+        best = height if best is None else ca.fmax(best, height)
+    return best
+
+
+def _normals(body: Core) -> Vector:
+    """Outward normals (n, 3) of the faces of a core; of one with circles, those of their discs."""
+    if body.half is not None or body.round or body.dimension < 3:
+        axes = np.eye(3) if body.half is not None else np.eye(3)[2:]
+        return np.vstack([axes, -axes])
+    from scipy.spatial import ConvexHull as Hull
+
+    return np.asarray(Hull(body.rings[:, :3]).equations[:_MOST_NORMALS, :3])
+
+
+def _edges(body: Core) -> Vector:
+    """Directions (n, 3) of the edges of a core, and of the straight lines of a round one, without sense."""
+    if body.half is not None:
+        return np.eye(3)
+    if body.round or body.dimension < 3:
+        return np.eye(3)[2:]
+    from scipy.spatial import ConvexHull as Hull
+
+    points = body.rings[:, :3]
+    sides = {tuple(sorted(pair)) for face in Hull(points).simplices for pair in combinations(face.tolist(), 2)}
+    edges = np.array([points[j] - points[i] for i, j in sorted(sides)])
+    return np.asarray(edges / np.linalg.norm(edges, axis=1)[:, None])
+
+
+def _lattice(count: int) -> Vector:
+    """Directions (count, 3) spread evenly over the sphere: a Fibonacci lattice."""
+    k = np.arange(count) + 0.5
+    z, around = 1 - 2 * k / count, np.pi * (1 + 5**0.5) * k
+    across = np.sqrt(1 - z**2)
+    return np.stack([np.cos(around) * across, np.sin(around) * across, z], axis=1)
