@@ -72,13 +72,19 @@ def options(
     adaptive = tolerance is not None and solver is not None and solver not in _FIXED
     own_step = None if adaptive else experiment.step
     interval = output_interval if output_interval is not None else experiment.output_interval
+    name = experiment.solver if solver is None else solver
+    steps = own_step if step is None else float(step)
+    rows = (stop - start) / 500 if interval is None else float(interval)
+    if output_interval is None and name in _FIXED and steps is not None and rows < steps < math.inf:
+        # these methods know the ends of their steps only: rows nobody asked for must not make the steps shorter
+        rows = min(steps, max(stop - start, rows))
     chosen = Options(
         start_time=start,
         stop_time=stop,
-        output_interval=(stop - start) / 500 if interval is None else float(interval),
+        output_interval=rows,
         tolerance=experiment.tolerance if tolerance is None else float(tolerance),
-        solver=experiment.solver if solver is None else solver,
-        step=own_step if step is None else float(step),
+        solver=name,
+        step=steps,
         max_step=experiment.max_step,
         native=native,
     )

@@ -45,6 +45,15 @@ class LoopAndIntegral(Component):
         yield der(self.y) == self.x
 
 
+class Decay(Component):
+    """One eigenvalue, -1."""
+
+    x: Real = variable(default=fixed(1.0))
+
+    def equations(self) -> Equations:
+        yield der(self.x) == -self.x
+
+
 class Ramp(Component):
     """Two integrals in a row: no eigenvalue but zero, whatever the numbers."""
 
@@ -139,3 +148,18 @@ def test_harmless_growth_of_an_undamped_mode_passes() -> None:
     """Heun's method amplifies every undamped mode, by (h*omega)**4/8 a step: 1e-13 at 1 ms; nobody has to know."""
     result = acausal.simulate(StiffAndTurning(), solver="rk2", step=1e-4, output_interval=1e-2)
     assert result.final("y") == pytest.approx(math.sin(1.0), abs=1e-8)
+
+
+@pytest.mark.parametrize(("solver", "limit"), [("rk2", 2.0), ("rk", 2.785)])
+def test_a_step_longer_than_the_default_rows_is_taken_as_it_is(solver: str, limit: float) -> None:
+    """x' = -x from 1 over 100 s: rows every 0.2 s would hide that the step is unstable; limits are Hairer, Wanner's."""
+    good = acausal.simulate(Decay(), stop_time=100.0, solver=solver, step=0.9 * limit)
+    assert len(good.time) == math.ceil(100.0 / (0.9 * limit)) + 1
+    assert abs(good.final("x")) < 1e-3
+    with pytest.raises(IntegrationError, match="AC405"):
+        acausal.simulate(Decay(), stop_time=100.0, solver=solver, step=1.1 * limit)
+    grown = acausal.simulate(Decay(), stop_time=100.0, solver=solver, step=1.1 * limit, force=True)
+    assert abs(grown.final("x")) > 1e3
+    # rows that were asked for are kept, by shorter steps
+    asked = acausal.simulate(Decay(), stop_time=100.0, solver=solver, step=1.1 * limit, output_interval=0.5)
+    assert len(asked.time) == 201

@@ -24,8 +24,16 @@ def step_of(segment: Segment, solver: str) -> float:
 
 
 def elements(segment: Segment, solver: str) -> int:
-    """CasADi's number of finite elements over the segment for the wanted step."""
-    return max(1, math.ceil((float(segment.times[-1]) - segment.start) / step_of(segment, solver) - 1e-9))
+    """CasADi's number of finite elements over the segment for the wanted step.
+
+    CasADi makes steps of it between every two outputs, rounded up: one element too many doubles their number where
+    outputs are a step apart.
+    """
+    step, intervals = step_of(segment, solver), np.diff(segment.times, prepend=segment.start)
+    span = float(segment.times[-1]) - segment.start
+    few = max(1, math.floor(span / step + 1e-9))
+    longest = np.max(intervals / np.maximum(1.0, np.ceil(intervals * few / span - 1e-9)))
+    return few if longest <= step * (1 + 1e-9) else math.ceil(span / step - 1e-9)
 
 
 class Rk(CasadiSolver):
