@@ -178,9 +178,9 @@ def _heights(body: Core, d: Any) -> Any:
     if body.half is not None:
         return sum(ca.fabs(d[k, :]) * h for k, h in enumerate(body.half))
     across = ca.sqrt(d[0, :] ** 2 + d[1, :] ** 2) if body.round else None
-    best = None
+    best: Any = None
     for row in body.rings:
-        height = ca.DM(row[:3]).T @ d
+        height: Any = ca.DM(row[:3]).T @ d
         if row[3] and across is not None:
             height = height + float(row[3]) * across
         best = height if best is None else ca.fmax(best, height)
