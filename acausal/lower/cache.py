@@ -35,11 +35,15 @@ _LARGEST_CHOICE = 200
 _APART = {"pool", "equations", "variables", "parameter_values", "experiment", "components", "loops", "notes"}
 
 
-def signature(flat: FlatSystem, formulation: str) -> Signature:
-    """What decides how a flat system is compiled; to be taken before anything else uses its pool."""
+def signature(flat: FlatSystem, formulation: str, wishes: Any = None) -> Signature:
+    """What decides how a flat system is compiled; to be taken before anything else uses its pool.
+
+    `wishes` are those of a model that is made smaller; the values of its parameters then count too.
+    """
     pool = flat.pool
     return (
         formulation,
+        wishes if wishes is None else (wishes, flat.parameter_values, flat.experiment),
         tuple(pool.nodes),
         pool.n_variables,
         tuple(pool.integral_of.items()),
@@ -114,6 +118,10 @@ def recall(key: Signature, flat: FlatSystem) -> CompiledModel | None:
     entry = _cache.get(key)
     if entry is None:
         return None
+    if entry.compiled.selection is not None:
+        # its flat system is a part of this one, and its values are the same
+        recalled: CompiledModel = _replaced(entry.compiled, timings={})
+        return recalled
     found = _with_values(entry.compiled, flat)
     points = found.solution.structure.points
     for variable, node in found.solution.definitions:

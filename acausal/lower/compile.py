@@ -57,7 +57,7 @@ def compile(
         projected onto it, as it is otherwise done only where no choice is safe.
     cache
         Take what this process has compiled already of a model with the same structure and other values of parameters;
-        `timings` then has an entry "recall".
+        `timings` then has an entry "recall". A model made smaller is taken again for the same wishes and values.
     outputs
         Names of variables; the model is then the smallest one that gives these, and only parameters and what is at
         hand anyway can be read beside them. `acausal.reduce` reports what was left out.
@@ -85,7 +85,8 @@ def compile(
         selecting = outputs is not None or bool(freeze) or bool(quasi_static)
         if selecting:
             refuse_delays(flat, "a reduced model", "compile it whole: without outputs, freeze and quasi_static")
-        key = signature(flat, formulation) if cache and not selecting else None
+        wishes = (_tuple(outputs), tuple(freeze), tuple(quasi_static)) if selecting else None
+        key = signature(flat, formulation, wishes) if cache else None
         known = recall(key, flat) if key is not None else None
         if known is not None:
             clock.lap("recall")
@@ -103,6 +104,10 @@ def compile(
     if key is not None:
         remember(key, compiled)
     return compiled
+
+
+def _tuple(names: Sequence[str] | None) -> tuple[str, ...] | None:
+    return None if names is None else tuple(_names("outputs", names))
 
 
 def _names(option: str, names: Sequence[str]) -> Sequence[str]:

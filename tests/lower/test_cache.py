@@ -160,3 +160,21 @@ def test_least_recently_used_models_go(monkeypatch: pytest.MonkeyPatch) -> None:
     assert len(cache._cache.entries) == 2
     assert shared(oldest, acausal.compile(Decay(steps=1)))
     assert "lower" in acausal.compile(Decay(steps=2)).timings
+
+
+def test_reduced_models_are_taken_again_for_the_same_wishes_and_values_only() -> None:
+    first = acausal.compile(RCLadder(n=10), outputs=["capacitors[2].v"])
+    again = acausal.compile(RCLadder(n=10), outputs=["capacitors[2].v"])
+    assert shared(first, again)
+    assert "recall" in again.timings
+    assert "recall" not in first.timings
+    assert again.selection == first.selection
+    for other in (
+        acausal.compile(RCLadder(n=10), outputs=["capacitors[3].v"]),
+        acausal.compile(RCLadder(n=10), outputs=["capacitors[2].v"], freeze=["R"]),
+        acausal.compile(RCLadder(n=10, R=2.0), outputs=["capacitors[2].v"]),
+        acausal.compile(RCLadder(n=10)),
+    ):
+        assert not shared(first, other)
+    a, b = (acausal.simulate(m, stop_time=1.0).final("capacitors[2].v") for m in (first, again))
+    assert a == b
