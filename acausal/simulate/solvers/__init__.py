@@ -44,7 +44,9 @@ def choose(compiled: CompiledModel, wanted: str, step: float | None) -> tuple[So
         return solver_named(wanted), "as asked for"
     if step is not None:
         return solver_named("rk2"), "a fixed step was given"
-    if compiled.state_events.relations and not compiled.algebraic:
+    events = compiled.state_events
+    # a one-step method starts again after an event at no cost (docs/devdocs/events.md)
+    if (events.relations or events.samples) and not compiled.algebraic and compiled.n_dynamic:
         return solver_named("rosenbrock"), f"an ODE of {len(compiled.states)} states with events of its variables"
     kind = "a DAE" if compiled.algebraic else "an ODE"
     return solver_named("idas"), f"{kind} of {len(compiled.states)} states, stiffness unknown"
