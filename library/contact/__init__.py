@@ -7,6 +7,7 @@ from acausal.library.contact.bodies import Surfaces as Surfaces
 from acausal.library.contact.broad_phase import PairReport as PairReport
 from acausal.library.contact.friction import Coulomb as Coulomb
 from acausal.library.contact.friction import FrictionLaw as FrictionLaw
+from acausal.library.contact.friction import Hybrid as Hybrid
 from acausal.library.contact.friction import LuGre as LuGre
 from acausal.library.contact.friction import Stribeck as Stribeck
 from acausal.library.contact.laws import DampedPowerLaw as DampedPowerLaw

@@ -158,8 +158,8 @@ def _sample(a: Core, b: Core) -> Any:
     d = ca.horzcat(ca.DM(own.T), -(R @ ca.DM(_normals(b).T)))
     pairs = list(product(_edges(a), _edges(b)))
     if pairs and len(pairs) <= _MOST_EDGES:
-        one, two = (ca.DM(np.array(side).T) for side in zip(*pairs, strict=True))
-        two = R @ two
+        one, other = (ca.DM(np.array(side).T) for side in zip(*pairs, strict=True))
+        two = R @ other
         across = ca.vertcat(
             one[1, :] * two[2, :] - one[2, :] * two[1, :],
             one[2, :] * two[0, :] - one[0, :] * two[2, :],

@@ -3,7 +3,8 @@
 A law is a small record, given to a contact as a structural value, as in `laws.py`. Velocities are vectors in the plane
 of contact; the force on the body that slides points against its velocity.
 
-None of these laws sticks exactly: a body on a slope creeps, by the amount that each law states.
+`Coulomb` and `Stribeck` do not stick: a body on a slope creeps, by the amount that each law states. `LuGre` holds under
+a constant load, `Hybrid` under any below its limit, with located instants of breaking away and of coming to rest.
 """
 
 from __future__ import annotations
@@ -132,6 +133,51 @@ class LuGre(FrictionLaw):
         """1 near standstill, 0 when sliding."""
         share = v / as_expr(self.v_st)
         return exp(-dot(share, share))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Hybrid(FrictionLaw):
+    """Coulomb friction with stiction as a mode: it sticks, slides slowly, or slides, and nothing in between.
+
+    Stuck, the surfaces are held by a spring and a damper between them, force = F_N (s_0 z + s_1 v) with der(z) = v;
+    they break away at the instant at which this reaches mu_s F_N. Sliding, the friction is mu F_N against the velocity.
+    Slowly, below `v_s`, its direction is kept, since that of a vanishing velocity is none; so a body comes to rest at
+    an instant that is located, at which its velocity along this direction passes through zero, and sticks.
+
+    Creep: none. A load that is put on moves a stuck body by q / s_0, once; put on at once, it may overshoot the limit.
+    There is one spring to a contact: a body that turns about the normal is damped, not held.
+
+    Source: the modes are those of M. Otter, H. Elmqvist, S. E. Mattsson, Hybrid modeling in Modelica based on the
+    synchronous data flow principle, CACSD'99; the spring of a stuck contact as in P. A. Cundall, O. D. L. Strack, A
+    discrete numerical model for granular assemblies, Geotechnique 29 (1979) 47-65.
+
+    Parameters
+    ----------
+    mu, mu_s
+        Coefficients of friction of sliding and of breaking away [1]; without `mu_s` they are equal.
+    s_0, s_1
+        Stiffness [1/m] and damping [s/m] of stuck surfaces, per normal force.
+    v_s
+        Velocity below which sliding is slow [m/s].
+    relaxation
+        Time in which a free spring straightens, and that of a sliding contact follows the velocity [s].
+    """
+
+    mu: Number
+    mu_s: Number | None = None
+    s_0: Number = 1e6
+    s_1: Number = 2e3
+    v_s: Number = 1e-4
+    relaxation: float = 1e-3
+    has_bristle = True
+
+    @property
+    def limit(self) -> Expr:
+        """Coefficient of friction at which surfaces break away [1]."""
+        return as_expr(self.mu if self.mu_s is None else self.mu_s)
+
+    def drag(self, speed: Expr) -> Expr:
+        return as_expr(0.0)
 
 
 def smooth_speed(v: Expr, v_0: Number) -> Expr:

@@ -12,14 +12,18 @@ from acausal import (
     as_expr,
     cross,
     der,
+    discrete,
     dot,
+    equals,
+    integer,
     maximum,
     no_event,
+    pre,
     structural,
     variable,
     where,
 )
-from acausal.library.contact.friction import Coulomb, FrictionLaw, LuGre, smooth_speed
+from acausal.library.contact.friction import Coulomb, FrictionLaw, Hybrid, LuGre, smooth_speed
 from acausal.library.contact.laws import NormalLaw
 from acausal.library.contact.shapes import Shape
 from acausal.library.contact.touch import Touch, touches
@@ -29,6 +33,8 @@ from acausal.library.multibody.orientation import IDENTITY, Rotation, Vector
 Pose = tuple[Vector, Rotation]
 _LIGHT = 1e-2
 """Normal force [N] below which bristles do not feel the whole velocity of sliding: at touch it is not to jump."""
+_BACK = 1e-3
+"""Part of the velocity of slow sliding by which a body has to move backward to be stuck."""
 AT_FRAME: Pose = ((0.0, 0.0, 0.0), IDENTITY)
 """A shape whose own axes are those of the frame of its body."""
 
@@ -59,8 +65,13 @@ class SurfaceContact(Component):
     f_0: Real = variable(unit="N", shape=3, nominal=1e3, doc="Force on the body at frame_b, in world axes")
     energy: Real = variable(unit="J", doc="Stored in the compliance")
     power_damping: Real = variable(unit="W", doc="Taken by the damping of the normal force")
+    slip: Real = variable(unit="m/s", shape=3, doc="Mean velocity of sliding; with bristles only")
     power_friction: Real = variable(unit="W", doc="Taken by friction; with bristles, partly stored in them")
-    bristle: Real = variable(unit="m", shape=3, nominal=1e-5, doc="Bending of the bristles, in world axes; LuGre only")
+    bristle: Real = variable(
+        unit="m", shape=3, nominal=1e-5, doc="Bending of the bristles, in world axes; LuGre, Hybrid"
+    )
+    mode: Real = integer(default=0, doc="0 stuck, 1 sliding slowly, 2 sliding; Hybrid only")
+    direction: Real = discrete(unit="1", shape=3, doc="Of slow sliding; Hybrid only")
 
     def equations(self) -> Equations:
         a, b = self.frame_a, self.frame_b
@@ -78,18 +89,51 @@ class SurfaceContact(Component):
         yield b.f == -(b.R.T @ self.f_0)
         yield a.t == a.R.T @ (moment - cross(a.r_0, self.f_0))
         yield b.t == -(b.R.T @ (moment - cross(b.r_0, self.f_0)))
-        if isinstance(self.friction, LuGre):
+        if self.friction.has_bristle:
             carried = _total([self._slip(p) * load.pressed for p, load in zip(points, loads, strict=True)])
-            slip = carried / maximum(self.F_N, _LIGHT)
+            yield self.slip == carried / maximum(self.F_N, _LIGHT)
+        if isinstance(self.friction, Hybrid):
+            yield from self._modes(self.friction)
+        elif isinstance(self.friction, LuGre):
+            slip = self.slip
             straight = self.bristle / -self.friction.relaxation
             bent = self.friction.bristle_rate(self.bristle, slip)
             touching = no_event(self.depth > 0)
             yield der(self.bristle) == as_expr([where(touching, bent[k], straight[k]) for k in range(3)])
-        else:
+        if not self.friction.has_bristle:
+            yield self.slip == 0
             yield self.bristle == 0
 
+    def _modes(self, law: Hybrid) -> Equations:
+        """Which mode follows which, and how the spring between the surfaces is bent."""
+        stuck, slow = (equals(pre(self.mode), m) for m in (0, 1))
+        pull, along = self._pull(law), dot(self.slip, self.direction)
+        # What does not count in a mode is kept away from its guard there.
+        breaks = where(stuck, dot(pull, pull) - law.limit * law.limit, -1.0) > 0.0
+        turns = where(slow, along + _BACK * law.v_s, 1.0 * law.v_s) < 0.0
+        speed = smooth_speed(self.slip, 1e-9)
+        fast = where(stuck, -1.0 * law.v_s, where(slow, along - law.v_s, speed - 0.5 * law.v_s)) > 0.0
+        after_slow = where(turns, 0, where(fast, 2, 1))
+        yield self.mode == where(stuck, where(breaks, 1, 0), where(slow, after_slow, where(fast, 2, 1)))
+        pulled = smooth_speed(pull, 1e-9)
+        for k in range(3):
+            # Its own velocity gives the direction of what slides, and what pulls that of what begins to.
+            sliding = where(slow, pre(self.direction[k]), self.slip[k] / speed)
+            yield self.direction[k] == where(stuck, pull[k] / pulled, sliding)
+            follows = (law.mu * self._way(k, speed) / law.s_0 - self.bristle[k]) / law.relaxation
+            held = where(no_event(self.depth > 0), self.slip[k], self.bristle[k] / -law.relaxation)
+            yield der(self.bristle[k]) == where(equals(self.mode, 0), held, follows)
+
+    def _pull(self, law: Hybrid) -> Expr:
+        """Force of the spring and the damper of a stuck contact over the normal force [1], vector."""
+        return law.s_0 * self.bristle + law.s_1 * self.slip
+
+    def _way(self, k: int, speed: Expr) -> Expr:
+        """Direction of the sliding, along one axis."""
+        return where(equals(self.mode, 1), self.direction[k], self.slip[k] / speed)
+
     def initial_equations(self) -> Equations:
-        if isinstance(self.friction, LuGre):
+        if self.friction.has_bristle:
             yield self.bristle == 0
 
     def _load(self, point: Touch) -> _Load:
@@ -104,7 +148,19 @@ class SurfaceContact(Component):
         if isinstance(self.friction, LuGre):
             held = self.friction.held(self.bristle, der(self.bristle), slip)
             drag = drag + (held - point.normal * dot(held, point.normal)) * pressed
+        if isinstance(self.friction, Hybrid):
+            drag = self._held(self.friction, point.normal, slip) * pressed
         return _Load(point.normal * pressed + drag, pressed, energy, (pressed - elastic) * rate, dot(drag, slip))
+
+    def _held(self, law: Hybrid, normal: Expr, slip: Expr) -> Expr:
+        """Friction over the normal force at a point [1], vector in the plane of contact."""
+        bent, speed = self.bristle * law.s_0, smooth_speed(slip, 1e-9)
+        bent = bent - normal * dot(bent, normal)
+        way = self.direction - normal * dot(self.direction, normal)
+        stuck, slow = equals(self.mode, 0), equals(self.mode, 1)
+        return as_expr(
+            [where(stuck, bent[k] + law.s_1 * slip[k], law.mu * where(slow, way[k], slip[k] / speed)) for k in range(3)]
+        )
 
     def _slip(self, point: Touch) -> Expr:
         """Velocity of a over b in the plane of contact [m/s], in world axes."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from acausal import Component, Equations, Real, connect, fixed, parameter, part, structural
+from acausal import Component, Equations, Real, connect, fixed, parameter, part, structural, time
 from acausal.library.contact import (
     AT_FRAME,
     Box,
@@ -15,7 +15,7 @@ from acausal.library.contact import (
     SurfaceContact,
 )
 from acausal.library.drilling import EnergyBalance
-from acausal.library.multibody import Body, World
+from acausal.library.multibody import Body, World, WorldForce
 
 G = 9.81
 FIRM = HuntCrossley(k=1e5, n=1.0, e=0.5, v_0=0.01)
@@ -29,6 +29,7 @@ class OnGround(Component):
     friction: FrictionLaw = structural(default=Coulomb(mu=0.5))
     height: Real = parameter(default=0.05, unit="m", doc="Of the centre, at the start")
     sideways: Real = parameter(default=0.0, unit="1", doc="Gravity along x over gravity")
+    ramp: Real = parameter(default=0.0, unit="1/s", doc="Rate of a push along x, over gravity")
     v_x: Real = parameter(default=0.0, unit="m/s")
     w_y: Real = parameter(default=0.0, unit="rad/s")
     m: Real = parameter(default=1.0, unit="kg")
@@ -37,6 +38,7 @@ class OnGround(Component):
     world: World = part()
     body: Body = part()
     contact: SurfaceContact = part()
+    push: WorldForce = part()
     balance: EnergyBalance = part()
 
     def build(self) -> None:
@@ -55,9 +57,10 @@ class OnGround(Component):
         contact = self.contact = SurfaceContact(
             shape_a=self.shape, shape_b=HalfSpace(), pose_b=AT_FRAME, law=self.law, friction=self.friction
         )
+        self.push = WorldForce(force=(self.m * G * self.ramp * time, 0.0, 0.0))
         v, w = body.v_0, body.w_a
         self.balance = EnergyBalance(
-            P_source=self.m * G * (self.sideways * v[0] - v[2]),
+            P_source=self.m * G * ((self.sideways + self.ramp * time) * v[0] - v[2]),
             P_cutting=0.0,
             P_friction=contact.power_friction,
             P_damping=contact.power_damping,
@@ -65,5 +68,5 @@ class OnGround(Component):
         )
 
     def equations(self) -> Equations:
-        yield connect(self.body.frame_a, self.contact.frame_a)
+        yield connect(self.body.frame_a, self.contact.frame_a, self.push.frame_b)
         yield connect(self.world.frame_b, self.contact.frame_b)

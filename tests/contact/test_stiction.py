@@ -1,0 +1,80 @@
+"""Friction that sticks exactly, as a mode: on a slope, under a push that grows, when sliding ends, when landing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import acausal
+from acausal.library.contact import Hybrid
+from tests.contact.scenes import G, OnGround
+
+REST = 0.05 - G / 4e5
+"""Height of the box on its four corners [m]."""
+STICKS = {"solver": "rosenbrock", "tolerance": 1e-8}
+
+
+@pytest.mark.parametrize("share", [0.3, 0.7, 0.95])
+def test_below_the_angle_of_friction_nothing_creeps(share: float) -> None:
+    """A stuck contact is a spring: at rest after it was bent, by no more than rounding in 100 s.
+
+    Near the limit the load that is there at once makes the box rock, and slip by some 0.01 mm first.
+    """
+    slope = {"sideways": 0.4 * share, "height": REST}
+    r = acausal.simulate(OnGround(friction=Hybrid(mu=0.4)), stop_time=100.0, parameters=slope, **STICKS)
+    assert share > 0.9 or set(r["contact.mode"]) == {0.0}
+    assert r.final("contact.mode") == 0.0
+    assert np.ptp(np.asarray(r.at([1.0, 10.0, 100.0], "body.r_0[0]"))) < 1e-12
+    assert np.abs(r.final("body.v_0[0]")) < 1e-12
+    assert r.final("contact.f_0[0]") == pytest.approx(0.4 * share * G, rel=1e-9)
+
+
+@pytest.mark.parametrize(("mu", "slope"), [(0.3, 0.36), (0.5, 0.75)])
+def test_above_it_slides_with_the_difference(mu: float, slope: float) -> None:
+    """g (sin - mu cos), here with gravity's normal part as g cos."""
+    start = {"sideways": slope, "height": REST}
+    r = acausal.simulate(OnGround(friction=Hybrid(mu=mu)), stop_time=1.5, parameters=start, **STICKS)
+    v = np.asarray(r.at([0.8, 1.5], "body.v_0[0]"))
+    assert (v[1] - v[0]) / 0.7 == pytest.approx((slope - mu) * G, rel=1e-6)
+
+
+@pytest.mark.parametrize(("mu", "mu_s", "solver"), [(0.3, None, "rosenbrock"), (0.3, None, "idas"), (0.2, 0.4, "idas")])
+def test_a_push_that_grows_breaks_it_away_at_the_limit(mu: float, mu_s: float | None, solver: str) -> None:
+    """A push of 0.1 m g a second reaches mu_s m g at t = 10 mu_s; before, the friction is the push."""
+    r = acausal.simulate(
+        OnGround(friction=Hybrid(mu=mu, mu_s=mu_s)),
+        stop_time=6.0,
+        parameters={"ramp": 0.1, "height": REST},
+        tolerance=1e-8,
+        solver=solver,
+    )
+    limit = mu if mu_s is None else mu_s
+    first = float(r.time[np.argmax(r["contact.mode"] > 0)])
+    assert first == pytest.approx(10 * limit, abs=1e-6)
+    assert r.at(0.9 * first, "contact.f_0[0]") == pytest.approx(0.9 * limit * G, rel=1e-5)
+    assert r.final("contact.f_0[0]") == pytest.approx(mu * G, rel=1e-6)
+
+
+def test_sliding_ends_at_an_instant_and_for_good() -> None:
+    """v_0 / (mu g) after the start, v_0**2 / (2 mu g) away, to the bending of the springs."""
+    start = {"v_x": 1.0, "height": REST}
+    r = acausal.simulate(OnGround(friction=Hybrid(mu=0.3)), stop_time=3.0, parameters=start, **STICKS)
+    assert r.final("contact.mode") == 0.0
+    stuck = float(r.time[np.flatnonzero(r["contact.mode"] > 0)[-1]])
+    assert stuck == pytest.approx(1.0 / (0.3 * G), rel=1e-3)
+    assert r.final("body.r_0[0]") == pytest.approx(1.0 / (2 * 0.3 * G), rel=1e-3)
+    assert np.ptp(np.asarray(r.at([1.0, 3.0], "body.r_0[0]"))) < 1e-12
+    assert np.abs(r["balance.residual"]).max() < 1e-6 * 0.5
+
+
+def test_a_tumbling_box_keeps_its_energy_balance() -> None:
+    """Landing, slipping and sticking on single corners: to 1e-6 of the work."""
+    r = acausal.simulate(
+        OnGround(friction=Hybrid(mu=0.3, mu_s=0.4)),
+        stop_time=0.4,
+        tolerance=1e-9,
+        solver="rosenbrock",
+        parameters={"height": 0.12, "v_x": 0.5, "w_y": 6.0},
+    )
+    assert {0.0, 1.0, 2.0} <= set(r["contact.mode"])
+    assert np.abs(r["balance.residual"]).max() < 1e-6 * np.abs(r["balance.W_source"]).max()
