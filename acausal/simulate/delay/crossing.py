@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from acausal.errors import InitializationError
 from acausal.simulate.course import Course
 from acausal.simulate.delay.memory import BeyondWindow, Memory
-from acausal.simulate.guards import Moment
+from acausal.simulate.guards import Cause, Moment
 from acausal.simulate.hybrid import Hybrid
 from acausal.simulate.initialize import Start
 from acausal.simulate.problem import Problem
@@ -116,13 +116,14 @@ def cross(memory: Memory, hybrid: Hybrid, course: Course, template: Segment, rep
             else:
                 passed = True
             if entered:
-                quiet = not causes and _quiet(hybrid, before, row, boundary)
-                if quiet:
+                causes = (*causes, *_flipped(hybrid, before, row))
+                _, *happened = recorder.boundaries[boundary]
+                if causes or any(happened):
+                    recorder.explain(boundary, causes)
+                else:
                     recorder.hide(row, boundary)
                     if not (np.abs(outputs - here) <= margin).any():
                         recorder.hide(row - 1)
-                elif causes:
-                    recorder.explain(boundary, causes)
             events = [t for t, _, _ in recorder.boundaries[boundary:]]
             if passed:
                 memory.reached(recorder.time)
@@ -133,12 +134,11 @@ def cross(memory: Memory, hybrid: Hybrid, course: Course, template: Segment, rep
             break
 
 
-def _quiet(hybrid: Hybrid, before: Moment, row: int, boundary: int) -> bool:
-    """Whether nothing has happened where a stretch begins."""
-    _, causes, changed = hybrid.recorder.boundaries[boundary]
+def _flipped(hybrid: Hybrid, before: Moment, row: int) -> tuple[Cause, ...]:
+    """Relations that change where a stretch begins."""
     first = hybrid.guards.first
     after = hybrid.recorder.point(row)[3]
-    return not causes and not changed and bool((after[first:] == before.m[first:]).all())
+    return tuple(hybrid.guards.causes[k] for k in np.flatnonzero(after[first:] != before.m[first:]))
 
 
 def _own(memory: Memory) -> slice:

@@ -37,9 +37,12 @@ _INSTANT = 4e-12
 
 
 class BeyondWindow(Exception):
-    """A delay that varies has left the part of the past that the stretch can see, at `time`."""
+    """A delay that varies has left the part of the past that the stretch can see: for good at `time`.
 
-    def __init__(self, time: float) -> None:
+    None when more of the past is there to be seen.
+    """
+
+    def __init__(self, time: float | None) -> None:
         super().__init__(time)
         self.time = time
 
@@ -69,7 +72,12 @@ class Memory:
         self.breaks: list[Break] = []
         self.scale = np.zeros(self.n)
         self.history: History
+        self._gaps: list[tuple[float, float]] = []
         self._upward = [True] * len(self.items)
+        self._noise = np.zeros(len(self.items))  # how far off a delay that follows from states may read [s]
+        self._exit = (0, 0.0)
+        self._read = np.zeros(len(self.items))
+        self._reach = np.ones(len(self.items))  # width of the window of a delay that varies, by that of the stretch
         self._recording: Recording | None = None
         self._limit = np.inf
 
@@ -113,8 +121,9 @@ class Memory:
             if all(good for _, good in found) or end - here <= 1e3 * instant:
                 break
             end = here + 0.5 * (end - here)
+        self._gaps, self._read = gaps, here - lags
         numbers = np.concatenate([v for v, _ in found])
-        causes = self._jumps(numbers) if here > self.history.start else ()
+        causes = self._jumps(here - lags, numbers) if here > self.history.start else ()
         self.numbers = numbers
         if not end - here > 1e-3 * instant:
             raise vanished(self.compiled.name, here, self.items[int(np.argmin(lags))], float(np.min(lags)))
@@ -130,6 +139,8 @@ class Memory:
             if not item.is_constant:
                 lags[k] = row[self.n + k]
                 self._check(here, k, lags[k])
+                if lags[k] * _MOST_STRETCHES < self.span:
+                    raise vanished(self.compiled.name, here, item, float(lags[k]))
         return lags
 
     def _check(self, t: float, k: int, lag: float) -> None:
@@ -142,6 +153,7 @@ class Memory:
         item = self.items[k]
         times = np.array(sorted(b.time for b in self.breaks if b.source == item.source and b.time < here - instant))
         forward = item.is_constant or self._upward[k]
+        instant = max(instant, self._noise[k])
         place = int(np.searchsorted(times, instant_read + instant if forward else instant_read - instant, side="right"))
         low = -np.inf if place == 0 else float(times[place - 1])
         high = here if place == len(times) else float(times[place])
@@ -154,11 +166,11 @@ class Memory:
         if item.is_constant:
             a, b = read, end - lag
         else:
-            h = end - here
+            h = (end - here) * self._reach[k]
             a, b = max(gap[0], read - 0.6 * h), min(gap[1], read + 1.6 * h)
         found = np.zeros(WIDTH)
         if gap[1] <= self.history.start + _INSTANT * self.span and (item.is_constant or a < self.history.start):
-            b = min(b, gap[1]) if not item.is_constant else b
+            b = b if item.is_constant else gap[1]
             found[2] = self.history.panels[0].coefficients[0, item.source]
             self.windows[k] = (-np.inf, b)
             return found, True
@@ -170,16 +182,13 @@ class Memory:
         self.windows[k] = (a, b)
         return found, exact or bool(tail(found[2:, None])[0] <= self._allowed()[item.source])
 
-    def _jumps(self, numbers: Vector) -> tuple[Cause, ...]:
+    def _jumps(self, read: Vector, numbers: Vector) -> tuple[Cause, ...]:
         """Delays whose value jumps from the end of the last stretch to the beginning of this one."""
         found = []
         for k, item in enumerate(self.items):
-            if item.is_constant:
-                before, after = (v[WIDTH * k + 2 : WIDTH * (k + 1)] for v in (self.numbers, numbers))
-                left = before.sum()
-                right = float(np.sum(after * (-1.0) ** np.arange(DEGREE + 1))) if after[1:].any() else after[0]
-                if abs(right - left) > 20 * self._allowed()[item.source]:
-                    found.append(Cause(f"{item.label} jumps", item.where, item.component))
+            left, right = (_read(v[WIDTH * k : WIDTH * (k + 1)], float(read[k])) for v in (self.numbers, numbers))
+            if abs(right - left) > 20 * self._allowed()[item.source]:
+                found.append(Cause(f"{item.label} jumps", item.where, item.component))
         return tuple(found)
 
     # ---- during a stretch ------------------------------------------------------------------------------------------
@@ -221,11 +230,12 @@ class Memory:
     def _stay(self, panels: Sequence[Panel]) -> None:
         """Raise BeyondWindow where a delay that varies reads what the stretch cannot see."""
         first: float | None = None
+        wider = False
         for k, item in enumerate(self.items):
             if item.is_constant:
                 continue
             low, high = self.windows[k]
-            slack = 1e-6 * (high - low) if np.isfinite(low) else _INSTANT * self.span
+            slack = max(1e-6 * (high - low) if np.isfinite(low) else _INSTANT * self.span, 1.5 * self._noise[k])
             for p in panels:
                 s = np.linspace(-1.0, 1.0, 65)
                 t = 0.5 * (p.a + p.b) + 0.5 * (p.b - p.a) * s
@@ -239,23 +249,34 @@ class Memory:
                 j = int(np.argmax(out))
                 self._upward[k] = bool(read[j] > high)
                 edge = high if self._upward[k] else low
+                if abs(edge - self._gaps[k][self._upward[k]]) > _INSTANT * self.span:
+                    self._reach[k] *= 2.0
+                    wider = True
+                    break
                 found = float(t[j]) if j == 0 else _crossing(p, self.n + k, edge, float(s[j - 1]), float(s[j]))
-                first = found if first is None else min(first, found)
+                if first is None or found < first:
+                    first, self._exit = found, (k, edge)
                 break
-        if first is not None:
-            raise BeyondWindow(first)
+        if wider or first is not None:
+            raise BeyondWindow(None if wider else first)
 
     # ---- after a stretch -------------------------------------------------------------------------------------------
 
-    def shorten(self, here: float, t: float) -> None:
+    def shorten(self, here: float, t: float | None) -> None:
         """Try the stretch again, only up to `t`."""
-        instant = _INSTANT * max(self.span, abs(here))
-        self._limit = t if t > here + 10 * instant else here + 100 * instant
+        if t is not None:
+            instant = _INSTANT * max(self.span, abs(here))
+            self._limit = t if t > here + 10 * instant else here + 100 * instant
+            k, edge = self._exit
+            if t - here < 1e-3 * abs(here - self._read[k]):  # it was there already, but for the error of the states
+                self._noise[k] = max(self._noise[k], 2.0 * abs(edge - self._read[k]))
+                self._limit = np.inf
 
     def reached(self, t: float) -> None:
         """The run has come to the end of a stretch: breaks of what was read there break the sources again."""
         self.history.cut(t)
         self._limit = np.inf
+        self._reach = np.maximum(1.0, 0.8 * self._reach)
         instant = 3 * _INSTANT * max(self.span, abs(t))
         smoother = dict(self.compiled.delays.smoother)
         for k, item in enumerate(self.items):
@@ -285,6 +306,12 @@ class Memory:
         for k in range(self.n):
             jumps = abs(after[k] - before[k]) > 20 * self._allowed()[k]
             self._break(t, k, 0 if jumps else 1, 3 * _INSTANT * max(self.span, abs(t)))
+
+
+def _read(numbers: Vector, instant: float) -> float:
+    """A delayed signal by its numbers."""
+    s = np.clip((instant - numbers[0]) * numbers[1], -1.0, 1.0)
+    return float(np.polynomial.chebyshev.chebval(s, numbers[2:]))
 
 
 def _crossing(panel: Panel, column: int, edge: float, low: float, high: float) -> float:

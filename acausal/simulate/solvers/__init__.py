@@ -31,6 +31,10 @@ _ALL: tuple[Any, ...] = (Idas, Rosenbrock, Cvodes, Erk, Collocation, Rk, Rk2)
 SOLVERS: dict[str, type[Solver]] = {s.name: s for s in _ALL}
 
 
+# States up to which a method that needs no start-up goes through the stretches of a delay faster than BDF.
+_FEW = 200
+
+
 def solver_named(name: str) -> Solver:
     """The solver of this name; UsageError AC032 lists the known ones."""
     if name not in SOLVERS:
@@ -48,5 +52,7 @@ def choose(compiled: CompiledModel, wanted: str, step: float | None) -> tuple[So
     # a one-step method starts again after an event at no cost (docs/devdocs/events.md)
     if (events.relations or events.samples) and not compiled.algebraic and compiled.n_dynamic:
         return solver_named("rosenbrock"), f"an ODE of {len(compiled.states)} states with events of its variables"
+    if compiled.delays and not compiled.algebraic and len(compiled.states) <= _FEW:
+        return solver_named("rosenbrock"), f"an ODE of {len(compiled.states)} states with delays: many fresh starts"
     kind = "a DAE" if compiled.algebraic else "an ODE"
     return solver_named("idas"), f"{kind} of {len(compiled.states)} states, stiffness unknown"
