@@ -11,12 +11,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from acausal.flatten.pool import Pool
+from acausal.flatten.pool import LEAVES, Pool
+from acausal.flatten.terms import SUMS, is_long, terms
 from acausal.language.delay import Delayed
 from acausal.language.external import Call, External
 
 Samples = NDArray[np.float64]
 Gradient = dict[int, Any]
+
+_MANY = 100
 
 FUNCTIONS: dict[str, Callable[..., Any]] = {
     "add": np.add,
@@ -111,17 +114,40 @@ def gradients(
     wanted = set(variables)
     value = values(pool, roots, leaves)
     slope: dict[int, Gradient] = {}
+    chains, needed = _sums(pool, roots, value)
     with np.errstate(all="ignore"):
-        for number in sorted(value):
+        for number in sorted(needed):
             node = pool.nodes[number]
             op = node[0]
-            if op == "var":
+            if number in chains:
+                slope[number] = _combine((float(times), slope[a]) for a, times in chains[number])
+            elif op == "var":
                 slope[number] = {node[1]: 1.0} if node[1] in wanted else {}
             elif op in ("const", "par", "time"):
                 slope[number] = {}
             else:
                 slope[number] = _gradient(op, number, node[1:], value, slope)
     return [slope[r] for r in roots]
+
+
+def _sums(
+    pool: Pool, roots: Sequence[int], value: Mapping[int, Any]
+) -> tuple[dict[int, list[tuple[int, int]]], Iterable[int]]:
+    """Long sums below the roots with their terms, and the nodes that are left when partial sums are not needed."""
+    chains: dict[int, list[tuple[int, int]]] = {}
+    if len(value) < _MANY:
+        return chains, value
+    needed = set(roots)
+    for number in sorted(value, reverse=True):
+        if number not in needed:
+            continue
+        op, *operands = pool.nodes[number]
+        if op in SUMS and is_long(pool, number):
+            chains[number] = terms(pool, number)
+            needed.update(a for a, _ in chains[number])
+        elif op not in LEAVES:
+            needed.update(operands)
+    return chains, needed
 
 
 def _combine(parts: Iterable[tuple[Any, Gradient]]) -> Gradient:

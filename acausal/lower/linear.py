@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 
 from acausal.flatten.pool import LEAVES, Pool
+from acausal.flatten.terms import SUMS, is_long, terms
 
 Linear = tuple[int, dict[int, int]]
 
@@ -16,6 +17,7 @@ class LinearForm:
         self.pool = pool
         self.variables = variables
         self._done: dict[int, Linear | None] = {}
+        self._chains: dict[int, dict[int, int]] = {}
 
     def of(self, root: int) -> Linear | None:
         """(rest, {variable: coefficient}), or None when `root` is not linear in the variables."""
@@ -32,13 +34,41 @@ class LinearForm:
                 done[number] = self._leaf(number, node)
                 stack.pop()
                 continue
-            missing = [c for c in node[1:] if c not in done]
+            chain = self._chain(number) if node[0] in SUMS else None
+            missing = [c for c in (node[1:] if chain is None else chain) if c not in done]
             if missing:
                 stack.extend(missing)
                 continue
-            done[number] = self._combine(number, node[0], [done[c] for c in node[1:]])
+            if chain is None:
+                done[number] = self._combine(number, node[0], [done[c] for c in node[1:]])
+            else:
+                done[number] = self._add_up(number, chain)
             stack.pop()
         return done[root]
+
+    def _chain(self, number: int) -> dict[int, int] | None:
+        """Terms of a long sum and how often they count; None for a short one."""
+        found = self._chains.get(number)
+        if found is None and is_long(self.pool, number):
+            found = self._chains[number] = dict(terms(self.pool, number))
+        return found
+
+    def _add_up(self, number: int, chain: dict[int, int]) -> Linear | None:
+        pool, done = self.pool, self._done
+        rest, total = pool.zero, dict[int, int]()
+        for term, times in chain.items():
+            part = done[term]
+            if part is None:
+                return None
+            if times not in (1, -1):
+                factor = pool.const(float(times))
+                part = pool.mul(factor, part[0]), {v: pool.mul(factor, c) for v, c in part[1].items()}
+            combine = pool.sub if times == -1 else pool.add
+            rest = combine(rest, part[0])
+            for v, c in part[1].items():
+                total[v] = combine(total.get(v, pool.zero), c)
+        total = {v: c for v, c in total.items() if c != pool.zero}
+        return (rest, total) if total else (number, {})
 
     def _leaf(self, number: int, node: tuple[object, ...]) -> Linear:
         if node[0] == "var" and node[1] in self.variables:
@@ -46,14 +76,14 @@ class LinearForm:
         return number, {}
 
     def _combine(self, number: int, op: str, parts: list[Linear | None]) -> Linear | None:
-        if all(p is not None and not p[1] for p in parts):
+        known = [p for p in parts if p is not None]
+        if len(known) == len(parts) and not any(p[1] for p in known):
             return number, {}
         if op == "where":
             return self._where(number, parts)
-        if any(p is None for p in parts):
+        if len(known) != len(parts):
             return None
         pool = self.pool
-        known = [p for p in parts if p is not None]
         if op == "neg":
             return pool.neg(known[0][0]), {v: pool.neg(c) for v, c in known[0][1].items()}
         if op in ("add", "sub"):

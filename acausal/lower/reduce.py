@@ -89,12 +89,32 @@ class ReducedSystem:
 
 
 def nominal(reduced: ReducedSystem, variable: int) -> float:
-    """Declared nominal magnitude of a variable: the first one declared among its aliases, else 1."""
+    """Declared nominal magnitude of a variable: the first one declared among its aliases.
+
+    Without any it is 1, and for the derivative of a velocity v = der(x), which only the compiler knows, v^2/x from the
+    nominals of both: what an acceleration is where v changes over the time in which x does.
+    """
     flat = reduced.flat
     if flat.nominals and variable < len(reduced.scalar) and reduced.scalar[variable] < flat.n_scalars:
         return flat.nominals[reduced.scalar[variable]]
     sizes = (flat.declaration(s).nominal for s in reduced.aliases.get(variable, ()))
-    return next((abs(s) for s in sizes if s != 1.0), 1.0)
+    declared = next((abs(s) for s in sizes if s != 1.0), None)
+    return declared if declared is not None else _nominal_rate(reduced, variable)
+
+
+def _nominal_rate(reduced: ReducedSystem, variable: int) -> float:
+    flat = reduced.flat
+    velocity = reduced.pool.integral_of.get(variable)
+    if velocity is None or flat.nominals:
+        return 1.0
+    size = nominal(reduced, velocity)
+    places = (flat.pool.integral_of.get(s) for s in reduced.aliases.get(velocity, ()))
+    place = next((s for s in places if s is not None and s < flat.n_scalars), None)
+    below = reduced.pool.integral_of.get(velocity)
+    if place is None and below is None:
+        return 1.0
+    length = abs(flat.declaration(place).nominal) if place is not None else nominal(reduced, below or 0)
+    return size * size / length if size != 1.0 else 1.0
 
 
 def reduce(flat: FlatSystem, instead: Mapping[int, int] | None = None) -> ReducedSystem:

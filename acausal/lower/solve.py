@@ -63,14 +63,15 @@ def solve(structure: Structure, formulation: str = "torn") -> Solution:
     ----------
     formulation
         "torn" solves symbolically what can be; "dae" leaves every unknown of every block with more than one
-        unknown to the DAE solver, with its original equations.
+        unknown to the DAE solver, with its original equations; a model without states is torn all the same.
 
     Raises
     ------
     StructureError
         AC204 when the equations of a linear block depend on each other.
     """
-    work = _Work(structure, formulation == "dae")
+    # Without states nothing is integrated: what would be left to the solver is left to Newton's method alone.
+    work = _Work(structure, formulation == "dae" and bool(structure.states))
     for block in structure.blocks:
         work.block(block)
     return Solution(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import casadi as ca
@@ -14,6 +15,7 @@ from acausal.lower.compiled import CompiledModel
 from acausal.lower.diagnosis.words import counted, listed, made_at
 from acausal.simulate.finite import first_undefined
 from acausal.simulate.start_errors import contradicting, left_open, not_found, undefined
+from acausal.simulate.torn_start import torn_start
 from acausal.simulate.truth import truths
 
 Vector = NDArray[np.float64]
@@ -80,10 +82,24 @@ def _initialized(
     if free or len(z):
         _check_defined(compiled, t, x, z, u, p, m)
         system = _System(compiled, t, x, z, u, p, m, free)
-        x, z = system.solve()
+        try:
+            x, z = system.solve()
+        except InitializationError:
+            near = torn_start(compiled, t, p, u, m, partial(_solved, assigned))
+            if near is None:
+                raise
+            system = _System(compiled, t, *near, u, p, m, free)
+            x, z = system.solve()
         notes += system.left_open(x, z)
     _check_defined(compiled, t, x, z, u, p, m)
     return Start(x, z, notes)
+
+
+def _solved(
+    assigned: dict[int, float], compiled: CompiledModel, t: float, p: Vector, u: Vector, m: Vector
+) -> tuple[Vector, Vector]:
+    start = _initialized(compiled, t, p, u, m, assigned)
+    return start.x, start.z
 
 
 def consistent(compiled: CompiledModel, t: float, start: Start, p: Vector, u: Vector, m: Vector) -> Start:
