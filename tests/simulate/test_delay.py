@@ -255,7 +255,7 @@ def test_a_delay_longer_than_the_run_is_the_start() -> None:
 def test_the_length_is_a_parameter_of_the_compiled_model() -> None:
     compiled = acausal.compile(Decay())
     r = acausal.simulate(compiled, stop_time=2.0, tolerance=1e-9, parameters={"T": 0.5})
-    # x = 1 - t, then + (t - 0.5)^2/2, - (t - 1)^3/6, + (t - 1.5)^4/24
+    # term by term: each delay adds one, with alternating signs
     assert r.final("x") == pytest.approx(1 - 2 + 1.5**2 / 2 - 1 / 6 + 0.5**4 / 24, abs=1e-8)
 
 

@@ -57,7 +57,7 @@ class Edges(Component):
 @pytest.mark.parametrize("solver", ["idas", "rosenbrock"])
 def test_edges_are_found_where_they_are_read(solver: str) -> None:
     """t - T(t) = 1 and = 2.3, by bisection; between them z rises, then falls."""
-    up, down = (brentq(lambda t: t - lag(t) - b, 0.0, 5.0, xtol=1e-15) for b in (1.0, 2.3))
+    up, down = (brentq(lambda t, b: t - lag(t) - b, 0.0, 5.0, args=(b,), xtol=1e-15) for b in (1.0, 2.3))
     r = acausal.simulate(Edges(), stop_time=4.0, solver=solver, output_interval=1.0)
     assert [e.time for e in r.events if "jumps" in e.condition] == pytest.approx([up, down], abs=1e-13)
     assert r.final("z") == pytest.approx((down - up) - (4.0 - down), abs=1e-9)

@@ -85,7 +85,7 @@ def begin(memory: Memory, hybrid: Hybrid, t: float, start: Start, m: Vector, fla
 
 def cross(memory: Memory, hybrid: Hybrid, course: Course, template: Segment, report: Callable[[float], None]) -> None:
     """Go from the first instant of the course to the last, stretch by stretch."""
-    recorder = hybrid.recorder
+    recorder, own = hybrid.recorder, _own(memory)
     for k in range(course.segments):
         here, end = (float(t) for t in course.instants[k : k + 2])
         outputs = course.outputs(k)
@@ -101,7 +101,7 @@ def cross(memory: Memory, hybrid: Hybrid, course: Course, template: Segment, rep
             samples = np.zeros_like(course.samples[:1])
             stretch = Course(
                 np.array([here, to]),
-                np.append(course.modes[k], memory.numbers)[None, :],
+                np.append(course.modes[k][: own.start], memory.numbers)[None, :],
                 np.vstack([samples if entered else course.samples[k : k + 1], samples]),
                 times,
                 np.array([len(times)]),
