@@ -51,15 +51,18 @@ class EventFunctions:
         return ca.Function("distances", symbols.inputs, [_column(self._distances(builder))], _INPUTS, ["distance"])
 
     @cached_property
+    def watch(self) -> Any:
+        """`-> g`: the distances with the sign of their modes, positive while these hold."""
+        symbols, builder = self._defined()
+        distances = self._distances(builder)
+        first = symbols.m.numel() - len(distances)
+        g = [(2 * symbols.m[first + k] - 1) * v for k, v in enumerate(distances)]
+        return ca.Function("watch", symbols.inputs, [_column(g)], _INPUTS, ["g"])
+
+    @cached_property
     def rates(self) -> Any:
-        """`-> (dv/dt without z, dv/dz, dalg/dt without z, dalg/dz, dv/dx)` of the distances v along the solution."""
-        symbols, _ = self._defined()
-        ode, alg = self.compiled.rhs(*symbols.inputs)
-        v = self.distances(*symbols.inputs)
-        tx, rate = ca.vertcat(symbols.t, symbols.x), ca.vertcat(1, ode)
-        parts = [ca.jtimes(v, tx, rate), ca.jacobian(v, symbols.z), ca.jtimes(alg, tx, rate)]
-        parts += [ca.jacobian(alg, symbols.z), ca.jacobian(v, symbols.x)]
-        return ca.Function("rates", symbols.inputs, [ca.densify(q) for q in parts])
+        """See `guard_rates`; of `watch`."""
+        return guard_rates(self.compiled, self.watch)
 
     def _defined(self) -> Any:
         from acausal.lower.compiled import Symbols
@@ -80,6 +83,25 @@ class EventFunctions:
     @property
     def _pool(self) -> Any:
         return self.compiled.solution.structure.reduced.pool
+
+
+def guard_rates(compiled: CompiledModel, watch: Any) -> Any:
+    """`(t, x, z, u, p, m, ex, ez) -> (dg/dt without z, noise, dg/dz, dalg/dt without z, dalg/dz)` of guards g.
+
+    Time derivatives along the solution, and how far the guards can be wrong when states and algebraic variables can be
+    by `ex` and `ez`. Products, because there may be hundreds of guards and states.
+    """
+    from acausal.lower.compiled import Symbols
+
+    s = Symbols(compiled)
+    ode, alg = compiled.rhs(*s.inputs)
+    g = watch(*s.inputs)
+    error_x, error_z = ca.SX.sym("ex", s.x.numel()), ca.SX.sym("ez", s.z.numel())
+    tx, rate = ca.vertcat(s.t, s.x), ca.vertcat(1, ode)
+    by_x, by_z = ca.jacobian(g, s.x), ca.jacobian(g, s.z)
+    noise = ca.fabs(by_x) @ error_x + ca.fabs(by_z) @ error_z
+    parts = [ca.jtimes(g, tx, rate), noise, by_z, ca.jtimes(alg, tx, rate), ca.jacobian(alg, s.z)]
+    return ca.Function("rates", [*s.inputs, error_x, error_z], [ca.densify(q) for q in parts])
 
 
 def _column(entries: list[Any]) -> Any:

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.lower.compiled import CompiledModel, Symbols
+from acausal.lower.event_functions import guard_rates
 from acausal.simulate.native.policy import Library
 from acausal.simulate.problem import Problem
 from acausal.simulate.quick import Quick
@@ -82,6 +83,8 @@ class Regime:
     @cached_property
     def watch(self) -> Any:
         """`(t, x, z, u, p, m) -> g`: the guards."""
+        if not self.holds:
+            return self.free.compiled.events.watch  # made once for all runs
         e = self._equations
         s = e.s
         distance = self.free.compiled.events.distances(*s.inputs)
@@ -100,20 +103,8 @@ class Regime:
 
     @cached_property
     def rates(self) -> Quick:
-        """`(t, x, z, u, p, m, ex, ez) -> (dg/dt without z, noise, dg/dz, dalg/dt without z, dalg/dz)`.
-
-        Time derivatives along the solution of this regime, and how far the guards can be wrong when states and
-        algebraic variables can be by `ex` and `ez`. Products, because there may be hundreds of guards and states.
-        """
-        s = Symbols(self.compiled)
-        ode, alg = self.compiled.rhs(*s.inputs)
-        g = self.watch(*s.inputs)
-        error_x, error_z = ca.SX.sym("ex", s.x.numel()), ca.SX.sym("ez", s.z.numel())
-        tx, rate = ca.vertcat(s.t, s.x), ca.vertcat(1, ode)
-        by_x, by_z = ca.jacobian(g, s.x), ca.jacobian(g, s.z)
-        noise = ca.fabs(by_x) @ error_x + ca.fabs(by_z) @ error_z
-        parts = [ca.jtimes(g, tx, rate), noise, by_z, ca.jtimes(alg, tx, rate), ca.jacobian(alg, s.z)]
-        return Quick(ca.Function("rates", [*s.inputs, error_x, error_z], [ca.densify(q) for q in parts]))
+        """Time derivatives of the guards and how far these can be wrong, as `guard_rates` says."""
+        return Quick(guard_rates(self.compiled, self.watch) if self.holds else self.free.compiled.events.rates)
 
     @cached_property
     def multipliers(self) -> Any:

@@ -49,9 +49,10 @@ class FlightStructure(ctypes.Structure):
 class FlightProgram(Program):
     """A compiled integrator that can pass segments and ordinary events by itself."""
 
-    def __init__(self, path: Path, nx: int, nz: int) -> None:
+    def __init__(self, path: Path, nx: int, nz: int, flag: int = 0) -> None:
         """Load the library; OSError or AttributeError when it is not one of ours."""
         super().__init__(path, nx, nz)
+        self.flag = flag
         self.fly = ctypes.CDLL(str(path)).acausal_flight
 
     def structure(self, numbers: Mapping[str, float], arrays: Mapping[str, NDArray[Any]]) -> FlightStructure:
@@ -59,6 +60,7 @@ class FlightProgram(Program):
         flight = FlightStructure(**numbers, **{name: a.ctypes.data for name, a in arrays.items()})
         flight.kept = arrays
         prepare(flight.run)
+        flight.run.flag = self.flag
         return flight
 
     def run(self, flight: FlightStructure) -> None:

@@ -149,7 +149,7 @@ class Native:
             return None if written is None else written + SOURCE.read_text(encoding="utf-8")
 
         def load(path: Path) -> FlightProgram:
-            return FlightProgram(path, nx, 0)
+            return FlightProgram(path, nx, 0, flag=nx - 1)
 
         def pays_now() -> bool:
             # the derivatives that locate events are twice as much again as the event functions

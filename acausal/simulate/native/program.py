@@ -37,13 +37,18 @@ class RunStructure(ctypes.Structure):
         ("reltol", ctypes.c_double),
         ("abstol", ctypes.c_double),
         ("step", ctypes.c_double),
-        *((name, ctypes.c_longlong) for name in ("steps", "rejected", "rhs", "jac", "reached", "second")),
+        *((name, ctypes.c_longlong) for name in ("steps", "rejected", "rhs", "jac", "reached", "second", "flag")),
         *((name, ctypes.c_void_p) for name in ("enter", "signals", "clear", "leave")),
     )
 
 
 class Program:
-    """A compiled integrator over any number of output times; calls from several threads do not disturb each other."""
+    """A compiled integrator over any number of output times; calls from several threads do not disturb each other.
+
+    `flag` is the state that becomes 1 when nothing moves any more, the last one; 0 where there is none.
+    """
+
+    flag = 0
 
     def __init__(self, path: Path, nx: int, nz: int) -> None:
         """Load the library; OSError or AttributeError when it is not one of ours."""
@@ -66,6 +71,7 @@ class Program:
         """
         x, z = np.empty((len(grid), self.nx)), np.empty((len(grid), self.nz))
         run = _prepared(grid, reltol, abstol, step)
+        run.flag = self.flag
         run_address = ctypes.addressof(run)
         inputs = [np.ascontiguousarray(v, dtype=float) for v in (x0, z0, p)]
         arg = _pointers(self.sizes[0], [*(_address(v) for v in inputs), run_address])

@@ -21,7 +21,7 @@ _RUN = """
 struct acausal_run {
   const double *grid; long long n;
   double reltol, abstol, step;
-  long long steps, rejected, rhs, jac, reached, second;
+  long long steps, rejected, rhs, jac, reached, second, flag;
   int (*enter)(void); int (*signals)(void); void (*clear)(void); void (*leave)(int);
 };
 /* Ctrl-C, looked for when the second changes: Python's handlers run only when they are asked for. */
@@ -75,7 +75,12 @@ _INTEGRATOR: tuple[tuple[str, str], ...] = (
     (r"for \(k = \w+\[j\]; k < \w+\[j\+1\]; \+\+k\)", "for (k = 0; k < run->n; ++k)"),
     (
         r"casadi_ivp_advance\(&d, \w+\[k\], \w+\[\w+\[j\+1\]-1\], 0\);",
-        "casadi_ivp_advance(&d, run->grid[k], run->grid[run->n-1], 0);",
+        # behind an event nothing moves: the last state is the flag that says so
+        "if (k && run->flag && d.y_out[run->flag] > 0.5) {\n"
+        "        casadi_copy(d.y_out, run->flag + 1, res[0] + k * (run->flag + 1));\n"
+        "        continue;\n"
+        "      }\n"
+        "      casadi_ivp_advance(&d, run->grid[k], run->grid[run->n-1], 0);",
     ),
     (r"while \(casadi_(rosenbrock|erk)\(&d, &e\)\) \{\n", r"\g<0>        if (acausal_stopped(run)) return 100;\n"),
     (
