@@ -13,6 +13,8 @@ from typing import Any
 
 import casadi as ca
 
+from acausal.simulate.native.pieces import in_pieces
+
 ENTRY = "segment"
 """Name of an integrator's C function."""
 
@@ -162,7 +164,11 @@ def _with_pointers(function: str) -> str:
     for k, length in lengths[1].items():
         lines.append(f"  casadi_real lost{k}[{length}], *restrict out{k} = res[{k}] ? res[{k}] : lost{k};\n")
     body, end, rest = _OUTPUT.sub(r"out\1[\2]=", _INPUT.sub(r"in\1[\2]", function[head.end() :])).partition("\n}\n")
+    name = head.group().partition("(")[0].rpartition(" ")[2]
+    cut = in_pieces(name, "".join(lines), body)
     whole = head.group() + "".join(lines) + body + end
+    if cut is not None:
+        whole = cut[0] + head.group() + "".join(lines) + cut[1] + end
     return (_QUICKLY.format(whole) if body.count("\n") > _LONG else whole) + rest
 
 
