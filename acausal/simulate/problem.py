@@ -60,7 +60,7 @@ class Problem:
     @cached_property
     def native(self) -> Native:
         """The model's compiled C, as far as there is any."""
-        return Native(self.compiled, self.wanted_native)
+        return Native(self.compiled, self.wanted_native, self.p)
 
     @cached_property
     def dae(self) -> Any:

@@ -3,10 +3,14 @@
 An interpreted run has its parameters as numbers in the expressions. A library outlives the run: there they are
 arguments, but what they alone determine is still computed once per run, by a function of its own, so that the
 right-hand side does not do more work. Source of the split: CasADi's `extract_parametric`.
+
+Parameters that are zero in a run are zero in its library, and other values mean another library: half of a link's
+parameters are components of vectors along an axis, which with all their products are worth a third of the equations.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import casadi as ca
@@ -17,15 +21,21 @@ CONSTANTS = "constants"
 """Name of the function `(p, u) -> c` in a library: all that parameters and inputs alone determine."""
 
 
-def equations(compiled: CompiledModel) -> tuple[Any, Any]:
-    """`(t, x, z, [c, m, d, shift], u) -> (ode, alg, quad, zero)`, scaled as in `Problem`, and `(p, u) -> c`."""
+def equations(compiled: CompiledModel, zeros: Sequence[int] = ()) -> tuple[Any, Any]:
+    """`(t, x, z, [c, m, d, shift], u) -> (ode, alg, quad, zero)`, scaled as in `Problem`, and `(p, u) -> c`.
+
+    `zeros` are the indices of parameters that are zero, whatever p holds.
+    """
     n, nq, nd = compiled.n_dynamic, compiled.quadratures, compiled.discretes
     scale_x, scale_z = ca.DM(compiled.nominal_x[:n]), ca.DM(compiled.nominal_z)
     t, x, z = ca.SX.sym("t"), ca.SX.sym("x", n), ca.SX.sym("z", len(compiled.algebraic))
     p, u = ca.SX.sym("p", len(compiled.parameters)), ca.SX.sym("u", len(compiled.inputs))
     m, d, shift = ca.SX.sym("m", compiled.rhs.numel_in("m")), ca.SX.sym("d", nd), ca.SX.sym("shift")
     full = ca.vertcat(x * scale_x, ca.SX(nq, 1), d)
-    ode, alg = (ca.densify(e) for e in compiled.rhs(t + shift, full, z * scale_z, u, p, m))
+    some = ca.SX(p)
+    for k in zeros:
+        some[k] = 0
+    ode, alg = (ca.densify(e) for e in compiled.rhs(t + shift, full, z * scale_z, u, some, m))
     (ode, alg), symbols, values = ca.extract_parametric(
         [ode[:n] / scale_x, alg], ca.vertcat(p, u), {"extract_trivial": True}
     )

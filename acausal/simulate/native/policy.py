@@ -98,8 +98,10 @@ _MEMORIES: WeakKeyDictionary[CompiledModel, Memory] = WeakKeyDictionary()
 class Native:
     """The compiled code of a model, as one run uses it."""
 
-    def __init__(self, compiled: CompiledModel, wanted: bool | None) -> None:
+    def __init__(self, compiled: CompiledModel, wanted: bool | None, p: Vector | None = None) -> None:
+        """`p` are the parameters of the run: those that are zero stay so in a library."""
         self.compiled = compiled
+        self.zeros: tuple[int, ...] = () if p is None else tuple(np.flatnonzero(np.asarray(p) == 0.0).tolist())
         self.wanted = wanted
         self.memory = _MEMORIES.setdefault(compiled, Memory())
         self.used: set[str] = set()
@@ -195,7 +197,7 @@ class Native:
     @cached_property
     def equations(self) -> tuple[Any, Any]:
         """See `equations.py`."""
-        return equations(self.compiled)
+        return equations(self.compiled, self.zeros)
 
     @property
     def _nx(self) -> int:
@@ -219,6 +221,8 @@ class Native:
         memory = self.memory
         if self.wanted is False:
             return None
+        used = kind
+        kind = f"{kind}, zero {self.zeros}"
         if kind not in memory.ready:
             allowed = self.wanted is True or is_worth_it()
             tried = memory.failed if allowed else memory.absent
@@ -229,7 +233,7 @@ class Native:
                 tried.add(kind)
                 return None
             memory.ready[kind] = found
-        self.used.add(kind)
+        self.used.add(used)
         return memory.ready[kind]
 
     def _made(
