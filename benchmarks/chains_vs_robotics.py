@@ -32,7 +32,7 @@ TOLERANCES = tuple(10.0**-k for k in range(3, 12))
 Solve = Callable[[], Any]
 
 
-def pinocchio_rates(n: int) -> Callable[[float, Any], Any]:
+def pinocchio_rates(n: int, damping: float = DAMPING) -> Callable[[float, Any], Any]:
     """`(t, [q, v]) -> d/dt` by pinocchio's articulated-body algorithm."""
     import pinocchio as pin
 
@@ -48,7 +48,7 @@ def pinocchio_rates(n: int) -> Callable[[float, Any], Any]:
 
     def rates(t: float, y: Any) -> Any:
         q, v = y[:n], y[n:]
-        return np.concatenate([v, aba(model, data, q, v, -DAMPING * v)])
+        return np.concatenate([v, aba(model, data, q, v, -damping * v)])
 
     return rates
 
@@ -57,12 +57,12 @@ def _joint(pin: Any, axis: tuple[float, float, float]) -> Any:
     return pin.JointModelRZ() if axis[2] else pin.JointModelRY()
 
 
-def with_pinocchio(n: int) -> Iterator[tuple[str, Solve]]:
+def with_pinocchio(n: int, damping: float = DAMPING) -> Iterator[tuple[str, Solve]]:
     """Its best integrators at all tolerances."""
     from scipy.integrate import solve_ivp
     from sksundae.cvode import CVODE
 
-    rates, start = pinocchio_rates(n), np.concatenate([np.full(n, ANGLE), np.zeros(n)])
+    rates, start = pinocchio_rates(n, damping), np.concatenate([np.full(n, ANGLE), np.zeros(n)])
     for tolerance in TOLERANCES:
         for method in ("DOP853", "LSODA"):
 
@@ -83,7 +83,7 @@ def with_pinocchio(n: int) -> Iterator[tuple[str, Solve]]:
         yield f"CVODE {tolerance:.0e}", sundials
 
 
-def with_mujoco(n: int) -> Iterator[tuple[str, Solve]]:
+def with_mujoco(n: int, damping: float = DAMPING) -> Iterator[tuple[str, Solve]]:
     """Its RK4 with steps that are halved."""
     import mujoco
 
@@ -91,7 +91,7 @@ def with_mujoco(n: int) -> Iterator[tuple[str, Solve]]:
     for k in range(n):
         opening += (
             f'<body pos="{LENGTH if k else 0} 0 0"><joint type="hinge" axis="{" ".join(map(str, AXES[k % 2]))}" '
-            f'damping="{DAMPING}"/><inertial pos="{LENGTH / 2} 0 0" mass="{MASS}" '
+            f'damping="{damping}"/><inertial pos="{LENGTH / 2} 0 0" mass="{MASS}" '
             f'diaginertia="{" ".join(map(str, INERTIA))}"/>'
         )
         closing += "</body>"
@@ -151,16 +151,16 @@ def fastest(runs: Iterator[tuple[str, Solve]], exact: Any, accuracy: float, most
     return best
 
 
-def measured(n: int, accuracy: float) -> dict[str, Any]:
+def measured(n: int, accuracy: float, damping: float) -> dict[str, Any]:
     """All sides for one length."""
     began = time.perf_counter()
-    compiled = acausal.compile(SpatialChain(n=n))
+    compiled = acausal.compile(SpatialChain(n=n, d=damping))
     making = time.perf_counter() - began
     ours = list(with_acausal(compiled, n))
     began = time.perf_counter()
     exact = ours[-1][1]()[0]
     native = time.perf_counter() - began
-    judge = with_pinocchio(n)
+    judge = with_pinocchio(n, damping)
     other = next(run for name, run in judge if name == f"DOP853 {1e-10:.0e}")()
     agreement = float(np.abs(exact - other).max())
     limit = 60.0
@@ -171,8 +171,8 @@ def measured(n: int, accuracy: float) -> dict[str, Any]:
         "compile": making,
         "to C and first run": native,
         "acausal": fastest(iter(ours), exact, accuracy, limit),
-        "pinocchio": fastest(with_pinocchio(n), exact, accuracy, limit),
-        "MuJoCo": fastest(with_mujoco(n), exact, accuracy, limit),
+        "pinocchio": fastest(with_pinocchio(n, damping), exact, accuracy, limit),
+        "MuJoCo": fastest(with_mujoco(n, damping), exact, accuracy, limit),
     }
 
 
@@ -180,12 +180,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--n", default="2,4,8,16,32,64")
     parser.add_argument("--accuracy", type=float, default=1e-6, help="of angles [rad] and speeds [rad/s] at 10 s")
+    parser.add_argument("--damping", type=float, default=DAMPING, help="of each hinge [N.m.s/rad]")
     parser.add_argument("--figure", type=Path, help="picture to draw: .png or .svg")
     options = parser.parse_args()
     processor_clock()
     rows = []
     for n in map(int, options.n.split(",")):
-        rows.append(measured(n, options.accuracy))
+        rows.append(measured(n, options.accuracy, options.damping))
         times = {k: rows[-1][k].get("seconds") for k in ("acausal", "pinocchio", "MuJoCo")}
         print(n, rounded(times), flush=True)
     sides = ("acausal", "pinocchio", "MuJoCo")
@@ -208,6 +209,7 @@ def main() -> None:
             {
                 "met": ahead,
                 "accuracy": options.accuracy,
+                "damping": options.damping,
                 "rows": rows,
                 "times ours": {str(k): v for k, v in ratios.items()},
             }

@@ -35,6 +35,7 @@ class SpatialChain(Component):
     """
 
     n: int = structural(default=4, doc="Number of links")
+    d: float = structural(default=DAMPING, doc="Damping of each hinge [N.m.s/rad]")
     world: World = part()
     joints: list[Revolute] = part()
     dampers: list[Damper] = part()
@@ -46,7 +47,7 @@ class SpatialChain(Component):
         # links lie along x, so x points down
         self.world = World(n=(1.0, 0.0, 0.0))
         self.joints = [Revolute(n=AXES[k % 2], phi=fixed(ANGLE), w=fixed(0.0)) for k in range(self.n)]
-        self.dampers = [Damper(d=DAMPING) for _ in range(self.n)]
+        self.dampers = [Damper(d=self.d) for _ in range(self.n)]
         self.links = [
             BodyShape(
                 m=MASS,

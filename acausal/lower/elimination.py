@@ -17,7 +17,7 @@ L. Kaufman, Some stable methods for calculating inertia and solving symmetric li
 from __future__ import annotations
 
 import heapq
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations, islice
 from math import inf
@@ -26,13 +26,14 @@ import numpy as np
 
 from acausal.flatten.pool import Pool
 from acausal.lower.evaluate import Samples
-from acausal.lower.orders import Distances, orders
+from acausal.lower.operations import operations
+from acausal.lower.orders import Order, orders
 from acausal.lower.samples import SamplePoints
 
 _MOST_PAIRS = 20_000  # candidates for a pair of pivots that are looked at
 _SHORT = 32  # entries of a row that are looked at again whenever one of them changes
-_OUTWARD = 1e6  # more than any count: a pivot that is further out comes first
-_SEARCH = 3_000  # products spent on each order after the first, when all is solved
+_LONG = 20_000  # products spent on an order when another leaves something over
+_SLACK = 1.2  # products of an order that may still be the one with the fewest operations
 _PENALTY = (0.0, 0.2, 0.6, 2.0)  # added to Markowitz's count: a division by a constant is cheaper and safer
 
 
@@ -73,20 +74,25 @@ def keeps_sign(found: Samples) -> bool:
 
 
 def eliminate(
-    points: SamplePoints, rows: Sequence[dict[int, int]], rests: Sequence[int], differentiated: Sequence[int] = ()
+    points: SamplePoints,
+    rows: Sequence[dict[int, int]],
+    rests: Sequence[int],
+    differentiated: Sequence[int] = (),
+    rates: Collection[int] = (),
 ) -> Eliminated:
     """Solve `sum(rows[i][v] * v) + rests[i] == 0` for all v, in the order that leaves least, then costs least.
 
-    `differentiated` are the positions of rows that were differentiated from constraints.
+    `differentiated` are the positions of rows that were differentiated from constraints. `rates` are the variables that
+    are integrated: what others cost does not count where these do without.
     """
     best: _Work | None = None
     for order in orders(rows, differentiated):
         work = _Work(points, rows, rests, order)
-        if best is None:
-            work.run()
-        elif not work.run(min(best.products, _SEARCH) if not best.left else _SEARCH) or work.rank >= best.rank:
+        most = inf if best is None else max(order.most, _LONG) if best.left else min(order.most, _SLACK * best.products)
+        if not work.run(most):
             continue
-        best = work
+        if best is None or work.left < best.left or (work.left == best.left and work.cost(rates) < best.cost(rates)):
+            best = work
     assert best is not None, "there is always an order"
     return best.result()
 
@@ -97,7 +103,7 @@ class _Work:
         points: SamplePoints,
         rows: Sequence[dict[int, int]],
         rests: Sequence[int],
-        order: Distances | None = None,
+        order: Order,
     ) -> None:
         self.points = points
         self.order = order
@@ -126,7 +132,7 @@ class _Work:
         if rank is None:
             return None
         count = (len(self.rows[i]) - 1) * (len(self.columns[v]) - 1) + _PENALTY[rank]
-        return count if self.order is None else count - _OUTWARD * self.order.outward(i, v)
+        return self.order.cost(i, v, count)
 
     def _offer(self, i: int, v: int, c: int) -> None:
         cost = self._cost(i, v, c)
@@ -138,10 +144,13 @@ class _Work:
         """Number of rows that are not solved."""
         return len(self.active)
 
-    @property
-    def rank(self) -> tuple[int, int]:
-        """What decides between orders."""
-        return self.left, self.products
+    def cost(self, rates: Collection[int]) -> int:
+        """Operations of the solution, as far as rates and residuals need it."""
+        done = self.result()
+        nodes = dict(done.solved)
+        wanted = [nodes[v] for v in nodes if v in rates] or list(nodes.values())
+        needed = self.points.reduced.pool.variables_behind([*wanted, *done.left_residuals], nodes)
+        return operations(self.points, [*wanted, *done.left_residuals, *(n for v, n in done.solved if v in needed)])
 
     def run(self, most: float = inf) -> bool:
         """Single pivots while there are any, else a pair of them; False when that takes too many products."""

@@ -6,6 +6,9 @@ root every pivot touches the next body only, so that they do not grow. Distance 
 tells leaves from root without knowing of bodies: of a tree all unknowns at one distance are separated from those
 further out by what lies between, whichever root is taken, and branches do not touch.
 
+Near the ground of a mechanism Markowitz is right: few joints move what is there, and to express it in their
+accelerations is cheaper than inertias of six by six. So one order weighs distance against count instead of obeying it.
+
 Source: D. J. Rose, Triangulated graphs and the elimination process, J. Math. Anal. Appl. 32 (1970) 597-609 (leaves of a
 tree first is a perfect order); R. Featherstone, Rigid Body Dynamics Algorithms (2008), sections 6.5 and 7.3.
 """
@@ -14,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from math import inf
 
 
 @dataclass(frozen=True)
@@ -23,7 +27,7 @@ class Distances:
     rows: tuple[int, ...]
     variables: dict[int, int]
 
-    def outward(self, row: int, variable: int) -> int:
+    def out(self, row: int, variable: int) -> int:
         """How far out a pivot is: pivots that are further out come first."""
         return min(self.rows[row], self.variables[variable])
 
@@ -52,22 +56,41 @@ def distances(rows: Sequence[Collection[int]], root: int) -> Distances:
     return Distances(tuple(of_rows.get(i, 0) for i in range(len(rows))), {v: of_variables.get(v, 0) for v in columns})
 
 
-def orders(rows: Sequence[Collection[int]], differentiated: Sequence[int]) -> list[Distances | None]:
-    """Orders worth trying, the most promising first; None is Markowitz's.
+@dataclass(frozen=True)
+class Order:
+    """Pivots by Markowitz's count, less `weight` for each step that they are further out.
+
+    `most` is the number of products that may be spent on trying it when another order solves all.
+    """
+
+    distances: Distances | None
+    weight: float
+    most: float
+
+    def cost(self, row: int, variable: int, count: float) -> float:
+        """What the cheapest pivot has least of."""
+        return count if self.distances is None else count - self.weight * self.distances.out(row, variable)
+
+
+def orders(rows: Sequence[Collection[int]], differentiated: Sequence[int]) -> list[Order]:
+    """Orders worth trying, the most promising first.
 
     `differentiated` are rows that come from constraints between coordinates. What stands on the ground has the
     shortest of them: the ground does not move.
     """
+    markowitz = Order(None, 0.0, _SEARCH)
     if len(rows) < _SMALL:
-        return [None]
-    if not differentiated:
-        first = distances(rows, 0)
-        ends = distances(rows, first.furthest)
-        return [None, ends, distances(rows, ends.furthest)]
-    root = min(differentiated, key=lambda i: len(rows[i]))
-    grounded = distances(rows, root)
-    end = distances(rows, grounded.furthest)
-    return [grounded, None, end, *([distances(rows, end.furthest)] if end.furthest != root else [])]
+        return [markowitz]
+    if differentiated:
+        grounded = distances(rows, min(differentiated, key=lambda i: len(rows[i])))
+        return [Order(grounded, _STRICT, inf), Order(grounded, _BALANCED, inf), markowitz]
+    end = distances(rows, distances(rows, 0).furthest)
+    return [markowitz, Order(end, _STRICT, _SEARCH), Order(distances(rows, end.furthest), _STRICT, _SEARCH)]
 
 
 _SMALL = 8
+_SEARCH = 3_000
+_STRICT = 1e6  # more than any count
+_BALANCED = 10.0
+"""Products that a step outward is worth: for chains of 8 to 32 hinges 12 % more operations than the strict order, for
+binary trees of as many a quarter less."""

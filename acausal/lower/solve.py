@@ -90,6 +90,7 @@ class _Work:
         self.pool = structure.reduced.pool
         self.points = structure.points
         self.whole = whole
+        self.rates = {structure.derivative(x) for x in structure.states}
         self.definitions: list[tuple[int, int]] = []
         self.algebraic: list[int] = []
         self.residuals: list[int] = []
@@ -136,7 +137,7 @@ class _Work:
         if all(x is not None for x in linear):
             found = [x for x in linear if x is not None]
             derived = [i for i, r in enumerate(block.rows) if r in self.structure.integral]
-            done = eliminate(self.points, [x[1] for x in found], [x[0] for x in found], derived)
+            done = eliminate(self.points, [x[1] for x in found], [x[0] for x in found], derived, self.rates)
             self._linear(block, done)
         else:
             self._torn(block)
