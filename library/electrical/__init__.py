@@ -5,9 +5,11 @@ from __future__ import annotations
 from acausal.library.electrical.components import Capacitor as Capacitor
 from acausal.library.electrical.components import Conductor as Conductor
 from acausal.library.electrical.components import Ground as Ground
+from acausal.library.electrical.components import HeatingResistor as HeatingResistor
 from acausal.library.electrical.components import IdealTransformer as IdealTransformer
 from acausal.library.electrical.components import Inductor as Inductor
 from acausal.library.electrical.components import Resistor as Resistor
+from acausal.library.electrical.components import SaturatingInductor as SaturatingInductor
 from acausal.library.electrical.ideal import CloserWithArc as CloserWithArc
 from acausal.library.electrical.ideal import IdealClosingSwitch as IdealClosingSwitch
 from acausal.library.electrical.ideal import IdealDiode as IdealDiode
@@ -21,6 +23,7 @@ from acausal.library.electrical.interfaces import PartialOnePort as PartialOnePo
 from acausal.library.electrical.interfaces import PartialTwoPort as PartialTwoPort
 from acausal.library.electrical.interfaces import Pin as Pin
 from acausal.library.electrical.semiconductors import Diode as Diode
+from acausal.library.electrical.semiconductors import HeatingDiode as HeatingDiode
 from acausal.library.electrical.sensors import CurrentSensor as CurrentSensor
 from acausal.library.electrical.sensors import PotentialSensor as PotentialSensor
 from acausal.library.electrical.sensors import VoltageSensor as VoltageSensor

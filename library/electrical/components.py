@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from acausal import Component, Equations, Real, der, parameter, variable
+import math
+
+from acausal import Component, Equations, Real, atan, der, fabs, guess, no_event, parameter, variable, where
 from acausal.library.electrical.interfaces import PartialOnePort, PartialTwoPort, Pin
+from acausal.library.thermal.interfaces import HeatPort
 
 
 class Ground(Component):
@@ -53,6 +56,47 @@ class Inductor(PartialOnePort):
 
     def equations(self) -> Equations:
         yield self.L * der(self.i) == self.v
+
+
+class HeatingResistor(PartialOnePort):
+    """Resistor whose resistance depends on the temperature of its heat port, into which it gives its losses."""
+
+    heatPort: HeatPort = HeatPort()
+    R_ref: Real = parameter(unit="Ohm", doc="Resistance at T_ref")
+    T_ref: Real = parameter(default=300.15, unit="K", doc="Reference temperature")
+    alpha: Real = parameter(default=0.0, unit="1/K", doc="Relative rise of the resistance with temperature")
+    R_actual: Real = variable(unit="Ohm", doc="Resistance as it is")
+    loss_power: Real = variable(unit="W", doc="Power turned into heat")
+
+    def equations(self) -> Equations:
+        yield self.R_actual == self.R_ref * (1.0 + self.alpha * (self.heatPort.T - self.T_ref))
+        yield self.v == self.R_actual * self.i
+        yield self.loss_power == self.v * self.i
+        yield self.heatPort.Q_flow == -self.loss_power
+
+
+class SaturatingInductor(PartialOnePort):
+    """Inductor whose iron saturates; its start value is that of `Psi`.
+
+    `Psi = Linf*i + (Lzer - Linf)*Ipar*atan(i/Ipar)`, where `Ipar` follows from the inductance Lnom at Inom:
+    `(Lnom - Linf)/(Lzer - Linf) = Ipar/Inom*(pi/2 - atan(Ipar/Inom))`.
+    """
+
+    Inom: Real = parameter(default=1.0, unit="A", min=0.0, doc="Nominal current")
+    Lnom: Real = parameter(default=1.0, unit="H", min=0.0, doc="Inductance at the nominal current; Linf < Lnom < Lzer")
+    Lzer: Real = parameter(default=2.0, unit="H", min=0.0, doc="Inductance near zero current")
+    Linf: Real = parameter(default=0.5, unit="H", min=0.0, doc="Inductance at large currents")
+    Psi: Real = variable(unit="Wb", prefer_state=True, doc="Flux linkage")
+    Lact: Real = variable(unit="H", doc="Inductance Psi/i; Lzer without current")
+    share: Real = variable(unit="1", default=guess(0.25), doc="Ipar/Inom")
+
+    def equations(self) -> Equations:
+        slope = self.Lzer - self.Linf
+        x = self.i / (self.share * self.Inom)
+        yield (self.Lnom - self.Linf) / slope == self.share * (math.pi / 2 - atan(self.share))
+        yield self.Lact == self.Linf + slope * where(no_event(fabs(x) > 1e-6), atan(x) / x, 1.0, smooth=True)
+        yield self.Psi == self.Linf * self.i + slope * self.share * self.Inom * atan(x)
+        yield self.v == der(self.Psi)
 
 
 class IdealTransformer(PartialTwoPort):

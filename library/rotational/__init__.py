@@ -40,6 +40,7 @@ from acausal.library.rotational.sensors import SpeedSensor as SpeedSensor
 from acausal.library.rotational.sensors import TorqueSensor as TorqueSensor
 from acausal.library.rotational.sources import Accelerate as Accelerate
 from acausal.library.rotational.sources import ConstantTorque as ConstantTorque
+from acausal.library.rotational.sources import EddyCurrentTorque as EddyCurrentTorque
 from acausal.library.rotational.sources import LinearSpeedDependentTorque as LinearSpeedDependentTorque
 from acausal.library.rotational.sources import PartialSpeedDependentTorque as PartialSpeedDependentTorque
 from acausal.library.rotational.sources import Position as Position

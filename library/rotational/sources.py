@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from acausal import Component, Equations, Real, der, parameter, signal_input, structural, variable, where
 from acausal.library.rotational.interfaces import Flange, PartialTorque, PartialTwoFlanges
+from acausal.library.thermal.interfaces import HeatPort
 
 
 class Torque(PartialTorque):
@@ -64,6 +65,37 @@ class QuadraticSpeedDependentTorque(PartialSpeedDependentTorque):
         x = self.w / self.w_nominal
         shape = x * x if self.tau_direction else where(x < 0.0, -(x * x), x * x, smooth=True)
         yield self.flange.tau == -self.tau_nominal * shape
+
+
+class EddyCurrentTorque(PartialTorque):
+    """Brake by eddy currents, excited by a signal; its losses heat the port.
+
+    `tau = 2*tau_nominal*exc^2*x/(1 + x^2)` with `x = w/w_nominal` at the reference temperature, where the torque is
+    largest at w_nominal; a warmer disc resists more, and turns faster for the same torque.
+    """
+
+    heatPort: HeatPort = HeatPort()
+    exc: Real = signal_input(unit="1", doc="Excitation, 0 ... 1")
+    tau_nominal: Real = parameter(unit="N.m", doc="Largest torque, fully excited")
+    w_nominal: Real = parameter(unit="rad/s", min=0.0, doc="Speed of the largest torque; greater than 0")
+    TRef: Real = parameter(default=293.15, unit="K", doc="Reference temperature")
+    alpha20: Real = parameter(
+        default=0.0, unit="1/K", doc="Relative rise of the resistance with temperature at 20 degC"
+    )
+    w: Real = variable(unit="rad/s", doc="Angular velocity of the flange")
+    tau: Real = variable(unit="N.m", doc="Torque that brakes")
+    loss_power: Real = variable(unit="W", doc="Power turned into heat")
+
+    def equations(self) -> Equations:
+        # The coefficient at 20 degC, turned into the one at TRef.
+        alpha = self.alpha20 / (1.0 + self.alpha20 * (self.TRef - 293.15))
+        warmer = 1.0 + alpha * (self.heatPort.T - self.TRef)
+        x = self.w / (self.w_nominal * warmer)
+        yield self.w == der(self.flange.phi)
+        yield self.tau == 2.0 * self.tau_nominal * self.exc**2 * x / (1.0 + x * x)
+        yield self.flange.tau == self.tau
+        yield self.loss_power == self.tau * self.w
+        yield self.heatPort.Q_flow == -self.loss_power
 
 
 class Position(Component):
