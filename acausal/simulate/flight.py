@@ -75,6 +75,8 @@ class Flight:
         self.span, self.bounces, self.explain = span, bounces, explain
         compiled = problem.compiled
         self._vain = 0
+        self._states = compiled.states
+        self._known: dict[tuple[bytes, tuple[int, ...], bytes], tuple[tuple[Cause, ...], tuple[str, ...]]] = {}
         self._structure: FlightStructure | None = None
         longest = int(np.max(np.diff(course.ends, prepend=0)))
         rows, self._acts = longest + 4 * _MOST_EVENTS, _ACTS * _MOST_EVENTS
@@ -177,13 +179,16 @@ class Flight:
         starts = self.event_row[: flight.events]
         self._fill(times, x, m, starts, start, x_start)
         before = np.hstack([x_start[:, None], x[:, :-1]])
-        states = self.problem.compiled.states
+        moved = (x[:, starts] != before[:, starts]).T
+        ends = [0, *self.acts_end[: flight.events].tolist()]
+        acts = self.act[: ends[-1]].tolist()
         boundaries = []
-        for k, row in enumerate(starts.tolist()):
-            clauses = self.act[self.acts_end[k - 1] if k else 0 : self.acts_end[k]].tolist()
-            causes = self.explain(np.flatnonzero(self.fired[k]).tolist(), clauses)
-            changed = tuple(states[j] for j in np.flatnonzero(x[:, row] != before[:, row]).tolist())
-            boundaries.append((float(self.event_time[k]), causes, changed))
+        for k, t in enumerate(self.event_time[: flight.events].tolist()):
+            happened = self.fired[k].tobytes(), tuple(acts[ends[k] : ends[k + 1]]), moved[k].tobytes()
+            if happened not in self._known:  # the same few things happen again and again
+                causes = self.explain(np.flatnonzero(self.fired[k]).tolist(), list(happened[1]))
+                self._known[happened] = causes, tuple(self._states[j] for j in np.flatnonzero(moved[k]).tolist())
+            boundaries.append((t, *self._known[happened]))
         stats = {"n_steps": flight.steps, "n_rhs": flight.rhs, "n_jac": flight.jacobians, "n_reject": flight.rejected}
         self.recorder.extend(times, x, m, boundaries, counted(stats))
 
