@@ -51,6 +51,9 @@ class ForceControlledDrilling(Component):
     plate_gap: Real = parameter(default=1e-3, unit="m", min=0.0, doc="Gap between the plates")
     gap: Real = parameter(default=2e-3, unit="m", doc="Distance from the tip to the upper plate at the start")
     m: Real = parameter(default=5.0, unit="kg", min=0.0, doc="Mass of the drill with its chuck")
+    k_c11: Real = parameter(default=STEEL_34CRMO4.k_c11, unit="Pa", min=0.0, doc="Specific cutting force of the plates")
+    z: Real = parameter(default=STEEL_34CRMO4.z, unit="1", min=0.0, max=1.0, doc="Exponent of the chip thickness")
+    k_steel: Real = parameter(default=STEEL_34CRMO4.k_c11, unit="Pa", doc="Specific cutting force the controller knows")
 
     world: World = part()
     slide: Prismatic = part()
@@ -93,6 +96,8 @@ class ForceControlledDrilling(Component):
                 explicit=True,
                 k=1e8,
                 d_c=2e4,
+                k_c11=self.k_c11,
+                z=self.z,
                 feed_force_factor=SIN_KAPPA,
                 mu_margin=0.15,
                 line_load=2e4,
@@ -101,6 +106,8 @@ class ForceControlledDrilling(Component):
         ]
         self.spindle = Spindle(tau_max=40.0, w_ref=2 * math.pi * self.n)
         expected = feed_rate_under(self.F_set, self.n, tool=TWIST_DRILL_16MM, material=STEEL_34CRMO4, factor=SIN_KAPPA)
+        # Thrust grows with k_c11 f**(1 - z); the exponent of steel is near enough for a gain.
+        expected = expected * (self.k_steel / self.k_c11) ** (1 / (1 - STEEL_34CRMO4.z))
         self.control = ForceControl(F_set=self.F_set, v_nominal=expected, overrun=6e-3, s_start=-self.gap)
         self.feed = FeedDrive(f_max=10e3)
         self.sensor = ForceSensor()

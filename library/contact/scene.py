@@ -2,20 +2,37 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
-from acausal import Component, Equations, Expr, Real, as_expr, connect, part, signal_output, structural
+from acausal import (
+    Component,
+    Equations,
+    Expr,
+    Real,
+    as_expr,
+    assert_,
+    connect,
+    fabs,
+    maximum,
+    part,
+    signal_output,
+    structural,
+)
 from acausal.errors import DeclarationError
 from acausal.library.contact.bodies import ContactBody, PoseValue, Surfaces
 from acausal.library.contact.broad_phase import FAR, Dropped, Pair, PairReport, candidates, overlapping
 from acausal.library.multibody.frames import Frame
 from acausal.library.multibody.interfaces import PartialAbsoluteSensor
+from acausal.library.multibody.orientation import Vector
 from acausal.library.multibody.parts import Fixed
 
 Array = NDArray[np.float64]
+_SLACK = 1e-6
+"""How far [m], and by which part of its reach, a body may be beyond it: rounding, and the tolerance of a run."""
 
 
 class Untouched(PartialAbsoluteSensor):
@@ -77,6 +94,22 @@ class ContactScene(Component):
             yield connect(self._frame_of(other), other_end)
         for name in ("energy", "power_damping", "power_friction", "power_cutting"):
             yield getattr(self, name) == self._sum(name)
+        for _, body in self._moving:
+            if body.reach is not None:
+                yield from self._within(body, *body.reach)
+
+    def _within(self, body: ContactBody, low: Vector, high: Vector) -> Equations:
+        """What was declared of a body holds: pairs were dropped for it."""
+        r = self.frame(body.name).r_0
+        beyond: Expr = as_expr(-1.0)
+        for k in range(3):
+            middle, half = (low[k] + high[k]) / 2, (high[k] - low[k]) / 2
+            if math.isfinite(half):
+                beyond = maximum(beyond, fabs(r[k] - middle) - half * (1 + _SLACK))
+        yield assert_(
+            ~(beyond > _SLACK),
+            f"{body.name} has left its reach, {tuple(low)} to {tuple(high)} m: what it can touch there was left out",
+        )
 
     def _sum(self, name: str) -> Expr:
         """Sum over the contacts that have a quantity of this name."""
