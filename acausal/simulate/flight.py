@@ -39,6 +39,7 @@ class Landing:
     place: Place
     x: Vector
     m: Vector
+    pace: float = 0.0
 
 
 def can_fly(problem: Problem, solver: Solver) -> bool:
@@ -92,15 +93,14 @@ class Flight:
         """Whether flights have not got anywhere for so long that no more should be tried."""
         return self._vain >= _VAIN
 
-    def go(
-        self, library: Library[FlightProgram], place: Place, x: Vector, m: Vector, segments: int | None = None
-    ) -> Landing | None:
+    def go(self, library: Library[FlightProgram], start: Landing, segments: int | None = None) -> Landing | None:
         """Where a flight comes to, over so many segments at most; None when it does not get anywhere."""
+        place, x, m = start.place, start.x, start.m
         flight = self._prepared(library)
         last = self.course.segments if segments is None else min(place.segment + segments, self.course.segments)
         flight.boundaries = last + 1
         flight.segment, flight.here = place.segment, place.here
-        flight.entered, flight.fresh = place.entered, place.fresh
+        flight.entered, flight.fresh, flight.first = place.entered, place.fresh, start.pace
         self.x[:], self.m[:] = x, m
         bounces = self.bounces
         if bounces is not None:
@@ -115,7 +115,7 @@ class Flight:
             return None
         self._record(flight, place.here, x)
         here = Place(flight.segment, flight.here, bool(flight.entered), bool(flight.fresh))
-        return Landing(here, self.x.copy(), self.m.copy())
+        return Landing(here, self.x.copy(), self.m.copy(), float(flight.first))
 
     def _prepared(self, library: Library[FlightProgram]) -> FlightStructure:
         """What the program has to know of the run; made once."""

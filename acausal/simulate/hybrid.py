@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from acausal.simulate.course import Course, Place
 from acausal.simulate.event_errors import accumulated
-from acausal.simulate.flight import Flight, can_fly
+from acausal.simulate.flight import Flight, Landing, can_fly
 from acausal.simulate.guards import LOCATED, Cause, Guards, Moment, Tolerances, Truth
 from acausal.simulate.initialize import Start
 from acausal.simulate.iteration import Happened, Iteration
@@ -21,7 +21,7 @@ from acausal.simulate.record import Recorder
 from acausal.simulate.regime import Regime
 from acausal.simulate.rest import Bounces
 from acausal.simulate.solvers import Solver
-from acausal.simulate.solvers.base import Piece, Segment
+from acausal.simulate.solvers.base import Piece, Segment, pace
 from acausal.simulate.stopping import Stop, compiled_program, integrate_to_event
 
 Vector = NDArray[np.float64]
@@ -56,6 +56,7 @@ class Hybrid:
     terminated: str | None = None
     history: list[tuple[float, Regime]] = field(default_factory=list)
     _gap: float = np.inf
+    _pace: float = 0.0
     _failed: bool = False
 
     def __post_init__(self) -> None:
@@ -106,10 +107,10 @@ class Hybrid:
         if flight is None or flight.is_vain or moment.regime.holds or (place.segment == 0 and not place.entered):
             return None
         library = compiled_program(moment.regime, template, self.solver.name)
-        landing = None if library is None else flight.go(library, place, moment.x, moment.m)
+        landing = None if library is None else flight.go(library, Landing(place, moment.x, moment.m, self._pace))
         if landing is None:
             return None
-        self.moment = replace(moment, x=landing.x, m=landing.m)
+        self.moment, self._pace = replace(moment, x=landing.x, m=landing.m), landing.pace
         return landing.place
 
     def _explained(self, relations: list[int], clauses: list[int]) -> tuple[Cause, ...]:
@@ -137,7 +138,8 @@ class Hybrid:
             times = times[times > here + 1e-13 * max(self.span, abs(here))]
         if not len(times):
             return Place(place.segment + 1, here, False, False)
-        stop = self.integrated(replace(template, start=here, times=times, x=moment.x, z=moment.z, p=moment.m), moment)
+        asked = replace(template, start=here, times=times, x=moment.x, z=moment.z, p=moment.m, first=self._pace)
+        stop = self.integrated(asked, moment)
         if stop.time is None:
             self.moment = replace(moment, x=stop.x, z=stop.z)
             return Place(place.segment + 1, float(times[-1]), False, False)
@@ -198,11 +200,12 @@ class Hybrid:
             keep = np.isin(stop.times, segment.times)
             self._record(stop.times[keep], stop.piece.x[:, keep], stop.piece.z[:, keep], moment, stop.piece.counters)
             reached = stop.time if stop.time is not None else float(looks[-1])
+            self._pace = pace(segment.start, reached, stop.piece.counters)
             if stop.time is not None or reached >= segment.times[-1]:
                 return stop
             self._gap = reached - segment.start
             rest = segment.times[segment.times > reached]
-            segment = replace(segment, start=reached, times=rest, x=stop.x, z=stop.z)
+            segment = replace(segment, start=reached, times=rest, x=stop.x, z=stop.z, first=self._pace)
             moment = replace(moment, x=stop.x, z=stop.z)
 
     def attempt(self, moment: Moment, segment: Segment, band: Vector) -> Stop:

@@ -40,7 +40,7 @@ from acausal.simulate.regime import Regime
 from acausal.simulate.restructure import Pieces, RunPiece, variable_parts
 from acausal.simulate.sampling import sample_times
 from acausal.simulate.solvers import Solver, choose
-from acausal.simulate.solvers.base import TOLERANCE_SHARE, Piece, Segment, program
+from acausal.simulate.solvers.base import TOLERANCE_SHARE, Piece, Segment, pace, program
 from acausal.simulate.step_limit import StepLimit
 from acausal.simulate.truth import truths
 
@@ -225,6 +225,7 @@ class Run:
     timings: dict[str, float] = field(default_factory=dict)
     interrupt: Interruptible = field(default_factory=Interruptible)
     hybrid: Hybrid | None = None
+    pace: float = 0.0
     memory: Memory | None = None
 
     def result(self) -> Result:
@@ -396,7 +397,7 @@ class Run:
         landing = Landing(Place(0, template.start, True, True), start.x, template.p)
         share = None if self.progress is None else max(1, course.segments // 50)
         while landing.place.segment < course.segments:
-            found = flight.go(library, landing.place, landing.x, landing.m, share)
+            found = flight.go(library, landing, share)
             if found is None:
                 break
             landing = found
@@ -423,8 +424,9 @@ class Run:
         start = consistent(self.compiled, a, start, self.p, self.u, m) if z is None else Start(start.x, z, start.notes)
         recorder.begin(a, start.x, start.z, m)
         for part in self.parts(times, recorder):
-            segment = self.stretch(float(recorder.time), part, start, m)
+            segment = replace(self.stretch(float(recorder.time), part, start, m), first=self.pace)
             piece = self.integrate(problem, solver, recorder, segment, m)
+            self.pace = pace(segment.start, float(part[-1]), piece.counters)
             piece = recorder.add(part[-piece.x.shape[1] :], piece, m)
             start = Start(piece.x[:, -1], piece.z[:, -1], start.notes)
             self.report(float(part[-1]))

@@ -22,7 +22,7 @@ from acausal.simulate.native.equations import CONSTANTS
 from acausal.simulate.native.flight import FlightProgram
 from acausal.simulate.native.policy import Library, StoppingEquations
 from acausal.simulate.regime import Regime
-from acausal.simulate.solvers.base import Piece, Segment, bounded, counted, islands
+from acausal.simulate.solvers.base import Piece, Segment, beginning, bounded, counted, islands
 
 Vector = NDArray[np.float64]
 # To make an interpreted integrator for one stretch takes as long as so many evaluations (2 to 15 ms).
@@ -64,10 +64,19 @@ def integrate_to_event(regime: Regime, segment: Segment, band: Vector, plugin: s
     library = compiled_program(regime, segment, plugin)
     if library is not None:
         p = np.concatenate([regime.constants(library), numbers])
-        rows, _, stats = library.run(x0, np.zeros(0), p, grid, segment.tolerance, segment.absolute, segment.step or 0.0)
+        rows, _, stats = library.run(
+            x0,
+            np.zeros(0),
+            p,
+            grid,
+            segment.tolerance,
+            segment.absolute,
+            segment.step or 0.0,
+            0.0 if segment.step else segment.first,
+        )
         xf = rows.T
     else:
-        xf, stats = _interpreted(regime, plugin, _settings(segment), grid, x0, numbers)
+        xf, stats = _interpreted(regime, plugin, {**_settings(segment), **beginning(segment)}, grid, x0, numbers)
         problem.native.interpreted(f"{plugin}, events", stats.get("n_rhs", 0.0) + _MAKING)
     if not np.isfinite(xf).all():
         raise RuntimeError("the solution is not finite")

@@ -51,7 +51,7 @@ struct flight {
   const count_t *times_end;
   /* where it is; `entered` once the event at the start of its segment has been */
   count_t segment, entered, fresh;
-  double here;
+  double here, first; /* `first` is the mean step of the stretch before, 0 at the start */
   double *x, *m;
   /* bounces (rest.py) */
   double last_time;
@@ -314,6 +314,7 @@ static int integrate(struct flight* s, struct space* o, count_t wide, count_t* s
   memcpy(q, o->band, s->relations * sizeof(double));
   s->run.grid = o->grid; s->run.n = wide;
   s->run.reltol = s->relative; s->run.abstol = s->absolute; s->run.step = s->step;
+  s->run.first = s->step > 0 ? 0.0 : s->first;
   /* arguments and results that are not asked for */
   memset(o->arg, 0, sizeof(double*) * (size_t) o->arguments);
   memset(o->res, 0, sizeof(double*) * (size_t) o->results);
@@ -383,6 +384,7 @@ static int stretch(struct flight* s, struct space* o, double* x) {
     }
     if (o->asked[k]) record(s, o->wide[k], o->x0);
   }
+  if (s->run.steps > 0 && time > s->here) s->first = (time - s->here) / s->run.steps;
   s->here = time;
   s->fresh = 0;
   memcpy(s->x, x, s->states * sizeof(double));

@@ -34,7 +34,7 @@ class FlightStructure(ctypes.Structure):
         *_fields(ctypes.c_void_p, "assigned_at action_at action_of ends impossible"),
         *_fields(ctypes.c_void_p, "scale nominal constant u p boundary timely_modes due times times_end"),
         *_fields(ctypes.c_longlong, "segment entered fresh"),
-        *_fields(ctypes.c_double, "here"),
+        *_fields(ctypes.c_double, "here first"),
         *_fields(ctypes.c_void_p, "x m"),
         *_fields(ctypes.c_double, "last_time"),
         *_fields(ctypes.c_longlong, "standing count"),

@@ -37,6 +37,7 @@ class RunStructure(ctypes.Structure):
         ("reltol", ctypes.c_double),
         ("abstol", ctypes.c_double),
         ("step", ctypes.c_double),
+        ("first", ctypes.c_double),
         *((name, ctypes.c_longlong) for name in ("steps", "rejected", "rhs", "jac", "reached", "second", "flag")),
         *((name, ctypes.c_void_p) for name in ("enter", "signals", "clear", "leave")),
     )
@@ -58,9 +59,19 @@ class Program:
         self.sizes = _sizes(library, ENTRY)
 
     def __call__(
-        self, x0: Vector, z0: Vector, p: Vector, grid: Vector, reltol: float, abstol: float, step: float
+        self,
+        x0: Vector,
+        z0: Vector,
+        p: Vector,
+        grid: Vector,
+        reltol: float,
+        abstol: float,
+        step: float,
+        first: float = 0.0,
     ) -> tuple[Vector, Vector, dict[str, float]]:
         """States, shape (n, nx), and algebraic variables, shape (n, nz), on the grid, which counts from 0; statistics.
+
+        `first` is the length of the first step, 0 to have it estimated.
 
         Raises
         ------
@@ -70,7 +81,7 @@ class Program:
             Ctrl-C was pressed.
         """
         x, z = np.empty((len(grid), self.nx)), np.empty((len(grid), self.nz))
-        run = _prepared(grid, reltol, abstol, step)
+        run = _prepared(grid, reltol, abstol, step, first)
         run.flag = self.flag
         run_address = ctypes.addressof(run)
         inputs = [np.ascontiguousarray(v, dtype=float) for v in (x0, z0, p)]
@@ -116,9 +127,9 @@ class HeunProgram:
         return x.T, int(run.steps)
 
 
-def _prepared(grid: Vector, reltol: float, abstol: float, step: float) -> Any:
+def _prepared(grid: Vector, reltol: float, abstol: float, step: float, first: float = 0.0) -> Any:
     grid = np.ascontiguousarray(grid, dtype=float)
-    run = RunStructure(grid=_address(grid), n=len(grid), reltol=reltol, abstol=abstol, step=step)
+    run = RunStructure(grid=_address(grid), n=len(grid), reltol=reltol, abstol=abstol, step=step, first=first)
     run.kept = grid  # alive as long as the pointer to it
     prepare(run)
     return run

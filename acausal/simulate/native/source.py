@@ -22,7 +22,7 @@ _RUN = """
 #include <time.h>
 struct acausal_run {
   const double *grid; long long n;
-  double reltol, abstol, step;
+  double reltol, abstol, step, first;
   long long steps, rejected, rhs, jac, reached, second, flag;
   int (*enter)(void); int (*signals)(void); void (*clear)(void); void (*leave)(int);
 };
@@ -74,6 +74,7 @@ _INTEGRATOR: tuple[tuple[str, str], ...] = (
     (rf"  p\.abstol = {_NUMBER};", "  p.abstol = run->abstol;"),
     (rf"  p\.reltol = {_NUMBER};", "  p.reltol = run->reltol;"),
     (r"casadi_ivp_reset\(&d, j \? \w+\[\w+\[j\]-1\] : 0\., 0, j == 0\);", "casadi_ivp_reset(&d, 0., 0, 1);"),
+    (rf"  p\.h_init = {_NUMBER};", "  p.h_init = run->first;"),
     (r"for \(k = \w+\[j\]; k < \w+\[j\+1\]; \+\+k\)", "for (k = 0; k < run->n; ++k)"),
     (
         r"casadi_ivp_advance\(&d, \w+\[k\], \w+\[\w+\[j\+1\]-1\], 0\);",

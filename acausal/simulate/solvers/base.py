@@ -14,6 +14,7 @@ A segment is a stretch of time without events: the right-hand side is smooth in 
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
@@ -43,7 +44,8 @@ class Segment:
     """One stretch: from `start` to the last of `times` (ascending, all after `start`).
 
     `x` (all states), `z` are consistent at the start; `p` are the modes of the time events. `patience` is the number of
-    steps between two output times after which IDAS and CVODES give up; None: as many as a long run may need.
+    steps between two output times after which IDAS and CVODES give up; None: as many as a long run may need. `first` is
+    the first step of a one-step method, 0 to have it estimated.
     """
 
     start: float
@@ -56,6 +58,7 @@ class Segment:
     step: float | None
     max_step: float | None = None
     patience: int | None = None
+    first: float = 0.0
 
     @property
     def most_steps(self) -> int:
@@ -120,13 +123,15 @@ class CasadiSolver:
             if whole is not None:
                 p = whole.vector(problem.p, problem.u, p)
                 sizes = settings["reltol"], settings["abstol"], settings.get("step_size", 0.0)
-                return whole.run(x0, z0, p, grid, *sizes)
+                return whole.run(x0, z0, p, grid, *sizes, 0.0 if segment.step else segment.first)
         elif kind == "equations":
             library = native.oracle(self.plugin, settings)
             if library is not None:
                 dae, p = library.run, library.vector(problem.p, problem.u, p)
         if dae is None:  # a compiled integrator does without
             dae = problem.dae if self.algebraic else problem.ode
+        if kind == "integrator":
+            settings = {**settings, **beginning(segment)}
         began = time.perf_counter()
         integrator = ca.integrator("segment", self.plugin, dae, 0.0, grid.tolist(), settings)
         making = time.perf_counter() - began
@@ -166,6 +171,21 @@ def unmoved(problem: Problem, segment: Segment) -> Vector:
 def bounded(segment: Segment) -> dict[str, float]:
     """The option that bounds the step, where a bound is wanted."""
     return {} if segment.max_step is None else {"max_step_size": segment.max_step}
+
+
+def beginning(segment: Segment) -> dict[str, float]:
+    """The option for the first step of a one-step method.
+
+    CasADi's own estimate is 1e-6 where the states or their rates are near zero: ten steps to grow from that at every
+    event. The mean step of the stretch before is tried instead; where it is too long it is rejected.
+    """
+    return {"step0": segment.first} if segment.first > 0.0 and not segment.step else {}
+
+
+def pace(start: float, end: float, counters: Mapping[str, float]) -> float:
+    """The mean step between two instants, 0 when it is not known."""
+    steps = counters.get("steps", 0.0)
+    return (end - start) / steps if steps > 0.0 else 0.0
 
 
 def counted(stats: dict[str, Any]) -> dict[str, float]:
