@@ -136,7 +136,8 @@ def test_a_compiled_run_passes_the_events_of_an_interpreted_one(
     assert [(e.condition, e.changed, e.component, e.where) for e in ours.events] == [
         (e.condition, e.changed, e.component, e.where) for e in theirs.events
     ]
-    assert [e.time for e in ours.events] == pytest.approx([e.time for e in theirs.events], rel=1e-9, abs=1e-9 * stop)
+    # a compiled stretch ends at its event, an interpreted one steps on: the next ones begin with other steps
+    assert [e.time for e in ours.events] == pytest.approx([e.time for e in theirs.events], rel=1e-8, abs=1e-8 * stop)
     assert ours.time.shape == theirs.time.shape
     for name in compiled.states:
         scale = float(np.max(np.abs(theirs[name]))) + 1e-9
