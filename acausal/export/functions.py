@@ -14,6 +14,7 @@ from acausal.errors import ExportError, InitializationError
 from acausal.export.casadi_model import CasadiModel
 from acausal.export.ports import Output, named_outputs, output_ports, parameter_ports, variable_ports
 from acausal.lower.compiled import CompiledModel, Symbols
+from acausal.lower.delays import PADE, refuse_delays
 from acausal.lower.evaluate import values
 from acausal.simulate.initialize import initialize
 
@@ -39,6 +40,7 @@ def casadi_model(compiled: CompiledModel, outputs: Sequence[str] | None = None) 
     ExportError
         AC603 when the start conditions do not determine as many values as are open.
     """
+    refuse_delays(compiled.flat, "an export as functions of one instant", PADE)
     wanted = named_outputs(compiled, outputs)
     begin = begin_of(compiled)
     dae = dae_function(compiled, wanted)

@@ -14,6 +14,7 @@ from acausal.export.ports import named_outputs
 from acausal.language.component import Component
 from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
+from acausal.lower.delays import PADE, refuse_delays
 from acausal.result import Result
 from acausal.simulate.initialize import Start, consistent, initialize
 from acausal.simulate.run import input_vector, parameter_vector
@@ -110,6 +111,7 @@ def linearize(
         AC604 when the algebraic variables are not determined there to first order.
     """
     compiled = model if isinstance(model, CompiledModel) else compile(model, parameters=parameters)
+    refuse_delays(compiled.flat, "linearize", PADE)
     wanted = named_outputs(compiled, outputs)
     if t is None:
         t = compiled.flat.experiment.start_time if result is None else float(result.time[-1])

@@ -26,6 +26,7 @@ from acausal.export.ports import Output, named_outputs
 from acausal.language.component import Component
 from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
+from acausal.lower.delays import PADE, refuse_delays
 from acausal.result import Result
 from acausal.simulate.hybrid import Passage
 from acausal.simulate.options import options
@@ -100,6 +101,7 @@ def sensitivities(
     if method not in ("forward", "adjoint"):
         raise UsageError("AC025", f"there is no method '{method}'", help="methods: forward, adjoint")
     compiled = model if isinstance(model, CompiledModel) else compile(model, parameters=values)
+    refuse_delays(compiled.flat, "sensitivities", PADE)
     for name in parameters:
         if name not in compiled.parameters:
             close = nearest(name, list(compiled.parameters))

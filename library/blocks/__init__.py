@@ -15,6 +15,9 @@ from acausal.library.blocks.continuous import FirstOrder as FirstOrder
 from acausal.library.blocks.continuous import Integrator as Integrator
 from acausal.library.blocks.continuous import LimPID as LimPID
 from acausal.library.blocks.continuous import SecondOrder as SecondOrder
+from acausal.library.blocks.delays import FixedDelay as FixedDelay
+from acausal.library.blocks.delays import PadeDelay as PadeDelay
+from acausal.library.blocks.delays import VariableDelay as VariableDelay
 from acausal.library.blocks.discrete import DiscretePID as DiscretePID
 from acausal.library.blocks.discrete import FirstOrderHold as FirstOrderHold
 from acausal.library.blocks.discrete import PartialDiscrete as PartialDiscrete

@@ -12,6 +12,7 @@ from acausal.errors import AcausalError, UsageError
 from acausal.language.component import Component
 from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
+from acausal.lower.delays import PADE, refuse_delays
 from acausal.lower.freeze import ZEROS
 from acausal.lower.motionless import event_nodes
 from acausal.lower.select import KINDS, Left
@@ -198,6 +199,7 @@ def reduce(
             help="such a scene holds only contacts that can touch; with a larger keep=... it holds all of them",
         )
     full = compile(model, parameters=parameters, formulation=formulation)
+    refuse_delays(full.flat, "reduce", "simulate it whole, or " + PADE)
     compiled = compile(
         model,
         parameters=parameters,

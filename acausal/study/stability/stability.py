@@ -9,6 +9,7 @@ from acausal.errors import UsageError
 from acausal.language.component import Component
 from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
+from acausal.lower.delays import PADE, refuse_delays
 from acausal.simulate.solvers import solver_named
 from acausal.study.stability.bdf import BdfEffect, bdf_effects
 from acausal.study.stability.character import Character, character
@@ -68,6 +69,7 @@ def stability(
             help="idas, rosenbrock, cvodes or erk",
         )
     compiled = model if isinstance(model, CompiledModel) else compile(model, parameters=parameters)
+    refuse_delays(compiled.flat, "stability", PADE)
     given = parameters if isinstance(model, CompiledModel) else None
     options = {"start_time": start_time, "stop_time": stop_time, "tolerance": tolerance, "inputs": inputs}
     run = trajectory(compiled, points, solver, given, options)
