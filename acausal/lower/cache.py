@@ -21,8 +21,8 @@ from acausal.flatten.flat import FlatSystem
 from acausal.language.declare import Declaration
 from acausal.lower.analyse import Structure
 from acausal.lower.compiled import CompiledModel
-from acausal.lower.elimination import keeps_sign
 from acausal.lower.evaluate import gradients
+from acausal.lower.pivots import keeps_sign
 from acausal.lower.samples import COUNT, SamplePoints
 from acausal.lower.start import start_problem
 

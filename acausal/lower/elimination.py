@@ -7,7 +7,9 @@ articulated-body algorithm, linear in the number of bodies; tearing to a dense c
 
 Where no single pivot is safe, two equations are solved for two unknowns at once if the determinant keeps its sign: the
 equations of motion with their constraints are an indefinite system, for which single pivots do not suffice, but pairs
-do. What has neither is left over, for the DAE solver, but for a last unknown that only one equation is left for.
+do. Where the equations of a joint are resolved in other axes than its forces, as those of a ball joint are, it takes
+three. What has none of them is left over, for the DAE solver, but for a last unknown that only one equation is left
+for.
 
 Source: H. M. Markowitz, The elimination form of the inverse, Management Science 3 (1957) 255-269; J. R. Bunch,
 L. Kaufman, Some stable methods for calculating inertia and solving symmetric linear systems, Math. Comp. 31 (1977)
@@ -19,7 +21,7 @@ from __future__ import annotations
 import heapq
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import combinations, islice
+from itertools import combinations
 from math import inf
 
 import numpy as np
@@ -28,9 +30,11 @@ from acausal.flatten.pool import Pool
 from acausal.lower.evaluate import Samples
 from acausal.lower.operations import operations
 from acausal.lower.orders import Order, orders
+from acausal.lower.pivots import Pivot, determinant, is_safe, keeps_sign, safe_pairs
 from acausal.lower.samples import SamplePoints
 
-_MOST_PAIRS = 20_000  # candidates for a pair of pivots that are looked at
+_MOST = 20_000  # candidates for several pivots at once that are looked at
+_CLOSE = 6  # rows, and variables, that three are chosen from
 _SHORT = 32  # entries of a row that are looked at again whenever one of them changes
 _LONG = 20_000  # products spent on an order when another leaves something over
 _SLACK = 1.2  # products of an order that may still be the one with the fewest operations
@@ -62,15 +66,6 @@ def safety(points: SamplePoints, coefficient: int) -> int | None:
     if not varies:
         return 2 if np.isfinite(found[0]) and found[0] != 0.0 else None
     return 3 if keeps_sign(found) else None
-
-
-def keeps_sign(found: Samples) -> bool:
-    """Whether a sampled quantity keeps away from zero."""
-    found = found[np.isfinite(found)]
-    if len(found) < 4:
-        return False
-    low, high = np.abs(found).min(), np.abs(found).max()
-    return bool(((found > 0).all() or (found < 0).all()) and low > 1e-6 * high)
 
 
 def eliminate(
@@ -117,8 +112,10 @@ class _Work:
                 self.columns.setdefault(v, set()).add(i)
         self.variables = set().union(*rows) if rows else set()
         self.active = set(range(len(self.rows)))
-        self.pivots: list[_Pivot] = []
+        self.pivots: list[Pivot] = []
+        self.fresh = set(self.active), set(self.active)  # rows not yet looked at for pairs, for threes
         self._safety: dict[int, int | None] = {}
+        self._sampled: dict[int, Samples] = {}
         self.offered: dict[int, int] = {}  # length of a row when all its entries were offered
         self.heap: list[tuple[float, int, int, int]] = []
         for i, row in enumerate(self.rows):
@@ -153,14 +150,14 @@ class _Work:
         return operations(self.points, [*wanted, *done.left_residuals, *(n for v, n in done.solved if v in needed)])
 
     def run(self, most: float = inf) -> bool:
-        """Single pivots while there are any, else a pair of them; False when that takes too many products."""
+        """Single pivots while there are any, else two or three at once; False when that takes too many products."""
         while self._singles(most):
-            pair = self._pair()
-            if pair is None:
+            several = self._several()
+            if several is None:
                 for i in sorted(self.active):
                     self._alone(i)
                 return True
-            self._pivot(*pair)
+            self._pivot(*several)
         return False
 
     def _alone(self, i: int) -> None:
@@ -195,32 +192,57 @@ class _Work:
             self._pivot((i,), (v,))
         return True
 
-    def _pair(self) -> tuple[tuple[int, int], tuple[int, int]] | None:
-        """The cheapest two rows and columns whose determinant is safe."""
-        candidates = sorted(islice(self._candidates(), _MOST_PAIRS))
-        for _, i, j, v, w in candidates:
-            a, b, c, d = (self.points.everywhere(self.rows[k][x]) for k in (i, j) for x in (v, w))
-            determinant = a * d - b * c
-            size = np.abs(a * d) + np.abs(b * c)
-            if keeps_sign(determinant) and np.nanmin(np.abs(determinant) / size) > 1e-6:
-                return (i, j), (v, w)
+    def _several(self) -> tuple[tuple[int, ...], tuple[int, ...]] | None:
+        """The cheapest two rows and columns whose determinant is safe, else three."""
+        pairs, triples = self.fresh
+        found = min(self._pairs(pairs), default=None)
+        if found is not None:
+            return found[1:]
+        pairs.clear()
+        for _, rows, variables in sorted(self._triples(triples)):
+            if is_safe(*determinant([[self._values(i, v) for v in variables] for i in rows])):
+                return rows, variables
+        triples.clear()
         return None
 
-    def _candidates(self) -> Iterator[tuple[int, int, int, int, int]]:
-        """(fill-in, two rows, two columns they share): with an entry missing, a single pivot would do."""
+    def _pairs(self, fresh: set[int]) -> Iterator[tuple[int, tuple[int, ...], tuple[int, ...]]]:
+        """(fill-in, two rows, two columns they share), if safe: with an entry missing, a single pivot would do."""
+        left = _MOST
         for i in sorted(self.active):
             row = self.rows[i]
-            beside = sorted({j for v in row for j in self.columns[v] if j > i})
-            for j in beside:
+            for j in sorted({j for v in row for j in self.columns[v] if j > i and (i in fresh or j in fresh)}):
                 shared = sorted(v for v in row if v in self.rows[j])
+                left -= len(shared) * (len(shared) - 1) // 2
                 width = len(row.keys() | self.rows[j].keys()) - 2
-                for v, w in combinations(shared, 2):
-                    yield width * (len(self.columns[v] | self.columns[w]) - 2), i, j, v, w
+                for a, b in safe_pairs(*([self._values(k, v) for v in shared] for k in (i, j))):
+                    v, w = shared[a], shared[b]
+                    yield width * (len(self.columns[v] | self.columns[w]) - 2), (i, j), (v, w)
+                if left < 0:
+                    return
+
+    def _values(self, i: int, v: int) -> Samples:
+        node = self.rows[i].get(v, self.pool.zero)
+        if node not in self._sampled:
+            self._sampled[node] = self.points.everywhere(node)
+        return self._sampled[node]
+
+    def _triples(self, fresh: set[int]) -> Iterator[tuple[int, tuple[int, ...], tuple[int, ...]]]:
+        """The same with three, of variables that stand in the same rows, as the components of a vector do."""
+        groups: dict[frozenset[int], list[int]] = {}
+        for v in sorted(set().union(*(self.rows[i] for i in self.active))):
+            groups.setdefault(frozenset(self.columns[v]), []).append(v)
+        for beside, members in groups.items():
+            for rows in combinations(sorted(beside)[:_CLOSE], 3):
+                if fresh.isdisjoint(rows):
+                    continue
+                width = len(set().union(*(self.rows[i] for i in rows))) - 3
+                for variables in combinations(members[:_CLOSE], 3):
+                    yield width * (len(beside) - 3), rows, variables
 
     def _pivot(self, rows: tuple[int, ...], variables: tuple[int, ...]) -> None:
         """Solve the rows for the variables and put that into all other rows."""
         self.active.difference_update(rows)
-        pivot = _Pivot(self.pool, rows, variables, [self.rows[i] for i in rows])
+        pivot = Pivot(self.pool, rows, variables, [self.rows[i] for i in rows])
         self.pivots.append(pivot)
         for i in rows:
             for w in self.rows[i]:
@@ -228,8 +250,10 @@ class _Work:
         for j in sorted(set().union(*(self.columns.pop(v) for v in variables))):
             self._substitute(j, pivot)
 
-    def _substitute(self, j: int, pivot: _Pivot) -> None:
+    def _substitute(self, j: int, pivot: Pivot) -> None:
         pool, other = self.pool, self.rows[j]
+        for fresh in self.fresh:
+            fresh.add(j)
         changed: set[int] = set()
         factors = pivot.factors([other.pop(v, pool.zero) for v in pivot.variables])
         for i, factor in zip(pivot.rows, factors, strict=True):
@@ -279,45 +303,3 @@ class _Work:
             if w not in without:
                 total = pool.add(total, pool.mul(c, pool.var(w)))
         return total
-
-
-class _Pivot:
-    """One row solved for one variable, or two for two."""
-
-    def __init__(
-        self, pool: Pool, rows: tuple[int, ...], variables: tuple[int, ...], entries: Sequence[dict[int, int]]
-    ) -> None:
-        self.pool, self.rows, self.variables = pool, rows, variables
-        self.entries = [[row[v] for v in variables] for row in entries]
-        if len(rows) == 2:
-            (a, b), (c, d) = self.entries
-            self.determinant = pool.sub(pool.mul(a, d), pool.mul(b, c))
-
-    def factors(self, taken: Sequence[int]) -> list[int]:
-        """How often each pivot row is subtracted from a row that has the coefficients `taken`."""
-        pool = self.pool
-        if len(taken) == 1:
-            # A pivot is not zero, so what equals it cancels against it.
-            if taken[0] == self.entries[0][0]:
-                return [pool.one]
-            if taken[0] == pool.neg(self.entries[0][0]):
-                return [pool.neg(pool.one)]
-            return [pool.div(taken[0], self.entries[0][0])]
-        (a, b), (c, d) = self.entries
-        p, q = taken
-        return [
-            pool.div(pool.sub(pool.mul(p, d), pool.mul(q, c)), self.determinant),
-            pool.div(pool.sub(pool.mul(q, a), pool.mul(p, b)), self.determinant),
-        ]
-
-    def solved(self, totals: Sequence[int]) -> list[int]:
-        """The variables, when the pivot rows are `totals` plus their terms."""
-        pool = self.pool
-        if len(totals) == 1:
-            return [pool.div(pool.neg(totals[0]), self.entries[0][0])]
-        (a, b), (c, d) = self.entries
-        p, q = totals
-        return [
-            pool.div(pool.sub(pool.mul(b, q), pool.mul(d, p)), self.determinant),
-            pool.div(pool.sub(pool.mul(c, p), pool.mul(a, q)), self.determinant),
-        ]
