@@ -85,7 +85,7 @@ def draw(points: list[tuple[float, float, bool, bool]], path: Path) -> None:
     ):
         chosen = [(s, 1e3 * b) for s, b, found, _ in points if found == unstable]
         chart.plot(*zip(*chosen, strict=True), marker, color=color, ms=5, ls="", label=label)
-    chart.set(xlim=(1900, 6100), ylim=(0, 0.8), xlabel="spindle speed in 1/min", ylabel="width of cut in mm")
+    chart.set(xlim=(1900, 6100), ylim=(0, 0.45), xlabel="spindle speed in 1/min", ylabel="width of cut in mm")
     chart.legend(loc="upper left", fontsize=9)
     chart.set_title("Stability chart")
     for b, color in ((0.18e-3, "C3"), (0.14e-3, "C0")):
