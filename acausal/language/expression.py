@@ -497,7 +497,9 @@ def to_text(e: Expr, depth: int = 0, *, name_of: Callable[[Symbol], str] | None 
         How tightly the operator around `e` binds.
     """
     if e.op == "const":
-        return f"{e.payload:g}" if isinstance(e.payload, float) else _numbers(e.payload, e.shape)
+        if not isinstance(e.payload, float):
+            return _numbers(e.payload, e.shape)
+        return _closed(f"{e.payload:g}", e.payload < 0.0 and binding >= _BINDING["neg"])
     if isinstance(e, Symbol):
         if name_of is not None:
             return name_of(e)
@@ -508,7 +510,7 @@ def to_text(e: Expr, depth: int = 0, *, name_of: Callable[[Symbol], str] | None 
         return "..."
     own = _BINDING.get(e.op, 0)
     # Operators group to the left, `**` to the right.
-    inner = [own + (k > 0 and e.op != "pow") for k in range(len(e.args))]
+    inner = [own + ((k > 0) != (e.op == "pow")) for k in range(len(e.args))]
     if e.op in ("index", "transpose"):
         inner = [9]
     parts = [to_text(a, depth + 1, name_of=name_of, binding=i) for a, i in zip(e.args, inner, strict=True)]
