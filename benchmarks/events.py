@@ -1,10 +1,11 @@
-"""Time per event, beside peers that locate events: a ball with 100 bounces, and a 10 kHz converter.
+"""Time per event, beside peers that locate events: a ball with 100 bounces, three clutches, a 10 kHz converter.
 
     python benchmarks/events.py [--json]
 
 The peers get the equations by hand, with a terminal event and a restart: scipy `solve_ivp` (RK45) and scikit-sundae IDA
 (events function). Ours is the compiled model with the default solver for events; C is compiled before, its time apart.
-Error: of the instant of the last bounce, and of the capacitor's voltage against a run at 1e-12.
+Error: of the instant of the last bounce, of the speeds at the end, and of the capacitor's voltage, the last two against
+runs of SciPy at 1e-12.
 """
 
 from __future__ import annotations
@@ -17,10 +18,12 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import three_clutches_by_hand as clutches
 from scipy.integrate import solve_ivp
 
 import acausal
 from acausal import Component, Equations, Real, der, fixed, parameter, pre, reset, variable, when
+from acausal.models.clutches import ThreeClutchDrive
 from acausal.models.switched_converter import BuckConverter
 
 G, E, BOUNCES = 9.81, 0.99, 100
@@ -144,6 +147,19 @@ def converter_scipy(tolerance: float = TOLERANCE) -> float:
     return float(y[1])
 
 
+def clutches_ours(native: bool) -> Callable[[], float]:
+    compiled = acausal.compile(ThreeClutchDrive())
+
+    def run() -> float:
+        r = acausal.simulate(
+            compiled, stop_time=clutches.STOP, tolerance=TOLERANCE, output_interval=clutches.STOP, native=native
+        )
+        return float(r.final("J1.w"))
+
+    run()
+    return run
+
+
 def main() -> None:
     """Run all, print a table or JSON."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -151,6 +167,7 @@ def main() -> None:
     parser.add_argument("--repetitions", type=int, default=3)
     given = parser.parse_args()
     exact, reference = impacts()[-1], converter_scipy(1e-12)
+    speeds, switchings = clutches.drive(clutches.scipy_steps(1e-12))
     rows = []
     for scene, events, truth, runs in (
         (
@@ -162,6 +179,17 @@ def main() -> None:
                 "acausal, interpreted": ball_ours(False),
                 "scipy RK45": ball_scipy,
                 "scikit-sundae IDA": ball_sundae,
+            },
+        ),
+        (
+            "drive with 3 clutches",
+            switchings,
+            float(speeds[0]),
+            {
+                "acausal, compiled": clutches_ours(True),
+                "acausal, interpreted": clutches_ours(False),
+                "scipy RK45": lambda: float(clutches.drive(clutches.scipy_steps(TOLERANCE))[0][0]),
+                "scikit-sundae IDA": lambda: float(clutches.drive(clutches.sundae_steps(TOLERANCE))[0][0]),
             },
         ),
         (
