@@ -22,7 +22,7 @@ from acausal.simulate.problem import Problem
 from acausal.simulate.record import Recorder
 from acausal.simulate.rest import Bounces
 from acausal.simulate.solvers import Solver
-from acausal.simulate.solvers.base import Segment, counted, islands
+from acausal.simulate.solvers.base import Segment, counted, growth
 
 Vector = NDArray[np.float64]
 Explain = Callable[[list[int], list[int]], tuple[Cause, ...]]
@@ -200,15 +200,20 @@ class Flight:
         own = slice(compiled.n_dynamic, compiled.n_dynamic + compiled.quadratures)
         if not compiled.quadratures:
             return
-        here, reached = start, x_start
-        for rows in np.split(np.arange(len(times)), starts):
-            later = rows[times[rows] > here]
-            if len(later):
-                x[own, rows] = reached[own, None]
-                stretch = replace(self.template, start=here, times=times[later], x=x[:, later[0]], p=m[:, later[0]])
-                x[own, later] = islands(self.problem, stretch)
-            elif len(rows):
-                x[own, rows] = reached[own, None]
-            if len(rows):
-                here, reached = float(times[rows[-1]]), x[:, rows[-1]]
-        self.x[own] = reached[own]
+        # rows between two events, and of these the ones behind the first instant
+        parts = np.split(np.arange(len(times)), starts)
+        begins = [start] + [float(times[rows[0]]) for rows in parts[1:]]
+        later = [rows[times[rows] > begin] for rows, begin in zip(parts, begins, strict=True)]
+        stretches = [
+            replace(self.template, start=begin, times=times[rows], x=x[:, rows[0]], p=m[:, rows[0]])
+            for rows, begin in zip(later, begins, strict=True)
+            if len(rows)
+        ]
+        grown = iter(growth(self.problem, stretches) if stretches else ())
+        reached = x_start[own, None]
+        for rows, behind in zip(parts, later, strict=True):
+            x[own, rows] = reached
+            if len(behind):
+                x[own, behind] = reached + next(grown)
+            reached = x[own, rows[-1:]] if len(rows) else reached
+        self.x[own] = reached[:, 0]

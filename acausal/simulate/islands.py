@@ -7,13 +7,14 @@ segment costs three times as much, most of it to be made.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
 Vector = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
 _ORDER = 16
 _POINTS = np.cos(np.pi * (np.arange(_ORDER + 1) + 0.5) / (_ORDER + 1))
@@ -26,14 +27,18 @@ _SMALLEST = 1e-12
 
 
 def integrals(
-    rates: Callable[[Vector], Vector], start: float, times: Vector, tolerance: float, absolute: float
-) -> Vector:
-    """Integrals from `start` to each of the ascending `times`, shape (nq, n).
+    rates: Callable[[Vector, Indices], Vector],
+    starts: Sequence[float],
+    times: Sequence[Vector],
+    tolerance: float,
+    absolute: float,
+) -> list[Vector]:
+    """Integrals over several stretches, from the start of each to each of its ascending times; shapes (nq, n).
 
     Parameters
     ----------
     rates
-        Of instants of shape (m,), the rates, shape (nq, m).
+        Of instants and the stretches they belong to, both of shape (m,), the rates, shape (nq, m).
     tolerance, absolute
         Accuracy of each integral, relative to its change and as it is.
 
@@ -42,26 +47,33 @@ def integrals(
     RuntimeError
         A rate is not finite.
     """
-    end = float(times[-1])
-    found: list[Vector] = []
-    total: Vector | float = 0.0
-    # Last in, first out: panels leave the stack in the order of time.
-    panels = [(start, end)]
-    while panels:
-        a, b = panels.pop()
+    a, b = np.array(starts, dtype=float), np.array([t[-1] for t in times])
+    whole, stretch = b - a, np.arange(len(starts))
+    found: list[tuple[Vector, Vector, Indices, Vector]] = []
+    while len(a):
         half = 0.5 * (b - a)
-        values = rates(a + half * (1.0 + _POINTS))
+        nodes = a[:, None] + half[:, None] * (1.0 + _POINTS)
+        values = rates(nodes.ravel(), np.repeat(stretch, len(_POINTS))).reshape(-1, *nodes.shape)
         if not np.isfinite(values).all():
             raise RuntimeError("the solution is not finite")
         series = values @ _SERIES
-        tail = 2.0 * half * np.abs(series[:, -3:]).max(axis=1)
-        size = 2.0 * half * np.abs(values).max(axis=1)
-        if (tail > absolute + tolerance * size).any() and b - a > _SMALLEST * (end - start):
-            panels += [(a + half, b), (a, a + half)]
-            continue
-        integral = half * series @ _INTEGRAL
-        at = (times[(times > a) & (times <= b)] - a) / half - 1.0
-        found.append(total + integral @ chebyshev.chebvander(at, _ORDER + 1).T)
-        # Every Chebyshev polynomial is 1 at the right end.
-        total = total + integral.sum(axis=1, keepdims=True)
-    return np.hstack(found)
+        tail = 2.0 * half * np.abs(series[:, :, -3:]).max(axis=2)
+        size = 2.0 * half * np.abs(values).max(axis=2)
+        short = (tail > absolute + tolerance * size).any(axis=0) & (b - a > _SMALLEST * whole[stretch])
+        done = ~short
+        found.append((a[done], b[done], stretch[done], (half[:, None] * series @ _INTEGRAL)[:, done]))
+        middle = (a + half)[short]
+        a, b = np.concatenate([a[short], middle]), np.concatenate([middle, b[short]])
+        stretch = np.concatenate([stretch[short], stretch[short]])
+    left, right, owner = (np.concatenate([f[k] for f in found]) for k in range(3))
+    panels = np.concatenate([f[3] for f in found], axis=1)
+    grown: list[list[Vector]] = [[] for _ in starts]
+    totals = [np.zeros((len(panels), 1)) for _ in starts]
+    for k in np.lexsort((left, owner)).tolist():
+        own = int(owner[k])
+        inside = times[own][(times[own] > left[k]) & (times[own] <= right[k])]
+        at = 2.0 * (inside - left[k]) / (right[k] - left[k]) - 1.0
+        grown[own].append(totals[own] + panels[:, k] @ chebyshev.chebvander(at, _ORDER + 1).T)
+        # every Chebyshev polynomial is 1 at the right end
+        totals[own] = totals[own] + panels[:, k].sum(axis=1, keepdims=True)
+    return [np.hstack(parts) for parts in grown]

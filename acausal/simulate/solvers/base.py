@@ -14,7 +14,7 @@ A segment is a stretch of time without events: the right-hand side is smooth in 
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
@@ -153,14 +153,20 @@ def islands(problem: Problem, segment: Segment) -> Vector:
     if not problem.compiled.quadratures:
         return np.zeros((0, len(segment.times)))
     own = slice(problem.n_dynamic, problem.n_dynamic + problem.compiled.quadratures)
-    scale = problem.compiled.nominal_x[own]
-    p = problem.numbers(segment.p, segment.x, 0.0)
+    return np.asarray(segment.x[own, None] + growth(problem, [segment])[0])
 
-    def rates(times: Vector) -> Vector:
-        return rows(problem.islands, (times[:, None], p)).T
 
-    grown = integrals(rates, segment.start, segment.times, segment.tolerance, segment.absolute)
-    return np.asarray(segment.x[own, None] + scale[:, None] * grown)
+def growth(problem: Problem, segments: Sequence[Segment]) -> list[Vector]:
+    """What these integrals grow by over each of some segments; shapes (nq, n)."""
+    compiled = problem.compiled
+    scale = compiled.nominal_x[problem.n_dynamic : problem.n_dynamic + compiled.quadratures, None]
+    p = np.array([problem.numbers(s.p, s.x, 0.0) for s in segments])
+
+    def rates(times: Vector, segment: NDArray[np.int64]) -> Vector:
+        return rows(problem.islands, (times[:, None], p[segment])).T
+
+    starts, times = [s.start for s in segments], [s.times for s in segments]
+    return [scale * v for v in integrals(rates, starts, times, segments[0].tolerance, segments[0].absolute)]
 
 
 def unmoved(problem: Problem, segment: Segment) -> Vector:
