@@ -31,6 +31,7 @@ from acausal.library.rotational.interfaces import PartialRelativeSensor as Parti
 from acausal.library.rotational.interfaces import PartialRotationToTranslation as PartialRotationToTranslation
 from acausal.library.rotational.interfaces import PartialTorque as PartialTorque
 from acausal.library.rotational.interfaces import PartialTwoFlanges as PartialTwoFlanges
+from acausal.library.rotational.lossy import LossyGear as LossyGear
 from acausal.library.rotational.sensors import AccSensor as AccSensor
 from acausal.library.rotational.sensors import AngleSensor as AngleSensor
 from acausal.library.rotational.sensors import PowerSensor as PowerSensor

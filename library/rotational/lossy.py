@@ -1,0 +1,118 @@
+"""Gear with losses in its teeth and bearings. Names as in Modelica.Mechanics.Rotational.Components.LossyGear.
+
+Source: C. Pelchen, C. Schweiger, M. Otter, Modeling and simulating the efficiency of gearboxes and of planetary
+gearboxes, 2nd International Modelica Conference, Oberpfaffenhofen (2002).
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from acausal import (
+    Equations,
+    Expr,
+    Real,
+    boolean,
+    der,
+    equals,
+    fabs,
+    initial,
+    integer,
+    parameter,
+    pre,
+    structural,
+    variable,
+    where,
+)
+from acausal.errors import DeclarationError
+from acausal.library.blocks.tables import table
+from acausal.library.rotational.interfaces import PartialTwoFlanges
+
+Losses = tuple[tuple[float, float, float, float, float], ...]
+
+
+class LossyGear(PartialTwoFlanges):
+    """Gear without inertia that loses torque by the friction of its teeth and of its bearings; it can lock itself.
+
+    `flange_a.phi = ratio*flange_b.phi` and `flange_b.tau = -ratio*(flange_a.tau - tauLoss)`. With x = flange_a.tau, the
+    lost torque of forward motion is `(1 - eta_mf1)*x + tau_bf1` where flange_a drives (x > 0), and
+    `(1 - 1/eta_mf2)*x + tau_bf2` where flange_b does; of backward motion the other way round, with the bearing friction
+    of the other sign. At standstill it is whatever keeps the gear still, between these two.
+    """
+
+    BACKWARD: ClassVar[int] = -1
+    STUCK: ClassVar[int] = 0
+    FORWARD: ClassVar[int] = 1
+
+    ratio: Real = parameter(unit="1", doc="Speed of flange_a over that of flange_b")
+    lossTable: Losses = structural(
+        doc="Rows (|w_a| [rad/s], eta_mf1, eta_mf2, |tau_bf1| [N.m], |tau_bf2| [N.m]), efficiencies in (0, 1]"
+    )
+    w_small: Real = parameter(default=1e10, unit="rad/s", doc="Small only where resets make the speed jump")
+    phi_a: Real = variable(unit="rad", doc="Angle of flange_a")
+    w_a: Real = variable(unit="rad/s", doc="Angular velocity of flange_a")
+    a_a: Real = variable(unit="rad/s2", doc="Angular acceleration of flange_a")
+    tauLoss: Real = variable(unit="N.m", doc="Torque that is lost, at flange_a")
+    tauLossMax: Real = variable(unit="N.m", doc="Torque that is lost in forward motion")
+    tauLossMin: Real = variable(unit="N.m", doc="Torque that is lost in backward motion")
+    loss_power: Real = variable(unit="W", doc="Power turned into heat")
+    sa: Real = variable(unit="1", doc="Path: a torque [N.m] while stuck, else an acceleration [rad/s2] beyond the loss")
+    startForward: Real = boolean(doc="w_a = 0, and forward motion begins")
+    startBackward: Real = boolean(doc="w_a = 0, and backward motion begins")
+    locked: Real = boolean(doc="w_a = 0, and nothing moves")
+    mode: Real = integer(default=0, doc="-1 backward, 0 stuck, 1 forward")
+
+    def build(self) -> None:
+        for row in self.lossTable:
+            if len(row) != 5 or not (0.0 < row[1] <= 1.0 and 0.0 < row[2] <= 1.0 and row[3] >= 0.0 and row[4] >= 0.0):
+                raise DeclarationError(
+                    "AC130",
+                    f"lossTable: {row} is no row of losses",
+                    help="give |w|, two efficiencies above 0 and at most 1, and two torques that are not negative",
+                )
+        if all(row[1:] == (1.0, 1.0, 0.0, 0.0) for row in self.lossTable):
+            raise DeclarationError(
+                "AC130",
+                "lossTable holds no losses",
+                cause="without any there is no standstill to be held",
+                help="use IdealGear",
+            )
+
+    def equations(self) -> Equations:
+        x, w = self.flange_a.tau, self.w_a
+        forward, backward, stuck = (equals(pre(self.mode), m) for m in (self.FORWARD, self.BACKWARD, self.STUCK))
+        eta1, eta2, bearing1, bearing2 = (self._loss(column) for column in (1, 2, 3, 4))
+        yield self.phi_a == self.flange_a.phi
+        yield self.phi_a == self.ratio * self.flange_b.phi
+        yield w == der(self.phi_a)
+        yield self.a_a == der(w)
+        yield self.flange_b.tau == -self.ratio * (x - self.tauLoss)
+        driven, driving = (1.0 - eta1) * x, (1.0 - 1.0 / eta2) * x
+        yield self.tauLossMax == where(x >= 0.0, driven + bearing1, driving + bearing2)
+        yield self.tauLossMin == where(x >= 0.0, driving - bearing2, driven - bearing1)
+
+        sa = 1.0 * self.sa  # without a unit: a torque and an acceleration
+        path = where(stuck, sa, 0.5 * (self.tauLossMax + self.tauLossMin))
+        positive = where(forward | self.startForward | initial(), w, -1.0 * self.w_small) > 0.0
+        negative = where(backward | self.startBackward | initial(), w, 1.0 * self.w_small) < 0.0
+        # From one direction to the other by way of standstill: the path of a direction that is not the true one may lie
+        # beyond the loss of the other, so that they would lead to each other and never to what holds between them.
+        breaks_forward = stuck & ~pre(self.startBackward) & (path > self.tauLossMax)
+        breaks_backward = stuck & ~pre(self.startForward) & (path < self.tauLossMin)
+        yield self.startForward == (breaks_forward | initial() & positive)
+        yield self.startBackward == (breaks_backward | initial() & negative)
+        yield self.locked == ~(forward | self.startForward | backward | self.startBackward)
+        moving = where(forward | self.startForward, self.tauLossMax, self.tauLossMin)
+        yield self.tauLoss == where(self.locked, sa, moving)
+        yield self.a_a == where(self.locked, 0.0, sa - 1.0 * self.tauLoss)
+        yield self.mode == where(
+            (forward | self.startForward) & positive,
+            self.FORWARD,
+            where((backward | self.startBackward) & negative, self.BACKWARD, self.STUCK),
+        )
+        yield self.loss_power == self.tauLoss * w
+
+    def _loss(self, column: int) -> Expr:
+        """A column of the table at the present speed."""
+        points = tuple((row[0], row[column]) for row in self.lossTable)
+        return table(points, fabs(self.w_a), located=False)
