@@ -60,7 +60,7 @@ def scenes() -> tuple[Scene, ...]:
         Scene(
             "ThickBlock",
             "ThickBlock: drilling with given force, 40 s, stiff contact, one algebraic variable",
-            ThickBlock(),
+            ThickBlock(explicit=False),
             "Stiff: explicit methods need steps below 0.2 ms, and a rootfinder at each evaluation.",
             {
                 "solvers": ("idas", "rosenbrock", "rk2"),

@@ -90,7 +90,7 @@ def main() -> None:
     parser.add_argument("--repeat", type=int, default=20)
     options = parser.parse_args()
     processor_clock()
-    implicit, explicit = acausal.compile(ThickBlock()), acausal.compile(ThickBlock(explicit=True))
+    implicit, explicit = acausal.compile(ThickBlock(explicit=False)), acausal.compile(ThickBlock())
     with tempfile.TemporaryDirectory() as folder:
         binary = Path(folder) / "thick_block"
         flags = [f"-lsundials_{name}" for name in LIBRARIES]

@@ -50,7 +50,7 @@ class ThickBlock(Component):
     force_profile: Points = structural(default=FORCE, doc="Rows (time [s], force [N]), straight in between")
     speed_profile: Points = structural(default=SPEED, doc="Rows (time [s], rotational speed [1/s])")
     as_printed: bool = structural(default=False, doc="Contact force by equation (21) instead of (20)")
-    explicit: bool = structural(default=False, doc="Equation (20) solved inside the equations: no algebraic variable")
+    explicit: bool = structural(default=True, doc="Equation (20) solved inside the equations: no algebraic variable")
     m: Real = parameter(default=5.0, unit="kg", min=0.0, doc="Mass of the drill with its spindle")
     gap: Real = parameter(default=1e-3, unit="m", doc="Distance from the tip to the block at the start")
 

@@ -30,15 +30,15 @@ class DrillContactForce(PartialCuttingForce):
 
     The ground of the hole recedes with the target feed rate `v_tar = z_E n f_z`. Two forms of the contact force:
 
-    - Equation (20), the default: k (s - s_tar) + d_c (v - v_tar). It is solved implicitly for the force per engaged
-      width: the equation is then monotone, without a jump of its slope, at any rotation and any width, nothing is
-      divided by the width, and a drill that does not press has a negative `line_force` and no force.
+    - Equation (20), the default: k (s - s_tar) + d_c (v - v_tar). With `explicit=False` it is solved implicitly for the
+      force per engaged width: the equation is then monotone, without a jump of its slope, at any rotation and any
+      width, nothing is divided by the width, and a drill that does not press has a negative `line_force` and no force.
     - Equations (21) and (16), `as_printed=True`: k (s - s_tar) + d_c v, which gives the feed explicitly. It breaks
       when a rotating drill first touches: the feed rate grows without bound as the engaged width vanishes.
 
-    `explicit=True` solves (20) inside the equations, by a fixed number of steps of Newton's method that always reach
-    it (see `feed_under`). A scene then is an ordinary differential equation: what costs one algebraic variable less
-    needs some dozens of operations more, and events are located exactly.
+    `explicit=True`, the default, solves (20) inside the equations, by a fixed number of steps of Newton's method that
+    always reach it (see `feed_under`). A scene then is an ordinary differential equation: what costs one algebraic
+    variable less needs some dozens of operations more, and events are located exactly.
 
     Source: founding paper, equations (11) and (16) to (21).
 
@@ -52,7 +52,7 @@ class DrillContactForce(PartialCuttingForce):
     """
 
     as_printed: bool = structural(default=False, doc="Equation (21) instead of (20)")
-    explicit: bool = structural(default=False, doc="Equation (20) solved by a fixed number of Newton steps")
+    explicit: bool = structural(default=True, doc="Equation (20) solved by a fixed number of Newton steps")
     chisel: bool = structural(default=False, doc="With the indentation of the chisel edge")
     k: Real = parameter(unit="N/m", min=0.0, nominal=1e8, doc="Stiffness of the contact")
     d_c: Real = parameter(unit="N.s/m", min=0.0, nominal=1e4, doc="Damping of the contact")

@@ -50,9 +50,9 @@ def test_dae_of_the_pendulum_moves_like_the_simulation() -> None:
 
 def test_dae_of_the_drill_moves_like_the_simulation() -> None:
     """With its time events inlined and its algebraic variable; 8 s is past the touch and the start of the spindle."""
-    model = acausal.compile(ThickBlock()).casadi()
+    model = acausal.compile(ThickBlock(explicit=False)).casadi()
     assert len(model.z) == 1
-    run = acausal.simulate(ThickBlock(), stop_time=8.0, tolerance=1e-9)
+    run = acausal.simulate(ThickBlock(explicit=False), stop_time=8.0, tolerance=1e-9)
     found = dict(zip(model.x.names, integrated(model, 8.0), strict=True))
     for name in ("slide.s", "drill.s_tar"):
         assert found[name] == pytest.approx(run.final(name), abs=1e-9)
@@ -61,8 +61,8 @@ def test_dae_of_the_drill_moves_like_the_simulation() -> None:
 
 def test_ode_is_dae_with_the_algebraic_variables_solved() -> None:
     """Along the whole drilling, in the air and in the block, though the iteration always starts from the same z."""
-    model = acausal.compile(ThickBlock()).casadi(["drill.F_f", "drill.s"])
-    run = acausal.simulate(ThickBlock(), stop_time=10.0)
+    model = acausal.compile(ThickBlock(explicit=False)).casadi(["drill.F_f", "drill.s"])
+    run = acausal.simulate(ThickBlock(explicit=False), stop_time=10.0)
     p = model.p.start
     for k in range(0, len(run.time), 23):
         t, x, z = run.time[k], [run[n][k] for n in model.x.names], [run[n][k] for n in model.z.names]
@@ -127,7 +127,7 @@ def test_init_solves_for_free_states() -> None:
 
 def test_start_conditions_follow_the_parameters() -> None:
     """ThickBlock starts `gap` above the block."""
-    model = acausal.compile(ThickBlock()).casadi()
+    model = acausal.compile(ThickBlock(explicit=False)).casadi()
     p = np.array(model.p.start)
     p[model.p.position("gap")] = 5e-3
     x0, z0 = model.init(p)
