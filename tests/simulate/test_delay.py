@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import exp, factorial, log, pi, sin
+from math import exp, factorial, pi, sin
 
 import numpy as np
 import pytest
@@ -15,14 +15,9 @@ from acausal import (
     Real,
     delay,
     der,
-    discrete,
     fixed,
-    pre,
-    reset,
-    sample,
     time,
     variable,
-    when,
     where,
 )
 from tests.simulate.delayed import DeadTime, Decay, MackeyGlass, Regenerative, by_steps
@@ -107,71 +102,6 @@ def test_the_limit_of_chatter_is_where_theory_puts_it(lobe: int) -> None:
     assert growth[0] < 0.9
     assert growth[1] == pytest.approx(1.0, abs=0.02)
     assert growth[2] > 1.1
-
-
-class Squares(Component):
-    """A square wave, a discrete variable, and both as they were."""
-
-    y: Real = variable()
-    d: Real = variable()
-    n: Real = discrete()
-    e: Real = variable()
-
-    def equations(self) -> Equations:
-        yield self.y == where(time < 1.0, 0.0, where(time < 2.3, 1.0, -1.0))
-        yield self.d == delay(self.y, 0.3)
-        yield when(sample(0.5, 0.5), reset(self.n, 1.0 - pre(self.n)))
-        yield self.e == delay(self.n, 0.123)
-
-
-@pytest.mark.parametrize("solver", ["auto", "rosenbrock", "erk", "cvodes"])
-def test_edges_are_delayed_exactly(solver: str) -> None:
-    """Both sides of every edge are in the result, and the values between are exact."""
-    r = acausal.simulate(Squares(), stop_time=4.0, output_interval=1.0, solver=solver)
-    jumps = [e.time for e in r.events if e.condition == "delay(y, 0.3) jumps"]
-    assert jumps == pytest.approx([1.3, 2.6], abs=1e-15)
-    assert set(r["d"]) == {0.0, 1.0, -1.0}
-    assert set(r["e"]) == {0.0, 1.0}
-    for t, left, right in ((1.3, 0.0, 1.0), (2.6, 1.0, -1.0)):
-        assert r["d"][np.abs(r.time - t) < 1e-12].tolist() == [left, right]
-
-
-class Integrated(Component):
-    """The integral of a delayed switch that a state throws."""
-
-    x: Real = variable(default=fixed(0.0))
-    y: Real = variable(default=fixed(0.0))
-    s: Real = variable()
-
-    def equations(self) -> Equations:
-        yield der(self.x) == 1.0 + self.x
-        yield self.s == where(self.x > 1.0, 1.0, 0.0)
-        yield der(self.y) == delay(self.s, 0.25) + 10.0 * delay(self.s, 0.4)
-
-
-@pytest.mark.parametrize("solver", ADAPTIVE)
-def test_events_of_states_are_delayed_too(solver: str) -> None:
-    """x = exp(t) - 1 passes 1 at ln 2; y is the area behind both edges."""
-    r = acausal.simulate(Integrated(), stop_time=2.0, tolerance=1e-8, solver=solver)
-    assert r.final("y") == pytest.approx((1.75 - log(2)) + 10 * (1.6 - log(2)), abs=3e-7)
-    assert [e.time for e in r.events] == pytest.approx([log(2), log(2) + 0.25, log(2) + 0.4], abs=1e-7)
-
-
-class Switching(Component):
-    """A relay on a delayed signal: on and off T late, so that x swings beyond its limits by T."""
-
-    x: Real = variable(default=fixed(0.0))
-
-    def equations(self) -> Equations:
-        yield der(self.x) == where(delay(self.x, 0.2) > 1.0, -1.0, 1.0)
-
-
-@pytest.mark.parametrize("solver", ADAPTIVE)
-def test_a_relay_on_a_delayed_signal(solver: str) -> None:
-    """Straight lines: up to 1.2, from there every 0.4 s a turn at the delay after x has passed 1."""
-    r = acausal.simulate(Switching(), stop_time=3.0, tolerance=1e-8, solver=solver)
-    assert r["x"].max() == pytest.approx(1.2, abs=1e-9)
-    assert [e.time for e in r.events if "> 1" in e.condition] == pytest.approx([1.2, 1.6, 2.0, 2.4, 2.8], abs=1e-8)
 
 
 class Implicit(Component):

@@ -137,8 +137,11 @@ def cross(memory: Memory, hybrid: Hybrid, course: Course, template: Segment, rep
 def _flipped(hybrid: Hybrid, before: Moment, row: int) -> tuple[Cause, ...]:
     """Relations that change where a stretch begins."""
     first = hybrid.guards.first
-    after = hybrid.recorder.point(row)[3]
-    return tuple(hybrid.guards.causes[k] for k in np.flatnonzero(after[first:] != before.m[first:]))
+    after = hybrid.recorder.point(row)[3][first:]
+    flipped = after != before.m[first:]
+    held = [h.relation for h in before.regime.holds]  # their modes are recorded as the multipliers that hold them
+    flipped[held] &= (after[held] <= 0.0) | (after[held] >= 1.0)
+    return tuple(hybrid.guards.causes[k] for k in np.flatnonzero(flipped))
 
 
 def _own(memory: Memory) -> slice:

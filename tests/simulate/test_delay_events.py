@@ -1,0 +1,161 @@
+"""Delays and events: edges, relays on delayed signals, sliding modes, clauses, delays of delays."""
+
+from __future__ import annotations
+
+from math import log
+
+import numpy as np
+import pytest
+
+import acausal
+from acausal import (
+    Component,
+    Equations,
+    Real,
+    delay,
+    der,
+    discrete,
+    fixed,
+    part,
+    pre,
+    reset,
+    sample,
+    terminate,
+    time,
+    variable,
+    when,
+    where,
+)
+from tests.simulate.delayed import Decay
+
+ADAPTIVE = ["idas", "cvodes", "rosenbrock", "erk"]
+
+
+class Squares(Component):
+    """A square wave, a discrete variable, and both as they were."""
+
+    y: Real = variable()
+    d: Real = variable()
+    n: Real = discrete()
+    e: Real = variable()
+
+    def equations(self) -> Equations:
+        yield self.y == where(time < 1.0, 0.0, where(time < 2.3, 1.0, -1.0))
+        yield self.d == delay(self.y, 0.3)
+        yield when(sample(0.5, 0.5), reset(self.n, 1.0 - pre(self.n)))
+        yield self.e == delay(self.n, 0.123)
+
+
+@pytest.mark.parametrize("solver", ["auto", "rosenbrock", "erk", "cvodes"])
+def test_edges_are_delayed_exactly(solver: str) -> None:
+    """Both sides of every edge are in the result, and the values between are exact."""
+    r = acausal.simulate(Squares(), stop_time=4.0, output_interval=1.0, solver=solver)
+    jumps = [e.time for e in r.events if e.condition == "delay(y, 0.3) jumps"]
+    assert jumps == pytest.approx([1.3, 2.6], abs=1e-15)
+    assert set(r["d"]) == {0.0, 1.0, -1.0}
+    assert set(r["e"]) == {0.0, 1.0}
+    for t, left, right in ((1.3, 0.0, 1.0), (2.6, 1.0, -1.0)):
+        assert r["d"][np.abs(r.time - t) < 1e-12].tolist() == [left, right]
+
+
+class Integrated(Component):
+    """The integral of a delayed switch that a state throws."""
+
+    x: Real = variable(default=fixed(0.0))
+    y: Real = variable(default=fixed(0.0))
+    s: Real = variable()
+
+    def equations(self) -> Equations:
+        yield der(self.x) == 1.0 + self.x
+        yield self.s == where(self.x > 1.0, 1.0, 0.0)
+        yield der(self.y) == delay(self.s, 0.25) + 10.0 * delay(self.s, 0.4)
+
+
+@pytest.mark.parametrize("solver", ADAPTIVE)
+def test_events_of_states_are_delayed_too(solver: str) -> None:
+    """x = exp(t) - 1 passes 1 at ln 2; y is the area behind both edges."""
+    r = acausal.simulate(Integrated(), stop_time=2.0, tolerance=1e-8, solver=solver)
+    assert r.final("y") == pytest.approx((1.75 - log(2)) + 10 * (1.6 - log(2)), abs=3e-7)
+    assert [e.time for e in r.events] == pytest.approx([log(2), log(2) + 0.25, log(2) + 0.4], abs=1e-7)
+
+
+class Switching(Component):
+    """A relay on a delayed signal: on and off T late, so that x swings beyond its limits by T."""
+
+    x: Real = variable(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        yield der(self.x) == where(delay(self.x, 0.2) > 1.0, -1.0, 1.0)
+
+
+@pytest.mark.parametrize("solver", ADAPTIVE)
+def test_a_relay_on_a_delayed_signal(solver: str) -> None:
+    """Straight lines: up to 1.2, from there every 0.4 s a turn at the delay after x has passed 1."""
+    r = acausal.simulate(Switching(), stop_time=3.0, tolerance=1e-8, solver=solver)
+    assert r["x"].max() == pytest.approx(1.2, abs=1e-9)
+    assert [e.time for e in r.events if "> 1" in e.condition] == pytest.approx([1.2, 1.6, 2.0, 2.4, 2.8], abs=1e-8)
+
+
+class Sliding(Component):
+    """x slides at its switch from 10/7 s on, and what the switch does then is read later."""
+
+    x: Real = variable(default=fixed(1.0))
+    s: Real = variable()
+    y: Real = variable()
+
+    def equations(self) -> Equations:
+        yield self.s == where(self.x > 0.0, -1.0, 1.0)
+        yield der(self.x) == 0.3 + self.s
+        yield self.y == delay(self.s, 0.25)
+
+
+def test_a_sliding_mode_is_remembered() -> None:
+    """Sliding means that s is -0.3: the mean that keeps x at zero."""
+    r = acausal.simulate(Sliding(), stop_time=2.5, tolerance=1e-8)
+    assert r.final("y") == pytest.approx(-0.3, abs=1e-9)
+    assert [e.time for e in r.events] == pytest.approx([10 / 7, 10 / 7 + 0.25], abs=1e-9)
+
+
+class Ending(Component):
+    """A delayed signal that resets a state, and one that ends the run."""
+
+    x: Real = variable(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        yield der(self.x) == 1.0
+        yield when(delay(self.x, 0.25) > 1.0, reset(self.x, delay(self.x, 0.25)))
+        yield when(delay(self.x, 0.5) > 1.0, terminate("late"))
+
+
+@pytest.mark.parametrize("solver", ["rosenbrock", "idas"])
+def test_delayed_signals_in_clauses(solver: str) -> None:
+    """At 1.25 s x goes back to 1; half a second after it was there first, at 1.5 s, it is 1.25."""
+    r = acausal.simulate(Ending(), stop_time=4.0, tolerance=1e-8, solver=solver)
+    assert r.time[-1] == pytest.approx(1.5, abs=1e-8)
+    assert r.final("x") == pytest.approx(1.25, abs=1e-8)
+    assert r.stats["terminated"] == "late"
+
+
+class Twice(Component):
+    """A delay of a delay, and twelve equal parts with delays of their own."""
+
+    x: Real = variable(default=fixed(1.0))
+    a: Real = variable()
+    b: Real = variable()
+    loops: list[Decay] = part()
+
+    def build(self) -> None:
+        self.loops = [Decay(T=0.1 * (k + 1)) for k in range(12)]
+
+    def equations(self) -> Equations:
+        yield der(self.x) == -self.x
+        yield self.a == delay(delay(self.x, 0.1), 0.2)
+        yield self.b == delay(self.x, 0.3)
+
+
+def test_delays_of_delays_and_of_many_parts() -> None:
+    r = acausal.simulate(Twice(), stop_time=1.5, tolerance=1e-8, output_interval=0.1)
+    assert r["a"] == pytest.approx(r["b"], abs=1e-9)
+    for k in (0, 5, 11):
+        own = acausal.simulate(Decay(T=0.1 * (k + 1)), stop_time=1.5, tolerance=1e-8)
+        assert r.final(f"loops[{k}].x") == pytest.approx(own.final("x"), abs=1e-7)
