@@ -11,7 +11,8 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -72,85 +73,86 @@ class CallbackBlock(ThickBlock):
 _kept: list[Any] = []  # CasADi does not own its callbacks
 
 
-def _coal_function() -> Any:
-    """`(tip) -> depth` [m], with its derivative by the normal of the contact."""
+class _Callback(ca.Callback):  # type: ignore[misc]
+    """A function of the tip in Python; with `known`, its value is given too, as CasADi asks of Jacobians."""
+
+    def __init__(self, name: str, columns: int, known: bool, value: Callable[[Any], Any]) -> None:
+        ca.Callback.__init__(self)
+        self.columns, self.known, self.value = columns, known, value
+        self.construct(name, {})
+
+    def get_n_in(self) -> int:
+        return 2 if self.known else 1
+
+    def get_n_out(self) -> int:
+        return 1
+
+    def get_sparsity_in(self, i: int) -> Any:
+        return ca.Sparsity.dense(3 if i == 0 else 1, 1)
+
+    def get_sparsity_out(self, i: int) -> Any:
+        return ca.Sparsity.dense(1, self.columns)
+
+    def eval(self, arguments: Sequence[Any]) -> list[Any]:
+        return [ca.DM(self.value(arguments[0]))]
+
+    def has_jacobian(self) -> bool:
+        return True
+
+
+class _Slope(_Callback):
+    """The normal of the contact as the derivative of the depth."""
+
+    def __init__(self) -> None:
+        super().__init__("coal_slope", 3, True, lambda tip: np.array(_coal_contact(tip)[1]).reshape(1, 3))
+
+    def get_jacobian(self, name: str, names_in: Any, names_out: Any, options: Any) -> Any:
+        # a flat face; a library has no second derivatives to give
+        given = [ca.MX.sym("tip", 3), ca.MX.sym("depth"), ca.MX.sym("slope", 1, 3)]
+        return ca.Function(name, given, [ca.MX(3, 3), ca.MX(3, 1)], names_in, names_out, options)
+
+
+class _Depth(_Callback):
+    def __init__(self) -> None:
+        super().__init__("coal_depth", 1, False, lambda tip: _coal_contact(tip)[0])
+
+    def get_jacobian(self, name: str, names_in: Any, names_out: Any, options: Any) -> Any:
+        slope = _Slope()
+        _kept.append(slope)
+        return slope
+
+
+def _coal_contact(tip: Any) -> tuple[float, Any]:
+    """Depth [m] and normal of the cone of the drill in the block, by coal."""
     import coal
 
-    # coal's cone stands on its base; its tip is at +z
-    cone, block = coal.Cone(0.008, 0.008 / np.tan(np.radians(59.0))), coal.Box(0.1, 0.1, 0.05)
-    half = cone.halfLength
-    request = coal.CollisionRequest()
-    request.num_max_contacts = 1
-    flip = np.diag([1.0, -1.0, -1.0])
-    at = coal.Transform3s()
+    cone, block, at, request = _coal_bodies()
+    # coal's cone stands on its base; its tip is at +z, so the middle of the cone lies behind it
+    place = coal.Transform3s()
+    place.setRotation(np.diag([1.0, -1.0, -1.0]))
+    place.setTranslation(np.array(tip).ravel() - np.array([0.0, 0.0, cone.halfLength]))
+    result = coal.CollisionResult()
+    if coal.collide(cone, place, block, at, request, result):
+        found = result.getContact(0)
+        return -found.penetration_depth, found.normal
+    apart = coal.DistanceResult()
+    return -coal.distance(cone, place, block, at, coal.DistanceRequest(), apart), apart.normal
+
+
+@cache
+def _coal_bodies() -> tuple[Any, Any, Any, Any]:
+    """Cone, block, place of the block, and what is asked of a collision."""
+    import coal
+
+    at, request = coal.Transform3s(), coal.CollisionRequest()
     at.setTranslation(np.array([0.0, 0.0, 0.025]))
+    request.num_max_contacts = 1
+    return coal.Cone(0.008, 0.008 / np.tan(np.radians(59.0))), coal.Box(0.1, 0.1, 0.05), at, request
 
-    def contact(tip: Any) -> tuple[float, Any]:
-        place = coal.Transform3s()
-        place.setRotation(flip)
-        place.setTranslation(np.array(tip).ravel() - np.array([0.0, 0.0, half]))
-        # (the tip is in front, so the middle of the cone lies behind it)
-        result = coal.CollisionResult()
-        if coal.collide(cone, place, block, at, request, result):
-            found = result.getContact(0)
-            return -found.penetration_depth, found.normal
-        apart = coal.DistanceResult()
-        return -coal.distance(cone, place, block, at, coal.DistanceRequest(), apart), apart.normal
 
-    class Slope(ca.Callback):
-        def __init__(self) -> None:
-            ca.Callback.__init__(self)
-            self.construct("coal_slope", {})
-
-        def get_n_in(self) -> int:
-            return 2
-
-        def get_n_out(self) -> int:
-            return 1
-
-        def get_sparsity_in(self, i: int) -> Any:
-            return ca.Sparsity.dense(3 if i == 0 else 1, 1)
-
-        def get_sparsity_out(self, i: int) -> Any:
-            return ca.Sparsity.dense(1, 3)
-
-        def eval(self, arguments: Sequence[Any]) -> list[Any]:
-            return [ca.DM(np.array(contact(arguments[0])[1]).reshape(1, 3))]
-
-        def has_jacobian(self) -> bool:
-            return True
-
-        def get_jacobian(self, name: str, names_in: Any, names_out: Any, options: Any) -> Any:
-            # a flat face; a library has no second derivatives to give
-            given = [ca.MX.sym("tip", 3), ca.MX.sym("depth"), ca.MX.sym("slope", 1, 3)]
-            return ca.Function(name, given, [ca.MX(3, 3), ca.MX(3, 1)], names_in, names_out, options)
-
-    class Depth(ca.Callback):
-        def __init__(self) -> None:
-            ca.Callback.__init__(self)
-            self.construct("coal_depth", {})
-
-        def get_n_in(self) -> int:
-            return 1
-
-        def get_n_out(self) -> int:
-            return 1
-
-        def get_sparsity_in(self, i: int) -> Any:
-            return ca.Sparsity.dense(3, 1)
-
-        def eval(self, arguments: Sequence[Any]) -> list[Any]:
-            return [contact(arguments[0])[0]]
-
-        def has_jacobian(self) -> bool:
-            return True
-
-        def get_jacobian(self, name: str, names_in: Any, names_out: Any, options: Any) -> Any:
-            slope = Slope()
-            _kept.append(slope)
-            return slope
-
-    made = Depth()
+def _coal_function() -> Any:
+    """`(tip) -> depth` [m], with its derivative by the normal of the contact."""
+    made = _Depth()
     _kept.append(made)
     tip = ca.MX.sym("tip", 3)
     return ca.Function("depth", [tip], [made(tip)], {"never_inline": True})

@@ -182,7 +182,8 @@ class HolesSideBySide(Component):
     """A drill on a gantry: a hole, a second one beside it, and back into the first to make it deeper.
 
     The feed is a given motion, so the force follows. Nobody says which of the plates is drilled, nor where: there are
-    `n` of them, and only those that the drill is near are in the equations.
+    `n` of them, and only those that the drill is near are in the equations. The balance leaves out the kinetic energy:
+    where the given motion has a corner, the drives exchange it in impulses.
     """
 
     n: int = structural(default=100, doc="Number of plates in a row")
@@ -199,6 +200,7 @@ class HolesSideBySide(Component):
     beam_drive: Position = part()
     feed_drive: Position = part()
     speed: Speed = part()
+    balance: EnergyBalance = part()
 
     experiment: ClassVar[Experiment] = Experiment(stop_time=15.0, tolerance=1e-7, solver="rosenbrock")
     figure: ClassVar[tuple[Panel, ...]] = (
@@ -233,6 +235,15 @@ class HolesSideBySide(Component):
             for k in range(self.n)
         )
         self.scene = ContactScene(bodies=(DrillBody(name="drill"), *plates))
+
+        drives = self.beam.f * self.beam.v + self.slide.f * self.slide.v
+        self.balance = EnergyBalance(
+            P_source=drives + self.spindle.tau * self.spindle.w,
+            P_cutting=self.scene.power_cutting,
+            P_friction=self.scene.power_friction,
+            P_damping=self.scene.power_damping,
+            E=self.scene.energy,
+        )
 
     def equations(self) -> Equations:
         yield connect(self.world.frame_b, self.beam.frame_a)

@@ -174,6 +174,20 @@ def test_a_hole_is_found_again_and_another_one_is_new() -> None:
     assert r[first][np.searchsorted(r.time, after)] == pytest.approx(shallow, abs=1e-12)
     assert r.final(first) == pytest.approx(6e-3, abs=1.2e-4)
     assert not any("plate1" in name for name in r.names)
+    # over all structures of the run
+    assert np.abs(r["balance.residual"]).max() < 1e-6 * r.final("balance.W_source")
+
+
+@pytest.mark.slow
+def test_a_thousand_workpieces_cost_at_most_a_third_more_than_one() -> None:
+    """The time of solving, best of three in turn: the issue asks for 1.3."""
+    models = [HolesSideBySide(n=n) for n in (1, 1000)]
+    best = [math.inf, math.inf]
+    for _ in range(3):
+        for k, model in enumerate(models):
+            spent: Any = acausal.simulate(model, native=False).stats["time"]
+            best[k] = min(best[k], spent["initialize"] + spent["integrate"])
+    assert best[1] < 1.3 * best[0]
 
 
 def test_bad_workpieces_are_refused_by_name() -> None:
