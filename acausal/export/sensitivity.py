@@ -3,7 +3,7 @@
 Between events the integrator differentiates its own steps. At an event at t* with guard g the derivative of the time
 is dt* = -(g_x X + g_p) / (g_t + g_x f), and that of the states jumps: with x+ = r(t, x-, p),
 X+ = r_x (X- + f- dt*) + r_t dt* + r_p - f+ dt* (the saltation matrix). The sequence of events is that of the nominal
-run.
+run. Time events and samples move with the parameters that their instants depend on.
 
 Source: W. S. Galán, P. I. Barton, W. F. Feehery, Parametric sensitivity functions for hybrid discrete/continuous
 systems, Applied Numerical Mathematics 31 (1999); the adjoint form is its transpose, in reverse order.
@@ -24,6 +24,7 @@ from acausal.errors import UsageError, nearest
 from acausal.export.functions import observed_function
 from acausal.export.ports import Output, named_outputs
 from acausal.language.component import Component
+from acausal.lower.build import Builder
 from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.delays import PADE, refuse_delays
@@ -32,6 +33,7 @@ from acausal.simulate.hybrid import Passage
 from acausal.simulate.options import options
 from acausal.simulate.regime import Regime
 from acausal.simulate.run import Run, input_vector, parameter_vector
+from acausal.simulate.sampling import due
 
 Vector = NDArray[np.float64]
 
@@ -246,12 +248,26 @@ class _Chain:
             instants = np.array(compiled.instants(self.p)).ravel()
             by_p = np.array(ca.Function("i", [p], [ca.jacobian(compiled.instants(p), p)])(self.p))
             at = [k for k, v in enumerate(instants) if abs(v - t) <= 1e-12 * max(1.0, abs(t))]
-            return np.zeros(self.nx), by_p[at[0], self.chosen] if at else np.zeros(self.count)
+            return np.zeros(self.nx), by_p[at[0], self.chosen] if at else self._tick(t)
         guard = left.regime.watch
         own = self._total(left.regime, lambda *a: guard(*a)[passage.guard], t, left)
         slope_x, slope_p, slope_t = own
         rate = float(slope_t[0] + slope_x[0] @ self._rate(left.regime, t, left))
         return -slope_x[0] / rate, -slope_p[0] / rate
+
+    def _tick(self, t: float) -> Vector:
+        """How an instant of a sample moves: start + k * interval, with the number k of the tick."""
+        acting = np.flatnonzero(due(self.compiled, self.p, np.array([t]))[0])
+        if not len(acting):
+            return np.zeros(self.count)
+        pool = self.compiled.solution.structure.reduced.pool
+        _, *nodes = pool.nodes[self.compiled.state_events.samples[int(acting[0])]]
+        p = ca.SX.sym("p", len(self.p))
+        clock = ca.vertcat(*Builder(pool, ca.SX(0), p, {}).lower(nodes))
+        value, slope = (np.array(v) for v in ca.Function("clock", [p], [clock, ca.jacobian(clock, p)])(self.p))
+        first, interval = value.ravel()
+        by_p = slope[0] + round((t - first) / interval) * slope[1]
+        return np.asarray(by_p[self.chosen], dtype=np.float64)
 
     def _jump(self, t: float, moment: Any, acts: Any) -> tuple[Vector, Vector, Vector]:
         """Derivatives of the states after the actions of some clauses with respect to states, parameters, time."""

@@ -1,0 +1,56 @@
+"""Derivatives through samples, whose instants move with their parameters, against complex steps."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+import pytest
+
+import acausal
+from acausal import Component, Equations, Real, der, discrete, fixed, parameter, reset, sample, variable, when
+
+Method = Literal["forward", "adjoint"]
+METHODS: tuple[Method, ...] = ("forward", "adjoint")
+START = {"K": 1.5, "T": 0.3, "t0": 0.1}
+
+
+class Held(Component):
+    """x' = u, and u = -K x is taken at t0 + k T."""
+
+    K: Real = parameter(default=START["K"])
+    T: Real = parameter(default=START["T"], unit="s")
+    t0: Real = parameter(default=START["t0"], unit="s")
+    x: Real = variable(default=fixed(1.0))
+    u: Real = discrete()
+
+    def equations(self) -> Equations:
+        yield der(self.x) == self.u
+        yield when(sample(self.t0, self.T), reset(self.u, -self.K * self.x))
+
+
+def held(K: complex, T: complex, t0: complex, stop: float) -> tuple[complex, complex]:
+    """x and u at `stop`: straight lines between the ticks."""
+    x, u, t = 1.0 + 0j, 0j, t0
+    while True:
+        u = -K * x
+        if (t + T).real > stop:
+            return x + u * (stop - t), u
+        x, t = x + u * T, t + T
+
+
+def slopes(stop: float) -> np.ndarray:
+    """d (x, u) / d (K, T, t0) by complex steps."""
+    columns = []
+    for name in START:
+        given = {k: v + 1e-30j * (k == name) for k, v in START.items()}
+        columns.append([value.imag / 1e-30 for value in held(**given, stop=stop)])
+    return np.array(columns).T
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("solver", [None, "idas"])
+def test_sample_instants_move_with_their_parameters(method: Method, solver: str | None) -> None:
+    found = acausal.sensitivities(Held(), list(START), ["x", "u"], stop_time=2.0, method=method, solver=solver)
+    np.testing.assert_allclose(found.final, slopes(2.0), rtol=1e-8, atol=1e-10)
+    np.testing.assert_allclose(found.values, [v.real for v in held(1.5 + 0j, 0.3 + 0j, 0.1 + 0j, 2.0)], rtol=1e-9)
