@@ -222,7 +222,8 @@ def draw(first: dict[str, Any], second: dict[str, Any], file: Path) -> None:
     names = list(first["ratio"])
     labels = {"plate": "analytic plate", "convex": "convex body", "callback": "coal by\nPython callback"}
     bars = left.bar([labels[n] for n in names], [first["ratio"][n] for n in names], color="#0072b2")
-    left.bar_label(bars, [f"{1e3 * first['seconds'][n]:.0f} ms" for n in names])
+    left.bar_label(bars, [f"{1e3 * first['seconds'][n]:.0f} ms" for n in names], label_type="center", color="white")
+    left.set(yscale="log", ylim=(0.3, 200))
     left.axhline(LEVELS, color="#d55e00", linestyle="--", label=f"limit for the convex body: {LEVELS:g}")
     left.set(ylabel="Time of integration, plate = 1", title="S32: 40 s of drilling, IDAS at 1e-8")
     left.legend()
