@@ -147,11 +147,12 @@ class DeclarationError(AcausalError):
         self._nameless = sys._getframe(1).f_code.co_filename.startswith(_MODELLERS[0])
         super().__init__(code, fact, where=where or calling_span(), **details)
 
-    def name(self, owner: str) -> None:
-        """Put the class into the fact, once, where a function of the library that does not know it has refused."""
-        if self._nameless and owner not in self.fact:
+    def name(self, owner: str) -> bool:
+        """Put the owner into the fact where a function of the library that does not know it has refused; once."""
+        was_nameless, self._nameless = self._nameless, False
+        if was_nameless and owner not in self.fact:
             self.fact = f"{owner}: {self.fact}"
-        self._nameless = False
+        return was_nameless
 
 
 class UnitError(DeclarationError):

@@ -51,6 +51,8 @@ class Session:
         self.clock.take("integrate", inside)
         # Read once here, so that saving does not pay for it in the account.
         _ = result.matrix
+        for sentence in _undefined(result):
+            remark(f"note: {sentence}")
         self.clock.lap("observe")
         self._save(result)
         self.clock.lap("save")
@@ -150,6 +152,28 @@ class Session:
             remark(f"wrote {path} ({what})")
         if not self.written:
             remark("wrote nothing; -o FILE keeps the result, --plot draws it")
+
+
+def _undefined(result: Result) -> list[str]:
+    """Sentences on signals that lose their value on the way; nothing is integrated from them, so the run went on."""
+    if "pieces" in result.stats:  # of changing structure: what is not in the equations has no value
+        return []
+    import numpy as np
+
+    lost = ~np.isfinite(result.matrix)
+    if not lost.any():
+        return []
+    first = np.argmax(lost, axis=0)
+    columns = np.flatnonzero(lost.any(axis=0))
+    names: dict[int, str] = {}
+    for name, signal in result.signals.items():
+        if signal.column is not None:
+            names.setdefault(signal.column, name)
+    return [
+        f"{names.get(int(k), k)} has no finite value at t = {result.time[first[k]]:g} s"
+        + (" and after" if lost[first[k] :, k].all() else "")
+        for k in columns[:4]
+    ]
 
 
 def _is_number(value: object) -> bool:

@@ -38,7 +38,7 @@ def run(component: Component, cls: str, method: str, function: Callable[..., Any
             where=(Span(function.__code__.co_filename, function.__code__.co_firstlineno),),
             help="every equation needs a `yield`: yield left == right",
         )
-    for item in generator:
+    for item in _named(component, generator):
         origin = origin_of(generator)
         if isinstance(item, Equation) and method != "ties":
             check_dimensions(item, _Where(origin))  # type: ignore[arg-type]
@@ -60,6 +60,17 @@ def run(component: Component, cls: str, method: str, function: Callable[..., Any
                 + (", connect(a, b), when(...) or assert_(...)" if method == "equations" else ""),
             )
         yield item, origin
+
+
+def _named(component: Component, generator: Generator[Any, None, None]) -> Iterator[Any]:
+    """What the generator yields; a function of the library that refuses does not know for which component."""
+    try:
+        yield from generator
+    except DeclarationError as error:
+        path = component._path_to("")[:-1]
+        if error.name(f"{path} ({type(component).__name__})" if path else type(component).__name__):
+            error.where = (component.__dict__["_origin"].span(),)
+        raise
 
 
 def _check_discrete(equation: Equation, origin: Origin) -> None:

@@ -4,7 +4,13 @@ from __future__ import annotations
 
 from acausal.errors import StructureError
 from acausal.flatten.flat import FlatEquation, FlatSystem, span_of
-from acausal.lower.diagnosis.combinations import dependent_equations, empty_equation, open_motion, special_values
+from acausal.lower.diagnosis.combinations import (
+    dependent_equations,
+    empty_equation,
+    open_motion,
+    special_defaults,
+    special_values,
+)
 from acausal.lower.diagnosis.components import unbalanced_component
 from acausal.lower.diagnosis.cut_forces import constrained_loop
 from acausal.lower.diagnosis.inputs import open_inputs
@@ -31,7 +37,16 @@ def probable(flat: FlatSystem, *, by_structure: bool = False) -> StructureError 
         return found
     numbers = pencil(flat)
     last = empty_equation if by_structure else dependent_equations
-    for finder in (constrained_loop, potential_twice, special_values, without_reference, flow_twice, open_motion, last):
+    for finder in (
+        constrained_loop,
+        potential_twice,
+        special_values,
+        without_reference,
+        flow_twice,
+        special_defaults,
+        open_motion,
+        last,
+    ):
         found = finder(numbers)
         if found is not None:
             return found

@@ -28,13 +28,33 @@ _LARGEST = 800
 
 
 def special_values(numbers: Pencil) -> StructureError | None:
-    """AC204 when equations depend on each other only because of the values of some parameters."""
+    """AC204 when equations depend on each other only because of the values that some parameters were given."""
+    return _special_values(numbers, _at_default(numbers.flat))
+
+
+def special_defaults(numbers: Pencil) -> StructureError | None:
+    """The same for values that nobody has given: an effect that is off by default explains less than all else."""
+    return _special_values(numbers, set())
+
+
+def _at_default(flat: FlatSystem) -> set[int]:
+    """Free parameters that have the number declared for them."""
+    found = set()
+    for p in flat.parameters:
+        default = p.declaration.default
+        if p.free and isinstance(default, int | float):
+            entries = [flat.pool.nodes[node][1] for node in p.nodes]
+            found |= {k for k in entries if flat.parameter_values[k] == default}
+    return found
+
+
+def _special_values(numbers: Pencil, innocent: set[int]) -> StructureError | None:
     flat = numbers.flat
     for y in numbers.dependent():
         if len(y) > 200:
             continue
         guilty = [k for k in _decisive_parameters(flat, sorted(y)) if _cures(numbers, k)]
-        if guilty:
+        if not innocent.issuperset(guilty):
             shown = [f"{flat.parameter_names[k]} = {flat.parameter_values[k]:g}" for k in guilty]
             error = combined(numbers, y)
             error.fact = f"{error.fact} for {listed(shown, 4)}"

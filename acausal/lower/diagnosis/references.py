@@ -110,6 +110,10 @@ def _potential_twice(
     shared = _shared(flat, equations, Kind.VARIABLE)
     what = " - ".join(shared) if len(shared) == 2 else listed(shared, 3)
     cause, advice = hint(flat.declaration(k) for k in circulating)
+    ends = loose(flat, dict.fromkeys(str(e.source).partition(" of ")[2].partition(" is zero")[0] for e in equations))
+    if ends:
+        cause = f"{listed(ends)} {'is' if len(ends) == 1 else 'are'} not connected, so nothing can flow there"
+        advice = f"connect {listed(ends)}"
     return StructureError(
         "AC205",
         f"{flat.name}: {_subject(flat, components)} {what}{' twice' if len(components) > 2 else ''}",

@@ -1,0 +1,208 @@
+"""Heat ports left open, temperatures fixed twice, tables that are none, and what the command line says to slips."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from acausal import Component, Equations, connect, fixed, part
+from acausal.cli.main import app
+from acausal.library import blocks, electrical, thermal
+from tests.messages.cases import Case, Corpus
+
+corpus = Corpus()
+
+
+@corpus.broken(
+    "AC205",
+    "heater and conductor",
+    """
+error[AC205]: HeatWithoutEnd: heater and conductor both prescribe heater.port.Q_flow
+  at      test_heat_and_tables.py:N
+              self.heater = thermal.FixedHeatFlow(Q_flow=1.0)
+                            ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
+  at      test_heat_and_tables.py:N
+              self.conductor = thermal.ThermalConductor(G=1.0)
+                               ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
+          these do:
+            heater.port.Q_flow == -heater.Q_flow * (1 + heater.alpha * (heater.port.T - heater.T_ref))   (FixedHeatFlow, thermal/sources.py:N)
+            conductor.port_a.Q_flow == conductor.Q_flow   (ThermalConductor, thermal/interfaces.py:N)
+            conductor.port_b.Q_flow == -conductor.Q_flow   (ThermalConductor, thermal/interfaces.py:N)
+            the Q_flow of heater.port, conductor.port_a sum to zero   (test_heat_and_tables.py:N)
+            the Q_flow of conductor.port_b is zero: not connected   (test_heat_and_tables.py:N)
+          together they demand 0 == 1
+          and leave open: heater.port.T, conductor.port_a.T and conductor.port_b.T
+  cause   conductor.port_b is not connected, so the flow there is zero
+  help    connect conductor.port_b
+""",  # noqa: E501
+)
+class HeatWithoutEnd(Component):
+    """A heat flow into a conductor that leads nowhere; alpha = 0 is no reason, being the default."""
+
+    heater: thermal.FixedHeatFlow = part()
+    conductor: thermal.ThermalConductor = part()
+
+    def build(self) -> None:
+        self.heater = thermal.FixedHeatFlow(Q_flow=1.0)
+        self.conductor = thermal.ThermalConductor(G=1.0)
+
+    def equations(self) -> Equations:
+        yield connect(self.heater.port, self.conductor.port_a)
+
+
+@corpus.broken(
+    "AC205",
+    "coil",
+    """
+error[AC205]: CoilThatCannotGiveHeat: source and coil both prescribe source.p.v, source.n.v and coil.heatPort.T
+  at      test_heat_and_tables.py:N
+              self.source = electrical.ConstantVoltage(V=1.0)
+                            ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
+  at      test_heat_and_tables.py:N
+              self.coil = electrical.HeatingResistor(R_ref=1.0)
+                          ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
+          these do:
+            source.v == source.p.v - source.n.v   (ConstantVoltage, electrical/interfaces.py:N)
+            source.v == source.V   (ConstantVoltage, electrical/sources.py:N)
+            coil.v == coil.p.v - coil.n.v   (HeatingResistor, electrical/interfaces.py:N)
+            coil.R_actual == coil.R_ref * (1 + coil.alpha * (coil.heatPort.T - coil.T_ref))   (HeatingResistor, electrical/components.py:N)
+            coil.v == coil.R_actual * coil.i   (HeatingResistor, electrical/components.py:N)
+            coil.loss_power == coil.v * coil.i   (HeatingResistor, electrical/components.py:N)
+            coil.heatPort.Q_flow == -coil.loss_power   (HeatingResistor, electrical/components.py:N)
+            the Q_flow of coil.heatPort is zero: not connected   (test_heat_and_tables.py:N)
+          one of them follows from the others, or contradicts them
+  cause   coil.heatPort is not connected, so nothing can flow there
+  help    connect coil.heatPort
+""",  # noqa: E501
+)
+class CoilThatCannotGiveHeat(Component):
+    """A heat port that is left open."""
+
+    source: electrical.ConstantVoltage = part()
+    coil: electrical.HeatingResistor = part()
+    ground: electrical.Ground = part()
+
+    def build(self) -> None:
+        self.source = electrical.ConstantVoltage(V=1.0)
+        self.coil = electrical.HeatingResistor(R_ref=1.0)
+        self.ground = electrical.Ground()
+
+    def equations(self) -> Equations:
+        yield connect(self.source.p, self.coil.p)
+        yield connect(self.source.n, self.coil.n, self.ground.p)
+
+
+@corpus.bad_start(
+    "AC302",
+    "body.T",
+    """
+error[AC302]: BodyOfAnotherTemperature: the start value body.T = 400 contradicts the others, which make it 300
+  at      test_heat_and_tables.py:N
+              self.body = thermal.HeatCapacitor(C=1.0, T=fixed(400.0))
+                          ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
+  cause   the equations determine it at every time: no state is left to be chosen at the start
+  help    remove one of them, or make it a guess: T=guess(400)
+""",
+)
+class BodyOfAnotherTemperature(Component):
+    body: thermal.HeatCapacitor = part()
+    outside: thermal.FixedTemperature = part()
+
+    def build(self) -> None:
+        self.body = thermal.HeatCapacitor(C=1.0, T=fixed(400.0))
+        self.outside = thermal.FixedTemperature(T=300.0)
+
+    def equations(self) -> Equations:
+        yield connect(self.body.port, self.outside.port)
+
+
+@corpus.broken(
+    "AC130",
+    "table (TimeTable)",
+    """
+error[AC130]: table (TimeTable): the times of a table must not descend: 1 s follows 2 s
+  at      test_heat_and_tables.py:N
+              self.table = blocks.TimeTable(table=((0.0, 1.0), (2.0, 1.0), (1.0, 0.0)))
+                           ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
+  help    sort the rows by time
+""",
+)
+class TableThatGoesBack(Component):
+    """The library refuses the table; it is named by the component that has it."""
+
+    table: blocks.TimeTable = part()
+
+    def build(self) -> None:
+        self.table = blocks.TimeTable(table=((0.0, 1.0), (2.0, 1.0), (1.0, 0.0)))
+
+
+@pytest.mark.parametrize("case", corpus.cases, ids=str)
+def test_message(case: Case) -> None:
+    case.check()
+
+
+HEAD = """from acausal import Component, Real, connect, der, part, sqrt, variable, fixed
+from acausal.library import translational
+"""
+MODEL = """class M(Component):
+    x: Real = variable(default=fixed(0.5))
+    y: Real = variable()
+    masses: list[translational.Mass] = part()
+    def build(self):
+        self.masses = [translational.Mass(m=1.0)]
+    def equations(self):
+        yield der(self.x) == -1.0
+        yield self.y == {}
+"""
+
+
+def said(folder: Path, source: str) -> list[str]:
+    """Lines that `acausal simulate` prints for a file."""
+    file = folder / "model.py"
+    file.write_text(HEAD + source)
+    arguments = ["simulate", f"{file}:M", "--stop-time", "1", "-o", str(folder / "r.mat")]
+    return CliRunner().invoke(app, arguments).output.splitlines()
+
+
+@pytest.mark.parametrize(
+    ("source", "fact", "advice"),
+    [
+        (MODEL.format("x"), "M.equations raised NameError: name 'x' is not defined", "write self.x"),
+        (MODEL.format("sqr(self.x)"), "M.equations raised NameError: name 'sqr' is not defined", "did you mean sqrt?"),
+        (
+            MODEL.format("translational.Mas(m=1.0).m"),
+            "M.equations raised AttributeError: module 'acausal.library.translational' has no attribute 'Mas'",
+            "did you mean Mass",
+        ),
+        (
+            MODEL.format("self.masses.s"),
+            "M.equations raised AttributeError: 'list' object has no attribute 's'",
+            "it is a list of 1: take one of them, [0].s",
+        ),
+        (
+            "class M(Component):\n    x: Real = variable(start=1.0)\n",
+            "M raised TypeError: variable() got an unexpected keyword argument 'start'",
+            "write default=fixed(...) or default=guess(...)",
+        ),
+        (
+            "from acausal.library.electrical import Resistr\n",
+            "model.py raised ImportError: cannot import name 'Resistr'",
+            "did you mean Resistor",
+        ),
+    ],
+)
+def test_slips_of_python_are_named_with_class_and_method(tmp_path: Path, source: str, fact: str, advice: str) -> None:
+    lines = said(tmp_path, source)
+    assert lines[0].startswith(f"error[AC002]: {fact}")
+    assert lines[1].startswith("  at      ")
+    assert any(line.startswith(f"  help    {advice}") for line in lines)
+
+
+def test_a_signal_that_loses_its_value_is_named(tmp_path: Path) -> None:
+    """Nothing depends on y, so the run goes on; x passes zero at 0.5 s."""
+    lines = said(tmp_path, MODEL.format("sqrt(self.x)"))
+    assert any(
+        line.startswith("note: y has no finite value at t = 0.5") and line.endswith("and after") for line in lines
+    )
