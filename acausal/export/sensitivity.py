@@ -229,11 +229,17 @@ class _Chain:
         left, right, t = passage.left, passage.happened.moment, passage.time
         time_x, time_p = self._instant(passage)
         f_left, f_right = self._rate(left.regime, t, left), self._rate(right.regime, t, right)
-        by_x, by_p, by_t = np.eye(self.nx), np.zeros((self.nx, self.count)), np.zeros(self.nx)
+        columns = self.nx + self.count + 1
+        x = np.eye(self.nx, columns)  # variations of the states by the states before, the parameters, and the time
+        past = self._after(left.regime, 4, None, t, left, x, np.zeros((len(self._memories), columns)))
+        past[:, -1] = 0.0  # what is remembered does not change until the event
         for moment, acts in passage.happened.jumps:
-            jump_x, jump_p, jump_t = self._jump(t, moment, acts)
-            by_t = jump_x @ by_t + jump_t
-            by_x, by_p = jump_x @ by_x, jump_x @ by_p + jump_p
+            x = self._set(self._assigned, self._after(moment.regime, 1, None, t, moment, x, past), x)
+            places, rows = self._actions(acts)
+            acted = self._set(places, self._after(moment.regime, 3, rows, t, moment, x, past), x)
+            past, x = self._after(moment.regime, 4, None, t, moment, x, past), acted
+        x = self._set(self._assigned, self._after(right.regime, 1, None, t, right, x, past), x)
+        by_x, by_p, by_t = x[:, : self.nx], x[:, self.nx : -1], x[:, -1]
         shift = by_x @ f_left + by_t - f_right
         by_x, by_p = by_x + np.outer(shift, time_x), by_p + np.outer(shift, time_p)
         if len(right.regime.holds) > len(left.regime.holds):
@@ -269,22 +275,52 @@ class _Chain:
         by_p = slope[0] + round((t - first) / interval) * slope[1]
         return np.asarray(by_p[self.chosen], dtype=np.float64)
 
-    def _jump(self, t: float, moment: Any, acts: Any) -> tuple[Vector, Vector, Vector]:
-        """Derivatives of the states after the actions of some clauses with respect to states, parameters, time."""
+    @cached_property
+    def _memories(self) -> NDArray[np.int64]:
+        """Places among the modes of what `pre` remembers."""
         events = self.compiled.state_events
+        first = self.compiled.n_timely + len(events.samples)
+        return np.arange(first, first + len(events.memories))
+
+    @cached_property
+    def _assigned(self) -> list[int]:
+        """Places of the variables of discrete equations."""
+        return [a.position for a in self.compiled.state_events.assignments]
+
+    def _actions(self, acts: Any) -> tuple[list[int], list[int]]:
+        """Places that the acting clauses set, and the rows of their new values."""
         places, rows, k = [], [], 0
-        for clause, act in zip(events.clauses, acts, strict=True):
+        for clause, act in zip(self.compiled.state_events.clauses, acts, strict=True):
             for position, _ in clause.actions:
                 if act:
                     places.append(position)
                     rows.append(k)
                 k += 1
-        by_x, by_p, by_t = np.eye(self.nx), np.zeros((self.nx, self.count)), np.zeros(self.nx)
-        if rows:
-            reactions = self.compiled.events.reactions
-            new = self._total(moment.regime, lambda *a: reactions(*a)[3][rows], t, moment)
-            by_x[places], by_p[places], by_t[places] = new
-        return by_x, by_p, by_t
+        return places, rows
+
+    @staticmethod
+    def _set(places: list[int], values: Vector, x: Vector) -> Vector:
+        """Variations in which some states take new ones."""
+        if not places:
+            return x
+        x = x.copy()
+        x[places] = values
+        return x
+
+    def _after(
+        self, regime: Regime, output: int, rows: list[int] | None, t: float, moment: Any, x: Vector, past: Vector
+    ) -> Vector:
+        """Variations of what the model reacts with, given those of the states and of what is remembered."""
+        reactions = self.compiled.events.reactions
+        count = reactions.numel_out(output) if rows is None else len(rows)
+        if not count:
+            return np.zeros((0, x.shape[1]))
+        chosen = list(range(count)) if rows is None else rows
+        by_x, by_p, by_t, by_past = self._full(regime, lambda *a: reactions(*a)[output][chosen], t, moment)
+        found = by_x @ x + by_past @ past
+        found[:, self.nx : -1] += by_p
+        found[:, -1] += by_t
+        return np.asarray(found, dtype=np.float64)
 
     def _onto(self, regime: Regime, t: float, moment: Any) -> tuple[Vector, Vector]:
         """Projection of a variation onto what a new hold keeps: `(by states, by parameters)` to subtract."""
@@ -301,17 +337,26 @@ class _Chain:
 
     def _total(self, regime: Regime, function: Any, t: float, moment: Any) -> tuple[Vector, Vector, Vector]:
         """Derivatives with respect to (x, chosen p, t) of a function of all, algebraic variables eliminated."""
+        return self._full(regime, function, t, moment)[:3]
+
+    def _full(self, regime: Regime, function: Any, t: float, moment: Any) -> tuple[Vector, Vector, Vector, Vector]:
+        """The same, and with respect to what is remembered."""
         c = regime.compiled
         s = [ca.SX.sym("t"), ca.SX.sym("x", self.nx), ca.SX.sym("z", len(c.algebraic)), ca.SX.sym("p", len(self.p))]
-        e = function(s[0], s[1], s[2], self.u, s[3], moment.m)
-        alg = c.rhs(s[0], s[1], s[2], self.u, s[3], moment.m)[1]
-        parts = [ca.densify(ca.jacobian(v, w)) for v in (e, alg) for w in (s[1], s[3], s[0], s[2])]
-        found = [np.array(v) for v in ca.Function("d", s, parts)(t, moment.x, moment.z, self.p)]
-        own, implied = found[:4], found[4:]
+        past = ca.SX.sym("past", len(self._memories))
+        m = ca.SX(ca.DM(moment.m))
+        if len(self._memories):
+            m[self._memories.tolist()] = past
+        e = function(s[0], s[1], s[2], self.u, s[3], m)
+        alg = c.rhs(s[0], s[1], s[2], self.u, s[3], m)[1]
+        parts = [ca.densify(ca.jacobian(v, w)) for v in (e, alg) for w in (s[1], s[3], s[0], past, s[2])]
+        values = (t, moment.x, moment.z, self.p, moment.m[self._memories])
+        found = [np.array(v) for v in ca.Function("d", [*s, past], parts)(*values)]
+        own, implied = found[:5], found[5:]
         if len(c.algebraic):
-            inner = own[3] @ np.linalg.pinv(implied[3])
-            own = [a - inner @ b for a, b in zip(own[:3], implied[:3], strict=True)]
-        return own[0], own[1][:, self.chosen], own[2].ravel()
+            inner = own[4] @ np.linalg.pinv(implied[4])
+            own = [a - inner @ b for a, b in zip(own[:4], implied[:4], strict=True)]
+        return own[0], own[1][:, self.chosen], own[2].ravel(), own[3]
 
     def output(self) -> tuple[Vector, Vector]:
         """d output / d states and d output / d parameters at the end."""
