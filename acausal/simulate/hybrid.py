@@ -175,7 +175,13 @@ class Hybrid:
             moment = self.iteration.consistent(t, moment)
             fired = np.array([side < 0 and k in relations and k not in rested for k, side in moment.regime.owners])
         happened = self.iteration.settle(t, self.iteration.flipped(moment, fired), left.m)
-        if rested:
+        held, landed, more = self.bounces.landed(t, left, happened.moment, relations)
+        if landed:
+            after = self.iteration.settle(t, self.iteration.consistent(t, held), happened.moment.m)
+            changed = tuple(dict.fromkeys((*happened.changed, *after.changed)))
+            notes += [*happened.notes, *more]
+            happened = replace(after, causes=(*happened.causes, *after.causes), changed=changed)
+        if rested or landed:
             happened = replace(happened, notes=(*notes, *happened.notes))
         self.bounces.saw(t, relations if happened.changed else [])
         if self.bounces.is_endless:
@@ -242,7 +248,7 @@ class Hybrid:
         times, x, z = stop.times, stop.piece.x, stop.piece.z
         done = 0
         while True:
-            found = first_crossing(g[done:], band)
+            found = first_crossing(np.append(segment.start, times)[done : len(g)], g[done:], band)
             if found is None:
                 return stop
             k, seen = found[0] + done - 1, found[1]  # row of the stop

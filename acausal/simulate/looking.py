@@ -26,22 +26,28 @@ LOOKS = 64
 _FINE = 24
 _NEAREST = 8
 _MOST_LOOKS = 60
+# Each divides the time in which a short hop may have ended by 24.
+_MOST_RETURNS = 6
 
 
-def first_crossing(g: Vector, band: Vector) -> tuple[int, bool] | None:
+def first_crossing(times: Vector, g: Vector, band: Vector) -> tuple[int, bool] | None:
     """The first of n looks (after the start, row 0) at which a guard is passed; and whether it was seen there.
 
-    `g` has shape (n + 1, guards). The second is False where a guard may dip below zero within the interval that ends
-    at this look, or in the one before it.
+    `times` has shape (n + 1,), `g` (n + 1, guards). Looks need not be evenly spaced. The second is False where a guard
+    may dip below zero within the interval that ends at this look, or in the one before it.
     """
     seen = (g < -band).any(axis=1)
     at = int(np.argmax(seen)) if seen.any() else len(g)
     if len(g) >= 3:
         a, b, c = g[:-2], g[1:-1], g[2:]
-        curve, slope = a - 2 * b + c, (c - a) / 2
+        before, after = np.diff(times)[:-1, None], np.diff(times)[1:, None]
         with np.errstate(divide="ignore", invalid="ignore"):
-            lowest = b - slope**2 / (2 * curve)
-            dips = ((curve > 0) & (np.abs(slope) < curve) & (lowest < -band) & (b >= -band)).any(axis=1)
+            rise, fall = (b - a) / before, (c - b) / after
+            # the parabola b + slope*t + curve*t**2 through the three
+            curve, slope = (fall - rise) / (before + after), (rise * after + fall * before) / (before + after)
+            where, lowest = -slope / (2 * curve), b - slope**2 / (4 * curve)
+            inside = (curve > 0) & (where > -before) & (where < after)
+            dips = (inside & (lowest < -band) & (b >= -band)).any(axis=1)
         if np.any(dips) and int(np.argmax(dips)) + 2 < at:
             return int(np.argmax(dips)) + 2, False
     return (at, True) if seen.any() else None
@@ -57,20 +63,30 @@ def locate(guards: Guards, moment: Moment, segment: Segment, band: Vector, integ
         none = Piece(np.zeros((len(segment.x), 0)), np.zeros((len(segment.z), 0)), {})
         return Stop(none, segment.times[:0], segment.start, segment.x, segment.z)
     fine = _FINE
-    for _ in range(_MOST_LOOKS):
+    for turn in range(_MOST_LOOKS):
         times = segment.start + (end - segment.start) * np.arange(1, fine + 1) / fine
         times[-1] = end
         piece = integrate(replace(segment, times=times))
         g = _with_start(guards, moment, segment, times, piece)
-        found = first_crossing(g, band)
+        found = first_crossing(np.append(segment.start, times), g, band)
         if found is None or (not found[1] and fine > 4 * _FINE):
             last = Piece(piece.x[:, -1:], piece.z[:, -1:], piece.counters)
             return Stop(last, times[-1:], None, piece.x[:, -1], piece.z[:, -1])
         k, seen = found
-        if seen:
+        if seen and not (k == 1 and turn < _MOST_RETURNS and _returns(guards, moment, segment.start, g, band)):
             return _ended(guards, moment, segment, times, piece, g, k, band, integrate)
-        end, fine = float(times[k - 1]), fine * 2
+        end, fine = float(times[k - 1]), min(fine * 2, 64 * _FINE)
     raise AssertionError("an interval is halved until its crossing is seen")
+
+
+def _returns(guards: Guards, moment: Moment, start: float, g: Vector, band: Vector) -> bool:
+    """Whether all guards that are passed at the first look have started at zero upward, and passed it on the way back.
+
+    A short hop: its end is not its beginning.
+    """
+    passed = (g[1] < -band) & (g[0] <= 0.0)
+    rate, noise = guards.rates(start, moment)
+    return bool(passed.any() and (rate[passed] > noise[passed]).all() and not ((g[1] < -band) & ~passed).any())
 
 
 def _ended(

@@ -1,8 +1,8 @@
 """Bounces that come ever sooner: their limit is a state of rest, and the run goes on from there.
 
-An impact law v+ = -e v- has infinitely many impacts before a finite time (Zeno). When the impacts of one relation come
-ever sooner and the flights between them are no higher than the error of the distance itself, the reset state is held so
-that distance and approach stay zero, until it would have to pull.
+An impact law v+ = -e v- has infinitely many impacts before a finite time (Zeno), or a single one where e is zero. When
+the flights between impacts are no higher than the error of the distance itself, those that were or the one that would
+be next, the reset state is held so that distance and approach stay zero, until it would have to pull.
 """
 
 from __future__ import annotations
@@ -80,6 +80,51 @@ class Bounces:
                 rested.append(k)
                 notes.append(found[1])
         return moment, rested, notes
+
+    def landed(
+        self, t: float, left: Moment, after: Moment, relations: list[int]
+    ) -> tuple[Moment, list[int], list[str]]:
+        """The same after impacts whose next flight would be lower than the noise: without a sequence before."""
+        moment, rested, notes = after, [], []
+        for k in relations:
+            if self.impossible[k] or not self._stays_low(t, left, after, k):
+                continue
+            m = moment.m.copy()
+            m[self.guards.first + k] = left.m[self.guards.first + k]
+            found = self._held(t, Moment(moment.x, moment.z, m, moment.regime), k)
+            if found is None:
+                self.impossible[k] = 1
+                continue
+            moment = found[0]
+            rested.append(k)
+            notes.append(found[1])
+        return moment, rested, notes
+
+    def _stays_low(self, t: float, left: Moment, after: Moment, relation: int) -> bool:
+        """Whether the flight that begins is pulled back before it is higher than the noise: v**2 / (2*a)."""
+        before, here = self._place(left, relation), self._place(after, relation)
+        if before is None or here is None or not self._is_reset_by(relation):
+            return False
+        (rates, noises), distance = self.guards.rates(t, after), self.guards.distances(t, after)[here]
+        approach, noise = abs(float(self.guards.rates(t, left)[0][before])), float(noises[here])
+        turned = after.m[self.guards.first + relation] != left.m[self.guards.first + relation]
+        away = float(-rates[here] if turned else rates[here])
+        if abs(distance) > 2 * noise or away < -1e-6 * approach or away > 1e6 * approach:
+            return False
+        p, dt = after.regime.problem, 1e-7 * self.span
+        ode = np.array(p.compiled.rhs(t, after.x, after.z, p.u, p.p, after.m)[0]).ravel()
+        soon = Moment(after.x + dt * ode, after.z, after.m, after.regime)
+        later = float(self.guards.rates(t + dt, soon)[0][here])
+        pull = (later - float(rates[here])) / dt * (1.0 if turned else -1.0)
+        return pull > 0 and max(away, 0.0) ** 2 <= 2 * pull * noise
+
+    def _is_reset_by(self, relation: int) -> bool:
+        events = self.problem.compiled.state_events
+        return any(c.condition == events.relations[relation] and c.actions for c in events.clauses)
+
+    def _place(self, at: Moment, relation: int) -> int | None:
+        """Which guard of the regime is the distance of a free relation."""
+        return next((k for k, (r, side) in enumerate(at.regime.owners) if r == relation and side < 0), None)
 
     def _is_low(self, t: float, left: Moment, relation: int) -> bool:
         """Whether the flight that ends here was no higher than the noise: it rises to a quarter of speed times time."""

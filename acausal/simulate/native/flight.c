@@ -285,16 +285,21 @@ static int enter(struct flight* s, struct space* o) {
 }
 
 /* Whether a guard is passed at a row, or dips below zero and returns before it (looking.py). */
-static int is_passed(const struct flight* s, const struct space* o, count_t seen) {
+static int is_passed(const struct flight* s, const struct space* o, count_t row, count_t seen) {
   const double *a = o->ahead[0], *b = o->ahead[1], *c = o->ahead[2];
+  double middle = row > 0 ? o->wide[row - 1] : s->here, first = row > 1 ? o->wide[row - 2] : s->here;
+  double before = middle - first, after = o->wide[row] - middle;
   count_t k;
   for (k = 0; k < s->relations; ++k) {
-    double curve, slope;
+    double rise, fall, curve, slope;
     if (c[k] < -o->band[k]) return 1;
     if (seen < 2) continue;
-    curve = a[k] - 2 * b[k] + c[k];
-    slope = (c[k] - a[k]) / 2;
-    if (curve > 0 && fabs(slope) < curve && b[k] - slope * slope / (2 * curve) < -o->band[k]) return 1;
+    rise = (b[k] - a[k]) / before;
+    fall = (c[k] - b[k]) / after;
+    curve = (fall - rise) / (before + after);
+    slope = (rise * after + fall * before) / (before + after);
+    if (curve > 0 && -slope > -2 * curve * before && -slope < 2 * curve * after
+        && b[k] - slope * slope / (4 * curve) < -o->band[k]) return 1;
   }
   return 0;
 }
@@ -331,6 +336,18 @@ static int integrate(struct flight* s, struct space* o, count_t wide, count_t* s
   if (k < wide && k) *time = most(*time, o->wide[k - 1]); /* an event on an output time, to rounding */
   for (j = 0; j < n; ++j) last[j] = end[j] * s->scale[j];
   memcpy(last + n, s->x + n, (s->states - n) * sizeof(double));
+  return 0;
+}
+
+/* Whether a flight begins that may be lower than the noise; rest.py decides. `before` are the rates at the impact. */
+static int may_land(const struct flight* s, struct space* o, double t, const double* before) {
+  count_t k;
+  if (take_rates(s, o, t)) return 1;
+  for (k = 0; k < s->relations; ++k) {
+    double gap = isfinite(s->last[k]) ? t - s->last[k] : t - s->boundary[0];
+    if (!o->fired[k] || s->impossible[k]) continue;
+    if (o->rate[k] * o->rate[k] * gap / (4 * most(fabs(before[k]), 1e-300)) <= 100 * o->noise[k]) return 1;
+  }
   return 0;
 }
 
@@ -380,7 +397,7 @@ static int stretch(struct flight* s, struct space* o, double* x) {
     /* a row at the event itself may be past it, by rounding */
     if (stopped == wide || o->wide[k] < time - 1e-12 * most(s->span, fabs(time))) {
       o->ahead[0] = o->ahead[1]; o->ahead[1] = o->ahead[2]; o->ahead[2] = oldest;
-      if (take_guards(s, o, o->wide[k], o->x0, oldest) || is_passed(s, o, ++seen)) return UNUSUAL;
+      if (take_guards(s, o, o->wide[k], o->x0, oldest) || is_passed(s, o, k, ++seen)) return UNUSUAL;
     }
     if (o->asked[k]) record(s, o->wide[k], o->x0);
   }
@@ -396,10 +413,12 @@ static int stretch(struct flight* s, struct space* o, double* x) {
   record(s, time, s->x);
   if (find_fired(s, o, time)) return UNUSUAL;
   memcpy(o->left_m, s->m, s->modes * sizeof(double));
+  memcpy(o->ahead[0], o->rate, s->relations * sizeof(double));
   for (k = 0; k < s->relations; ++k)
     if (o->fired[k]) s->m[first_relation(s) + k] = 1.0 - s->m[first_relation(s) + k];
   if (settle(s, o, time, o->left_m, 0)) return UNUSUAL;
   for (k = 0; k < s->states; ++k) changed |= s->x[k] != x[k];
+  if (changed && may_land(s, o, time, o->ahead[0])) return UNUSUAL;
   if (count_bounce(s, o, time, changed)) return UNUSUAL;
   record_event(s, time, o->fired);
   return 0;

@@ -32,6 +32,8 @@ def elements(segment: Segment, solver: str) -> int:
     step, intervals = step_of(segment, solver), np.diff(segment.times, prepend=segment.start)
     span = float(segment.times[-1]) - segment.start
     few = max(1, math.floor(span / step + 1e-9))
+    if few == 1:
+        return max(1, math.ceil(span / step - 1e-9))
     longest = np.max(intervals / np.maximum(1.0, np.ceil(intervals * few / span - 1e-9)))
     return few if longest <= step * (1 + 1e-9) else math.ceil(span / step - 1e-9)
 
