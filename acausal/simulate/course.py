@@ -50,14 +50,18 @@ def plan(compiled: CompiledModel, p: Vector, instants: Vector, grid: Vector) -> 
     """The course over `instants`, with outputs on `grid` and at every instant."""
     a, b = instants[:-1], instants[1:]
     margin = 1e-12 * (b - a)
-    first, last = np.searchsorted(grid, a + margin, side="right"), np.searchsorted(grid, b - margin, side="left")
-    parts = [np.append(grid[i:j], end) for i, j, end in zip(first, last, b, strict=True)]
+    first = np.searchsorted(grid, a + margin, side="right")
+    last = np.maximum(np.searchsorted(grid, b - margin, side="left"), first)
+    marks = np.zeros(len(grid) + 1)
+    np.add.at(marks, first, 1.0)
+    np.add.at(marks, last, -1.0)
+    inside = np.cumsum(last - first)
     return Course(
         instants,
         rows(compiled.modes, (0.5 * (a + b)[:, None], p))[:, : compiled.n_timely],
         due(compiled, p, instants),
-        np.concatenate(parts),
-        np.cumsum([len(part) for part in parts], dtype=np.int64),
+        np.insert(grid[np.cumsum(marks[:-1]) > 0.0], inside, b),
+        inside + np.arange(1, len(b) + 1),
     )
 
 

@@ -21,13 +21,14 @@ from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.delays import refuse_delays
 from acausal.lower.samples import STABILISATION_RATE
-from acausal.result import Event, Result
+from acausal.result import Result
 from acausal.simulate.course import Course, Place, plan
 from acausal.simulate.delay.crossing import begin, cross, opened
 from acausal.simulate.delay.memory import Memory, check_undelayed
+from acausal.simulate.event_log import event_log
 from acausal.simulate.failure import integration_error
 from acausal.simulate.flight import Flight, Landing, can_fly
-from acausal.simulate.guards import Cause, Tolerances
+from acausal.simulate.guards import Tolerances
 from acausal.simulate.hybrid import Hybrid
 from acausal.simulate.initialize import Start, consistent, initialize
 from acausal.simulate.interrupt import Interruptible
@@ -340,8 +341,7 @@ class Run:
             **({"events": len(recorder.boundaries)} if recorder.boundaries else {}),
             "time": {**self.compiled.timings, **self.timings},
         }
-        relations = np.array(self.compiled.instants(self.p)).ravel()
-        events = tuple(_event(t, causes, changed, relations) for t, causes, changed in recorder.boundaries)
+        events = event_log(recorder.boundaries, np.array(self.compiled.instants(self.p)).ravel())
         return make_result(recorder, events, stats, self.dense(problem, solver, recorder))
 
     def instants(self) -> list[float]:
@@ -545,17 +545,3 @@ class Run:
             return np.asarray(recorder.observe(segment.times, on, piece.z, m if m.ndim == 2 else m[:, None])[0])
 
         return row
-
-
-def _event(t: float, causes: tuple[Cause, ...], changed: tuple[str, ...], relations: Vector) -> Event:
-    if not causes:
-        return Event(t, _event_text(t, relations), changed=changed)
-    where = next((c.where for c in causes if c.where is not None), None)
-    component = next((c.component for c in causes if c.component), "")
-    return Event(t, "; ".join(dict.fromkeys(c.text for c in causes)), where, component, changed)
-
-
-def _event_text(t: float, relations: Vector) -> str:
-    """What happened at `t`, given the instants of all relations."""
-    count = int(np.sum(np.abs(relations - t) <= 1e-12 * max(1.0, abs(t))))
-    return f"time >= {t:g}" + (f" ({count} relations)" if count > 1 else "")
