@@ -8,12 +8,12 @@ import casadi as ca
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from tests.lower.mechanisms import Balls, Tree
 
 import acausal
 from acausal import Component
 from acausal.lower.orders import distances
 from acausal.models.pendulum_chain import PendulumChain
+from tests.lower.mechanisms import Balls, Tree
 
 Vector = NDArray[np.float64]
 
