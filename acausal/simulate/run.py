@@ -247,7 +247,7 @@ class Run:
         limit = StepLimit(problem, solver.name, opts, self.force)
         limit.check_start(opts.start_time, start.x, start.z, m)
         if self.compiled.state_events or self.traced or self.memory is not None:
-            plain = self.plain(solver) if self.memory is None else self.memory.recorded(self.plain(solver))
+            plain = self.plain(solver) if self.memory is None else self.memory.recorded(self.plain(solver), solver.name)
             self.hybrid = Hybrid(problem, solver, recorder, plain, self.tolerances, opts.span, self.traced)
         began = clock.perf_counter()
         grid = opts.grid() if self.outputs is None else self.outputs
