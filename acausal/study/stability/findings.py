@@ -111,7 +111,8 @@ def _events(run: Trajectory, facts: Facts) -> Finding | None:
         "events",
         f"{facts.relations} relations of variables and {facts.clauses} when clauses; {len(run.result.events)} events "
         "in this run",
-        "located on the solver's dense output; every branch is integrated smoothly",
+        ("located on the solver's dense output" if facts.relations else "the run is cut there, to rounding")
+        + "; every branch is integrated smoothly",
         (("any method across switches", "order 1 only, and short contacts are stepped over"),),
     )
 
