@@ -54,8 +54,7 @@ def flatten(model: Component, parameters: Mapping[str, object] | None = None) ->
     """
     overrides = dict(parameters or {})
     found = instances(model)
-    if overrides:
-        check_overrides(overrides, found)
+    check_overrides(overrides, found)
     number_of = {id(i.component): i.number for i in found}
     composites = {i.number: list(statements(i.component)) for i in found if not i.is_leaf}
     leaves = _LeafStatements(found)
@@ -94,7 +93,6 @@ def flatten(model: Component, parameters: Mapping[str, object] | None = None) ->
     initial += surplus
     fill_starts(pool, starts, discrete)
     experiment = getattr(type(model), "experiment", None)
-    delayed = delays(pool, [*equations, *initial], builder.whens, builder.assignments, builder.asserts)
     return FlatSystem(
         name=type(model).__name__,
         pool=pool,
@@ -109,7 +107,7 @@ def flatten(model: Component, parameters: Mapping[str, object] | None = None) ->
         inputs=inputs,
         parameter_values=tuple(builder.table.values),
         starts=starts,
-        delays=delayed,
+        delays=delays(pool, [*equations, *initial], builder.whens, builder.assignments, builder.asserts),
         undelayed=tuple(pool.undelayed),
         experiment=experiment if isinstance(experiment, Experiment) else Experiment(),
         components={i.path: FlatComponent(type(i.component), i.origin) for i in found},

@@ -147,6 +147,8 @@ def _limits(declaration: Declaration) -> str:
 
 def check_overrides(overrides: Mapping[str, object], all_instances: Sequence[Instance]) -> None:
     """Refuse values for names that are no parameters (AC020), with the nearest names."""
+    if not overrides:
+        return
     known = {
         instance.prefix + name: d.kind
         for instance in all_instances
