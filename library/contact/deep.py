@@ -77,7 +77,8 @@ def _certified(data: Any) -> Any:
         across = ca.if_else(ca.dot(across, w[k] - v0) > 0, -across, across)
         room = ca.fmin(room, ca.dot(across, v0) / ca.fmax(ca.norm_2(across), 1e-300))
     enough = ca.logic_and(found.sound, room >= found.offset)
-    return ca.Function("certified", [c, t], [ca.logic_or(found.offset <= _SHALLOW, enough)], _CALL)
+    shallow = ca.logic_and(found.offset <= _SHALLOW, _directed(c))
+    return ca.Function("certified", [c, t], [ca.logic_or(shallow, enough)], _CALL)
 
 
 def _searched(pair: Pair, data: Any, local: Any) -> Any:
@@ -115,19 +116,25 @@ def _tried(local: Any) -> Any:
 
 def _behind(m: Any, room: Any) -> Any:
     """Start of a ray through the origin that leaves in direction m."""
-    return (ca.DM(portal.ASIDE) - 0.4 * m) * ca.fmin(room, 0.1)
+    return (ca.DM(portal.ASIDE) - 0.4 * m) * ca.fmax(ca.fmin(room, 0.1), 1e-6)
 
 
 def _rank(c: Any) -> Any:
     """The offset, for comparing: a plane that did not settle has to be lower by more than rounding."""
-    return c[polish.OFFSET] + _UNSOUND * ca.logic_not(_good(c))
+    height = c[polish.OFFSET] + _UNSOUND * ca.logic_not(_good(c))
+    return ca.if_else(_directed(c), height, _BIG)
+
+
+def _directed(c: Any) -> Any:
+    """Whether there is a normal: a ray through an edge may end without one."""
+    return ca.sumsqr(c[polish.NORMAL]) > 0.5
 
 
 def _good(c: Any) -> Any:
     """Whether a search has settled, with witnesses inside of the shapes."""
     one, two = c[polish.WEIGHTS[0]], c[polish.WEIGHTS[1]]
     least = ca.fmin(ca.fmin(one, two), 1 - one - two)
-    return ca.logic_and(c[polish.SOUND] > 0.5, least > -1e-6)
+    return ca.logic_and(_directed(c), ca.logic_and(c[polish.SOUND] > 0.5, least > -1e-6))
 
 
 def _drawn_back(data: Any, direction: Any, most: tuple[float, float], local: Any) -> Any:

@@ -154,6 +154,15 @@ class Pair:
             return None
         return (ca.SX(ca.DM([0, 0, -1])), a) if any(a) else (self.R[:, 2], b)
 
+    def aside(self) -> Any:
+        """A direction (3, 1) across the axes of both shapes: out of points and lines that lie on each other."""
+        axis = self.R[:, 2]
+        both = ca.cross(ca.DM([0, 0, 1]), axis)
+        across = ca.sqrt(ca.sumsqr(both))
+        if self.a.dimension == 0:  # a point on a line: across the line
+            return self.R[:, 0]
+        return ca.if_else(across > 1e-9, both / ca.fmax(across, 1e-9), ca.DM([1, 0, 0]))
+
     def inner(self) -> Any:
         """A point inside the difference from which the origin is seen through the nearest faces, (3, 1).
 

@@ -43,7 +43,7 @@ _LONGEST = 0.3
 _SAFE = 5e-3
 _TILT = 0.05
 _ADDED = 10.0
-_NEARLY_FLAT = 0.1
+_NEARLY_FLAT, _SNAP = 0.1, 2e-6
 _TRIANGLE = ((1.0, 0.0), (-0.5, 0.75**0.5), (-0.5, -(0.75**0.5)))
 
 
@@ -168,8 +168,10 @@ def start(pair: Pair, vertices: list[Any], normal: Any, offset: Any) -> Any:
     return ca.vertcat(begin, going, 0, _height(pair, begin[_N]), _LONGEST, 0)
 
 
-def _discs(pair: Pair, n: Any) -> list[tuple[Any, Contact]]:
+def _discs(pair: Pair, n: Any, anywhere: float = 0.0) -> list[tuple[Any, Contact]]:
     """Whether a flat disc of each shape is what the other touches, and the contact with its normal.
+
+    With `anywhere` it need not be hit, if the normal is within this angle [rad] of its axis.
 
     The offset has a kink there, which Newton's method does not see. Three points in the plane of the disc, fixed to its
     body, give the plane.
@@ -178,6 +180,8 @@ def _discs(pair: Pair, n: Any) -> list[tuple[Any, Contact]]:
     for disc in _facing(pair, n):
         near = ca.logic_and(disc.across < _NEARLY_FLAT**2, disc.circle[3] > 0)
         hit = ca.logic_and(near, ca.sumsqr(disc.place) <= disc.circle[3] ** 2)
+        if anywhere:
+            hit = ca.logic_and(disc.across < anywhere**2, disc.circle[3] > 0)
         size, height = 2 * disc.circle[3], disc.circle[2]
         corners = [ca.vertcat(size * x, size * y, height, 0) for x, y in _TRIANGLE]
         rest = disc.features
@@ -278,7 +282,13 @@ def finish(pair: Pair, state: Any) -> Any:
     sound = ca.logic_and(error < 1e-6, ca.logic_and(ca.fabs(height - check.offset) < 1e-9, ca.logic_not(pulling)))
     feature = pair.settled(pair.support(c.normal), c.normal)
     plane = Contact([feature] * 3, [0, 0], c.normal, [0, 0], _height(pair, c.normal), 0)
-    return ca.if_else(sound, c.vector, plane.vector)
+    best = ca.if_else(sound, c.vector, plane.vector)
+    for disc, snapped in _discs(pair, c.normal, _SNAP):
+        # Lines that lie on a disc and end beyond it: the normal is that of the disc, if its plane is lower.
+        height = _height(pair, best[_N])
+        lower = snapped.offset < height - ca.if_else(best[_OK] > 0.5, 1e-13, -1e-15)
+        best = ca.if_else(ca.logic_and(disc, lower), snapped.vector, best)
+    return best
 
 
 def _height(pair: Pair, n: Any) -> Any:

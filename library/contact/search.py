@@ -65,7 +65,7 @@ def _apart(pair: Pair, data: Any, tolerance: tuple[float, float]) -> Any:
     step = ca.Function("distance", [state, data], [distance.step(pair, state, tolerance[0])], _CALL)
     vertices, _, x = distance.result(state)
     length = ca.sqrt(ca.sumsqr(x))
-    n = ca.if_else(length > distance.TOUCHING, -x / ca.fmax(length, distance.TOUCHING), ca.DM([0, 0, 1]))
+    n = ca.if_else(length > distance.TOUCHING, -x / ca.fmax(length, distance.TOUCHING), pair.aside())
     finish = ca.Function("nearest", [state, data], [polish.start(pair, vertices, n, -length)], _CALL)
     s, pose = ca.MX.sym("s", distance.SIZE), ca.MX.sym("pose", 12)
     end = repeat(step, distance.GOING, _MOST_DISTANCE)(s, pose)
