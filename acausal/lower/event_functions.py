@@ -1,4 +1,4 @@
-"""The functions of a compiled model that the event iteration asks for.
+"""The functions of a compiled model that the event iteration asks for, and the words for its relations.
 
 Arguments are those of the right-hand side, `(t, x[nx], z[nz], u[nu], p[np], m[nm])`; all outputs are dense columns.
 """
@@ -9,6 +9,10 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
+
+from acausal.errors import Span
+from acausal.lower.state_events import origins
+from acausal.lower.text import to_text
 
 if TYPE_CHECKING:
     from acausal.lower.compiled import CompiledModel
@@ -63,6 +67,21 @@ class EventFunctions:
     def rates(self) -> Any:
         """See `guard_rates`; of `watch`."""
         return guard_rates(self.compiled, self.watch)
+
+    @cached_property
+    def texts(self) -> tuple[str, ...]:
+        """The relations as the user reads them."""
+        reduced = self.compiled.solution.structure.reduced
+
+        def name_of(kind: str, k: int) -> str:
+            return reduced.name(k) if kind == "var" else self.compiled.parameters[k]
+
+        return tuple(to_text(self._pool, n, name_of, 80) for n in self.compiled.state_events.relations)
+
+    @cached_property
+    def places(self) -> tuple[tuple[Span | None, str], ...]:
+        """Place and component of the first statement that holds each relation."""
+        return tuple(origins(self.compiled))
 
     def _defined(self) -> Any:
         from acausal.lower.compiled import Symbols

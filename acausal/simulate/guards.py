@@ -9,9 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.errors import Span
-from acausal.lower.compiled import CompiledModel
-from acausal.lower.state_events import origins
-from acausal.lower.text import to_text
 from acausal.simulate.direct import rows
 from acausal.simulate.problem import Problem
 from acausal.simulate.regime import Regime
@@ -64,12 +61,12 @@ class Guards:
     @cached_property
     def texts(self) -> tuple[str, ...]:
         """The relations as the user reads them."""
-        return texts(self.problem.compiled)
+        return self.problem.compiled.events.texts
 
     @cached_property
     def causes(self) -> tuple[Cause, ...]:
         """The relations with the place of the first statement that holds each of them."""
-        places = origins(self.problem.compiled)
+        places = self.problem.compiled.events.places
         return tuple(Cause(text, *place) for text, place in zip(self.texts, places, strict=True))
 
     def distances(self, t: float, at: Moment) -> Vector:
@@ -118,13 +115,3 @@ class Guards:
         if not found.any():
             found[int(np.argmin(np.abs(g) / np.maximum(np.abs(rate), 1e-30)))] = True
         return np.asarray(found)
-
-
-def texts(compiled: CompiledModel) -> tuple[str, ...]:
-    """The relations of variables as the user reads them."""
-    reduced = compiled.solution.structure.reduced
-
-    def name_of(kind: str, k: int) -> str:
-        return reduced.name(k) if kind == "var" else compiled.parameters[k]
-
-    return tuple(to_text(reduced.pool, n, name_of, 80) for n in compiled.state_events.relations)
