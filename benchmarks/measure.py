@@ -80,6 +80,10 @@ def drawn_lines(file: Path, lines: Mapping[str, list[tuple[float, float]]], acro
     for (name, points), marker in zip(lines.items(), "osD^vP*X<>", strict=False):
         if points:
             axes.loglog(*zip(*points, strict=True), marker=marker, markersize=5, label=name)
+    places = sorted({x for points in lines.values() for x, _ in points})
+    if len(places) < 12:
+        axes.set_xticks(places, [f"{x:g}" for x in places])
+        axes.set_xticks([], minor=True)
     axes.set_xlabel(across)
     axes.set_ylabel(up)
     axes.grid(True, color="0.9")

@@ -9,7 +9,7 @@ AXES = ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0), (1.0, 0.0, 0.0))
 
 
 class Tree(Component):
-    """`n` links; link k hangs on link (k - 1) // `arms`, each fifth on a slide; springs between `springs` pairs of tips.
+    """`n` links; link k hangs on link (k - 1) // `arms`, each fifth on a slide; `springs` between tips.
 
     With `arms` = 1 it is a chain.
     """
