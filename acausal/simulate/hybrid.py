@@ -16,6 +16,7 @@ from acausal.simulate.guards import LOCATED, Cause, Guards, Moment, Tolerances, 
 from acausal.simulate.initialize import Start
 from acausal.simulate.iteration import Happened, Iteration
 from acausal.simulate.looking import LOOKS, first_crossing, locate
+from acausal.simulate.patience import MOST_FAILURES, PATIENCE
 from acausal.simulate.problem import Problem
 from acausal.simulate.record import Recorder
 from acausal.simulate.regime import Regime
@@ -27,6 +28,8 @@ from acausal.simulate.stopping import Stop, compiled_program, integrate_to_event
 Vector = NDArray[np.float64]
 Integrate = Callable[[Regime, Segment], Piece]
 _log = logging.getLogger(__name__)
+# Share of the run that is integrated at once at least.
+_SHORTEST = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,7 +194,7 @@ class Hybrid:
 
     def integrated(self, segment: Segment, moment: Moment) -> Stop:
         """Integrate and record up to the next event, or to the end."""
-        band = self.band(segment.start, moment)
+        band, failures = self.band(segment.start, moment), 0
         while True:
             looks = self.looks(segment)
             wide = replace(segment, times=np.union1d(segment.times[segment.times <= looks[-1]], looks))
@@ -199,9 +202,13 @@ class Hybrid:
                 stop = self.checked(segment, moment, self.attempt(moment, wide, band), band)
             except RuntimeError:
                 # frozen modes may lead where nothing is defined, just beyond an event: not so far, then
-                self._gap, self._failed = (looks[-1] - segment.start) / 64, True
-                if self._gap <= 1e-12 * max(self.span, abs(segment.start)):
+                reach = float(looks[-1]) - segment.start
+                failures += 1
+                # behind a pole small pieces arrive somewhere again
+                if reach <= 2 * _SHORTEST * self.span or failures > 4 * MOST_FAILURES:
                     raise
+                self._gap, self._failed = reach / 64, True
+                segment = replace(segment, patience=PATIENCE)
                 continue
             keep = np.isin(stop.times, segment.times)
             self._record(stop.times[keep], stop.piece.x[:, keep], stop.piece.z[:, keep], moment, stop.piece.counters)
@@ -231,7 +238,7 @@ class Hybrid:
         span = end - segment.start
         reach = np.inf if self.single_step and not self._failed else self._gap
         if reach < span / 8:
-            span = min(span, max(8 * reach, 1e-9 * self.span))
+            span = min(span, max(8 * reach, _SHORTEST * self.span))
         count = LOOKS // 4 if self.single_step or span < self.span / 100 else LOOKS
         found = segment.start + span * np.arange(1, count + 1) / count
         found[-1] = min(segment.start + span, end) if span < end - segment.start else end

@@ -85,6 +85,8 @@ class Recorder:
         self._count(counters)
 
     def _append(self, times: Vector, x: Vector, z: Vector, m: Vector) -> None:
+        if not len(times):
+            return
         self._starts.append(self.count)
         self.count += len(times)
         self._times.append(times)

@@ -76,7 +76,8 @@ def integrate_to_event(regime: Regime, segment: Segment, band: Vector, plugin: s
         )
         xf = rows.T
     else:
-        xf, stats = _interpreted(regime, plugin, {**_settings(segment), **beginning(segment)}, grid, x0, numbers)
+        settings = {**_settings(segment), **beginning(segment), "max_num_steps": segment.most_steps}
+        xf, stats = _interpreted(regime, plugin, settings, grid, x0, numbers)
         problem.native.interpreted(f"{plugin}, events", stats.get("n_rhs", 0.0) + _MAKING)
     if not np.isfinite(xf).all():
         raise RuntimeError("the solution is not finite")

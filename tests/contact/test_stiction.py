@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -11,7 +13,7 @@ from tests.contact.scenes import G, OnGround
 
 REST = 0.05 - G / 4e5
 """Height of the box on its four corners [m]."""
-STICKS = {"solver": "rosenbrock", "tolerance": 1e-8}
+STICKS: dict[str, Any] = {"solver": "rosenbrock", "tolerance": 1e-8}
 
 
 @pytest.mark.parametrize("share", [0.3, 0.7, 0.95])

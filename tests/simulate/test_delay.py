@@ -27,7 +27,7 @@ ADAPTIVE = ["idas", "cvodes", "rosenbrock", "erk"]
 
 def decayed(t: float) -> float:
     """x of `Decay`, T = 1, by the method of steps: sum of (-1)^k (t - k + 1)^k / k! for k up to t + 1."""
-    return sum((-1) ** k * (t - k + 1) ** k / factorial(k) for k in range(int(t) + 2))
+    return float(sum((-1) ** k * (t - k + 1) ** k / factorial(k) for k in range(int(t) + 2)))
 
 
 @pytest.mark.parametrize("solver", ADAPTIVE)
@@ -64,7 +64,7 @@ def test_between_the_outputs_the_result_knows_the_past_too() -> None:
 @pytest.mark.parametrize("solver", ADAPTIVE)
 @pytest.mark.parametrize("tolerance", [1e-4, 1e-6, 1e-9])
 def test_mackey_glass(solver: str, tolerance: float) -> None:
-    exact = by_steps(lambda t, x, d: 0.2 * d / (1 + d**10) - 0.1 * x, [1.2], 17.0, 100.0)
+    exact = by_steps(lambda t, x, d: [float(v) for v in 0.2 * d / (1 + d**10) - 0.1 * x], [1.2], 17.0, 100.0)
     r = acausal.simulate(MackeyGlass(), stop_time=100.0, tolerance=tolerance, solver=solver, output_interval=1.0)
     assert max(abs(x - exact(t)[0]) for t, x in zip(r.time, r["x"], strict=True)) < 10 * tolerance
 
@@ -124,7 +124,7 @@ def test_a_delayed_algebraic_variable(solver: str, tolerance: float) -> None:
     """x is the integral of z: over z it is z (1 + 3 z^2) dz = z^2/2 + 3 z^4/4."""
 
     def z(t: float) -> float:
-        return brentq(lambda v: v + v**3 - t, -1.0, 3.0, xtol=1e-15)
+        return float(brentq(lambda v: v + v**3 - t, -1.0, 3.0, xtol=1e-15))
 
     r = acausal.simulate(Implicit(), stop_time=4.0, tolerance=tolerance, solver=solver, output_interval=0.25)
     for t, y in zip(r.time, r["y"], strict=True):

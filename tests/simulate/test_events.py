@@ -25,7 +25,7 @@ from acausal import (
     when,
     where,
 )
-from acausal.errors import StructureError
+from acausal.errors import IntegrationError, StructureError
 
 G = 9.81
 
@@ -211,3 +211,22 @@ def test_only_states_are_reset() -> None:
         acausal.compile(Dependent())
     assert caught.value.code == "AC210"
     assert "test_events.py" in str(caught.value.where[0])
+
+
+class Pole(Component):
+    """x' = x^2 from 1: it ends at t = 1, with an event on the way."""
+
+    x: Real = variable(default=fixed(1.0), unit="")
+    n: Real = discrete()
+
+    def equations(self) -> Equations:
+        yield der(self.x) == self.x * self.x
+        yield when(self.x > 1.5, reset(self.n, 1.0))
+
+
+@pytest.mark.parametrize("solver", ["idas", "rosenbrock", "erk"])
+def test_a_solution_that_ends_behind_an_event_is_given_up(solver: str) -> None:
+    with pytest.raises(IntegrationError) as caught:
+        acausal.simulate(Pole(), stop_time=2.0, solver=solver)
+    assert [e.time for e in caught.value.result.events] == pytest.approx([1.0 / 3.0], abs=1e-8)
+    assert caught.value.result.time[-1] == pytest.approx(1.0, abs=0.01)
