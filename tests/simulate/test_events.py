@@ -228,5 +228,5 @@ class Pole(Component):
 def test_a_solution_that_ends_behind_an_event_is_given_up(solver: str) -> None:
     with pytest.raises(IntegrationError) as caught:
         acausal.simulate(Pole(), stop_time=2.0, solver=solver)
-    assert [e.time for e in caught.value.result.events] == pytest.approx([1.0 / 3.0], abs=1e-8)
+    assert [e.time for e in caught.value.result.events] == pytest.approx([1.0 / 3.0], abs=1e-5)  # ten tolerances
     assert caught.value.result.time[-1] == pytest.approx(1.0, abs=0.01)
