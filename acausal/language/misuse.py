@@ -30,10 +30,8 @@ def refuse_hiding(cls: type[Component], inherited: dict[str, Declaration]) -> No
 
 def own_constructor(cls: type[Component]) -> DeclarationError | None:
     """AC109 for a class that defines `__init__`; None for all others."""
-    for base in cls.__mro__:
-        code = getattr(base.__dict__.get("__init__"), "__code__", None)
-        if code is not None:
-            break
+    codes = ((base, getattr(base.__dict__.get("__init__"), "__code__", None)) for base in cls.__mro__)
+    base, code = next((found for found in codes if found[1] is not None), (cls, None))
     if "_declarations" in base.__dict__ and base.__module__ == "acausal.language.component":
         return None
     return DeclarationError(

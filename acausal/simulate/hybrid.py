@@ -16,7 +16,7 @@ from acausal.simulate.guards import LOCATED, Cause, Guards, Moment, Tolerances, 
 from acausal.simulate.initialize import Start
 from acausal.simulate.iteration import Happened, Iteration
 from acausal.simulate.looking import LOOKS, first_crossing, locate
-from acausal.simulate.patience import MOST_FAILURES, PATIENCE
+from acausal.simulate.patience import PATIENCE
 from acausal.simulate.problem import Problem
 from acausal.simulate.record import Recorder
 from acausal.simulate.regime import Regime
@@ -30,6 +30,8 @@ Integrate = Callable[[Regime, Segment], Piece]
 _log = logging.getLogger(__name__)
 # Share of the run that is integrated at once at least.
 _SHORTEST = 1e-9
+# So many failures must have brought a run on by this share of it.
+_MANY, _PROGRESS = 100, 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,7 +196,8 @@ class Hybrid:
 
     def integrated(self, segment: Segment, moment: Moment) -> Stop:
         """Integrate and record up to the next event, or to the end."""
-        band, failures = self.band(segment.start, moment), 0
+        band = self.band(segment.start, moment)
+        failures, mark = 0, segment.start
         while True:
             looks = self.looks(segment)
             wide = replace(segment, times=np.union1d(segment.times[segment.times <= looks[-1]], looks))
@@ -204,9 +207,13 @@ class Hybrid:
                 # frozen modes may lead where nothing is defined, just beyond an event: not so far, then
                 reach = float(looks[-1]) - segment.start
                 failures += 1
-                # behind a pole small pieces arrive somewhere again
-                if reach <= 2 * _SHORTEST * self.span or failures > 4 * MOST_FAILURES:
+                # near a pole small pieces arrive somewhere again and again, without getting on
+                if reach <= 2 * _SHORTEST * self.span:
                     raise
+                if failures % _MANY == 0:
+                    if segment.start - mark < _PROGRESS * self.span:
+                        raise
+                    mark = segment.start
                 self._gap, self._failed = reach / 64, True
                 segment = replace(segment, patience=PATIENCE)
                 continue

@@ -20,8 +20,7 @@ PATIENCE = 3000
 
 _DIVISION = 8
 _SMALLEST = 1e-9
-MOST_FAILURES = 25
-"""After so many a run is given up."""
+_MOST_FAILURES = 25
 
 
 def crawl(integrate: Callable[[Segment], Piece], segment: Segment) -> tuple[Segment, Piece | None]:
@@ -40,7 +39,7 @@ def crawl(integrate: Callable[[Segment], Piece], segment: Segment) -> tuple[Segm
             piece = integrate(replace(here, times=np.array([target])))
         except RuntimeError:
             size, done, failures = size / _DIVISION, 0, failures + 1
-            if failures > MOST_FAILURES or size < _SMALLEST * whole or here.start + size <= here.start:
+            if failures > _MOST_FAILURES or size < _SMALLEST * whole or here.start + size <= here.start:
                 return here, None
             continue
         if target == end:

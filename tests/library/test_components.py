@@ -12,7 +12,7 @@ from acausal import Component, Connector
 from acausal.language.declare import Kind
 from acausal.language.dimensions import check_dimensions
 from acausal.language.expression import Equation, assigned
-from acausal.library import blocks, electrical, rotational, translational
+from acausal.library import blocks, electrical, rotational, thermal, translational
 
 TABLES: dict[str, Any] = {
     "TimeTable": ((0.0, 0.0), (1.0, 2.0), (1.0, 3.0), (2.0, 3.0)),
@@ -23,7 +23,7 @@ TABLES: dict[str, Any] = {
 
 def _leaves() -> list[Any]:
     found = []
-    for library in (blocks, translational, rotational, electrical):
+    for library in (blocks, translational, rotational, electrical, thermal):
         for name, cls in vars(library).items():
             if inspect.isclass(cls) and issubclass(cls, Component) and not name.startswith("Partial"):
                 if issubclass(cls, Connector):
@@ -39,6 +39,8 @@ def _made(cls: type[Component]) -> Component:
     }
     if cls.__name__ in TABLES:
         given["table"] = TABLES[cls.__name__]
+    if cls is rotational.LossyGear:
+        given["lossTable"] = ((0.0, 0.9, 0.8, 0.5, 0.6), (10.0, 0.95, 0.9, 0.6, 0.7))
     return cls(**given)
 
 
@@ -68,8 +70,13 @@ def test_as_many_equations_as_own_unknowns_and_flows(cls: type[Component]) -> No
     size = {Kind.VARIABLE: 0, Kind.OUTPUT: 0, Kind.FLOW: 0}
     for name, declaration in cls._declarations.items():
         if declaration.kind is Kind.PART:
-            inner = getattr(component, name)._declarations.values()
-            size[Kind.FLOW] += sum(math.prod(d.shape) for d in inner if d.kind is Kind.FLOW)
+            own = getattr(component, name)
+            for inner in own if isinstance(own, list) else [own]:
+                flows = (d for d in inner._declarations.values() if d.kind is Kind.FLOW)
+                size[Kind.FLOW] += sum(math.prod(d.shape) for d in flows)
+                if not isinstance(inner, Connector) and not _equations(inner):  # a holder of variables
+                    held = (d for d in inner._declarations.values() if d.kind is Kind.VARIABLE)
+                    size[Kind.VARIABLE] += sum(math.prod(d.shape) for d in held)
         elif declaration.kind in size and not declaration.discrete:
             size[declaration.kind] += math.prod(declaration.shape)
     continuous = [e for e in _equations(component) if assigned(e) is None]

@@ -269,6 +269,11 @@ def test_failure_keeps_what_was_computed(solver: str) -> None:
 def test_ctrl_c() -> None:
     """A step too small to come to an end with; Python would not see the signal before."""
     run("rk2", True, step=1e-2)
-    threading.Timer(0.2, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
-    with pytest.raises(KeyboardInterrupt):
-        run("rk2", True, step=1e-10)
+    # a shell starts what it runs in the background without that handler
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        threading.Timer(0.2, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
+        with pytest.raises(KeyboardInterrupt):
+            run("rk2", True, step=1e-10)
+    finally:
+        signal.signal(signal.SIGINT, before)
