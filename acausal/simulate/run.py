@@ -102,7 +102,7 @@ def simulate(
     Raises
     ------
     AcausalError
-        `IntegrationError.result` holds what was computed before a failure.
+        `RunError.result` holds what was computed before a failure.
     KeyboardInterrupt
         With a `result` attribute that holds what was computed.
     """
@@ -119,11 +119,7 @@ def simulate(
     if isinstance(model, Component) and accuracy is None and variable_parts(model):
         chosen = wanted(getattr(type(model), "experiment", Experiment()))
         return Pieces(model, chosen, parameters, _piece(inputs, force), progress).result()
-    if isinstance(model, CompiledModel) and outputs is not None:
-        raise UsageError(
-            "AC018", "a compiled model has its outputs already", help="give them to compile(model, outputs=[...])"
-        )
-    compiled = model if isinstance(model, CompiledModel) else compile(model, parameters=parameters, outputs=outputs)
+    compiled = _compiled(model, parameters, outputs)
     if accuracy is not None:
         from acausal.study.bench.accurate import simulated
 
@@ -136,6 +132,19 @@ def simulate(
     p = parameter_vector(compiled, given or {})
     u = input_vector(compiled, inputs or {})
     return Run(compiled, chosen, p, u, progress, force).result()
+
+
+def _compiled(
+    model: Component | CompiledModel, parameters: Mapping[str, float] | None, outputs: Sequence[str] | None
+) -> CompiledModel:
+    """The model compiled; AC018 for outputs of one that has its own already."""
+    if isinstance(model, Component):
+        return compile(model, parameters=parameters, outputs=outputs)
+    if outputs is not None:
+        raise UsageError(
+            "AC018", "a compiled model has its outputs already", help="give them to compile(model, outputs=[...])"
+        )
+    return model
 
 
 def _piece(inputs: Mapping[str, float] | None, force: bool) -> RunPiece:
