@@ -21,7 +21,8 @@ def test_the_report_of_the_page_is_the_one_that_is_printed() -> None:
     """All lines but those of times and of the solver's steps, which differ by machine."""
     found: dict[str, Any] = {}
     exec(first_python_block("reduce.md"), found)
-    match = re.search(r"^\$ acausal reduce [^\n]*\n(.*?)^```", (DOCS / "reduce.md").read_text(), re.MULTILINE | re.DOTALL)
+    page = (DOCS / "reduce.md").read_text(encoding="utf-8")
+    match = re.search(r"^\$ acausal reduce [^\n]*\n(.*?)^```", page, re.MULTILINE | re.DOTALL)
     assert match
     measured = ("run up to", "steps")
     shown = [line.rstrip() for line in match[1].splitlines() if not line.strip().startswith(measured)]
