@@ -3,6 +3,7 @@
     AcausalError
     |-- UsageError            AC0xx  unknown model, unknown parameter, bad option, unwritable file
     |-- DeclarationError      AC1xx  a class or an instance is declared wrongly
+    |   |-- UnknownFieldError AC127  no such field; an AttributeError too
     |   `-- UnitError         AC15x  dimensions do not agree
     |-- StructureError        AC2xx  balance and structure of the equations
     |-- InitializationError   AC3xx  no consistent start
@@ -39,6 +40,11 @@ class Span:
     def text(self) -> str:
         """The source line, stripped; empty when the file is not readable."""
         return linecache.getline(self.file, self.line).strip()
+
+    @property
+    def of_library(self) -> bool:
+        """True for a place in the library that acausal ships."""
+        return self.file.startswith(_MODELLERS[0])
 
     @property
     def marks(self) -> str:
@@ -147,12 +153,16 @@ class DeclarationError(AcausalError):
         self._nameless = sys._getframe(1).f_code.co_filename.startswith(_MODELLERS[0])
         super().__init__(code, fact, where=where or calling_span(), **details)
 
-    def name(self, owner: str) -> bool:
+    def attribute_to(self, owner: str) -> bool:
         """Put the owner into the fact where a function of the library that does not know it has refused; once."""
         was_nameless, self._nameless = self._nameless, False
         if was_nameless and owner not in self.fact:
             self.fact = f"{owner}: {self.fact}"
         return was_nameless
+
+
+class UnknownFieldError(DeclarationError, AttributeError):
+    """A component has no field of this name; an AttributeError, so that `hasattr` and `getattr` with a default work."""
 
 
 class UnitError(DeclarationError):

@@ -15,6 +15,7 @@ from acausal.language.declare import Declaration
 from acausal.language.events import Assertion, When
 from acausal.language.experiment import Experiment
 from acausal.language.expression import Equation, Symbol, equation_text
+from acausal.language.misuse import Declared
 from acausal.language.origin import Origin
 
 
@@ -123,7 +124,7 @@ class FlatStart(NamedTuple):
 
     node: int
     is_fixed: bool
-    origin: Origin | None
+    origin: Origin | Declared | None
     path: str
 
 

@@ -347,12 +347,12 @@ class _Builder:
                     continue
                 expr: Expr = value.value
                 resolve = partial(self.table.symbol, user=f"the start of {instance.prefix}{name}")
-                refuse_time(f"the start of {instance.prefix}{name}", expr, instance)
+                refuse_time(f"the start of {instance.prefix}{name}", expr, instance.said(name))
                 check_bound(instance, name, expr)
                 nodes = scalars(self.pool, expr, resolve, {})
                 for k, node in enumerate(nodes):
                     scalar = instance.first[name] + k
-                    start = FlatStart(node, isinstance(value, Fixed), instance.origin, instance.prefix + name)
+                    start = FlatStart(node, isinstance(value, Fixed), instance.said(name), instance.prefix + name)
                     other = starts.get(scalar)
                     if other is not None and other.is_fixed and start.is_fixed:
                         text = f"{start.path} == {expr}"

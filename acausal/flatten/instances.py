@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from acausal.errors import DeclarationError
 from acausal.language.component import Component, Connector
 from acausal.language.declare import Kind
-from acausal.language.misuse import own_constructor
+from acausal.language.misuse import Declared, own_constructor
 from acausal.language.origin import Origin
 
 
@@ -38,6 +38,11 @@ class Instance:
         """Where the component was made."""
         origin: Origin = self.component.__dict__["_origin"]
         return origin
+
+    def said(self, name: str) -> Origin | Declared:
+        """Where the value of a field stands: in the call that made the component, else in the class body."""
+        is_given = name in self.component.__dict__["_given"]
+        return self.origin if is_given else Declared(type(self.component), name, self.origin)
 
 
 def instances(model: Component) -> list[Instance]:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from acausal.errors import DeclarationError, Span, UsageError, nearest
+from acausal.errors import DeclarationError, UsageError, nearest
 from acausal.flatten.bound_units import check_bound
 from acausal.flatten.flat import FlatParameter, suffixes
 from acausal.flatten.instances import Instance
@@ -15,6 +15,8 @@ from acausal.flatten.scalarise import Scalars, scalars
 from acausal.language.component import Component
 from acausal.language.declare import Declaration, Kind
 from acausal.language.expression import Expr, Shape, Symbol
+from acausal.language.misuse import Declared
+from acausal.language.origin import Origin
 
 
 class ParameterTable:
@@ -31,7 +33,7 @@ class ParameterTable:
         pool.parameter_values = self.values
         self._nodes: dict[tuple[int, str], Scalars] = {}
         self._free_paths: set[str] = set()
-        self._open: list[str] = []
+        self._open: dict[str, tuple[Expr, Origin | Declared]] = {}
 
     def table(self) -> list[FlatParameter]:
         """All parameters, in order; raises AC133 listing those without a value."""
@@ -72,23 +74,27 @@ class ParameterTable:
             payload = value.payload if isinstance(value.payload, tuple) else (value.payload,)
             return self._free(path, declaration, payload, instance)
         if path in self._open:
-            circle = " -> ".join([*self._open[self._open.index(path) :], path])
-            raise DeclarationError(
-                "AC134",
-                f"parameters are bound in a circle: {circle}",
-                where=(instance.origin.span(),),
-                evidence=[f"{path} = {value}"],
-                help="give one of them a number",
-            )
-        refuse_time(path, value, instance)
+            raise self._circle(path)
+        refuse_time(path, value, instance.said(name))
         check_bound(instance, name, value)
-        self._open.append(path)
+        self._open[path] = (value, instance.said(name))
         result = scalars(self.pool, value, lambda s: self.symbol(s, path), {})
-        self._open.pop()
+        del self._open[path]
         numbers = [self.pool.value(node) for node in result]
         known = [v for v in numbers if v is not None]
         # 2 * sqrt(2) is a number too: the parameter stays free.
         return self._free(path, declaration, known, instance) if len(known) == len(numbers) else result
+
+    def _circle(self, path: str) -> DeclarationError:
+        names = list(self._open)
+        names = names[names.index(path) :]
+        return DeclarationError(
+            "AC134",
+            f"parameters are bound in a circle: {' -> '.join([*names, path])}",
+            where=[self._open[n][1].span() for n in names[:3]],
+            evidence=[f"{n} = {self._open[n][0]}" for n in names[:6]],
+            help="give one of them a number",
+        )
 
     def symbol(self, symbol: Symbol, user: str) -> Scalars:
         """Nodes of a symbol that must be a parameter."""
@@ -121,10 +127,12 @@ def check_limits(
 ) -> None:
     """Refuse values outside the declared limits (AC136)."""
     for suffix, value in zip(suffixes(declaration.shape), values, strict=True):
-        check_limit(path, suffix, declaration, value, (instance.origin.span(),) if instance else ())
+        check_limit(path, suffix, declaration, value, instance)
 
 
-def check_limit(path: str, suffix: str, declaration: Declaration, value: float, where: tuple[Span, ...] = ()) -> None:
+def check_limit(
+    path: str, suffix: str, declaration: Declaration, value: float, instance: Instance | None = None
+) -> None:
     """Refuse one entry outside the declared limits (AC136); `suffix` is its index, "" for a scalar."""
     if declaration.min <= value <= declaration.max and not math.isnan(value):
         return
@@ -132,7 +140,7 @@ def check_limit(path: str, suffix: str, declaration: Declaration, value: float, 
     raise DeclarationError(
         "AC136",
         f"{path}{suffix} = {value:g}{unit} is outside its limits {declaration.min:g} ... {declaration.max:g}",
-        where=where,
+        where=() if instance is None else (instance.said(path[len(instance.prefix) :]).span(),),
         evidence=[f"{path}   {declaration.doc}"] if declaration.doc else [],
         help=f"give a value {_limits(declaration)}{unit}",
     )
@@ -190,7 +198,7 @@ def _missing(found: Sequence[tuple[Instance, str, Declaration]]) -> DeclarationE
     )
 
 
-def refuse_time(user: str, value: Expr, instance: Instance) -> None:
+def refuse_time(user: str, value: Expr, said: Origin | Declared) -> None:
     """Raise AC135 when a value that must be constant is written with `time`."""
     stack, seen = [value], {id(value)}
     while stack:
@@ -199,7 +207,7 @@ def refuse_time(user: str, value: Expr, instance: Instance) -> None:
             raise DeclarationError(
                 "AC135",
                 f"{user} is bound to `{value}`, which varies in time",
-                where=(instance.origin.span(),),
+                where=(said.span(),),
                 help="bind parameters and starts to numbers and parameters; a signal_input takes what varies",
             )
         for a in e.args:

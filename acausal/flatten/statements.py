@@ -68,7 +68,7 @@ def _named(component: Component, generator: Generator[Any, None, None]) -> Itera
         yield from generator
     except DeclarationError as error:
         path = component._path_to("")[:-1]
-        if error.name(f"{path} ({type(component).__name__})" if path else type(component).__name__):
+        if error.attribute_to(f"{path} ({type(component).__name__})" if path else type(component).__name__):
             error.where = (component.__dict__["_origin"].span(),)
         raise
 

@@ -12,7 +12,7 @@ import sys
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, ClassVar, Self, dataclass_transform
 
-from acausal.errors import DeclarationError, calling_span, nearest
+from acausal.errors import DeclarationError, UnknownFieldError, calling_span, nearest
 from acausal.language.declare import Declaration, Kind, Real, checked_value, parameter, structural
 from acausal.language.expression import Expr, Symbol
 from acausal.language.misuse import (
@@ -133,7 +133,7 @@ class Component:
             except RecursionError as error:
                 raise endless(self) or error from None
             except DeclarationError as error:
-                error.name(cls.__name__)
+                error.attribute_to(cls.__name__)
                 raise
         for name, parts in own["_parts"].items():
             if isinstance(parts, list):
@@ -243,6 +243,8 @@ class Component:
                 raise AttributeError(name)
             if name in _RESERVED:
                 raise AttributeError(name)
+            if name in self._declarations:  # a part: `__init__` has declared it and `build` has not run yet
+                raise _not_made_yet(type(self), name)
             raise _unknown_field(type(self), name)
 
     def _copy(self) -> Self:
@@ -362,10 +364,19 @@ def _check_name(cls: type[Component], name: str) -> None:
             )
 
 
-def _unknown_field(cls: type[Component], name: str) -> DeclarationError:
+def _not_made_yet(cls: type[Component], name: str) -> DeclarationError:
+    return DeclarationError(
+        "AC114",
+        f"{cls.__name__}: part '{name}' is not made yet",
+        cause="defaults of parameters are worked out before `build` makes the parts",
+        help=f"bind the other way round, in `build`: self.{name} = {_annotation_of(cls, name)} with own parameters",
+    )
+
+
+def _unknown_field(cls: type[Component], name: str) -> UnknownFieldError:
     known = [n for n in cls._declarations]
     close = nearest(name, known)
-    return DeclarationError(
+    return UnknownFieldError(
         "AC127",
         f"{cls.__name__} has no field '{name}'" + (f"; did you mean '{close[0]}'?" if close else ""),
         evidence=(f"fields: {', '.join(known)}",) if known else (),

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import inspect
 import linecache
+import re
 import sys
 from collections.abc import Callable
+from dataclasses import dataclass
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 from acausal.errors import DeclarationError, Span, calling_span
 from acausal.language.declare import Declaration
+from acausal.language.origin import Origin
 
 if TYPE_CHECKING:
     from acausal.language.component import Component
@@ -100,6 +103,20 @@ def declared_at(cls: type[Component], name: str) -> tuple[Span, ...]:
     return ()
 
 
+@dataclass(frozen=True, slots=True)
+class Declared:
+    """The line of a class body that declares a field; looked up only for a message, like an `Origin`."""
+
+    cls: type[Component]
+    name: str
+    made: Origin
+
+    def span(self) -> Span:
+        """The declaration, or where the component was made: what the library declares is not for its users to read."""
+        found = declared_at(self.cls, self.name)
+        return found[0] if found and not found[0].of_library else self.made.span()
+
+
 def declared_class(cls: type[Component], name: str) -> type[Component] | None:
     """Class that a part is declared as, of its members for a list; None where the annotation does not tell."""
     known = cls.__dict__.get("_classes")
@@ -137,11 +154,12 @@ def field_span(cls: type[Component], name: str) -> tuple[Span, ...]:
 def _declaring_line(start: Span, name: str) -> tuple[Span, ...]:
     first = linecache.getline(start.file, start.line)
     indent = len(first) - len(first.lstrip())
+    declares = re.compile(rf"(^|;\s*){re.escape(name)}\s*[:=]")
     for number in range(start.line + 1, len(linecache.getlines(start.file)) + 1):
         line = linecache.getline(start.file, number)
         text = line.strip()
         if text and len(line) - len(line.lstrip()) <= indent:
             break
-        if text.startswith((f"{name}:", f"{name} =", f"{name}=")):
+        if declares.search(text):
             return (Span(start.file, number),)
     return (start,)

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 from acausal.errors import StructureError
 from acausal.lower.analyse import Structure
-from acausal.lower.diagnosis.dependence import check_rank, dependent
+from acausal.lower.diagnosis.dependence import check_rank, dependent, special_values
 from acausal.lower.elimination import Eliminated, eliminate, safety
 from acausal.lower.hidden import hidden_constraint
 from acausal.lower.linear import LinearForm
@@ -115,7 +116,7 @@ class _Work:
         if linear is not None:
             coefficient = linear[1].get(variable, pool.zero)
             if coefficient == pool.zero:
-                raise self._dependent([row], [variable], linear[0])
+                raise self._dependent([row], Block((row,), (variable,)), linear[0])
             if safety(self.points, coefficient) is not None:
                 self.define(variable, pool.div(pool.neg(linear[0]), coefficient))
                 self.reports.append(BlockReport((variable,), (), "explicit"))
@@ -145,7 +146,7 @@ class _Work:
     def _linear(self, block: Block, done: Eliminated) -> None:
         if done.empty:
             rows = [block.rows[i] for i, _ in done.empty]
-            error = self._dependent(rows, block.columns, done.empty[0][1])
+            error = self._dependent(rows, block, done.empty[0][1])
             raise hidden_constraint(self.structure, block, error)
         if done.left_variables:
             self._check_rank(block.rows, block.columns)
@@ -196,10 +197,13 @@ class _Work:
         except StructureError as error:
             raise hidden_constraint(self.structure, Block(tuple(rows), tuple(unknowns)), error) from None
 
-    def _dependent(self, rows: Sequence[int], unknowns: Sequence[int], rest: int) -> StructureError:
+    def _dependent(self, rows: Sequence[int], block: Block, rest: int) -> StructureError:
+        reduced = self.structure.reduced
         flat_rows = [self.structure.flat_equation(r) for r in rows]
         held = sorted(self.pool.variables_in(rest))
-        return dependent(self.structure.reduced, flat_rows, unknowns, float(self.points.of(rest)[0]), held)
+        residuals = [self.structure.residuals[r] for r in block.rows]
+        special = partial(special_values, reduced, self.points, residuals, block.columns)
+        return dependent(reduced, flat_rows, block.columns, float(self.points.of(rest)[0]), held, special)
 
 
 def needed(structure: Structure, definitions: Sequence[tuple[int, int]], residuals: Sequence[int]) -> frozenset[int]:

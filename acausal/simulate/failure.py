@@ -11,7 +11,7 @@ from acausal.errors import IntegrationError, Span
 from acausal.flatten.flat import span_of
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.diagnosis.words import component_of, line, lines, made_at
-from acausal.simulate.finite import Undefined, first_undefined
+from acausal.simulate.finite import UNDEFINED, Undefined, first_undefined
 from acausal.simulate.problem import Problem
 from acausal.simulate.solvers.base import Segment
 
@@ -107,7 +107,7 @@ def _of_undefined(compiled: CompiledModel, found: Undefined, ahead: float) -> _F
             line(compiled.flat, found.equation).strip(),
             *([f"with {', '.join(found.inside[:6])}"] if found.inside else []),
         ),
-        "a division by zero, or a root or logarithm of a negative number",
+        found.reason or UNDEFINED,
         "state the equation so that it holds there too, or end the run before",
     )
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from acausal.errors import InitializationError
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.diagnosis.words import counted, listed, made_at
-from acausal.simulate.finite import first_undefined
+from acausal.simulate.finite import UNDEFINED, first_undefined
 from acausal.simulate.start_errors import contradicting, left_open, not_found, undefined
 from acausal.simulate.torn_start import torn_start
 from acausal.simulate.truth import truths
@@ -260,7 +260,7 @@ def _check_defined(compiled: CompiledModel, t: float, x: Vector, z: Vector, u: V
     """Refuse a start at which an equation has no finite value, naming the first one."""
     found = first_undefined(compiled, t, x, z, u, p, m)
     if found is not None:
-        raise undefined(compiled, t, *found)
+        raise undefined(compiled, t, found)
     ode, alg = (np.array(v).ravel() for v in compiled.rhs(t, x, z, u, p, m))
     is_finite = bool(np.isfinite(ode).all() and np.isfinite(alg).all())
     if is_finite:
@@ -272,5 +272,5 @@ def _check_defined(compiled: CompiledModel, t: float, x: Vector, z: Vector, u: V
         "AC303",
         f"{compiled.name}: the equations for {listed(names, 4)} have no finite value at the start (t = {t:g} s)",
         where=made_at(compiled.flat, ""),
-        cause="a division by zero, or a root or logarithm of a negative number",
+        cause=UNDEFINED,
     )

@@ -9,11 +9,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.errors import InitializationError, Span
-from acausal.flatten.flat import FlatEquation, span_of
+from acausal.flatten.flat import span_of
 from acausal.lower.compiled import CompiledModel
-from acausal.lower.diagnosis.words import component_of, counted, hint, line, lines, listed, made_at, places, short
+from acausal.lower.diagnosis.words import (
+    component_of,
+    counted,
+    hint,
+    line,
+    lines,
+    listed,
+    made_at,
+    parameter_at,
+    places,
+    short,
+)
 from acausal.lower.evaluate import values
 from acausal.lower.start import Condition, Reach
+from acausal.simulate.finite import UNDEFINED, Undefined
 
 Vector = NDArray[np.float64]
 
@@ -74,7 +86,7 @@ def _others(compiled: CompiledModel, condition: Condition, x: Vector, p: Vector)
     for k, state in enumerate(compiled.state_variables):
         if state in mine and state in compiled.start.direct:
             starts = [s for a in reduced.aliases.get(state, ()) if (s := compiled.flat.starts.get(a)) and s.is_fixed]
-            spans = [s.origin.span() for s in starts[:1] if s.origin is not None and "." in s.path]
+            spans = [s.origin.span() for s in starts[:1] if s.origin is not None]
             found.append(f"{compiled.states[k]} = {x[k]:g}{_placed(spans)}")
     for other in (*compiled.start.conditions, *compiled.start.surplus):
         if other is not condition and reach.of(other.node) & mine:
@@ -230,18 +242,21 @@ def left_open(compiled: CompiledModel, free: Sequence[int], jacobians: Sequence[
     return (f"the start conditions do not determine {listed(open_ones)}: their guesses have decided",)
 
 
-def undefined(
-    compiled: CompiledModel, t: float, variable: str, equation: FlatEquation, inside: Sequence[str]
-) -> InitializationError:
+def undefined(compiled: CompiledModel, t: float, found: Undefined) -> InitializationError:
     """AC303: an equation that has no finite value at the start."""
     flat = compiled.flat
+    variable, equation, inside, reason, parameter = found
     cause, advice = hint([v.declaration for v in flat.variables if v.path == variable][:1])
+    where = (*parameter_at(flat, parameter), *span_of(equation)) or made_at(flat, component_of(flat, variable))
+    fact = f"{variable} has no finite value at the start (t = {t:g} s)"
     return InitializationError(
         "AC303",
-        f"{compiled.name}: {variable} has no finite value at the start (t = {t:g} s)",
-        where=span_of(equation) or made_at(flat, component_of(flat, variable)),
+        f"{compiled.name}: {fact}" + (f" for {parameter} = {reason.split()[-1]}" if parameter and reason else ""),
+        where=where,
         evidence=[text.strip() for text in lines(flat, [equation])]
         + ([f"with {', '.join(inside[:6])}"] if inside else []),
-        cause=cause or "a division by zero, or a root or logarithm of a negative number",
-        help=advice or "start elsewhere, or state the equation so that it holds there too",
+        cause=reason or cause or UNDEFINED,
+        help=advice
+        or (f"give {parameter} another value" if parameter else None)
+        or "start elsewhere, or state the equation so that it holds there too",
     )

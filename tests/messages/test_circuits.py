@@ -280,12 +280,16 @@ class GainsInACircle(Component):
     "AC303",
     "ratio.y",
     """
-error[AC303]: QuotientOfConstants: ratio.y has no finite value at the start (t = 0 s)
+error[AC303]: QuotientOfConstants: ratio.y has no finite value at the start (t = 0 s) for below.k = 0
+  at      test_circuits.py:N
+              self.below = blocks.Constant(k=0.0)
+                           ^^^^^^^^^^^^^^^^^^^^^^
   at      blocks/math.py:N
               yield self.y == self.u1 / self.u2
           ratio.y == ratio.u1 / ratio.u2   (Division, blocks/math.py:N)
-  cause   a division by zero, or a root or logarithm of a negative number
-  help    start elsewhere, or state the equation so that it holds there too
+          with above.k = 1, below.k = 0
+  cause   it divides by `below.k`, which is 0
+  help    give below.k another value
 """,
 )
 class QuotientOfConstants(Component):

@@ -53,7 +53,7 @@ error[AC302]: OneTooMany: the start equation `y == 5` contradicts the others: it
   at      test_start_messages.py:N
               yield self.y == 5.0
           given too:
-            x = 1
+            x = 1   (test_start_messages.py:N)
   cause   more is fixed at the start than the 1 state can follow: x
   help    remove it, or make one of the others a guess(...)
 """,
@@ -139,7 +139,7 @@ error[AC303]: DivisionByZero: y has no finite value at the start (t = 0 s)
               yield self.y == 1.0 / self.x
           y == 1 / x   (DivisionByZero, test_start_messages.py:N)
           with x = 0
-  cause   a division by zero, or a root or logarithm of a negative number
+  cause   it divides by `x`, which is 0
   help    start elsewhere, or state the equation so that it holds there too
 """,
 )
@@ -163,7 +163,7 @@ error[AC303]: LogarithmOfZero: y has no finite value at the start (t = 0 s)
               yield self.y == log(self.x)
           y == log(x)   (LogarithmOfZero, test_start_messages.py:N)
           with x = 0
-  cause   a division by zero, or a root or logarithm of a negative number
+  cause   it takes the logarithm of `x`, which is 0
   help    start elsewhere, or state the equation so that it holds there too
 """,
 )

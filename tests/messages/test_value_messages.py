@@ -81,9 +81,11 @@ class MissingValues(Component):
     """
 error[AC134]: parameters are bound in a circle: mass.m -> mass.density -> mass.m
   at      test_value_messages.py:N
-              self.mass = self.Ball()
-                          ^^^^^^^^^^^
+              m: Real = parameter(default=lambda self: 2.0 * self.density)
+  at      test_value_messages.py:N
+              density: Real = parameter(default=lambda self: self.m / 2.0)
           mass.m = 2 * mass.density
+          mass.density = mass.m / 2
   help    give one of them a number
 """,
 )

@@ -49,8 +49,8 @@ error[AC302]: OffTheCircle: the start equation `x * x + y * y == 1` contradicts 
   at      test_wrong_starts.py:N
               yield self.x * self.x + self.y * self.y == 1.0
           given too:
-            x = 1
-            y = 1
+            x = 1   (test_wrong_starts.py:N)
+            y = 1   (test_wrong_starts.py:N)
   cause   more is fixed at the start than the 4 states can follow: x, y, v and w
   help    make one of the others a guess(...)
 """,

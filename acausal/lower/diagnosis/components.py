@@ -99,7 +99,8 @@ def _too_few(flat: FlatSystem, path: str, count: _Count, alike: list[str]) -> St
     used |= {flat.pool.integral_of[k] for k in used if k in flat.pool.integral_of}
     unused = [v for v in count.own + count.flows if not used & set(range(v.first, v.first + v.size))]
     unknowns = sum(v.size for v in (*count.own, *count.flows))
-    cause, advice = hint(v.declaration for v in unused or count.own)
+    # The hint beside a flow speaks of a flow that nothing takes up, not of a component that forgets to state it.
+    cause, advice = hint(v.declaration for v in unused or count.own if v.declaration.kind is not Kind.FLOW)
     return StructureError(
         "AC201",
         subject(flat, _balance(count), path) + (f"; none holds {listed(v.path for v in unused)}" if unused else ""),

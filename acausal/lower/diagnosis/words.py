@@ -9,6 +9,7 @@ from acausal.errors import Span
 from acausal.flatten.flat import FlatEquation, FlatSystem, suffixes
 from acausal.language.component import Component
 from acausal.language.declare import Declaration
+from acausal.language.misuse import declared_at
 
 _WIDTH = 110
 _LOOSE = " is zero: not connected"
@@ -112,6 +113,14 @@ def made_at(flat: FlatSystem, path: str) -> tuple[Span, ...]:
     if found is None:
         return ()
     return (stated_at(found.cls) if not path else ()) or (found.origin.span(),)
+
+
+def parameter_at(flat: FlatSystem, path: str | None) -> tuple[Span, ...]:
+    """Where a parameter has its value from: where its component was made; for the model's own, where it is declared."""
+    if path is None:
+        return ()
+    owner, _, name = path.rpartition(".")
+    return made_at(flat, owner) if owner else declared_at(flat.components[""].cls, name.partition("[")[0])
 
 
 def stated_at(cls: type[Component]) -> tuple[Span, ...]:
