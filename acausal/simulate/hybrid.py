@@ -282,12 +282,15 @@ class Hybrid:
             return Stop(rows, times[:keep], closer.time, closer.x, closer.z)
 
     def band(self, t: float, moment: Moment) -> Vector:
-        """How far past its guard each one may go: the noise where it rests there and does not leave, else 0."""
+        """How far past its guard each one may go: the noise where it rests there and does not leave.
+
+        One that leaves it, from behind by rounding, may be there as long as it does not turn back.
+        """
         if not moment.regime.owners:
             return np.zeros(0)
         g, (rate, noise) = self.guards.distances(t, moment), self.guards.rates(t, moment)
         resting: Truth = (g <= LOCATED * noise) & (rate <= noise)
-        return np.where(resting, 2 * noise, 0.0)
+        return np.where(resting, 2 * noise, np.where(np.abs(g) <= noise, np.maximum(-2.0 * g, 0.0), 0.0))
 
     def _say(self, happened: Happened, t: float) -> Moment:
         self.moment = happened.moment

@@ -370,7 +370,7 @@ static int stretch(struct flight* s, struct space* o, double* x) {
   if (take_guards(s, o, s->here, s->x, o->g) || take_rates(s, o, s->here)) return UNUSUAL;
   for (k = 0; k < s->relations; ++k) {
     int resting = o->g[k] <= LOCATED * o->noise[k] && o->rate[k] <= o->noise[k];
-    o->band[k] = resting ? 2 * o->noise[k] : 0.0;
+    o->band[k] = resting ? 2 * o->noise[k] : fabs(o->g[k]) <= o->noise[k] ? most(-2 * o->g[k], 0.0) : 0.0;
     o->ahead[2][k] = most(o->g[k], 0.0);
   }
   for (k = from; k < until || look <= looks;) { /* outputs and looks, merged */

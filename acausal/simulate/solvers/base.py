@@ -4,7 +4,8 @@ A solver is a class with
 
 1. `name`, as the user writes it, and `plugin`, CasADi's;
 2. `algebraic`: whether it takes algebraic variables; otherwise they are eliminated before it sees the problem;
-3. `fixed_step`: whether it needs a step, and `native`: what of it can run as compiled C;
+3. `fixed_step`: whether it needs a step, and `native`: what of it can run as compiled C; `impatient`: whether it takes
+   what is nearer than a nanosecond as reached;
 4. `settings(problem, segment)`: CasADi's options for one segment;
 5. `integrate(problem, segment) -> Piece`, which raises RuntimeError when it cannot go on.
 
@@ -28,6 +29,7 @@ from acausal.simulate.native.flight import FlightProgram
 from acausal.simulate.native.policy import Library
 from acausal.simulate.polish import polished
 from acausal.simulate.problem import Problem
+from acausal.simulate.solvers.unit_of_time import in_unit, unit_of_time
 
 Vector = NDArray[np.float64]
 
@@ -82,6 +84,7 @@ class CasadiSolver:
     plugin: ClassVar[str]
     algebraic: ClassVar[bool] = False
     fixed_step: ClassVar[bool] = False
+    impatient: ClassVar[bool] = False
     native: ClassVar[Literal["nothing", "equations", "integrator"]] = "nothing"
 
     def settings(self, problem: Problem, segment: Segment) -> dict[str, Any]:
@@ -118,7 +121,11 @@ class CasadiSolver:
         dae: Any = None
         # a rootfinder inside the right-hand side stays interpreted
         kind = self.native if self.algebraic or not problem.compiled.algebraic else "nothing"
-        if kind == "integrator":
+        unit = unit_of_time(segment.start, segment.times) if self.impatient else 1.0
+        if unit != 1.0:
+            dae, settings = in_unit(problem.dae if self.algebraic else problem.ode, unit, settings)
+            grid = grid / unit
+        elif kind == "integrator":
             whole = native.integrator(self.plugin, settings)
             if whole is not None:
                 p = whole.vector(problem.p, problem.u, p)

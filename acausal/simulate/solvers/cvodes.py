@@ -13,6 +13,7 @@ class Cvodes(CasadiSolver):
 
     name = "cvodes"
     plugin = "cvodes"
+    impatient = True
     native = "equations"
 
     def settings(self, problem: Problem, segment: Segment) -> dict[str, Any]:

@@ -16,6 +16,7 @@ class Idas(CasadiSolver):
     name = "idas"
     plugin = "idas"
     algebraic = True
+    impatient = True
     native = "equations"
 
     def __init__(self, convergence: float = 0.01) -> None:
