@@ -64,13 +64,14 @@ def casadi_model(compiled: CompiledModel, outputs: Sequence[str] | None = None) 
 
 @dataclass(frozen=True, eq=False)
 class Begin:
-    """The model's start with its declared parameters and the start values of its inputs."""
+    """The model's start with its declared parameters and the start values of its inputs, and the modes it is in."""
 
     t: float
     x: Vector
     z: Vector
     u: Vector
     p: Vector
+    m: Vector
     notes: tuple[str, ...]
 
 
@@ -84,8 +85,8 @@ def begin_of(compiled: CompiledModel) -> Begin:
         start = initialize(compiled, t, p, u, m)
     except InitializationError as error:
         x, z = (np.array(v).ravel() for v in compiled.guess(p))
-        return Begin(t, x, z, u, p, (f"start values are guesses only: {error.fact}",))
-    return Begin(t, start.x, start.z, u, p, start.notes)
+        return Begin(t, x, z, u, p, m, (f"start values are guesses only: {error.fact}",))
+    return Begin(t, start.x, start.z, u, p, m, start.notes)
 
 
 def input_start(compiled: CompiledModel, scalar: int, p: Vector) -> float:

@@ -1,50 +1,42 @@
 """One step of a fixed-step method as a function `step(x, u, p) -> (x, y)`, for loops in real time.
 
 Every call does the same operations in the same order: no step control, no iteration until convergence, no memory but
-the arguments. The C of it is straight-line code.
-
-Methods: "rk2" (Heun), "rk4" (classical), for models that are not stiff at the step, and "rosenbrock": RODAS3, four
-stages, order 3, L-stable (A. Sandu et al., Atmospheric Environment 31 (1997) 3459-3472, in the implementation form of
-E. Hairer and G. Wanner, Solving Ordinary Differential Equations II, IV.7). Algebraic variables are solved for at each
-stage by three steps of Newton's method from the stage before, so that they are part of x: enough where they change
-smoothly from step to step, too few where a step meets a kink.
+the arguments. The C of it is straight-line code. The methods are those of `acausal.export.methods`; models with `when`
+clauses, samples or discrete variables go by `acausal.export.hybrid_step`, their modes being part of x. Relations of time
+hold from the first multiple of the step that is not before them: on the grid that is exact.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import casadi as ca
+import numpy as np
 
 from acausal.errors import ExportError, UsageError
-from acausal.export.casadi_model import CasadiModel, Port, Ports
-from acausal.lower.compiled import CompiledModel
+from acausal.export.casadi_model import Port, Ports
+from acausal.export.functions import begin_of, observed_function
+from acausal.export.hybrid_step import TICK, HybridStep, has_memory
+from acausal.export.methods import IMPLICIT, METHODS, Method
+from acausal.export.ports import named_outputs, output_ports, parameter_ports, variable_ports
+from acausal.lower.compiled import CompiledModel, Symbols
+from acausal.lower.delays import PADE, refuse_delays
 
-METHODS = ("rk2", "rk4", "rosenbrock")
-_NEWTON_STEPS = 3
 # Unrolled factorisations grow with the cube of this.
 _MOST_UNKNOWNS = 60
-
-# RODAS3; rows of the lower triangles.
-_GAMMA = 0.5
-_A = ((), (0.0,), (2.0, 0.0), (2.0, 0.0, 1.0))
-_C = ((), (4.0,), (1.0, -1.0), (1.0, -1.0, -8.0 / 3.0))
-_M = (2.0, 0.0, 1.0, 1.0)
-_ALPHA = (0.0, 0.0, 1.0, 1.0)
-_GAMMAS = (0.5, 1.5, 0.0, 0.0)
-
-Rates = Callable[[Any, Any, Any], tuple[Any, Any]]
+# An unrolled step of more instructions takes a C compiler minutes.
+_MOST_INSTRUCTIONS = 300_000
 
 
 @dataclass(frozen=True, eq=False)
 class StepFunction:
     """`function` is `step(x, u, p) -> (x, y)`; vectors are described by the attributes of the same names.
 
-    x holds the states, then the algebraic variables, then the time where the equations depend on it. y belongs to the
-    new x. u is constant during the step of `step` seconds.
+    x holds the states, discrete ones among them, then the algebraic variables, then the modes of a model with events, then
+    the time where the equations depend on it. y belongs to the new x. u is constant during the step of `step` seconds.
     """
 
     name: str
@@ -83,7 +75,7 @@ def step_function(
     Parameters
     ----------
     method
-        "rk2", "rk4" or "rosenbrock".
+        "rk2", "rk4", "rosenbrock" or "sdirk".
     outputs
         What y holds, as in `CompiledModel.casadi`.
 
@@ -92,128 +84,91 @@ def step_function(
     UsageError
         AC034 for an unknown method, AC030 for a step that is none.
     ExportError
-        AC605 for a model with `when` clauses, AC606 for more than 60 unknowns that must be solved for.
+        AC605 for a clock that ticks more than once in a step, AC606 for more than 60 unknowns that must be solved for.
     """
     if method not in METHODS:
         raise UsageError("AC034", f"there is no method '{method}'", help=f"methods: {', '.join(METHODS)}")
     if not 0 < step < float("inf"):
         raise UsageError("AC030", f"step {step:g} s is not positive")
-    if compiled.state_events.clauses:
-        raise ExportError(
-            "AC605",
-            f"{compiled.name} has when clauses: what happens at them is no part of a step of fixed length",
-            help="export a model without events",
-        )
-    model = compiled.casadi(outputs)
-    size = max(len(model.z), len(model.x) if method == "rosenbrock" else 0)
+    refuse_delays(compiled.flat, "a step as a function of states", PADE)
+    dynamic = compiled.n_dynamic if method in IMPLICIT else 0
+    size = dynamic + len(compiled.algebraic) if method == "sdirk" else max(dynamic, len(compiled.algebraic))
     if size > _MOST_UNKNOWNS:
         raise ExportError(
             "AC606",
             f"a step of {compiled.name} solves for {size} unknowns at once, which is written out in full up to "
             f"{_MOST_UNKNOWNS}",
-            help="reduce the model, or take an explicit method" if method == "rosenbrock" else "reduce the model",
+            help="reduce the model, or take an explicit method" if method in IMPLICIT else "reduce the model",
         )
-    return _Made(model, step, method).result()
+    return _Made(compiled, step, method, outputs).result()
 
 
 class _Made:
     """The symbols of one step function."""
 
-    def __init__(self, model: CasadiModel, step: float, method: str) -> None:
-        self.model, self.h, self.method = model, step, method
-        dae = model.dae
-        self.nx, self.nz = len(model.x), len(model.z)
-        self.timed = any(dae.jac_sparsity(k, dae.index_in("t")).nnz() for k in range(dae.n_out()))
-        self.x = ca.SX.sym("x", self.nx + self.nz + self.timed)
-        self.u, self.p = ca.SX.sym("u", len(model.u)), ca.SX.sym("p", len(model.p))
+    def __init__(self, compiled: CompiledModel, step: float, method: str, outputs: Sequence[str] | None) -> None:
+        self.compiled, self.h = compiled, step
+        self.wanted = named_outputs(compiled, outputs)
+        self.u, self.p = ca.SX.sym("u", len(compiled.inputs)), ca.SX.sym("p", len(compiled.parameters))
+        s, remembers = Symbols(compiled), has_memory(compiled)
+        # without memory relations are whatever holds at a point; those of time are known for the whole step
+        n = compiled.n_timely
+        m = s.m if remembers else ca.vertcat(s.m[:n], compiled.all_modes(s.t, s.x, s.z, s.u, s.p)[n:])
+        observed = observed_function(compiled, self.wanted)(s.t, s.x, s.z, s.u, s.p, m)
+        rates = compiled.rhs(s.t, s.x, s.z, s.u, s.p, m)
+        self.y = ca.Function("y", s.inputs, [ca.densify(observed)])
+        self.method = Method(method, ca.Function("rates", s.inputs, [ca.densify(v) for v in rates]))
+        self.hybrid = HybridStep(compiled, self.method, self.u, self.p, step) if remembers else None
 
     def result(self) -> StepFunction:
-        parts = ca.vertsplit(self.x, [0, self.nx, self.nx + self.nz, self.x.numel()])
-        t = parts[2] if self.timed else ca.SX(self.model.start_time)
-        if self.method == "rosenbrock":
-            x, z = self._rosenbrock(t, parts[0], parts[1])
-        else:
-            x, z = self._explicit(t, parts[0], parts[1])
-        y = self.model.dae(t + self.h, x, z, self.u, self.p)[2]
-        new = [x, z, t + self.h] if self.timed else [x, z]
-        outputs: Any = ca.cse([ca.densify(ca.vertcat(*new)), ca.densify(y)])
-        function = ca.Function("step", [self.x, self.u, self.p], outputs, ["x", "u", "p"], ["x_next", "y"])
-        clock = [Port("time", "s", "Time", self.model.start_time)] if self.timed else []
+        compiled, hybrid = self.compiled, self.hybrid
+        begin = hybrid.begin() if hybrid else begin_of(compiled)
+        modes = hybrid.ports(begin.m) if hybrid else []
+        x = ca.SX.sym("x", len(compiled.states) + len(compiled.algebraic) + len(modes))
+        clock = ca.SX.sym("time")
+        x_next, y, end = self._next(x, clock, begin.t)
+        timed = ca.depends_on(ca.vertcat(x_next, y), clock)
+        step = ca.Function("step", [x, clock, self.u, self.p], [ca.vertcat(x_next, end) if timed else x_next, y])
+        whole = ca.SX.sym("x", x.numel() + timed)
+        new: Any = step(whole[: x.numel()], whole[-1] if timed else begin.t, self.u, self.p)
+        new = ca.cse([ca.densify(v) for v in new])
+        ports = [
+            *variable_ports(compiled, compiled.state_variables, begin.x),
+            *variable_ports(compiled, compiled.solution.algebraic, begin.z),
+            *modes,
+            *([Port("time", "s", "Time", begin.t)] if timed else []),
+        ]
         return StepFunction(
-            name=self.model.name,
-            method=self.method,
+            name=compiled.name,
+            method=self.method.name,
             step=self.h,
-            function=function,
-            x=Ports([*self.model.x, *self.model.z, *clock]),
-            u=self.model.u,
-            p=self.model.p,
-            y=Ports(replace(port, start=0.0) for port in self.model.y),
-            notes=self.model.notes,
+            function=ca.Function("step", [whole, self.u, self.p], new, ["x", "u", "p"], ["x_next", "y"]),
+            x=Ports(ports),
+            u=variable_ports(compiled, compiled.solution.structure.reduced.inputs, begin.u),
+            p=parameter_ports(compiled),
+            y=output_ports(self.wanted, np.zeros(len(self.wanted))),
+            notes=(*compiled.flat.notes, *begin.notes, *(hybrid.notes if hybrid else ())),
         )
 
-    def _rates(self, t: Any, x: Any, z: Any) -> tuple[Any, Any]:
-        ode, alg, _ = self.model.dae(t, x, z, self.u, self.p)
-        return ode, alg
+    def _next(self, stored: Any, clock: Any, start: float) -> tuple[Any, Any, Any]:
+        """All of x but its time, y, and the time, at the end of a step from `stored`."""
+        compiled, hybrid, h = self.compiled, self.hybrid, self.h
+        nx, nz = len(compiled.states), len(compiled.algebraic)
+        x, z, kept = ca.vertsplit(stored, [0, nx, nx + nz, stored.numel()])
+        # the time is a multiple of the step: a sum of steps would have drifted off the samples after a day
+        turn = ca.floor((clock - start) / h + 0.5)
+        on_grid = ca.fabs(start + turn * h - clock) < 1e-6 * h
+        t, end = ca.if_else(on_grid, start + turn * h, clock), ca.if_else(on_grid, start + (turn + 1) * h, clock + h)
+        if hybrid:
+            x, z, m = hybrid.step(t, x, z, hybrid.modes(t, kept))
+            kept = ca.vertcat(ca.SX(0, 1), *(m[k] for k in hybrid.kept))
+        else:
+            x, z = self.method.step(t, h, x, z, [self.u, self.p, self._timely(t)])
+            m = self._timely(end)
+            if compiled.n_timely:
+                z = self.method.algebraic(end, x, z, [self.u, self.p, m])
+        return ca.vertcat(x, z, kept), self.y(end, x, z, self.u, self.p, m), end
 
-    def _explicit(self, t: Any, x: Any, z: Any) -> tuple[Any, Any]:
-        h, solved, rate = self.h, self._algebraic, self._rates
-        z1 = solved(t, x, z)
-        k1 = rate(t, x, z1)[0]
-        if self.method == "rk2":
-            z2 = solved(t + h, x + h * k1, z1)
-            new = x + h / 2 * (k1 + rate(t + h, x + h * k1, z2)[0])
-            return new, solved(t + h, new, z2)
-        z2 = solved(t + h / 2, x + h / 2 * k1, z1)
-        k2 = rate(t + h / 2, x + h / 2 * k1, z2)[0]
-        z3 = solved(t + h / 2, x + h / 2 * k2, z2)
-        k3 = rate(t + h / 2, x + h / 2 * k2, z3)[0]
-        z4 = solved(t + h, x + h * k3, z3)
-        k4 = rate(t + h, x + h * k3, z4)[0]
-        new = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-        return new, solved(t + h, new, z4)
-
-    def _algebraic(self, t: Any, x: Any, z: Any) -> Any:
-        """Algebraic variables at a point, by a fixed number of Newton's steps from `z`."""
-        if not self.nz:
-            return z
-        if self._newton is None:
-            here = [ca.SX.sym("t"), ca.SX.sym("x", self.nx), ca.SX.sym("z", self.nz)]
-            alg = self._rates(*here)[1]
-            step = here[2] - ca.solve(ca.jacobian(alg, here[2]), alg)
-            self._newton = ca.Function("newton", [*here, self.u, self.p], [step])
-        for _ in range(_NEWTON_STEPS):
-            z = self._newton(t, x, z, self.u, self.p)
-        return z
-
-    _newton: Any = None
-
-    def _rosenbrock(self, t: Any, x: Any, z: Any) -> tuple[Any, Any]:
-        """RODAS3 on the states; algebraic variables are solved for at each stage, as a step across a kink needs."""
-        h, solved, rates = self.h, self._algebraic, self._rates
-        z = solved(t, x, z)
-        slope, drift = self._total(t, x, z)
-        matrix = ca.sparsify(ca.SX.eye(self.nx) / (h * _GAMMA) - slope)
-        stages: list[Any] = []
-        for a, c, alpha, gamma in zip(_A, _C, _ALPHA, _GAMMAS, strict=True):
-            point, right = x, gamma * h * drift
-            for k, weight, coupling in zip(stages, a, c, strict=True):
-                point, right = point + weight * k, right + (coupling / h) * k
-            z = solved(t + alpha * h, point, z)
-            right = right + rates(t + alpha * h, point, z)[0]
-            stages.append(ca.solve(matrix, ca.densify(right)))
-        new = x
-        for weight, k in zip(_M, stages, strict=True):
-            new = new + weight * k
-        return new, solved(t + h, new, z)
-
-    def _total(self, t: Any, x: Any, z: Any) -> tuple[Any, Any]:
-        """Derivatives of the rates by the states and by time, algebraic variables moving along."""
-        here = [ca.SX.sym("t"), ca.SX.sym("x", self.nx), ca.SX.sym("z", self.nz)]
-        ode, alg = self._rates(*here)
-        independent = ca.vertcat(here[1], here[0])
-        slope = ca.jacobian(ode, independent)
-        if self.nz:
-            follow = ca.solve(ca.jacobian(alg, here[2]), ca.densify(ca.jacobian(alg, independent)))
-            slope = slope - ca.jacobian(ode, here[2]) @ follow
-        found = ca.Function("total", [*here, self.u, self.p], [slope[:, :-1], slope[:, -1]])(t, x, z, self.u, self.p)
-        return found[0], found[1]
+    def _timely(self, t: Any) -> Any:
+        """Modes just after an instant; those of variables are not looked at."""
+        return self.compiled.modes(t + TICK * self.h, self.p)

@@ -24,12 +24,12 @@ def clocks(compiled: CompiledModel, p: Vector) -> list[tuple[float, float]]:
         known = values(pool, [a, b], leaves)
         first, interval = float(known[a]), float(known[b])
         if not (np.isfinite(first) and 0.0 < interval < np.inf):
-            raise not_a_clock(compiled.name, first, interval, _users(compiled, number))
+            raise not_a_clock(compiled.name, first, interval, users(compiled, number))
         found.append((first, interval))
     return found
 
 
-def _users(compiled: CompiledModel, sample: int) -> list[Clause]:
+def users(compiled: CompiledModel, sample: int) -> list[Clause]:
     """Clauses whose condition holds a sample."""
     nodes = compiled.solution.structure.reduced.pool.nodes
     found = []
