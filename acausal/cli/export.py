@@ -66,7 +66,7 @@ def casadi(
 def step(
     model: ModelArgument,
     size: Annotated[str, typer.Option("--step", metavar="TIME", help="Length of a step, in s or with a unit.")] = "1ms",
-    method: Annotated[str, typer.Option("--method", help="rk2, rk4 or rosenbrock.")] = "rk4",
+    method: Annotated[str, typer.Option("--method", help="rk2, rk4, rosenbrock or sdirk.")] = "rk4",
     output_file: Annotated[
         Path | None,
         typer.Option("--output-file", "-o", help="C file to write. Default: MODEL_step.c.", show_default=False),

@@ -31,19 +31,27 @@ def paces(compiled: CompiledModel, result: Result, step: float | None, inputs: M
     span = float(result.time[-1] - result.time[0])
     content: dict[str, Any] = {"run_factor": span / times["integrate"], "run_time": times["integrate"]}
     size = step or compiled.flat.experiment.step or min(1e-3, span / 10)
-    method = _METHODS.get(str(result.stats["solver"]), "rosenbrock")
+    own = _METHODS.get(str(result.stats["solver"]))
     count = min(round(span / size), _MOST_STEPS)
-    try:
-        made = step_function(compiled, size, method, [])
-        u = np.array([inputs.get(port.name, port.start) for port in made.u])
-        measured, x = real_time(made, max(count, 1), u=u)
-    except AcausalError as error:
-        return {**content, "failure": f"{error.code}: {error.fact}"}
-    content |= measured.record()
-    ends = dict(zip(made.x.names, x, strict=True))
-    states = [name for name in compiled.states if name in result]
-    if states and count == round(span / size):
-        content["largest_difference"] = max(abs(ends[name] - float(result.final(name))) for name in states)
+    states = [name for name in compiled.states[: compiled.n_dynamic] if name in result]
+    # a Rosenbrock method is cheaper and more accurate, where it stays with the run
+    for method in (own,) if own else ("rosenbrock", "sdirk"):
+        try:
+            made = step_function(compiled, size, method, [])
+            u = np.array([inputs.get(port.name, port.start) for port in made.u])
+            measured, x = real_time(made, max(count, 1), u=u)
+        except AcausalError as error:
+            return {**content, "failure": f"{error.code}: {error.fact}"}
+        content |= measured.record()
+        if count != round(span / size) or not states:
+            break
+        ends = dict(zip(made.x.names, x, strict=True))
+        apart = {name: abs(ends[name] - float(result.final(name))) for name in states}
+        worst = max(apart, key=lambda name: apart[name])
+        largest = float(np.max(np.abs(result[worst])))
+        content |= {"largest_difference": apart[worst], "worst_state": worst, "its_largest_value": largest}
+        if measured.finite and all(d <= 0.1 * float(np.max(np.abs(result[n]))) for n, d in apart.items()):
+            break
     return content
 
 
@@ -69,4 +77,9 @@ def say_paces(paced: Mapping[str, Any]) -> None:
     if not paced["finite"]:
         remark("note: these steps do not stay finite: the step is too large for this model and method")
     elif "largest_difference" in paced:
-        say(f"  states end within {paced['largest_difference']:.2g} of the run's")
+        say(
+            f"  states end within {paced['largest_difference']:.2g} of the run's: {paced['worst_state']}, "
+            f"whose largest value is {paced['its_largest_value']:.3g}"
+        )
+        if paced["largest_difference"] > 0.1 * paced["its_largest_value"]:
+            remark("note: these steps do not follow the run: the step is too large for this model and method")

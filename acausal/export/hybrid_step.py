@@ -1,10 +1,12 @@
 """One step of a model with events as expressions: bounded work, whatever happens in it.
 
 A step goes on with the modes it begins with. Where a relation is passed, the first such instant is located (six steps
-of N. Anderson and A. Bjorck's false position, BIT 13 (1973) 253-264, on the interpolated states), the event iteration runs there, and a second, shorter step goes on
-to the end. There the event iteration runs once more, for time events, samples, and relations that were passed after the
-first. So an event costs no order where it is the only one in its step; a second one is taken at the end of the step, an
-error of the length of the step. A relation that is passed twice within a step, there and back, is not seen.
+of the false position of N. Anderson and A. Bjorck, BIT 13 (1973) 253-264, on the interpolated states), the event
+iteration runs there, and a second, shorter step goes on to the end. There the event iteration runs once more, for time
+events, samples, and relations that were passed after the first. So an event costs no order where it is the only one in
+its step (order two with implicit methods, between whose steps states are interpolated by straight lines); a second one
+is taken at the end of the step, an error of the length of the step. A relation that is passed twice within a step,
+there and back, is not seen.
 
 Impacts that follow one another within a step end at rest, as in `acausal.simulate.rest`: the state that the `when`
 resets, and what it drives, are put on the guard. Both parts are computed in every call; that is the price of a time
@@ -153,7 +155,9 @@ class HybridStep:
         # what lies on its guard and is drawn into it does not bounce again
         rate, noise = settling.rates(t, x, z, *held)
         resting = {
-            i.relation: ca.logic_and(ca.fabs(g0[i.relation]) <= noise[i.relation], rate[i.relation] <= noise[i.relation])
+            i.relation: ca.logic_and(
+                ca.fabs(g0[i.relation]) <= noise[i.relation], rate[i.relation] <= noise[i.relation]
+            )
             for i in impacts
         }
         passed = [ca.logic_and(g0[k] > 0, g1[k] < 0) for k in range(g0.numel())]
@@ -194,11 +198,12 @@ class HybridStep:
             first = ca.fmin(first, secant)
         chosen = [ca.logic_and(passed[k], secants[k] <= first) for k in range(g0.numel())]
         share = ca.SX.sym("share")
-        others = [ca.SX.sym(f"a{k}", v.numel()) for k, v in enumerate((t, x, z, x1, z1, m, ca.vertcat(*chosen)))]
-        point = self._between(*others[:6], share)
-        g = self.compiled.events.watch(others[0] + share * self.h, *point, self.u, self.p, others[5])
-        here = ca.Function("here", [share, *others, self.u, self.p], [ca.dot(g, others[6])])
-        given = [t, x, z, x1, z1, m, ca.vertcat(*chosen), self.u, self.p]
+        given = [t, x, z, x1, z1, m, ca.vertcat(*chosen)]
+        at = [ca.SX.sym(f"a{k}", v.numel()) for k, v in enumerate(given)]
+        between = self._between(at[0], at[1], at[2], at[3], at[4], at[5], share)
+        g = self.compiled.events.watch(at[0] + share * self.h, *between, self.u, self.p, at[5])
+        here = ca.Function("here", [share, *at, self.u, self.p], [ca.dot(g, at[6])])
+        given += [self.u, self.p]
         a, b = ca.SX(0), ca.SX(1)
         fa, fb = (ca.dot(v, given[6]) for v in (g0, g1))
         for _ in range(_LOCATING):

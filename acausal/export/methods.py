@@ -8,9 +8,9 @@ closes within the step is not in it: a drill at 1 ms is thrown out of its block.
 own points, so that they find the contact.
 
 Algebraic variables, and stages of "sdirk", are solved for by a fixed number of full Newton steps. On ThickBlock at 1 ms
-two do for a stage, and damped ones changed nothing. What they do not solve is a kink in an algebraic equation whose slope
-differs by orders of magnitude on its two sides, as the drill's implicit contact (`explicit=False`): that needs smaller
-steps, or an explicit form.
+two do for a stage, and damped ones changed nothing. What they do not solve is a kink in an algebraic equation whose
+slope differs by orders of magnitude on its two sides, as the drill's implicit contact (`explicit=False`): that needs
+smaller steps, or an explicit form.
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 
 Every call does the same operations in the same order: no step control, no iteration until convergence, no memory but
 the arguments. The C of it is straight-line code. The methods are those of `acausal.export.methods`; models with `when`
-clauses, samples or discrete variables go by `acausal.export.hybrid_step`, their modes being part of x. Relations of time
-hold from the first multiple of the step that is not before them: on the grid that is exact.
+clauses, samples or discrete variables go by `acausal.export.hybrid_step`, their modes being part of x. Relations of
+time hold from the first multiple of the step that is not before them: on the grid that is exact.
 """
 
 from __future__ import annotations
@@ -27,16 +27,14 @@ from acausal.lower.delays import PADE, refuse_delays
 
 # Unrolled factorisations grow with the cube of this.
 _MOST_UNKNOWNS = 60
-# An unrolled step of more instructions takes a C compiler minutes.
-_MOST_INSTRUCTIONS = 300_000
 
 
 @dataclass(frozen=True, eq=False)
 class StepFunction:
     """`function` is `step(x, u, p) -> (x, y)`; vectors are described by the attributes of the same names.
 
-    x holds the states, discrete ones among them, then the algebraic variables, then the modes of a model with events, then
-    the time where the equations depend on it. y belongs to the new x. u is constant during the step of `step` seconds.
+    x holds the states, discrete ones among them, then the algebraic variables, then the modes of a model with events,
+    then the time where the equations depend on it. y belongs to the new x. u is constant during the `step` [s].
     """
 
     name: str

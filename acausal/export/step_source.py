@@ -5,9 +5,8 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
-import casadi as ca
-
 from acausal.export.casadi_model import Ports
+from acausal.simulate.native.source import functions
 
 if TYPE_CHECKING:
     from acausal.export.step import StepFunction
@@ -49,9 +48,7 @@ def source(made: StepFunction) -> str:
     own = identifier(made.name)
     # not "step": the C library has an old function of that name, which a shared library would call instead
     function = made.function.expand(f"{own}_casadi")
-    generator = ca.CodeGenerator("step.c", {"with_header": False})
-    generator.add(function)
-    code = str(generator.dump())
+    code = functions(function)
     ports = zip("xupy", (made.x, made.u, made.p, made.y), strict=True)
     tables = "\n".join(_table(letter, entries) for letter, entries in ports)
     narg, nres, niw, nw = function.sz_arg(), function.sz_res(), function.sz_iw(), function.sz_w()

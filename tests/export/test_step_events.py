@@ -235,7 +235,7 @@ class Lag(Component):
 
 
 def test_what_has_no_step_is_named_with_its_line() -> None:
-    with pytest.raises(ExportError, match="ticks every 0.05 s") as fast:
+    with pytest.raises(ExportError, match=r"ticks every 0\.05 s") as fast:
         step_function(acausal.compile(SampledPI()), 0.1)
     assert fast.value.code == "AC605"
     assert "when(" in fast.value.where[0].text
