@@ -68,7 +68,7 @@ def core(shape: Shape, unit: float) -> Core:
 def ring(body: Core, d: Any) -> Any:
     """The circle (4, 1) on which the support point of a core in direction d lies, in the frame of the shape."""
     if body.half is not None:
-        return ca.vertcat(*(ca.if_else(d[k] >= 0, h, -h) for k, h in enumerate(body.half)), 0)
+        return ca.vertcat(*(ca.copysign(h, d[k]) for k, h in enumerate(body.half)), 0)
     across = ca.sqrt(d[0] ** 2 + d[1] ** 2) if body.round else 0
     best = ca.SX(ca.DM(body.rings[0]))
     height = _height(body.rings[0], d, across)

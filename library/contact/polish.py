@@ -98,7 +98,7 @@ def newton(pair: Pair, c: Contact, downhill: Any = 0, longest: Any = None) -> Co
     lengths = [ca.if_else(on, ca.norm_2(edge), 1) for edge, on in zip(edges, c.on, strict=True)]
     rows = [*(edge / length for edge, length in zip(edges, lengths, strict=True)), n]
     right = [*(-ca.dot(row, n) for row in rows[:2]), (1 - ca.sumsqr(n)) / 2]
-    turn, changes = _saddle(bend, rows, c.offset * n - mean, right, [*c.on, 1])
+    turn, changes = saddle(bend, rows, c.offset * n - mean, right, [*c.on, 1])
     if longest is not None:
         turn *= ca.fmin(1, longest / (ca.norm_2(turn) + 1e-300))
     moved = n + ca.if_else(c.sound, turn, 0)
@@ -114,7 +114,7 @@ def newton(pair: Pair, c: Contact, downhill: Any = 0, longest: Any = None) -> Co
     )
 
 
-def _saddle(bend: Any, rows: list[Any], force: Any, right: list[Any], on: list[Any]) -> tuple[Any, list[Any]]:
+def saddle(bend: Any, rows: list[Any], force: Any, right: list[Any], on: list[Any]) -> tuple[Any, list[Any]]:
     """x, y with `bend x + sum y_k row_k = force`, and `row_k . x = right_k` where `on`, else y_k = 0; |row_k| = 1.
 
     `bend` alone may be singular, on corners it is zero: multiples of the rows are added, which changes nothing.

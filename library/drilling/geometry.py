@@ -32,7 +32,7 @@ class PartialDrillGeometry(Component):
     """Depth of the drill in a workpiece, and the diameters between which it cuts.
 
     `frame_a` is fixed to the drill, its axis points from the shank to the tip; `frame_w` is fixed to the workpiece.
-    Both may move and turn in any way. A subclass says how deep the tip is.
+    Both may move and turn in any way. A subclass says how deep the tip is, and how fast it gets deeper.
 
     The depth `s` is measured along the drill axis, not along the normal of the face: the force law needs the first,
     while a penetration depth in the sense of collision detection is the second. A tip beside the workpiece is not in
@@ -68,8 +68,6 @@ class PartialDrillGeometry(Component):
         a, w = self.frame_a, self.frame_w
         yield self.axis == w.R.T @ (a.R @ self._e)
         yield self.tip == w.R.T @ (a.r_0 - w.r_0) + self.axis * self.length
-        yield self.v == der(self.s)
-
         # One clamp covers free, penetrating, within, leaving and through; kinks at s in {0, h_c, t, t + h_c}.
         slope = tan(self.sigma / 2)
         h_c = self.d / (2 * slope)
@@ -109,3 +107,4 @@ class DrillGeometry(PartialDrillGeometry):
         in_front = where(no_event(depth < 0), depth, 0.0)
         yield self.s == where(no_event(beside), in_front, depth)
         yield self.s_exit == self.s - self.t / cos_tilt
+        yield self.v == der(self.s)

@@ -18,7 +18,6 @@ from acausal import (
     sin,
     structural,
 )
-from acausal.library.contact.shapes import PointedDrill
 from acausal.library.drilling.cutting import PartialCuttingForce
 from acausal.library.drilling.geometry import DrillGeometry, PartialDrillGeometry
 from acausal.library.drilling.geometry_convex import ConvexDrillGeometry, ConvexLevel, PlateLevel
@@ -109,7 +108,6 @@ class PartialDrillingForce(Component):
             workpiece=level.shape,
             pose=level.pose,
             body=level.name,
-            drill=PointedDrill(self.tool.d, self.tool.sigma, 10 * self.tool.d),
         )
 
     def corrected_k_c11(self) -> Expr:
