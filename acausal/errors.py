@@ -80,7 +80,12 @@ def calling_span() -> tuple[Span, ...]:
         file = frame.f_code.co_filename
         if file.startswith(_COMMAND_LINE):
             return innermost  # behind it there is no source of the user's, only the option parser
-        if not file.startswith("<frozen") and (not file.startswith(_PACKAGE) or file.startswith(_MODELLERS)):
+        is_made = file == "<string>" and frame.f_code.co_name == "__init__"  # what `dataclass` writes
+        if (
+            not is_made
+            and not file.startswith("<frozen")
+            and (not file.startswith(_PACKAGE) or file.startswith(_MODELLERS))
+        ):
             innermost = innermost or (Span(file, frame.f_lineno),)
             if not (refused and file.startswith(_MODELLERS[0])):
                 return (Span(file, frame.f_lineno),)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -146,8 +147,8 @@ class FlatSystem:
         What happens at events.
     assignments
         Discrete equations, at most one per scalar. The scalar keeps its equation der(d) == 0 among `equations`.
-    asserts
-        What must hold.
+    asserts, demands
+        What must hold: in all of a run, and of the parameters alone.
     inputs
         Scalar variables of the model's own unconnected inputs.
     parameter_values
@@ -180,6 +181,7 @@ class FlatSystem:
     whens: tuple[FlatWhen, ...]
     assignments: tuple[FlatAssignment, ...]
     asserts: tuple[FlatAssert, ...]
+    demands: tuple[FlatAssert, ...]
     inputs: tuple[int, ...]
     parameter_values: tuple[float, ...]
     starts: Mapping[int, FlatStart]
@@ -252,6 +254,16 @@ class FlatSystem:
                     if op == "par":  # single entries may be frozen
                         names[number[0]] = p.path + suffix
         return tuple(names)
+
+    @cached_property
+    def limited(self) -> tuple[tuple[int, FlatParameter, int], ...]:
+        """Entries of bound parameters that have limits: node, parameter, number of the entry; equal ones once."""
+        found: dict[tuple[int, int], tuple[int, FlatParameter, int]] = {}
+        for p in self.parameters:
+            if not p.free and (p.declaration.min > -math.inf or p.declaration.max < math.inf):
+                for k, node in enumerate(p.nodes):
+                    found.setdefault((node, id(p.declaration)), (node, p, k))
+        return tuple(found.values())
 
 
 def _written_for(equation: Equation) -> Component | None:

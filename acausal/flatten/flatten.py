@@ -11,7 +11,7 @@ from acausal.flatten.allocate import allocate
 from acausal.flatten.bound_units import check_bound
 from acausal.flatten.connections import FlowSet, Joint, check_signals, flow_sets, joints
 from acausal.flatten.delays import delays
-from acausal.flatten.discrete import asserts, assignments, check_assigned, constancy, fill_starts, places
+from acausal.flatten.discrete import asserts, assignments, check_assigned, constancy, fill_starts, is_constant, places
 from acausal.flatten.flat import (
     FlatAssert,
     FlatAssignment,
@@ -23,7 +23,7 @@ from acausal.flatten.flat import (
 )
 from acausal.flatten.instances import Instance, instances
 from acausal.flatten.orientation import spanning_tree
-from acausal.flatten.parameters import ParameterTable, check_overrides, foreign, refuse_time
+from acausal.flatten.parameters import ParameterTable, check_overrides, check_values, foreign, refuse_time
 from acausal.flatten.pool import Pool
 from acausal.flatten.scalarise import Scalars, scalars
 from acausal.flatten.statements import Statement, run, statements
@@ -93,7 +93,9 @@ def flatten(model: Component, parameters: Mapping[str, object] | None = None) ->
     initial += surplus
     fill_starts(pool, starts, discrete)
     experiment = getattr(type(model), "experiment", None)
-    return FlatSystem(
+    demands = [a for a in builder.asserts if a.level == "error" and is_constant(pool, a.condition)]
+    asserts_ = [a for a in builder.asserts if a not in demands]
+    flat = FlatSystem(
         name=type(model).__name__,
         pool=pool,
         n_scalars=n_scalars,
@@ -103,7 +105,8 @@ def flatten(model: Component, parameters: Mapping[str, object] | None = None) ->
         initial_equations=tuple(initial),
         whens=tuple(builder.whens),
         assignments=tuple(builder.assignments),
-        asserts=tuple(builder.asserts),
+        asserts=tuple(asserts_),
+        demands=tuple(demands),
         inputs=inputs,
         parameter_values=tuple(builder.table.values),
         starts=starts,
@@ -117,6 +120,8 @@ def flatten(model: Component, parameters: Mapping[str, object] | None = None) ->
             for k in sorted(tree.cut)
         ),
     )
+    check_values(flat, flat.parameter_values)
+    return flat
 
 
 class _LeafStatements:

@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
-from acausal.errors import DeclarationError, UsageError, nearest
+from acausal.errors import DeclarationError, Span, UsageError, nearest
 from acausal.flatten.bound_units import check_bound
-from acausal.flatten.flat import FlatParameter, suffixes
+from acausal.flatten.flat import FlatAssert, FlatParameter, FlatSystem, suffixes
 from acausal.flatten.instances import Instance
 from acausal.flatten.pool import Pool
 from acausal.flatten.scalarise import Scalars, scalars
 from acausal.language.component import Component
 from acausal.language.declare import Declaration, Kind
 from acausal.language.expression import Expr, Shape, Symbol
-from acausal.language.misuse import Declared
+from acausal.language.misuse import Declared, declared_at
 from acausal.language.origin import Origin
+
+_TINY = 1e-50
+"""A `min` of at most this and more than 0 says that the value is positive, as `Modelica.Constants.small` does."""
 
 
 class ParameterTable:
@@ -126,21 +130,26 @@ def check_limits(
     path: str, declaration: Declaration, values: Sequence[float], instance: Instance | None = None
 ) -> None:
     """Refuse values outside the declared limits (AC136)."""
+
+    def where() -> Sequence[Span]:
+        return () if instance is None else (instance.said(path[len(instance.prefix) :]).span(),)
+
     for suffix, value in zip(suffixes(declaration.shape), values, strict=True):
-        check_limit(path, suffix, declaration, value, instance)
+        check_limit(path, suffix, declaration, value, where)
 
 
 def check_limit(
-    path: str, suffix: str, declaration: Declaration, value: float, instance: Instance | None = None
+    path: str, suffix: str, declaration: Declaration, value: float, where: Callable[[], Sequence[Span]] = tuple
 ) -> None:
     """Refuse one entry outside the declared limits (AC136); `suffix` is its index, "" for a scalar."""
     if declaration.min <= value <= declaration.max and not math.isnan(value):
         return
     unit = f" {declaration.unit}" if declaration.unit else ""
+    limits = f"is outside its limits {declaration.min:g} ... {declaration.max:g}"
     raise DeclarationError(
         "AC136",
-        f"{path}{suffix} = {value:g}{unit} is outside its limits {declaration.min:g} ... {declaration.max:g}",
-        where=() if instance is None else (instance.said(path[len(instance.prefix) :]).span(),),
+        f"{path}{suffix} = {value:g}{unit} {'is not positive' if value <= 0.0 < declaration.min <= _TINY else limits}",
+        where=where(),
         evidence=[f"{path}   {declaration.doc}"] if declaration.doc else [],
         help=f"give a value {_limits(declaration)}{unit}",
     )
@@ -148,9 +157,51 @@ def check_limit(
 
 def _limits(declaration: Declaration) -> str:
     low, high = declaration.min, declaration.max
+    if 0.0 < low <= _TINY:
+        return "greater than 0" + ("" if math.isinf(high) else f", up to {high:g}")
     if math.isinf(high):
         return "that is a number" if math.isinf(low) else f"of at least {low:g}"
     return f"of at most {high:g}" if math.isinf(low) else f"from {low:g} to {high:g}"
+
+
+def check_values(flat: FlatSystem, values: Sequence[float]) -> None:
+    """Refuse values of the free parameters that put bound ones outside their limits, or that break a demand.
+
+    Raises
+    ------
+    DeclarationError
+        AC136 for a limit, AC139 for an assertion about parameters alone.
+    """
+    for node, p, k in flat.limited:
+        value, declaration = flat.pool.parameter_value(node, values), p.declaration
+        is_rounding = declaration.min == 0.0 and abs(value) < 1e-12 * declaration.nominal
+        if not is_rounding and not math.isnan(value):  # what cannot be computed is named when the run needs it
+            where = partial(_bound_at, flat, p.path)
+            check_limit(p.path, suffixes(declaration.shape)[k], declaration, value, where)
+    for demand in flat.demands:
+        if flat.pool.parameter_value(demand.condition, values) == 0.0:
+            raise _unmet(flat, demand, values)
+
+
+def _bound_at(flat: FlatSystem, path: str) -> Sequence[Span]:
+    owner, _, name = path.rpartition(".")
+    component = flat.components[owner]
+    return [component.origin.span()] if owner else declared_at(component.cls, name)
+
+
+def _unmet(flat: FlatSystem, demand: FlatAssert, values: Sequence[float]) -> DeclarationError:
+    pool, component = flat.pool, flat.components[demand.component]
+    held = sorted({pool.nodes[n][1] for n in pool.reachable([demand.condition]) if pool.nodes[n][0] == "par"})
+    names = [flat.parameter_names[k] for k in held]
+    subject = f"{demand.component} ({component.cls.__name__})" if demand.component else component.cls.__name__
+    stated = demand.origin.span()
+    return DeclarationError(
+        "AC139",
+        f"{subject}: {demand.message}",
+        where=[*([component.origin.span()] if demand.component else []), *([] if stated.of_library else [stated])],
+        evidence=["with " + ", ".join(f"{name} = {values[k]:g}" for k, name in zip(held, names, strict=True))],
+        help=f"change {' or '.join(names)}",
+    )
 
 
 def check_overrides(overrides: Mapping[str, object], all_instances: Sequence[Instance]) -> None:
@@ -192,7 +243,7 @@ def _missing(found: Sequence[tuple[Instance, str, Declaration]]) -> DeclarationE
         f"parameter {instance.prefix}{name} has no value"
         if len(found) == 1
         else f"{len(found)} parameters have no value: {names}{more}",
-        where=(instance.origin.span(),),
+        where=(instance.origin.span(),) if instance.path else (instance.said(name).span(),),
         evidence=[f"{i.prefix}{n} [{p.unit or '1'}]   {p.doc}".rstrip() for i, n, p in found[:6]],
         help=f"give it where the component is made: {type(instance.component).__name__}({name}=...)",
     )

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import heapq
 import math
-from collections.abc import Callable, Container, Iterable, Mapping
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from itertools import compress
 from typing import Any
 
@@ -126,10 +126,10 @@ class Pool:
             self.delays.append((*key, label))
         return self.intern((Delayed(index, label), self.sub(self.time, time)))
 
-    def parameter_value(self, root: int) -> float:
-        """Value of a node of parameters; nan where one is not known, or there is none."""
+    def parameter_value(self, root: int, given: Sequence[float] | None = None) -> float:
+        """Value of a node of parameters, which are `given` or as flattened; nan where one is not known or is none."""
         known: dict[int, float] = {}
-        values = self.parameter_values or []
+        values = (self.parameter_values or []) if given is None else given
         for number in self.reachable([root]):
             op, *args = self.nodes[number]
             if op == "const":

@@ -89,6 +89,7 @@ def _translated(flat: FlatSystem, pool: Pool, image: dict[int, int]) -> FlatSyst
         ),
         assignments=tuple(a._replace(node=image[a.node]) for a in flat.assignments),
         asserts=tuple(a._replace(condition=image[a.condition]) for a in flat.asserts),
+        demands=tuple(a._replace(condition=image[a.condition]) for a in flat.demands),
         parameters=tuple(map(parameter, flat.parameters)),
         starts={s: start._replace(node=image[start.node]) for s, start in flat.starts.items()},
     )

@@ -28,7 +28,7 @@ _WORDS = {
     "exp": "it takes the exponential of `{}`, which is",
     "sinh": "it takes the hyperbolic sine of `{}`, which is",
     "cosh": "it takes the hyperbolic cosine of `{}`, which is",
-    "pow": "",
+    "pow": "it raises `{}`, which is",
 }
 _SIMPLE = ("var", "par", "const", "time", "neg")
 
@@ -110,10 +110,9 @@ def _why(reduced: ReducedSystem, node: int, leaves: Leaves) -> tuple[str | None,
     guilty = operands[1 if op == "div" else 0]
     shown = to_text(pool, guilty, _name_of(reduced), 60)
     value = float(np.ravel(known[guilty])[0])
-    if op == "pow":
-        said = f"it raises `{{}}` to the power of {float(np.ravel(known[operands[1]])[0]):g}, and that is"
+    tail = f", to the power of {float(np.ravel(known[operands[1]])[0]):g}" if op == "pow" else ""
     is_parameter = pool.nodes[guilty][0] == "par"
-    return f"{said.format(shown)} {value:g}", shown if is_parameter else None
+    return f"{said.format(shown)} {value:g}{tail}", shown if is_parameter else None
 
 
 def _constant(compiled: CompiledModel, p: Vector) -> Undefined | None:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from acausal.errors import IntegrationError, RunError, UsageError, nearest
 from acausal.flatten.flat import suffixes
-from acausal.flatten.parameters import check_limit, entries
+from acausal.flatten.parameters import check_limit, check_values, entries
 from acausal.language.component import Component
 from acausal.language.experiment import Experiment
 from acausal.lower.compile import compile
@@ -166,7 +166,7 @@ def parameter_vector(compiled: CompiledModel, given: Mapping[str, float]) -> Vec
         AC020 for an unknown name, AC022 for a parameter that is bound to others in this compiled model, AC023 for a
         value that is no number or has another shape.
     DeclarationError
-        AC136 for a value outside its limits.
+        AC136 for a value outside its limits, AC139 for values that do not go together.
     """
     p = np.array(compiled.parameter_values, dtype=float)
     index = {name: k for k, name in enumerate(compiled.parameters)}
@@ -200,6 +200,8 @@ def parameter_vector(compiled: CompiledModel, given: Mapping[str, float]) -> Vec
             if whole is not None:
                 check_limit(whole.path, name.removeprefix(whole.path), whole.declaration, number)
             p[index[name]] = number
+    if given:
+        check_values(compiled.flat, p.tolist())
     return p
 
 

@@ -249,9 +249,10 @@ def undefined(compiled: CompiledModel, t: float, found: Undefined) -> Initializa
     cause, advice = hint([v.declaration for v in flat.variables if v.path == variable][:1])
     where = (*parameter_at(flat, parameter), *span_of(equation)) or made_at(flat, component_of(flat, variable))
     fact = f"{variable} has no finite value at the start (t = {t:g} s)"
+    value = next((text for text in inside if text.startswith(f"{parameter} = ")), "")
     return InitializationError(
         "AC303",
-        f"{compiled.name}: {fact}" + (f" for {parameter} = {reason.split()[-1]}" if parameter and reason else ""),
+        f"{compiled.name}: {fact}" + (f" for {value}" if value else ""),
         where=where,
         evidence=[text.strip() for text in lines(flat, [equation])]
         + ([f"with {', '.join(inside[:6])}"] if inside else []),

@@ -49,7 +49,7 @@ class BooleanPulse(PartialBooleanSource):
     """True for the share `width` of each `period`, from `start_time` on."""
 
     width: Real = parameter(default=0.5, unit="1", min=0.0, max=1.0, doc="Pulse length as a fraction of the period")
-    period: Real = parameter(unit="s", doc="Time from one pulse to the next; greater than 0")
+    period: Real = parameter(unit="s", min=1e-60, doc="Time from one pulse to the next")
     start_time: Real = parameter(default=0.0, unit="s", doc="Beginning of the first pulse")
 
     def equations(self) -> Equations:
@@ -62,7 +62,7 @@ class BooleanPulse(PartialBooleanSource):
 class SampleTrigger(PartialBooleanSource):
     """True at the instants `start_time + k*period` alone."""
 
-    period: Real = parameter(unit="s", doc="Time from one instant to the next; greater than 0")
+    period: Real = parameter(unit="s", min=1e-60, doc="Time from one instant to the next")
     start_time: Real = parameter(default=0.0, unit="s", doc="First instant")
 
     def equations(self) -> Equations:

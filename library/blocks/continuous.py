@@ -6,7 +6,19 @@ For a start in steady state the model yields `der(block.y) == 0` in `initial_equ
 
 from __future__ import annotations
 
-from acausal import Component, Equations, Real, clamp, der, parameter, signal_input, signal_output, structural, variable
+from acausal import (
+    Component,
+    Equations,
+    Real,
+    assert_,
+    clamp,
+    der,
+    parameter,
+    signal_input,
+    signal_output,
+    structural,
+    variable,
+)
 from acausal.library.blocks.interfaces import PartialSISO
 
 
@@ -30,7 +42,7 @@ class Derivative(PartialSISO):
     """Approximate derivative k*s/(T*s + 1): a derivative behind a first-order lag."""
 
     k: Real = parameter(default=1.0, doc="Gain")
-    T: Real = parameter(default=0.01, unit="s", min=0.0, doc="Time constant of the lag; greater than 0")
+    T: Real = parameter(default=0.01, unit="s", min=1e-60, doc="Time constant of the lag")
     x: Real = variable(doc="Lagged input")
 
     def equations(self) -> Equations:
@@ -42,7 +54,7 @@ class FirstOrder(PartialSISO):
     """First-order lag k/(T*s + 1)."""
 
     k: Real = parameter(default=1.0, doc="Gain")
-    T: Real = parameter(unit="s", min=0.0, doc="Time constant; greater than 0")
+    T: Real = parameter(unit="s", min=1e-60, doc="Time constant")
 
     def equations(self) -> Equations:
         yield der(self.y) == (self.k * self.u - self.y) / self.T
@@ -65,7 +77,7 @@ class PI(PartialSISO):
     """Proportional-integral controller k*(1 + 1/(T*s))."""
 
     k: Real = parameter(default=1.0, doc="Gain")
-    T: Real = parameter(unit="s", min=0.0, doc="Time constant of the integral part; greater than 0")
+    T: Real = parameter(unit="s", min=1e-60, doc="Time constant of the integral part")
     x: Real = variable(doc="Integral of the input over T")
 
     def equations(self) -> Equations:
@@ -87,14 +99,14 @@ class LimPID(Component):
     u_m: Real = signal_input(doc="Measured value")
     y: Real = signal_output(doc="Limited controller output")
     k: Real = parameter(default=1.0, doc="Gain of the controller")
-    Ti: Real = parameter(default=0.5, unit="s", min=0.0, doc="Time constant of the integral part; greater than 0")
-    Td: Real = parameter(default=0.1, unit="s", min=0.0, doc="Time constant of the derivative part; greater than 0")
+    Ti: Real = parameter(default=0.5, unit="s", min=1e-60, doc="Time constant of the integral part")
+    Td: Real = parameter(default=0.1, unit="s", min=1e-60, doc="Time constant of the derivative part")
     y_max: Real = parameter(doc="Upper limit of the output")
     y_min: Real = parameter(default=lambda self: -self.y_max, doc="Lower limit of the output")
     wp: Real = parameter(default=1.0, unit="1", min=0.0, doc="Set-point weight of the proportional part (0..1)")
     wd: Real = parameter(default=0.0, unit="1", min=0.0, doc="Set-point weight of the derivative part (0..1)")
-    Ni: Real = parameter(default=0.9, unit="1", min=0.0, doc="Ni*Ti is the time constant of the anti-windup feedback")
-    Nd: Real = parameter(default=10.0, unit="1", min=0.0, doc="The higher, the more ideal the derivative part")
+    Ni: Real = parameter(default=0.9, unit="1", min=1e-60, doc="Ni*Ti is the time constant of the anti-windup feedback")
+    Nd: Real = parameter(default=10.0, unit="1", min=1e-60, doc="The higher, the more ideal the derivative part")
     y_unlimited: Real = variable(doc="Controller output before the limit")
     I: Real = variable(doc="Integral part over k")  # noqa: E741
     D: Real = variable(doc="Derivative part over k")
@@ -103,6 +115,7 @@ class LimPID(Component):
     def equations(self) -> Equations:
         yield self.y_unlimited == self.k * (self.wp * self.u_s - self.u_m + self.I + self.D)
         yield self.y == clamp(self.y_unlimited, self.y_min, self.y_max)
+        yield assert_(self.y_min <= self.y_max, "the lower limit y_min is above the upper limit y_max")
         if self.with_I:
             yield der(self.I) == (self.u_s - self.u_m + (self.y - self.y_unlimited) / (self.k * self.Ni)) / self.Ti
         else:

@@ -42,7 +42,7 @@ class PadeDelay(PartialSISO):
     Source: H. Pade; as in G. H. Golub, C. F. Van Loan, Matrix Computations (1996), theorem 11.3.1.
     """
 
-    delay_time: Real = parameter(unit="s", doc="Delay of the output behind the input; greater than 0")
+    delay_time: Real = parameter(unit="s", min=1e-60, doc="Delay of the output behind the input")
     n: int = structural(default=3, doc="Order of the denominator")
     m: int = structural(default=-1, doc="Order of the numerator, at most n; -1 means n")
     stages: list[PadeStage] = part(doc="States, from the filtered input on")

@@ -10,6 +10,7 @@ from acausal import (
     Equations,
     Expr,
     Real,
+    assert_,
     boolean_input,
     clamp,
     discrete,
@@ -33,7 +34,7 @@ from acausal.library.blocks.interfaces import PartialSISO
 class PartialDiscrete(Component):
     """What every sampled block has."""
 
-    sample_period: Real = parameter(default=0.1, unit="s", doc="Time from one tick to the next; greater than 0")
+    sample_period: Real = parameter(default=0.1, unit="s", min=1e-60, doc="Time from one tick to the next")
     start_time: Real = parameter(default=0.0, unit="s", doc="First tick")
 
     def tick(self) -> Expr:
@@ -132,7 +133,7 @@ class DiscretePID(PartialDiscrete):
     u_m: Real = signal_input(doc="Measurement")
     y: Real = signal_output(doc="Output of the controller, held between the ticks")
     k: Real = parameter(default=1.0, doc="Gain")
-    Ti: Real = parameter(default=1e10, unit="s", min=0.0, doc="Time constant of the integral; greater than 0")
+    Ti: Real = parameter(default=1e10, unit="s", min=1e-60, doc="Time constant of the integral")
     Td: Real = parameter(default=0.0, unit="s", min=0.0, doc="Time constant of the derivative")
     Nd: Real = parameter(default=10.0, unit="1", min=0.0, doc="The derivative is filtered with the time Td/Nd")
     wp: Real = parameter(default=1.0, unit="1", doc="Weight of the set point in the proportional part")
@@ -149,6 +150,7 @@ class DiscretePID(PartialDiscrete):
         self.integral = fixed(self.y_start)
 
     def equations(self) -> Equations:
+        yield assert_(self.y_min <= self.y_max, "the lower limit y_min is above the upper limit y_max")
         T = self.sample_period
         last = where(pre(self.ticks) > 0.5, pre(self.u_last), self.u_m)  # no kick at the first tick
         forget = self.Td / (self.Td + self.Nd * T)

@@ -6,6 +6,7 @@ from acausal import (
     Component,
     Equations,
     Real,
+    assert_,
     boolean_input,
     boolean_output,
     change,
@@ -205,6 +206,7 @@ class Hysteresis(Component):
     pre_y_start: bool = structural(default=False, doc="Output before the start")
 
     def equations(self) -> Equations:
+        yield assert_(self.u_low <= self.u_high, "the lower threshold u_low is above the upper one, u_high")
         before = initial() & self.pre_y_start | ~initial() & pre(self.y)
         yield self.y == ((self.u > self.u_high) | before & (self.u >= self.u_low))
 

@@ -30,7 +30,7 @@ class Mean(Component):
 
     u: Real = signal_input(doc="Input signal")
     y: Real = signal_output(doc="Mean over the last period")
-    f: Real = parameter(unit="Hz", doc="Base frequency; greater than 0")
+    f: Real = parameter(unit="Hz", min=1e-60, doc="Base frequency")
     x: Real = variable(default=fixed(0.0), prefer_state=True, doc="Integral since the period began")
     held: Real = discrete(doc="Mean over the last period")
 
@@ -46,7 +46,7 @@ class RectifiedMean(Component):
 
     u: Real = signal_input(doc="Input signal")
     y: Real = signal_output(doc="Rectified mean over the last period")
-    f: Real = parameter(unit="Hz", doc="Base frequency; greater than 0")
+    f: Real = parameter(unit="Hz", min=1e-60, doc="Base frequency")
     mean: Mean = part(doc="Of the size of the input")
 
     def build(self) -> None:
@@ -61,7 +61,7 @@ class RootMeanSquare(Component):
 
     u: Real = signal_input(doc="Input signal")
     y: Real = signal_output(doc="Root mean square over the last period")
-    f: Real = parameter(unit="Hz", doc="Base frequency; greater than 0")
+    f: Real = parameter(unit="Hz", min=1e-60, doc="Base frequency")
     mean: Mean = part(doc="Of the square of the input")
 
     def build(self) -> None:

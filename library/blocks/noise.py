@@ -13,6 +13,7 @@ from acausal import (
     Equations,
     Expr,
     Real,
+    assert_,
     cos,
     discrete,
     floor,
@@ -50,6 +51,7 @@ class UniformNoise(PartialNoise):
     y_max: Real = parameter(default=1.0, doc="Largest number")
 
     def equations(self) -> Equations:
+        yield assert_(self.y_min <= self.y_max, "y_min is above y_max")
         new = _following(pre(self.state))
         drawn = self.y_min + (self.y_max - self.y_min) * (new / _MODULUS)
         yield when(self.tick(), reset(self.state, new), reset(self.held, drawn))

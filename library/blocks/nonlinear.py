@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from acausal import Equations, Real, clamp, parameter, where
+from acausal import Equations, Real, assert_, clamp, parameter, where
 from acausal.library.blocks.interfaces import PartialSISO
 
 
@@ -14,6 +14,7 @@ class Limiter(PartialSISO):
 
     def equations(self) -> Equations:
         yield self.y == clamp(self.u, self.u_min, self.u_max)
+        yield assert_(self.u_min <= self.u_max, "the lower limit u_min is above the upper limit u_max")
 
 
 class DeadZone(PartialSISO):
@@ -23,5 +24,6 @@ class DeadZone(PartialSISO):
     u_min: Real = parameter(default=lambda self: -self.u_max, doc="Lower end of the dead zone")
 
     def equations(self) -> Equations:
+        yield assert_(self.u_min <= self.u_max, "the lower end u_min is above the upper end u_max")
         below = where(self.u < self.u_min, self.u - self.u_min, 0.0)
         yield self.y == where(self.u > self.u_max, self.u - self.u_max, below)

@@ -59,7 +59,7 @@ class Pulse(PartialSignalSource):
 
     amplitude: Real = parameter(default=1.0, doc="Height of the pulses")
     width: Real = parameter(default=0.5, unit="1", min=0.0, max=1.0, doc="Pulse length as a fraction of the period")
-    period: Real = parameter(unit="s", min=0.0, doc="Time of one period")
+    period: Real = parameter(unit="s", min=1e-60, doc="Time of one period")
     nperiod: int = structural(default=1, doc="Number of periods")
 
     def equations(self) -> Equations:

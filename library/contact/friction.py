@@ -12,8 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from acausal import Expr, as_expr, dot, exp, sqrt, tanh
-
-Number = float | Expr
+from acausal.library.contact.numbers import Number, check
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +43,9 @@ class Coulomb(FrictionLaw):
     mu: Number
     v_s: Number = 1e-3
 
+    def __post_init__(self) -> None:
+        check(self, positive="v_s", least="mu")
+
     def drag(self, speed: Expr) -> Expr:
         return self.mu * _saturation(speed, as_expr(self.v_s))
 
@@ -73,6 +75,9 @@ class Stribeck(FrictionLaw):
     v_st: Number = 1e-2
     mu_v: Number = 0.0
     v_s: Number = 1e-3
+
+    def __post_init__(self) -> None:
+        check(self, positive="v_st v_s", least="mu mu_s mu_v")
 
     def drag(self, speed: Expr) -> Expr:
         share = speed / as_expr(self.v_st)
@@ -116,6 +121,9 @@ class LuGre(FrictionLaw):
     s_2: Number = 0.0
     relaxation: float = 1e-2
     has_bristle = True
+
+    def __post_init__(self) -> None:
+        check(self, positive="mu mu_s v_st s_0 relaxation", least="s_1 s_2")
 
     def drag(self, speed: Expr) -> Expr:
         return as_expr(self.s_2)
@@ -170,6 +178,9 @@ class Hybrid(FrictionLaw):
     v_s: Number = 1e-4
     relaxation: float = 1e-3
     has_bristle = True
+
+    def __post_init__(self) -> None:
+        check(self, positive="s_0 v_s relaxation", least="mu s_1" + " mu_s" * (self.mu_s is not None))
 
     @property
     def limit(self) -> Expr:

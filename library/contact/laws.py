@@ -11,8 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from acausal import Expr, as_expr, maximum, where
-
-Number = float | Expr
+from acausal.library.contact.numbers import Number, check
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +51,9 @@ class KelvinVoigt(NormalLaw):
 
     k: Number
     d: Number = 0.0
+
+    def __post_init__(self) -> None:
+        check(self, positive="k", least="d")
 
     def force(self, depth: Expr, rate: Expr) -> Expr:
         pressed = self.elastic(depth) + self.damping(depth, rate)
@@ -93,6 +95,9 @@ class PartialPowerLaw(NormalLaw):
     n: float = 1.5
     depth_1: float = 1.0
 
+    def __post_init__(self) -> None:
+        check(self, positive="k n depth_1")
+
     @property
     def rate_factor(self) -> Expr:
         """a: damping force per rate over the elastic force [s/m]."""
@@ -119,6 +124,10 @@ class DampedPowerLaw(PartialPowerLaw):
 
     a: Number = 0.0
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check(self, least="a")
+
     @property
     def rate_factor(self) -> Expr:
         return as_expr(self.a)
@@ -130,6 +139,10 @@ class HuntCrossley(PartialPowerLaw):
 
     e: Number
     v_0: Number
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check(self, positive="v_0", share="e")
 
     @property
     def rate_factor(self) -> Expr:
@@ -147,6 +160,10 @@ class LankaraniNikravesh(PartialPowerLaw):
     e: Number
     v_0: Number
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check(self, positive="v_0", share="e")
+
     @property
     def rate_factor(self) -> Expr:
         e = as_expr(self.e)
@@ -163,6 +180,10 @@ class Flores(PartialPowerLaw):
 
     e: Number
     v_0: Number
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check(self, positive="v_0", share="e")
 
     @property
     def rate_factor(self) -> Expr:

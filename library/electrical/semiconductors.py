@@ -15,9 +15,9 @@ class Diode(PartialOnePort):
     """
 
     Ids: Real = parameter(default=1e-6, unit="A", min=0.0, doc="Saturation current")
-    Vt: Real = parameter(default=0.04, unit="V", min=0.0, doc="Voltage equivalent of temperature; greater than 0")
+    Vt: Real = parameter(default=0.04, unit="V", min=1e-60, doc="Voltage equivalent of temperature")
     Maxexp: Real = parameter(default=15.0, unit="1", doc="Largest argument of the exponential")
-    R: Real = parameter(default=1e8, unit="Ohm", min=0.0, doc="Resistance in parallel; greater than 0")
+    R: Real = parameter(default=1e8, unit="Ohm", min=1e-60, doc="Resistance in parallel")
 
     def equations(self) -> Equations:
         x = self.v / self.Vt
@@ -42,7 +42,7 @@ class HeatingDiode(PartialOnePort):
     heatPort: HeatPort = HeatPort()
     Ids: Real = parameter(default=1e-6, unit="A", min=0.0, doc="Saturation current")
     Maxexp: Real = parameter(default=15.0, unit="1", doc="Largest argument of the exponential")
-    R: Real = parameter(default=1e8, unit="Ohm", min=0.0, doc="Resistance in parallel; greater than 0")
+    R: Real = parameter(default=1e8, unit="Ohm", min=1e-60, doc="Resistance in parallel")
     EG: Real = parameter(default=1.11, unit="V", doc="Activation energy over the elementary charge")
     N: Real = parameter(default=1.0, unit="1", doc="Emission coefficient")
     TNOM: Real = parameter(default=300.15, unit="K", min=0.0, doc="Temperature at which the parameters were measured")

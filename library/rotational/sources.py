@@ -42,7 +42,7 @@ class PartialSpeedDependentTorque(PartialTorque):
     """Torque that depends on the angular velocity of its flange."""
 
     tau_nominal: Real = parameter(unit="N.m", doc="Torque at w_nominal; negative acts as a load")
-    w_nominal: Real = parameter(unit="rad/s", min=0.0, doc="Speed at which the torque is tau_nominal; greater than 0")
+    w_nominal: Real = parameter(unit="rad/s", min=1e-60, doc="Speed at which the torque is tau_nominal")
     w: Real = variable(unit="rad/s", doc="Angular velocity of the flange")
 
     def equations(self) -> Equations:
@@ -77,7 +77,7 @@ class EddyCurrentTorque(PartialTorque):
     heatPort: HeatPort = HeatPort()
     exc: Real = signal_input(unit="1", doc="Excitation, 0 ... 1")
     tau_nominal: Real = parameter(unit="N.m", doc="Largest torque, fully excited")
-    w_nominal: Real = parameter(unit="rad/s", min=0.0, doc="Speed of the largest torque; greater than 0")
+    w_nominal: Real = parameter(unit="rad/s", min=1e-60, doc="Speed of the largest torque")
     TRef: Real = parameter(default=293.15, unit="K", doc="Reference temperature")
     alpha20: Real = parameter(
         default=0.0, unit="1/K", doc="Relative rise of the resistance with temperature at 20 degC"

@@ -200,6 +200,7 @@ class MassWithStopAndFriction(PartialFriction, PartialRigid):
         return self.s < self.smax - half, self.s > self.smin + half
 
     def equations(self) -> Equations:
+        yield assert_(self.smin + self.L <= self.smax, "the mass is longer than the way between its stops")
         ahead, behind = self.may_move()
         half = self.L / 2.0
         yield self.v == der(self.s)

@@ -41,7 +41,7 @@ class PartialSpeedDependentForce(PartialForce):
     """Force that depends on the velocity of its flange."""
 
     f_nominal: Real = parameter(unit="N", doc="Force at v_nominal; negative acts as a load")
-    v_nominal: Real = parameter(unit="m/s", min=0.0, doc="Velocity at which the force is f_nominal; greater than 0")
+    v_nominal: Real = parameter(unit="m/s", min=1e-60, doc="Velocity at which the force is f_nominal")
     v: Real = variable(unit="m/s", doc="Velocity of the flange")
 
     def equations(self) -> Equations:

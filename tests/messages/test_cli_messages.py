@@ -31,7 +31,7 @@ MODELS: dict[str, tuple[str, str, int | None, tuple[str, ...]]] = {
         '    k: Real = parameter(unit="N/m", doc="Stiffness")\n    x: Real = variable(default=1.0)\n'
         "    def equations(self) -> Equations:\n        yield der(self.x) == -self.k * self.x\n",
         "AC133",
-        -1,
+        0,
         ("k", "N/m"),
     ),
     "missing parameter of a part": (

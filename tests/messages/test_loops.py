@@ -101,8 +101,8 @@ error[AC206]: ClampedBeam: the closed loop of wall, world and beam is overconstr
           the loop: wall - world - beam
           closed between beam.frame_b and wall.frame_b
           not determined: world.frame_b.f[0], beam.frame_a.f[0], beam.frame_b.f[0], wall.frame_b.f[0] and 20 more
-  cause   the cut forces and torques cannot all be determined: a planar loop, or joints that constrain the same motion
-  help    in a planar loop make one joint a RevolutePlanarLoopConstraint
+  cause   nothing in this loop can move: its parts hold each other twice, and how they share a load is open
+  help    remove one of the connections, or put a joint or something compliant between two of the parts
 """,
 )
 class ClampedBeam(Component):

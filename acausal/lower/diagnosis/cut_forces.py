@@ -61,7 +61,9 @@ def is_cut_force(flat: FlatSystem, scalar: int) -> bool:
 def loop_error(flat: FlatSystem, forces: Sequence[str], equations: Sequence[FlatEquation]) -> StructureError:
     """The error for the shortest loop, with the forces that are left open or the constraints that are too many."""
     loops = list(flat.loops)
-    loop = min(loops, key=lambda one: len(one.components))
+    held = {component_of(flat, f) for f in forces} | {e.component for e in equations}
+    # The one whose members all carry what is not determined; of several, the shortest.
+    loop = min(loops, key=lambda one: (-len(held & set(one.components)) / len(one.components), len(one.components)))
     moving = {component_of(flat, v.path) for v in flat.variables if v.declaration.prefer_state}
     joints = [c for c in loop.components if c in moving]
     cause, advice = hint(
@@ -71,6 +73,9 @@ def loop_error(flat: FlatSystem, forces: Sequence[str], equations: Sequence[Flat
         for d in flat.components[path].cls._declarations.values()
         if d.kind is Kind.FLOW
     )
+    if not joints:
+        cause = "nothing in this loop can move: its parts hold each other twice, and how they share a load is open"
+        advice = "remove one of the connections, or put a joint or something compliant between two of the parts"
     evidence = [f"the loop: {' - '.join(loop.components)}"]
     evidence.append(f"closed between {loop.ends[0]} and {loop.ends[1]}")
     if forces:

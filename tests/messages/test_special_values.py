@@ -1,0 +1,291 @@
+"""Values that cannot be: a parameter outside its limits, limits the wrong way round, a zero where one divides."""
+
+from __future__ import annotations
+
+import pytest
+
+import acausal
+from acausal import AcausalError, Component, Equations, Real, assert_, connect, der, fixed, parameter, part, variable
+from acausal.library import blocks, contact, electrical, multibody, rotational
+from tests.messages.cases import Case, Corpus
+
+corpus = Corpus()
+
+
+@corpus.broken(
+    "AC204",
+    "c.C = 0",
+    """
+error[AC204]: ZeroCapacity: equations of c do not determine der(c.v) for c.C = 0
+  at      test_special_values.py:N
+              self.c = electrical.Capacitor(C=0.0, v=fixed(0.0))
+                       ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
+          in these it cancels for that value:
+            c.i == c.C * der(c.v)   (Capacitor, electrical/components.py:N)
+  cause   with other values of these parameters the equations would determine their unknowns
+  help    change c.C, or model what is idealised away
+""",
+)
+class ZeroCapacity(Component):
+    """Nothing is stored: the voltage of the capacitor is no state."""
+
+    source: electrical.ConstantVoltage = part()
+    r: electrical.Resistor = part()
+    c: electrical.Capacitor = part()
+    ground: electrical.Ground = part()
+
+    def build(self) -> None:
+        self.source = electrical.ConstantVoltage(V=10.0)
+        self.r = electrical.Resistor(R=1.0)
+        self.c = electrical.Capacitor(C=0.0, v=fixed(0.0))
+        self.ground = electrical.Ground()
+
+    def equations(self) -> Equations:
+        yield connect(self.source.p, self.r.p)
+        yield connect(self.r.n, self.c.p)
+        yield connect(self.c.n, self.source.n, self.ground.p)
+
+
+@corpus.broken(
+    "AC204",
+    "J_load = 0",
+    """
+error[AC204]: ZeroInertia: equations of load do not determine load.a for J_load = 0
+  at      test_special_values.py:N
+              self.load = rotational.Inertia(J=self.J_load)
+                          ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
+  at      test_special_values.py:N
+              J_load: Real = parameter(default=0.0, unit="kg.m2", min=0.0, doc="Inertia of the load")
+          in these it cancels for that value:
+            load.J * load.a == load.flange_a.tau + load.flange_b.tau   (Inertia, rotational/components.py:N)
+  cause   with other values of these parameters the equations would determine their unknowns
+  help    change J_load, or model what is idealised away
+""",
+)
+class ZeroInertia(Component):
+    """The value is that of the model, and handed down to a part."""
+
+    J_load: Real = parameter(default=0.0, unit="kg.m2", min=0.0, doc="Inertia of the load")
+    motor: rotational.Inertia = part()
+    shaft: rotational.Spring = part()
+    load: rotational.Inertia = part()
+
+    def build(self) -> None:
+        self.motor = rotational.Inertia(J=1.0)
+        self.shaft = rotational.Spring(c=10.0)
+        self.load = rotational.Inertia(J=self.J_load)
+
+    def equations(self) -> Equations:
+        yield connect(self.motor.flange_b, self.shaft.flange_a)
+        yield connect(self.shaft.flange_b, self.load.flange_a)
+
+
+@corpus.broken(
+    "AC206",
+    "two and one",
+    """
+error[AC206]: TwoWorlds: the closed loop of two and one is overconstrained
+  at      test_special_values.py:N
+              yield connect(self.one.frame_b, self.body.frame_a, self.two.frame_b)
+          the loop: two - one
+          closed between one.frame_b and two.frame_b
+          not determined: one.frame_b.f[0], one.frame_b.f[1], one.frame_b.f[2], one.frame_b.t[0] and 8 more
+  cause   nothing in this loop can move: its parts hold each other twice, and how they share a load is open
+  help    remove one of the connections, or put a joint or something compliant between two of the parts
+""",
+)
+class TwoWorlds(Component):
+    """Two origins of one mechanism, and the body hangs on both."""
+
+    one: multibody.World = part()
+    two: multibody.World = part()
+    body: multibody.Body = part()
+
+    def build(self) -> None:
+        self.one = multibody.World()
+        self.two = multibody.World()
+        self.body = multibody.Body(m=1.0)
+
+    def equations(self) -> Equations:
+        yield connect(self.one.frame_b, self.body.frame_a, self.two.frame_b)
+
+
+@corpus.bad_start(
+    "AC303",
+    "k = 0",
+    """
+error[AC303]: DivisionByAParameter: der(x) has no finite value at the start (t = 0 s) for k = 0
+  at      test_special_values.py:N
+              k: Real = parameter(default=0.0, doc="Factor")
+  at      test_special_values.py:N
+              yield der(self.x) == 1 / self.k
+          der(x) == 1 / k   (DivisionByAParameter, test_special_values.py:N)
+          with k = 0
+  cause   it divides by `k`, which is 0
+  help    give k another value
+""",
+)
+class DivisionByAParameter(Component):
+    """The parameter is to blame, not the state."""
+
+    k: Real = parameter(default=0.0, doc="Factor")
+    x: Real = variable(default=fixed(1.0))
+
+    def equations(self) -> Equations:
+        yield der(self.x) == 1 / self.k
+
+
+@corpus.bad_start(
+    "AC303",
+    "x",
+    """
+error[AC303]: RootOfADifference: der(x) has no finite value at the start (t = 0 s)
+  at      test_special_values.py:N
+              yield der(self.x) == (self.x - self.a) ** 0.5
+          der(x) == (x - a) ** 0.5   (RootOfADifference, test_special_values.py:N)
+          with x = 1, a = 2
+  cause   it raises `x - a`, which is -1, to the power of 0.5
+  help    start elsewhere, or state the equation so that it holds there too
+""",
+)
+class RootOfADifference(Component):
+    """What is under the root is written out, with its value."""
+
+    a: Real = parameter(default=2.0)
+    x: Real = variable(default=fixed(1.0))
+
+    def equations(self) -> Equations:
+        yield der(self.x) == (self.x - self.a) ** 0.5
+
+
+@corpus.broken(
+    "AC139",
+    "limit",
+    """
+error[AC139]: limit (Limiter): the lower limit u_min is above the upper limit u_max
+  at      test_special_values.py:N
+              self.limit = blocks.Limiter(u_max=-1.0, u_min=1.0)
+                           ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
+          with limit.u_max = -1, limit.u_min = 1
+  help    change limit.u_max or limit.u_min
+""",
+)
+class LimitsTheWrongWayRound(Component):
+    """The library states what its parameters must satisfy together."""
+
+    wave: blocks.Sine = part()
+    limit: blocks.Limiter = part()
+
+    def build(self) -> None:
+        self.wave = blocks.Sine(f=1.0)
+        self.limit = blocks.Limiter(u_max=-1.0, u_min=1.0)
+
+    def equations(self) -> Equations:
+        yield connect(self.wave.y, self.limit.u)
+
+
+@corpus.broken(
+    "AC139",
+    "shorter",
+    """
+error[AC139]: OwnDemand: the inner length must be shorter than the outer one
+  at      test_special_values.py:N
+              yield assert_(self.inner < self.outer, "the inner length must be shorter than the outer one")
+          with inner = 2, outer = 1
+  help    change inner or outer
+""",
+)
+class OwnDemand(Component):
+    """A demand of the author's own, on parameters alone."""
+
+    inner: Real = parameter(default=2.0, unit="m", doc="Inner length")
+    outer: Real = parameter(default=1.0, unit="m", doc="Outer length")
+    x: Real = variable(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        yield der(self.x) == 1
+        yield assert_(self.inner < self.outer, "the inner length must be shorter than the outer one")
+
+
+@corpus.broken(
+    "AC136",
+    "pulse.period",
+    """
+error[AC136]: pulse.period = 0 s is not positive
+  at      test_special_values.py:N
+              self.pulse = blocks.Pulse(period=self.T)
+                           ^^^^^^^^^^^^^^^^^^^^^^^^^^^
+          pulse.period   Time of one period
+  help    give a value greater than 0 s
+""",
+)
+class PulseWithoutPeriod(Component):
+    """The value is bound to a parameter of the model, which has no limits itself."""
+
+    T: Real = parameter(default=0.0, unit="s")
+    pulse: blocks.Pulse = part()
+
+    def build(self) -> None:
+        self.pulse = blocks.Pulse(period=self.T)
+
+
+@corpus.wrong(
+    "AC178",
+    "e = 2",
+    """
+error[AC178]: HuntCrossley: e = 2 is not greater than 0 and at most 1
+  at      test_special_values.py:N
+              contact.HuntCrossley(k=1e5, n=1.0, e=2.0, v_0=0.01)
+  help    give it another value: HuntCrossley(e=...)
+""",
+)
+def restitution_above_one() -> None:
+    contact.HuntCrossley(k=1e5, n=1.0, e=2.0, v_0=0.01)
+
+
+@corpus.wrong(
+    "AC114",
+    "mass",
+    """
+error[AC114]: Shadow: part 'mass' is not made yet
+  at      test_special_values.py:N
+              m: Real = parameter(default=lambda self: self.mass.J, unit="kg.m2")
+  cause   defaults of parameters are worked out before `build` makes the parts
+  help    bind the other way round, in `build`: self.mass = rotational.Inertia(...) with own parameters
+""",
+)
+def default_that_asks_a_part() -> None:
+
+    class Shadow(Component):
+        m: Real = parameter(default=lambda self: self.mass.J, unit="kg.m2")
+        mass: rotational.Inertia = part()
+
+    Shadow()
+
+
+@pytest.mark.parametrize("case", corpus.cases, ids=str)
+def test_message(case: Case) -> None:
+    case.check()
+
+
+def test_values_of_a_run_are_judged_like_those_of_the_model() -> None:
+    """A compiled model that is run with other parameters."""
+
+    class Lag(Component):
+        T: Real = parameter(default=1.0, unit="s")
+        lag: blocks.FirstOrder = part()
+
+        def build(self) -> None:
+            self.lag = blocks.FirstOrder(T=2 * self.T, u=1.0, y=fixed(0.0))
+
+    compiled = acausal.compile(Lag())
+    with pytest.raises(AcausalError, match=r"lag\.T = 0 s is not positive"):
+        acausal.simulate(compiled, stop_time=1.0, parameters={"T": 0.0})
+
+
+def test_a_component_can_be_asked_what_it_has() -> None:
+    """`hasattr` and `getattr` with a default, as of any object of Python."""
+    mass = rotational.Inertia(J=1.0)
+    assert hasattr(mass, "phi")
+    assert not hasattr(mass, "angle")
+    assert getattr(mass, "angle", None) is None
