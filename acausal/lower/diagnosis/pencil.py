@@ -98,7 +98,7 @@ def pencil_rows(flat: FlatSystem, equations: Sequence[int], parameters: Sequence
             if base not in inputs and np.isfinite(slope):
                 rows.append(i)
                 columns.append(base)
-                entries.append(factor * float(slope))
+                entries.append(factor * np.asarray(slope).item())  # external functions give arrays
     from scipy.sparse import csr_matrix
 
     return csr_matrix((entries, (rows, columns)), shape=(len(roots), flat.n_scalars))
