@@ -44,7 +44,7 @@ def called(function: Any, arguments: Mapping[str, Array], wanted: Sequence[str])
 def rows(function: Any, arguments: Sequence[Array]) -> Array:
     """The first output at n instants, shape (n, size); arguments have shape (n, their size), or (their size,).
 
-    The output must be dense.
+    The output must be dense; it is nan where the function fails.
     """
     buffer, run = function.buffer()
     n = max((len(a) for a in arguments if a.ndim == 2), default=1)
@@ -66,5 +66,5 @@ def rows(function: Any, arguments: Sequence[Array]) -> Array:
         for row, value in varying:
             row[:] = value[k]
         run()
-        found[k] = here
+        found[k] = np.nan if buffer.ret() else here
     return found

@@ -13,6 +13,7 @@ from acausal.lower.compiled import CompiledModel
 from acausal.lower.evaluate import values
 from acausal.lower.reduce import ReducedSystem
 from acausal.lower.text import NameOf, to_text
+from acausal.simulate.kept import kept
 
 Vector = np.ndarray[Any, np.dtype[np.float64]]
 Leaves = Mapping[str, Callable[[int], Any]]
@@ -53,13 +54,14 @@ def first_undefined(
 
     In large models only the rates are looked at: the function of all variables costs more than the run.
     """
-    ode, alg = (np.array(v).ravel() for v in compiled.rhs(t, x, z, u, p, m))
+    functions = kept(compiled)
+    ode, alg = functions.rhs(t, x, z, u, p, m)
     is_finite = bool(np.isfinite(ode).all() and np.isfinite(alg).all())
     solution = compiled.solution
     if is_finite and len(solution.definitions) > _MOST_CHECKED:
         return None
-    if is_finite and np.isfinite(np.array(compiled.observe(t, x, z, u, p, m))).all():
-        return _constant(compiled, p)
+    if is_finite and np.isfinite(functions.observe(t, x, z, u, p, m)[0]).all():
+        return None if np.isfinite(functions.constants(p)[0]).all() else _constant(compiled, p)
     reduced = solution.structure.reduced
     known = dict(zip(compiled.state_variables, x, strict=True))
     known.update(zip(solution.algebraic, z, strict=True))

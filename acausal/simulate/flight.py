@@ -123,7 +123,7 @@ class Flight:
             return self._structure
         problem, course, compiled = self.problem, self.course, self.problem.compiled
         events = compiled.state_events
-        constants = np.array(library.constants(problem.p, problem.u)).ravel()
+        (constants,) = library.constants(problem.p, problem.u)
         numbers = {
             "states": len(compiled.states),
             "dynamic": compiled.n_dynamic,

@@ -14,6 +14,7 @@ from acausal.errors import InitializationError
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.diagnosis.words import counted, listed, made_at
 from acausal.simulate.finite import UNDEFINED, first_undefined
+from acausal.simulate.kept import kept
 from acausal.simulate.start_errors import contradicting, left_open, not_found, undefined
 from acausal.simulate.torn_start import torn_start
 from acausal.simulate.truth import truths
@@ -21,6 +22,8 @@ from acausal.simulate.truth import truths
 Vector = NDArray[np.float64]
 
 _LARGEST_RANK = 200
+# Newton steps before the thorough search begins, at the start and at events: after a jump there is little hope.
+_MOST, _AT_ONCE = 30, 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,13 +52,13 @@ def initialize(compiled: CompiledModel, t: float, p: Vector, u: Vector, m: Vecto
 
 def _decided(compiled: CompiledModel, t: float, p: Vector, u: Vector, m: Vector) -> Start:
     """The start together with relations and discrete equations, which are decided by the solution they lead to."""
-    x, z = (np.array(v, dtype=float).ravel() for v in compiled.guess(p))
+    x, z = kept(compiled).guess(p)
     events, nodes = compiled.state_events, compiled.solution.structure.reduced.pool.nodes
     memories = compiled.n_timely + len(events.samples)
     flags = memories + len(events.memories)
     relations = flags + len(events.flags)
-    reactions = compiled.events.reactions
-    m[memories:flags] = np.array(reactions(t, x, z, u, p, m)[4]).ravel()
+    reactions = kept(compiled).reactions
+    m[memories:flags] = reactions(t, x, z, u, p, m)[4]
     m[flags:relations] = [float(nodes[n][0] == "initial") for n in events.flags]
     m[relations:] = truths(compiled, t, x, z, u, p, m)
     places = [a.position for a in events.assignments]
@@ -66,7 +69,7 @@ def _decided(compiled: CompiledModel, t: float, p: Vector, u: Vector, m: Vector)
         seen.add(key)
         start = _initialized(compiled, t, p, u, m, given)
         m[relations:] = truths(compiled, t, start.x, start.z, u, p, m)
-        given = dict(zip(places, np.array(reactions(t, start.x, start.z, u, p, m)[1]).ravel(), strict=True))
+        given = dict(zip(places, reactions(t, start.x, start.z, u, p, m)[1], strict=True))
     m[flags:relations] = 0.0
     return start
 
@@ -74,25 +77,56 @@ def _decided(compiled: CompiledModel, t: float, p: Vector, u: Vector, m: Vector)
 def _initialized(
     compiled: CompiledModel, t: float, p: Vector, u: Vector, m: Vector, assigned: dict[int, float]
 ) -> Start:
-    x, z = (np.array(v, dtype=float).ravel() for v in compiled.guess(p))
+    x, z = kept(compiled).guess(p)
     x[list(assigned)] = list(assigned.values())
     free = [k for k, v in enumerate(compiled.state_variables) if v not in compiled.start.direct]
     free = [k for k in free if compiled.state_variables[k] not in compiled.start.defaulted]
     notes = _defaulted(compiled, x)
     if free or len(z):
-        _check_defined(compiled, t, x, z, u, p, m)
-        system = _System(compiled, t, x, z, u, p, m, free)
-        try:
-            x, z = system.solve()
-        except InitializationError:
-            near = torn_start(compiled, t, p, u, m, partial(_solved, assigned))
-            if near is None:
-                raise
-            system = _System(compiled, t, *near, u, p, m, free)
-            x, z = system.solve()
-        notes += system.left_open(x, z)
+        newton = kept(compiled).newton(tuple(free))
+        found = None if newton is None else newton.solve(t, x, z, u, p, m, _MOST)
+        if found is None:
+            _check_defined(compiled, t, x, z, u, p, m)
+            found = _thorough(compiled, t, x, z, u, p, m, free, assigned)
+        x, z = found
+        notes += _left_open(compiled, t, x, z, u, p, m, free)
     _check_defined(compiled, t, x, z, u, p, m)
     return Start(x, z, notes)
+
+
+def _thorough(
+    compiled: CompiledModel,
+    t: float,
+    x: Vector,
+    z: Vector,
+    u: Vector,
+    p: Vector,
+    m: Vector,
+    free: list[int],
+    assigned: dict[int, float],
+) -> tuple[Vector, Vector]:
+    """States and algebraic variables where Newton's method alone does not find them."""
+    try:
+        return _System(compiled, t, x, z, u, p, m, free).solve()
+    except InitializationError:
+        near = torn_start(compiled, t, p, u, m, partial(_solved, assigned))
+        if near is None:
+            raise
+        return _System(compiled, t, *near, u, p, m, free).solve()
+
+
+def _left_open(
+    compiled: CompiledModel, t: float, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector, free: list[int]
+) -> tuple[str, ...]:
+    """A note when the solution that was found is one of many, so that the guesses have decided."""
+    newton = kept(compiled).newton(tuple(free))
+    if not free or newton is None or len(newton.scale) > _LARGEST_RANK:
+        return ()
+    near = 0.01 * newton.scale * np.random.default_rng(3).standard_normal(len(newton.scale))
+    beside = x.copy()
+    beside[free] += near[: len(free)]
+    there = beside, z + near[len(free) :]
+    return left_open(compiled, free, [newton.quick_slope(t, *at, u, p, m)[0] for at in ((x, z), there)])
 
 
 def _solved(
@@ -106,8 +140,11 @@ def consistent(compiled: CompiledModel, t: float, start: Start, p: Vector, u: Ve
     """Algebraic variables for given states, after an event: the restart problem, never the initial one."""
     if not len(start.z):
         return start
-    x, z = _System(compiled, t, start.x, start.z, u, p, m, []).solve()
-    return Start(x, z, start.notes)
+    newton = kept(compiled).newton()
+    found = None if newton is None else newton.solve(t, start.x, start.z, u, p, m, _AT_ONCE)
+    if found is None:
+        found = _System(compiled, t, start.x, start.z, u, p, m, []).solve()
+    return Start(*found, start.notes)
 
 
 def _defaulted(compiled: CompiledModel, x: Vector) -> tuple[str, ...]:
@@ -172,15 +209,6 @@ class _System:
         x = self.x.copy()
         x[self.free] = values_[: len(self.free)]
         return x, values_[len(self.free) :]
-
-    def left_open(self, x: Vector, z: Vector) -> tuple[str, ...]:
-        """A note when the solution that was found is one of many, so that the guesses have decided."""
-        if not self.free or len(self.scale) > _LARGEST_RANK:
-            return ()
-        slope = self.residual.factory("slope", ["y"], ["jac:r:y"])
-        y = np.concatenate([x[self.free], z]) / self.scale
-        near = y + 0.01 * np.random.default_rng(3).standard_normal(len(y))
-        return left_open(self.compiled, self.free, [slope(y), slope(near)])
 
     def _newton(self, residual: Any, y0: Vector) -> Vector | None:
         if residual.numel_out(0) != len(y0):
@@ -261,7 +289,7 @@ def _check_defined(compiled: CompiledModel, t: float, x: Vector, z: Vector, u: V
     found = first_undefined(compiled, t, x, z, u, p, m)
     if found is not None:
         raise undefined(compiled, t, found)
-    ode, alg = (np.array(v).ravel() for v in compiled.rhs(t, x, z, u, p, m))
+    ode, alg = kept(compiled).rhs(t, x, z, u, p, m)
     is_finite = bool(np.isfinite(ode).all() and np.isfinite(alg).all())
     if is_finite:
         return

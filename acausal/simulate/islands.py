@@ -66,14 +66,26 @@ def integrals(
         a, b = np.concatenate([a[short], middle]), np.concatenate([middle, b[short]])
         stretch = np.concatenate([stretch[short], stretch[short]])
     left, right, owner = (np.concatenate([f[k] for f in found]) for k in range(3))
-    panels = np.concatenate([f[3] for f in found], axis=1)
-    grown: list[list[Vector]] = [[] for _ in starts]
-    totals = [np.zeros((len(panels), 1)) for _ in starts]
-    for k in np.lexsort((left, owner)).tolist():
-        own = int(owner[k])
-        inside = times[own][(times[own] > left[k]) & (times[own] <= right[k])]
-        at = 2.0 * (inside - left[k]) / (right[k] - left[k]) - 1.0
-        grown[own].append(totals[own] + panels[:, k] @ chebyshev.chebvander(at, _ORDER + 1).T)
-        # every Chebyshev polynomial is 1 at the right end
-        totals[own] = totals[own] + panels[:, k].sum(axis=1, keepdims=True)
-    return [np.hstack(parts) for parts in grown]
+    order = np.lexsort((left, owner))
+    left, right, owner = left[order], right[order], owner[order]
+    panels = np.concatenate([f[3] for f in found], axis=1)[:, order]
+    # what has been gathered before each panel, since its stretch began; polynomials of Chebyshev are 1 at the right end
+    whole = np.cumsum(panels.sum(axis=2), axis=1)
+    before = np.hstack([np.zeros((len(whole), 1)), whole[:, :-1]])
+    first = np.searchsorted(owner, np.arange(len(starts)))
+    before -= before[:, first[owner]]
+    counts = [len(t) for t in times]
+    instants, own = np.concatenate(times), np.repeat(np.arange(len(starts)), counts)
+    inside = _panels(left, first, instants, own)
+    at = 2.0 * (instants - left[inside]) / (right[inside] - left[inside]) - 1.0
+    rising = chebyshev.chebvander(at, _ORDER + 1)
+    grown = before[:, inside] + np.einsum("qkc,kc->qk", panels[:, inside], rising)
+    return np.split(grown, np.cumsum(counts)[:-1], axis=1)
+
+
+def _panels(left: Vector, first: Indices, instants: Vector, own: Indices) -> Indices:
+    """The panel in which each instant of a stretch lies: the last of that stretch that begins before it."""
+    ends = [*first[1:].tolist(), len(left)]
+    found = [first[k] + np.searchsorted(left[first[k] : ends[k]], instants[own == k]) - 1 for k in range(len(first))]
+    inside: Indices = np.maximum(np.concatenate(found), first[own])
+    return inside

@@ -17,8 +17,8 @@ from acausal.lower.state_events import Clause
 from acausal.simulate.event_errors import contradicting, unsettled, violated
 from acausal.simulate.guards import LOCATED, Cause, Guards, Moment, Truth
 from acausal.simulate.initialize import Start, consistent
+from acausal.simulate.kept import kept
 from acausal.simulate.problem import Problem
-from acausal.simulate.quick import Quick
 from acausal.simulate.regime import Hold, Regime
 
 Vector = NDArray[np.float64]
@@ -58,7 +58,7 @@ class Iteration:
         self.guards = guards
         compiled = problem.compiled
         self.events = compiled.state_events
-        self.reactions = Quick(compiled.events.reactions)
+        self.reactions = kept(compiled).reactions
         self.first = guards.first
         first_sample = compiled.n_timely
         first_memory = first_sample + len(self.events.samples)
@@ -203,11 +203,8 @@ class Iteration:
         if not len(moment.z):
             return moment
         problem = moment.regime.problem
-        z = problem.restarted(t, moment.x, moment.z, moment.m)
-        if z is None:
-            start = Start(moment.x, moment.z, ())
-            z = consistent(problem.compiled, t, start, problem.p, problem.u, moment.m).z
-        return replace(moment, z=z)
+        start = Start(moment.x, moment.z, ())
+        return replace(moment, z=consistent(problem.compiled, t, start, problem.p, problem.u, moment.m).z)
 
     def _wrong(self, t: float, moment: Moment, walk: _Walk, leaving: bool) -> Truth:
         """Guards of the regime that do not hold, or, if `leaving` is asked for, are at zero and about not to.

@@ -7,21 +7,17 @@ of 1e-8 (measured). Newton's method from the interpolated values costs one evalu
 
 from __future__ import annotations
 
-from typing import Any
-from weakref import WeakKeyDictionary
-
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from acausal.lower.compiled import CompiledModel, Symbols
+from acausal.lower.compiled import CompiledModel
 from acausal.simulate.direct import rows
+from acausal.simulate.kept import kept
 
 Vector = NDArray[np.float64]
 _MOST = 8
 # A step of Newton's method that is as small leaves an error of the order of its square.
 _SMALL = 1e-8
-_made: WeakKeyDictionary[CompiledModel, Any] = WeakKeyDictionary()
 
 
 def polished(compiled: CompiledModel, times: Vector, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector) -> Vector:
@@ -32,15 +28,13 @@ def polished(compiled: CompiledModel, times: Vector, x: Vector, z: Vector, u: Ve
     times, x
         The instants, and all states there, shape (nx, n).
     """
-    if compiled not in _made:
-        _made[compiled] = _newton_step(compiled)
-    step = _made[compiled]
-    if step is None or not z.size:
+    newton = kept(compiled).newton() if z.size else None
+    if newton is None:
         return z
     found, todo, scale = z.T.copy(), np.arange(z.shape[1]), compiled.nominal_z
     states, here = np.ascontiguousarray(x.T), found.copy()
     for _ in range(_MOST):
-        change = rows(step, (times[todo, None], states[todo], here, u, p, m))
+        change = rows(newton.step, (times[todo, None], states[todo], here, u, p, m))
         here = here - change
         done = (np.abs(change) <= _SMALL * (scale + np.abs(here))).all(axis=1)  # false for nan
         found[todo[done]] = here[done]
@@ -49,16 +43,3 @@ def polished(compiled: CompiledModel, times: Vector, x: Vector, z: Vector, u: Ve
         if not len(todo):
             break
     return found.T
-
-
-def _newton_step(compiled: CompiledModel) -> Any | None:
-    """`(t, x, z, u, p, m) -> z - root`, to first order; None where the equations cannot be solved for z."""
-    s = Symbols(compiled)
-    alg = compiled.rhs(*s.inputs)[1]
-    parts = ca.Function("parts", s.inputs, [ca.densify(alg), ca.jacobian(alg, s.z)])
-    arguments = [ca.MX.sym(f"a{k}", symbol.numel()) for k, symbol in enumerate(s.inputs)]
-    value, slope = parts(*arguments)
-    try:
-        return ca.Function("newton_step", arguments, [ca.densify(ca.solve(slope, value, "qr"))])
-    except RuntimeError:  # structurally singular
-        return None

@@ -1,37 +1,57 @@
 """CasADi functions called through preallocated memory.
 
 A call with arrays costs 20 to 30 us, most of it for wrapping matrices; through `Function.buffer()` it is 1 us. At
-events that is most of the time.
+events and around short runs that is most of the time.
 """
 
 from __future__ import annotations
 
+import threading
 from typing import Any
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 Vector = NDArray[np.float64]
 
 
-class Quick:
-    """A function of dense arguments; outputs are fresh arrays, column-major matrices as (rows, columns)."""
+class _Memory(threading.local):
+    """Arguments and results of one function in one thread: runs of a model share its functions."""
 
     def __init__(self, function: Any) -> None:
-        self.function = function  # the buffer does not keep it alive
-        self._buffer, self._run = function.buffer()
-        self._inputs = [np.zeros(function.numel_in(k)) for k in range(function.n_in())]
-        self._outputs: list[Any] = [np.zeros(function.size_out(k), order="F") for k in range(function.n_out())]
-        for k in range(function.n_out()):
-            if function.nnz_out(k) != function.numel_out(k):
-                raise ValueError(f"{function.name()}: output {k} is not dense")
-        for k, a in enumerate(self._inputs):
-            self._buffer.set_arg(k, a.data)
-        for k, a in enumerate(self._outputs):
-            self._buffer.set_res(k, a.reshape(-1, order="F").data)
+        self.buffer, self.run = function.buffer()
+        self.inputs = [np.zeros(function.numel_in(k)) for k in range(function.n_in())]
+        self.outputs: list[Any] = [np.zeros(function.size_out(k), order="F") for k in range(function.n_out())]
+        for k, a in enumerate(self.inputs):
+            self.buffer.set_arg(k, a.data)
+        for k, a in enumerate(self.outputs):
+            self.buffer.set_res(k, a.reshape(-1, order="F").data)
+
+
+class Quick:
+    """A function of dense arguments; outputs are fresh arrays, column-major matrices as (rows, columns).
+
+    They are nan where the function fails.
+    """
+
+    def __init__(self, function: Any) -> None:
+        self.function = _dense(function)  # the buffer does not keep it alive
+        self._memory = _Memory(self.function)
 
     def __call__(self, *arguments: Any) -> list[Vector]:
-        for memory, value in zip(self._inputs, arguments, strict=True):
-            memory[:] = value
-        self._run()
-        return [a[:, 0].copy() if a.shape[1] == 1 else a.copy() for a in self._outputs]
+        memory = self._memory
+        for place, value in zip(memory.inputs, arguments, strict=True):
+            place[:] = value
+        memory.run()
+        if memory.buffer.ret():  # a singular system inside: the outputs are those of another call
+            return [np.full(a.shape[0] if a.shape[1] == 1 else a.shape, np.nan) for a in memory.outputs]
+        return [a[:, 0].copy() if a.shape[1] == 1 else a.copy() for a in memory.outputs]
+
+
+def _dense(function: Any) -> Any:
+    """The same function with dense outputs."""
+    if all(function.nnz_out(k) == function.numel_out(k) for k in range(function.n_out())):
+        return function
+    inputs = [ca.MX.sym(f"a{k}", function.sparsity_in(k)) for k in range(function.n_in())]
+    return ca.Function(function.name(), inputs, [ca.densify(v) for v in function.call(inputs)])

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
+from functools import cached_property
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -14,6 +15,7 @@ from acausal.lower.compiled import CompiledModel
 from acausal.result import Event, Result, Signal
 from acausal.simulate.direct import rows
 from acausal.simulate.guards import Cause
+from acausal.simulate.kept import kept
 from acausal.simulate.project import projection
 from acausal.simulate.solvers.base import Piece
 
@@ -160,11 +162,31 @@ def make_result(
         model=recorder.compiled.name,
         time=times,
         trajectories=lambda: recorder.observe(times, x, z, m),
-        signals=signals(recorder.compiled, recorder.p),
+        signals=Described(recorder.compiled, recorder.p),
         events=events,
         stats=stats,
         dense=dense,
     )
+
+
+class Described(Mapping[str, Signal]):
+    """The signals of a run by name, made when the first of them is asked for: that takes longer than a short run."""
+
+    def __init__(self, compiled: CompiledModel, p: Vector) -> None:
+        self._compiled, self._p = compiled, p
+
+    @cached_property
+    def _made(self) -> dict[str, Signal]:
+        return signals(self._compiled, self._p)
+
+    def __getitem__(self, name: str) -> Signal:
+        return self._made[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._made)
+
+    def __len__(self) -> int:
+        return len(self._made)
 
 
 def signals(compiled: CompiledModel, p: Vector) -> dict[str, Signal]:
@@ -173,7 +195,7 @@ def signals(compiled: CompiledModel, p: Vector) -> dict[str, Signal]:
         _described[compiled] = _variables(compiled)
     moving, fixed = _described[compiled]
     found = dict(moving)
-    constants = dict(zip(compiled.constant_nodes, np.array(compiled.constants(p)).ravel().tolist(), strict=True))
+    constants = dict(zip(compiled.constant_nodes, kept(compiled).constants(p)[0].tolist(), strict=True))
     for name, node in fixed:
         found[name] = Signal(name, found[name].unit, found[name].doc, value=constants[node])
     for parameter in compiled.flat.parameters:

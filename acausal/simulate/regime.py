@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from acausal.lower.compiled import CompiledModel, Symbols
 from acausal.lower.event_functions import guard_rates
+from acausal.simulate.kept import kept
 from acausal.simulate.native.policy import Library
 from acausal.simulate.problem import Problem
 from acausal.simulate.quick import Quick
@@ -56,7 +57,7 @@ class Regime:
     def constants(self, library: Library[Any]) -> Vector:
         """What parameters and inputs alone determine, for compiled code; computed once."""
         if self._constants is None:
-            found = np.array(library.constants(self.free.p, self.free.u)).ravel()
+            (found,) = library.constants(self.free.p, self.free.u)
             object.__setattr__(self, "_constants", found)
             return found
         return self._constants
@@ -99,12 +100,12 @@ class Regime:
     @cached_property
     def guards(self) -> Quick:
         """`(t, x, z, u, p, m) -> (g,)`."""
-        return Quick(self.watch)
+        return Quick(self.watch) if self.holds else kept(self.free.compiled).watch
 
     @cached_property
     def rates(self) -> Quick:
         """Time derivatives of the guards and how far these can be wrong, as `guard_rates` says."""
-        return Quick(guard_rates(self.compiled, self.watch) if self.holds else self.free.compiled.events.rates)
+        return Quick(guard_rates(self.compiled, self.watch)) if self.holds else kept(self.free.compiled).rates
 
     @cached_property
     def multipliers(self) -> Any:

@@ -431,8 +431,7 @@ class Run:
         m = self.modes(a, b)
         span = b - a
         times = np.append(grid[(grid > a + 1e-12 * span) & (grid < b - 1e-12 * span)], b)
-        z = problem.restarted(a, start.x, start.z, m) if len(start.z) else start.z
-        start = consistent(self.compiled, a, start, self.p, self.u, m) if z is None else Start(start.x, z, start.notes)
+        start = consistent(self.compiled, a, start, self.p, self.u, m)
         recorder.begin(a, start.x, start.z, m)
         for part in self.parts(times, recorder):
             segment = replace(self.stretch(float(recorder.time), part, start, m), first=self.pace)

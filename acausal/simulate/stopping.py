@@ -137,7 +137,7 @@ def _interpreted(
 def _stopping(regime: Regime) -> tuple[Any, Any]:
     """The ODE with a stop watch and a stop flag, and the transition that sets the flag; parameters are numbers."""
     problem = regime.problem
-    t, x, z, p, ode, _, _ = problem.scaled
+    t, x, z, p, ode, _ = problem.numbered.scaled
     nq, nm, nd = problem.compiled.quadratures, problem.compiled.n_modes, problem.compiled.discretes
     m, d, shift = ca.vertsplit(p, [0, nm, nm + nd, nm + nd + 1])
     full_x = ca.vertcat(x * ca.DM(problem.scale_x), ca.SX(nq, 1), d)

@@ -32,6 +32,7 @@ from acausal.simulate.native.equations import CONSTANTS, equations
 from acausal.simulate.native.flight import SOURCE, FlightProgram
 from acausal.simulate.native.functions import made
 from acausal.simulate.native.program import HeunProgram
+from acausal.simulate.quick import Quick
 
 Vector = NDArray[np.float64]
 T = TypeVar("T")
@@ -60,11 +61,11 @@ class Library(Generic[T]):
     """A loaded library: what it does, and the function `(p, u) -> c` of its constants."""
 
     run: T
-    constants: Any
+    constants: Quick
 
     def vector(self, p: Vector, u: Vector, numbers: Vector) -> Vector:
         """The parameter vector of its equations; `numbers` as in `Problem.numbers`."""
-        return np.concatenate([np.array(self.constants(p, u)).ravel(), numbers])
+        return np.concatenate([self.constants(p, u)[0], numbers])
 
 
 @dataclass(frozen=True, eq=False)
@@ -246,4 +247,4 @@ class Native:
         # What the equations are made from rather than they: a hit needs nothing that is symbolic.
         events = compiled.events.reactions.serialize() if "events" in kind else ""
         key = cache.key(kind, details, SOURCE.read_text("utf-8"), compiled.rhs.serialize(), events, repr(scales))
-        return made(key, text, lambda path: Library(load(path), ca.external(CONSTANTS, str(path))))
+        return made(key, text, lambda path: Library(load(path), Quick(ca.external(CONSTANTS, str(path)))))

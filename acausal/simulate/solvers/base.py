@@ -19,12 +19,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from acausal.simulate.direct import called, rows
 from acausal.simulate.islands import integrals
+from acausal.simulate.kept import kept
 from acausal.simulate.native.flight import FlightProgram
 from acausal.simulate.native.policy import Library
 from acausal.simulate.polish import polished
@@ -136,11 +136,11 @@ class CasadiSolver:
             if library is not None:
                 dae, p = library.run, library.vector(problem.p, problem.u, p)
         if dae is None:  # a compiled integrator does without
-            dae = problem.dae if self.algebraic else problem.ode
+            dae = problem.numbered.dae if self.algebraic else problem.numbered.ode
         if kind == "integrator":
             settings = {**settings, **beginning(segment)}
         began = time.perf_counter()
-        integrator = ca.integrator("segment", self.plugin, dae, 0.0, grid.tolist(), settings)
+        integrator = problem.numbered.integrator(self.plugin, dae, grid, settings)
         making = time.perf_counter() - began
         arguments = {"x0": x0, "z0": z0, "p": p} if self.algebraic else {"x0": x0, "p": np.concatenate([p, z0])}
         (x, z), stats = called(integrator, arguments, ("xf", "zf"))
@@ -167,10 +167,11 @@ def growth(problem: Problem, segments: Sequence[Segment]) -> list[Vector]:
     """What these integrals grow by over each of some segments; shapes (nq, n)."""
     compiled = problem.compiled
     scale = compiled.nominal_x[problem.n_dynamic : problem.n_dynamic + compiled.quadratures, None]
-    p = np.array([problem.numbers(s.p, s.x, 0.0) for s in segments])
+    m = np.array([s.p for s in segments])
+    d = np.array([s.x[len(s.x) - compiled.discretes :] for s in segments])
 
     def rates(times: Vector, segment: NDArray[np.int64]) -> Vector:
-        return rows(problem.islands, (times[:, None], p[segment])).T
+        return rows(kept(compiled).islands, (times[:, None], problem.u, problem.p, m[segment], d[segment])).T
 
     starts, times = [s.start for s in segments], [s.times for s in segments]
     return [scale * v for v in integrals(rates, starts, times, segments[0].tolerance, segments[0].absolute)]

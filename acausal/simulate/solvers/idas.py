@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from acausal.simulate.problem import Problem
 from acausal.simulate.solvers.base import CasadiSolver, Piece, Segment, bounded
 
@@ -41,7 +39,7 @@ class Idas(CasadiSolver):
     def settings(self, problem: Problem, segment: Segment) -> dict[str, Any]:
         x = segment.x[: problem.n_dynamic] / problem.scale_x
         numbers = problem.numbers(segment.p, segment.x, segment.start)
-        rate = np.array(problem.dae(0.0, x, segment.z / problem.scale_z, numbers, [])[0]).ravel()
+        rate = problem.numbered.quick(0.0, x, segment.z / problem.scale_z, numbers, [])[0]
         return {
             "reltol": segment.tolerance,
             "abstol": segment.absolute,

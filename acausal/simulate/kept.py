@@ -1,0 +1,106 @@
+"""What the runs of a compiled model share: functions made at the first need, and kept as long as the model is."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+from weakref import WeakKeyDictionary, ref
+
+import casadi as ca
+
+from acausal.lower.compiled import CompiledModel, Symbols
+from acausal.simulate.newton import Newton
+from acausal.simulate.quick import Quick
+
+
+class Kept:
+    """Functions of one model, of `(t, x, z, u, p, m)` where nothing else is said."""
+
+    def __init__(self, compiled: CompiledModel) -> None:
+        self._model = ref(compiled)  # what is kept for a model must not keep it alive
+        self._newton: dict[tuple[int, ...], Newton | None] = {}
+
+    @property
+    def compiled(self) -> CompiledModel:
+        """The model."""
+        model = self._model()
+        assert model is not None, "only who holds the model asks"
+        return model
+
+    @cached_property
+    def rhs(self) -> Quick:
+        """`-> (ode, alg)`."""
+        return Quick(self.compiled.rhs)
+
+    @cached_property
+    def observe(self) -> Quick:
+        """`-> every trajectory at one instant`."""
+        return Quick(self.compiled.observe)
+
+    @cached_property
+    def reactions(self) -> Quick:
+        """See `EventFunctions.reactions`."""
+        return Quick(self.compiled.events.reactions)
+
+    @cached_property
+    def distances(self) -> Quick:
+        """`-> distance`, one per relation."""
+        return Quick(self.compiled.events.distances)
+
+    @cached_property
+    def watch(self) -> Quick:
+        """`-> distances` with the sign of their modes, positive while these hold."""
+        return Quick(self.compiled.events.watch)
+
+    @cached_property
+    def rates(self) -> Quick:
+        """See `guard_rates`."""
+        return Quick(self.compiled.events.rates)
+
+    @cached_property
+    def guess(self) -> Quick:
+        """`(p) -> (x, z)` as declared."""
+        return Quick(self.compiled.guess)
+
+    @cached_property
+    def constants(self) -> Quick:
+        """`(p) -> c`, in the order of `constant_nodes`."""
+        return Quick(self.compiled.constants)
+
+    @cached_property
+    def instants(self) -> Quick:
+        """`(p) -> times of the relations of time`."""
+        return Quick(self.compiled.instants)
+
+    @cached_property
+    def modes(self) -> Quick:
+        """`(t, p) -> m`."""
+        return Quick(self.compiled.modes)
+
+    @cached_property
+    def islands(self) -> Any:
+        """`(t, u, p, m, d) -> rates` of the integrals of time that are solved apart, by their nominal magnitudes."""
+        compiled = self.compiled
+        s = Symbols(compiled)
+        n, nq, nd = compiled.n_dynamic, compiled.quadratures, compiled.discretes
+        d = ca.SX.sym("d", nd)
+        rates = compiled.rhs(s.t, ca.vertcat(ca.SX(n + nq, 1), d), s.z, s.u, s.p, s.m)[0][n : n + nq]
+        scaled = ca.densify(rates / ca.DM(compiled.nominal_x[n : n + nq]))
+        return ca.Function("islands", [s.t, s.u, s.p, s.m, d], [scaled])
+
+    def newton(self, free: tuple[int, ...] = ()) -> Newton | None:
+        """Newton's method for the algebraic variables and these states; None where no such step can be made."""
+        if free not in self._newton:
+            self._newton[free] = Newton.of(self.compiled, free)
+        return self._newton[free]
+
+
+_KEPT: WeakKeyDictionary[CompiledModel, Kept] = WeakKeyDictionary()
+
+
+def kept(compiled: CompiledModel) -> Kept:
+    """What is kept for a model; models are compared by identity, and forgotten when nobody else holds them."""
+    found = _KEPT.get(compiled)
+    if found is None:
+        found = _KEPT[compiled] = Kept(compiled)
+    return found
