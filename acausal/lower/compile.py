@@ -5,7 +5,7 @@ from __future__ import annotations
 import gc
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from typing import Any
 
@@ -19,6 +19,7 @@ from acausal.lower.analyse import analyse
 from acausal.lower.build import Builder
 from acausal.lower.cache import recall, remember, signature
 from acausal.lower.compiled import CompiledModel, Symbols, _column
+from acausal.lower.confine import confined
 from acausal.lower.delays import find_delays, refuse_delays
 from acausal.lower.freeze import freeze as fold_parameters
 from acausal.lower.hidden import HiddenConstraint
@@ -79,7 +80,14 @@ def compile(
     if formulation not in ("torn", "dae", "projected"):
         raise UsageError("AC024", f"there is no formulation '{formulation}'", help="formulations: torn, dae, projected")
     clock = _Clock()
-    with _collector_paused():
+
+    def needed(poses: Sequence[str]) -> Solution:
+        flat = fold_parameters(flatten(model, parameters), freeze)
+        return select(_solved(flat, formulation, _Clock()), poses, (), formulation)[0]
+
+    with _collector_paused(), confined(model, needed) if outputs is not None else nullcontext(()) as apart:
+        if outputs is not None:
+            clock.lap("confine")
         flat = fold_parameters(flatten(model, parameters), _names("freeze", freeze))
         clock.lap("flatten")
         selecting = outputs is not None or bool(freeze) or bool(quasi_static)
@@ -97,6 +105,7 @@ def compile(
         if selecting:
             wanted = None if outputs is None else _names("outputs", outputs)
             solution, selection = select(solution, wanted, _names("quasi_static", quasi_static), formulation)
+            selection = replace(selection, left=(*apart, *selection.left))
             clock.lap("select")
         compiled = replace(lower(solution), selection=selection)
         clock.lap("lower")

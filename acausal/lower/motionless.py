@@ -14,7 +14,7 @@ Source: M. N. Wegman, F. K. Zadeck, Constant propagation with conditional branch
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from acausal.flatten.pool import LEAVES, RELATIONS
@@ -52,6 +52,15 @@ class Constants:
 def constants(solution: Solution) -> Constants:
     """States, variables and relations that provably never change."""
     return _Propagation(solution).run()
+
+
+def bounds(solution: Solution, nodes: Sequence[int]) -> list[Interval]:
+    """Bounds of nodes for all that can happen, one per node."""
+    propagation = _Propagation(solution)
+    propagation.run()
+    for node in nodes:
+        propagation.visit(node)
+    return [propagation.bounds[node] for node in nodes]
 
 
 class _Propagation:

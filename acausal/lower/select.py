@@ -27,7 +27,7 @@ class Left:
     why: str
 
 
-KINDS = ("parameter", "motionless", "relation", "quasi-static", "state", "unknown", "event", "assert")
+KINDS = ("parameter", "contact", "motionless", "relation", "quasi-static", "state", "unknown", "event", "assert")
 
 
 @dataclass(frozen=True)

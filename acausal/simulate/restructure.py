@@ -51,6 +51,15 @@ def variable_parts(model: Component) -> dict[str, Any]:
     return {path: c for path, c in found.items() if hasattr(type(c), "restructure") and c.is_variable()}
 
 
+def lasting_names(model: Component) -> dict[str, str]:
+    """Beginnings of paths as they are in a model with all it may ever need, and as they are in results of its runs."""
+    return {
+        f"{path}.{own}" if path else own: f"{path}.{lasting}" if path else lasting
+        for path, part in variable_parts(model).items()
+        for own, lasting in part.labels()
+    }
+
+
 def shrink(model: Component) -> bool:
     """Give a model the structure its run begins with; False when its structure never changes."""
     parts = variable_parts(model)
@@ -183,7 +192,7 @@ class Pieces:
         """Remember the states."""
         names = self.names(self._compiled)
         for name in self._compiled.states:
-            self.memory[_renamed(name, names)] = float(piece[name][row])
+            self.memory[renamed(name, names)] = float(piece[name][row])
 
     def start(self) -> Start:
         """States as remembered, or as declared where they are new."""
@@ -191,7 +200,7 @@ class Pieces:
         names = self.names(compiled)
         x, z = (np.array(v, dtype=float).ravel() for v in compiled.guess(np.array(compiled.parameter_values)))
         for k, name in enumerate(compiled.states):
-            x[k] = self.memory.get(_renamed(name, names), x[k])
+            x[k] = self.memory.get(renamed(name, names), x[k])
         return Start(x, z, ())
 
     def add(self, piece: Result, rows: slice) -> None:
@@ -213,7 +222,7 @@ class Pieces:
         signals: dict[str, Signal] = {}
         sources: list[dict[str, Signal]] = []
         for piece in self.pieces:
-            own = {_renamed(name, piece.names): s for name, s in piece.result.signals.items()}
+            own = {renamed(name, piece.names): s for name, s in piece.result.signals.items()}
             sources.append(own)
             for name, signal in own.items():
                 signals.setdefault(name, signal)
@@ -258,7 +267,7 @@ def _values(piece: _Rows, own: Mapping[str, Signal], columns: Mapping[str, int])
     return values
 
 
-def _renamed(name: str, names: Mapping[str, str]) -> str:
+def renamed(name: str, names: Mapping[str, str]) -> str:
     """A path with its beginning exchanged."""
     for own, lasting in names.items():
         if name.startswith(own) and name[len(own) : len(own) + 1] in ("", ".", "["):

@@ -52,6 +52,7 @@ AT_REST = "both at rest"
 ONE_GROUP = "in one group"
 OUT_OF_REACH = "never within reach of each other"
 FAR = "too far apart now"
+CANNOT_MEET = "can never meet: bounds of their poses keep them apart"
 
 
 def candidates(bodies: Sequence[ContactBody]) -> tuple[list[Pair], dict[str, int]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,8 @@ from acausal import (
 )
 from acausal.errors import DeclarationError
 from acausal.library.contact.bodies import ContactBody, PoseValue, Surfaces
-from acausal.library.contact.broad_phase import FAR, Dropped, Pair, PairReport, candidates, overlapping
+from acausal.library.contact.broad_phase import CANNOT_MEET, FAR, Dropped, Pair, PairReport, candidates, overlapping
+from acausal.library.contact.surface import SurfaceContact
 from acausal.library.multibody.frames import Frame
 from acausal.library.multibody.interfaces import PartialAbsoluteSensor
 from acausal.library.multibody.orientation import Vector
@@ -37,6 +38,10 @@ _SLACK = 1e-6
 
 class Untouched(PartialAbsoluteSensor):
     """What a body feels that nothing touches: no force. It also says so for a body whose contacts come and go."""
+
+
+class Apart(Component):
+    """In the place of a contact that cannot come about: no equations. Those behind it keep their names."""
 
 
 class ContactScene(Component):
@@ -80,12 +85,14 @@ class ContactScene(Component):
         self._makers: dict[Pair, int] = {}
         self._places: dict[Pair, list[Array]] = {}
         self._site: dict[Pair, int] = {}
+        self._wandering: list[Pair] = []
+        self._pairs: list[Pair] = []
         self._select(self._candidates)
 
     def equations(self) -> Equations:
         for frame, untouched in zip(self.frames, self.untouched, strict=True):
             yield connect(frame, untouched.frame_a)
-        for (i, j), contact in zip(self._pairs, self.contacts, strict=True):
+        for (i, j), contact in self._present():
             a, b = self.bodies[i], self.bodies[j]
             # The one that made the contact knows its frames.
             owner, other = (a, b) if self._maker(i, j) == i else (b, a)
@@ -114,7 +121,7 @@ class ContactScene(Component):
     def _sum(self, name: str) -> Expr:
         """Sum over the contacts that have a quantity of this name."""
         total = as_expr(0.0)
-        for pair, contact in zip(self._pairs, self.contacts, strict=True):
+        for pair, contact in self._present():
             for account in self.bodies[self._maker(*pair)].accounts(contact):
                 if hasattr(type(account), name):
                     total = total + getattr(account, name)
@@ -183,6 +190,84 @@ class ContactScene(Component):
         own["_building"] = False
         return True
 
+    # What is asked where a model is made smaller: acausal/lower/confine.py.
+
+    def poses(self) -> tuple[str, ...]:
+        """The poses of the bodies that move."""
+        return tuple(f"frames[{k}].{name}" for k in range(len(self.frames)) for name in ("r_0", "R"))
+
+    def confined(self, bounds: Mapping[str, tuple[Array, Array]] | None) -> bool:
+        """Keep pairs that can touch while poses stay within bounds, and those kept before.
+
+        True when that adds some, and others may follow.
+        """
+        before = self._pairs if bounds is not None else []
+        chosen, wandering = list(before), self._wandering
+        if bounds is not None and self._candidates:
+            low, high = self._swept(bounds)
+            first, second = (np.array(side, dtype=int) for side in zip(*self._candidates, strict=True))
+            meet = overlapping(low, high, first, second)
+            chosen = [p for p, m in zip(self._candidates, meet, strict=True) if m or p in before]
+            wandering = [p for p in chosen if not self._keeps_to_one_hole(p, bounds)]
+        own = self.__dict__
+        own["_building"] = True
+        self._pairs, self._wandering = chosen, wandering
+        self.contacts = [self._contact(i, j) if (i, j) in chosen else Apart() for i, j in self._candidates]
+        own["_building"] = False
+        # all of them are in: wider bounds change nothing but what drills may do
+        complete = len(chosen) == len(self._candidates) and not any(b.trace for b in self.bodies)
+        return len(chosen) > len(before) and not complete
+
+    def apart(self) -> list[tuple[str, str]]:
+        """What is not in the equations, and why: pairs that cannot meet by name, others as numbers."""
+        never = [
+            f"{self.bodies[i].name} - {self.bodies[j].name}" for i, j in self._candidates if (i, j) not in self._pairs
+        ]
+        counted = [(f"{n} pair{'s' * (n > 1)}", reason) for reason, n in self._dropped.items() if n]
+        return [(name, CANNOT_MEET) for name in never] + counted
+
+    def unsteady(self) -> list[str]:
+        """Pairs in which a drill may leave more than one hole."""
+        return [f"{self.bodies[i].name} - {self.bodies[j].name}" for i, j in self._wandering]
+
+    def released(self) -> None:
+        """All pairs that may touch by what is declared."""
+        own = self.__dict__
+        own["_building"] = True
+        self._select(self._candidates)
+        own["_building"] = False
+
+    def _swept(self, bounds: Mapping[str, tuple[Array, Array]]) -> tuple[Array, Array]:
+        """Boxes around everything each body can reach within bounds of its pose [m]."""
+        low, high = (side.copy() for side in self._at_rest)
+        for place, (number, body) in enumerate(self._moving):
+            r, R = (bounds[f"frames[{place}].{name}"] for name in ("r_0", "R"))
+            if np.array_equal(R[0], R[1]):
+                own = body.box(np.zeros(3), R[0].reshape(3, 3))
+            else:
+                own = _turned(body, R[0].reshape(3, 3), R[1].reshape(3, 3))
+            slack = 1e-9 * (1 + np.abs(np.nan_to_num(own, posinf=0.0, neginf=0.0)).max())
+            low[number], high[number] = r[0] + own[0] - slack, r[1] + own[1] + slack
+        return low, high
+
+    def _keeps_to_one_hole(self, pair: Pair, bounds: Mapping[str, tuple[Array, Array]]) -> bool:
+        """Whether a contact leaves no trace, or its drill moves along its axis only, into a workpiece that stands."""
+        maker = self._maker(*pair)
+        if not self.bodies[maker].trace or isinstance(self._contact(*pair), SurfaceContact):
+            return True
+        other = self.bodies[sum(pair) - maker]
+        if not other.at_rest:
+            return False
+        k = self._place[self.bodies[maker].name]
+        (low, high), R = bounds[f"frames[{k}].r_0"], bounds[f"frames[{k}].R"]
+        along = np.flatnonzero(low != high)
+        # an axis along one of the body's and of the world's, whichever way the drill has turned about it
+        own = np.array(self.bodies[maker].pose[1])[:, 2]
+        column = int(np.argmax(np.abs(own)))
+        axis, after = (side.reshape(3, 3)[:, column] for side in R)
+        steady = abs(own[column]) > 1 - 1e-12 and np.array_equal(axis, after) and len(along) <= 1
+        return bool(steady and (not len(along) or abs(axis[along[0]]) > 1 - 1e-12))
+
     def _trace(self, pair: Pair) -> str:
         """The signal by which the contact of a pair shows that it left a trace; "" when it leaves none."""
         maker = self._maker(*pair)
@@ -232,6 +317,11 @@ class ContactScene(Component):
         self._pairs = list(pairs)
         self.contacts = [self._contact(i, j) for i, j in pairs]
 
+    def _present(self) -> Iterator[tuple[Pair, Component]]:
+        """The pairs in the equations with their contacts."""
+        contacts = [c for c in self.contacts if not isinstance(c, Apart)]
+        return zip(self._pairs, contacts, strict=True)
+
     def _maker(self, i: int, j: int) -> int:
         """Which of two bodies makes their contact: the first that has something to say about the other."""
         known: int | None = self._makers.get((i, j))
@@ -254,6 +344,17 @@ class ContactScene(Component):
         for place, (number, body) in enumerate(self._moving):
             low[number], high[number] = body.box(seen[f"frames[{place}].r_0"], seen[f"frames[{place}].R"])
         return low, high
+
+
+def _turned(body: ContactBody, low: Array, high: Array) -> tuple[Array, Array]:
+    """Box around a body whose frame stays in place and turns within bounds of its rotation [m]."""
+    sides = np.array(body.box(np.zeros(3), np.eye(3)))
+    radius = body.radius()
+    if not np.isfinite(sides).all() or not np.isfinite([low, high]).all():
+        return np.full(3, -radius), np.full(3, radius)
+    products = np.array([[entry * side for side in sides] for entry in (low, high)])
+    lowest, highest = products.min(axis=(0, 1)).sum(axis=1), products.max(axis=(0, 1)).sum(axis=1)
+    return np.maximum(lowest, -radius), np.minimum(highest, radius)
 
 
 def _check(bodies: tuple[ContactBody, ...]) -> None:

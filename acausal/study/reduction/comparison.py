@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -96,21 +97,31 @@ class Comparison:
 
 
 def compared(
-    full: CompiledModel, reduced: CompiledModel, outputs: Sequence[str], repeat: int, options: Mapping[str, Any]
+    full: CompiledModel,
+    reduced: CompiledModel,
+    outputs: Sequence[str],
+    repeat: int,
+    options: Mapping[str, Any],
+    runs: Mapping[str, Callable[..., Result]] | None = None,
+    called: Callable[[str], str] = str,
 ) -> Comparison:
-    """Run both in turn."""
+    """Run both in turn.
+
+    `runs` are other ways to run "full" and "reduced"; `called` says how an output is called in the full result.
+    """
     compile_times = {"full": sum(full.timings.values()), "reduced": sum(reduced.timings.values())}
-    models = {"full": full, "reduced": reduced}
+    runs = runs or {"full": partial(simulate, full), "reduced": partial(simulate, reduced)}
+    names = {"full": [called(name) for name in outputs], "reduced": list(outputs)}
     seconds: dict[str, list[float]] = {"full": [], "reduced": []}
     inside: dict[str, list[float]] = {"full": [], "reduced": []}
     results: dict[str, Result] = {}
     options = {"native": False, **options}
     try:
         for _ in range(1 + max(1, repeat)):  # the first is a warm-up
-            for name, compiled in models.items():
+            for name, run in runs.items():
                 began = clock.perf_counter()
-                results[name] = simulate(compiled, **options)
-                for output in outputs:
+                results[name] = run(**options)
+                for output in names[name]:
                     _ = results[name][output]
                 seconds[name].append(clock.perf_counter() - began)
                 times: Mapping[str, float] = results[name].stats["time"]  # type: ignore[assignment]
@@ -124,18 +135,22 @@ def compared(
         integrate={name: min(values[1:]) for name, values in inside.items()},
         steps={name: float(r.stats.get("steps", 0.0)) for name, r in results.items()},  # type: ignore[arg-type]
         compile=compile_times,
-        errors=tuple(error_of(results["full"], results["reduced"], name) for name in outputs),
+        errors=tuple(error_of(results["full"], results["reduced"], name, called(name)) for name in outputs),
         estimate=lag(full, reduced, results["reduced"]),
         failed=None,
     )
 
 
-def error_of(full: Result, reduced: Result, name: str) -> OutputError:
-    """The largest difference of one output, at times both have and neither has an event at."""
+def error_of(full: Result, reduced: Result, name: str, called: str | None = None) -> OutputError:
+    """The largest difference of one output, at times both have and neither has an event at.
+
+    `called` is its name in the full result where that is another one.
+    """
     times = np.intersect1d(_plain(full), _plain(reduced))
-    a, b = (r[name][np.searchsorted(r.time, times)] for r in (full, reduced))
-    # Where an output is not a number in both it is the same in both.
-    difference = np.where(np.isnan(a) & np.isnan(b), 0.0, np.abs(a - b))
+    a, b = (r[n][np.searchsorted(r.time, times)] for r, n in ((full, called or name), (reduced, name)))
+    # Where an output is not a number in both it is the same in both; a contact by another name was not there.
+    absent = np.isnan(a) & (np.isnan(b) | (called is not None and called != name))
+    difference = np.where(absent, 0.0, np.abs(a - b))
     k = int(np.argmax(difference)) if len(times) else 0
     worst = float(difference[k]) if len(times) else 0.0
     size = float(np.nanmax(np.abs(a), initial=0.0))

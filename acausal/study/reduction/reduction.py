@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
-from acausal.errors import AcausalError, UsageError
+from acausal.errors import AcausalError
 from acausal.language.component import Component
 from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
@@ -17,7 +17,8 @@ from acausal.lower.freeze import ZEROS
 from acausal.lower.motionless import event_nodes
 from acausal.lower.select import KINDS, Left
 from acausal.result import Result
-from acausal.simulate.restructure import variable_parts
+from acausal.simulate.restructure import lasting_names, renamed, variable_parts
+from acausal.simulate.run import simulate
 from acausal.study.reduction.apart import Island, islands, simulate_apart
 from acausal.study.reduction.comparison import Comparison, compared
 
@@ -144,6 +145,7 @@ class Reduction:
 
 _TITLES = {
     "parameter": "parameters made numbers",
+    "contact": "contacts that cannot come about",
     "motionless": "states that never move",
     "relation": "relations that never switch",
     "quasi-static": "states in their quasi-static limit",
@@ -187,17 +189,14 @@ def reduce(
     Raises
     ------
     UsageError
-        AC010, AC018, AC020, AC026 for wrong names, AC027 for a scene whose contacts come and go.
+        AC010, AC018, AC020, AC026 for wrong names, AC027 for drills that may leave several holes.
     AcausalError
         Whatever is wrong with the model.
     """
-    if variable_parts(model):
-        raise UsageError(
-            "AC027",
-            f"contacts of {type(model).__name__} enter and leave the equations during a run: it cannot be reduced",
-            evidence=[f"changing: {', '.join(variable_parts(model))}"],
-            help="such a scene holds only contacts that can touch; with a larger keep=... it holds all of them",
-        )
+    for part in variable_parts(model).values():
+        part.released()  # a run may have left it with the contacts of its last moment
+    own = {lasting: name for name, lasting in lasting_names(model).items()}
+    outputs = [renamed(name, own) for name in outputs]
     full = compile(model, parameters=parameters, formulation=formulation)
     refuse_delays(full.flat, "reduce", "simulate it whole, or " + PADE)
     compiled = compile(
@@ -221,9 +220,26 @@ def reduce(
         after=counts(compiled),
         dropped=selection.left,
         islands=islands(compiled, names),
-        comparison=compared(full, compiled, names, repeat, options) if compare else None,
+        comparison=_compared(model, full, compiled, parameters, repeat, options) if compare else None,
         hints=_hints(model, compiled, outputs, parameters, formulation, freeze),
     )
+
+
+def _compared(
+    model: Component,
+    full: CompiledModel,
+    compiled: CompiledModel,
+    parameters: Mapping[str, object] | None,
+    repeat: int,
+    options: Mapping[str, Any],
+) -> Comparison:
+    """Runs of both; a scene whose contacts come and go runs in pieces, once, its contacts called by lasting names."""
+    if not variable_parts(model):
+        return compared(full, compiled, compiled.asked, repeat, options)
+    names = lasting_names(model)
+    given: Any = parameters
+    runs = {"full": partial(simulate, model, parameters=given), "reduced": partial(simulate, compiled)}
+    return compared(full, compiled, compiled.asked, 1, options, runs, lambda name: renamed(name, names))
 
 
 def counts(compiled: CompiledModel, equations: int | None = None) -> Counts:
