@@ -123,7 +123,8 @@ class CasadiSolver:
         kind = self.native if self.algebraic or not problem.compiled.algebraic else "nothing"
         unit = unit_of_time(segment.start, segment.times) if self.impatient else 1.0
         if unit != 1.0:
-            dae, settings = in_unit(problem.dae if self.algebraic else problem.ode, unit, settings)
+            dae = problem.numbered.dae if self.algebraic else problem.numbered.ode
+            dae, settings = in_unit(dae, unit, settings)
             grid = grid / unit
         elif kind == "integrator":
             whole = native.integrator(self.plugin, settings)
