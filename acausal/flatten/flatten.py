@@ -50,7 +50,7 @@ def flatten(model: Component, parameters: Mapping[str, object] | None = None) ->
     Raises
     ------
     DeclarationError, UnitError, UsageError, StructureError
-        With the path of the offending thing and its place in the source.
+        With the path of the offending thing and its place in the source; AC028 for what is no component.
     """
     overrides = dict(parameters or {})
     found = instances(model)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from acausal.errors import DeclarationError
+from acausal.errors import DeclarationError, UsageError
 from acausal.language.component import Component, Connector
 from acausal.language.declare import Kind
 from acausal.language.misuse import Declared, own_constructor
@@ -46,7 +46,11 @@ class Instance:
 
 
 def instances(model: Component) -> list[Instance]:
-    """All instances of a model; the model itself is the first, with an empty path."""
+    """All instances of a model; the model itself is the first, with an empty path. UsageError AC028 if it is none."""
+    if not isinstance(model, Component):
+        is_class = isinstance(model, type)
+        fact = f"the class {model.__name__} is not a model yet" if is_class else f"{model!r} is not a model"
+        raise UsageError("AC028", fact, help=f"make one: {model.__name__}()" if is_class else "give a component")
     found: list[Instance] = []
     seen: dict[int, str] = {}
     stack: list[tuple[Component, str, Instance | None]] = [(model, "", None)]

@@ -144,7 +144,7 @@ def check_limit(
     """Refuse one entry outside the declared limits (AC136); `suffix` is its index, "" for a scalar."""
     if declaration.min <= value <= declaration.max and not math.isnan(value):
         return
-    unit = f" {declaration.unit}" if declaration.unit else ""
+    unit = f" {declaration.unit}" if declaration.unit not in ("", "1") else ""
     limits = f"is outside its limits {declaration.min:g} ... {declaration.max:g}"
     raise DeclarationError(
         "AC136",

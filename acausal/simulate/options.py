@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from acausal.errors import UsageError
 from acausal.language.experiment import Experiment
 
+# Below this the rounding of sixteen digits is larger than what a step may be wrong by: no step is ever accepted.
+_FINEST = 1e-14
 # Solvers without step control, or whose choice depends on whether there is a step.
 _FIXED = ("auto", "rk", "rk2", "collocation")
 
@@ -66,15 +68,15 @@ def options(
     UsageError
         AC030 when times, tolerance or step make no sense.
     """
-    start = experiment.start_time if start_time is None else float(start_time)
-    stop = experiment.stop_time if stop_time is None else float(stop_time)
+    start = experiment.start_time if start_time is None else _number("start_time", start_time)
+    stop = experiment.stop_time if stop_time is None else _number("stop_time", stop_time)
     # a tolerance asked of a method that controls its steps means that it shall do so
     adaptive = tolerance is not None and solver is not None and solver not in _FIXED
     own_step = None if adaptive else experiment.step
     interval = output_interval if output_interval is not None else experiment.output_interval
     name = experiment.solver if solver is None else solver
-    steps = own_step if step is None else float(step)
-    rows = (stop - start) / 500 if interval is None else float(interval)
+    steps = own_step if step is None else _number("step", step)
+    rows = (stop - start) / 500 if interval is None else _number("output_interval", interval)
     if output_interval is None and name in _FIXED and steps is not None and rows < steps < math.inf:
         # these methods know the ends of their steps only: rows nobody asked for must not make the steps shorter
         rows = min(steps, max(stop - start, rows))
@@ -82,7 +84,7 @@ def options(
         start_time=start,
         stop_time=stop,
         output_interval=rows,
-        tolerance=experiment.tolerance if tolerance is None else float(tolerance),
+        tolerance=experiment.tolerance if tolerance is None else _number("tolerance", tolerance),
         solver=name,
         step=steps,
         max_step=experiment.max_step,
@@ -99,9 +101,22 @@ def options(
             f"output_interval {chosen.output_interval:g} s gives too many rows",
         ),
         (0 < chosen.tolerance < 1, f"tolerance {chosen.tolerance:g} is not between 0 and 1"),
+        (
+            chosen.tolerance >= _FINEST,
+            f"tolerance {chosen.tolerance:g} is finer than numbers of 16 digits allow: 1e-14",
+        ),
         (chosen.step is None or chosen.step > 0, f"step {chosen.step} s is not positive"),
     )
     for holds, fact in checks:
         if not holds:
             raise UsageError("AC030", fact)
     return chosen
+
+
+def _number(name: str, value: object) -> float:
+    try:
+        return float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError) as error:
+        raise UsageError(
+            "AC030", f"{name} = {value!r} is not a number", help="one number, in s or without unit"
+        ) from error

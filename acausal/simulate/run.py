@@ -138,7 +138,7 @@ def _compiled(
     model: Component | CompiledModel, parameters: Mapping[str, float] | None, outputs: Sequence[str] | None
 ) -> CompiledModel:
     """The model compiled; AC018 for outputs of one that has its own already."""
-    if isinstance(model, Component):
+    if not isinstance(model, CompiledModel):
         return compile(model, parameters=parameters, outputs=outputs)
     if outputs is not None:
         raise UsageError(
@@ -206,7 +206,9 @@ def parameter_vector(compiled: CompiledModel, given: Mapping[str, float]) -> Vec
 
 
 def input_vector(compiled: CompiledModel, given: Mapping[str, float]) -> Vector:
-    """Values of the model's inputs; UsageError AC033 when one is missing or unknown."""
+    """Values of the model's inputs; UsageError AC033 when one is missing, unknown or no finite number."""
+    if not isinstance(given, Mapping):
+        raise UsageError("AC033", f"inputs is a {type(given).__name__}", help="a dictionary: inputs={'u': 0.0}")
     unknown = [n for n in given if n not in compiled.inputs]
     missing = [n for n in compiled.inputs if n not in given]
     if unknown or missing:
@@ -217,7 +219,16 @@ def input_vector(compiled: CompiledModel, given: Mapping[str, float]) -> Vector:
             evidence=[f"inputs of {compiled.name}: {', '.join(compiled.inputs) or 'none'}"],
             help="simulate(..., inputs={'" + (missing or ["u"])[0] + "': 0.0}), or bind it in the model",
         )
-    return np.array([given[n] for n in compiled.inputs], dtype=float)
+    u = np.zeros(len(compiled.inputs))
+    for k, name in enumerate(compiled.inputs):
+        try:
+            u[k] = given[name]
+        except (TypeError, ValueError):
+            u[k] = np.nan
+        if not np.isfinite(u[k]):
+            help = "an input is one constant; what varies is a source in the model, TimeTable for one"
+            raise UsageError("AC033", f"input {name} = {given[name]!r} is not a finite number", help=help)
+    return u
 
 
 @dataclass

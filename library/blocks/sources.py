@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from acausal import Equations, Real, parameter, structural, time, where
+from acausal import Equations, Real, parameter, part, structural, time, where
 from acausal.library.blocks import waveforms
+from acausal.library.blocks.boolean_sources import BooleanPulse
 from acausal.library.blocks.interfaces import PartialSignalSource, PartialSource
 from acausal.library.blocks.waveforms import Points
 
@@ -55,17 +56,26 @@ class Sine(PartialSignalSource):
 
 
 class Pulse(PartialSignalSource):
-    """Row of `nperiod` rectangles. The number is structural: every edge cuts the run exactly."""
+    """Row of rectangles: `nperiod` of them, without end when that is negative. Every edge cuts the run exactly."""
 
     amplitude: Real = parameter(default=1.0, doc="Height of the pulses")
     width: Real = parameter(default=0.5, unit="1", min=0.0, max=1.0, doc="Pulse length as a fraction of the period")
     period: Real = parameter(unit="s", min=1e-60, doc="Time of one period")
-    nperiod: int = structural(default=1, doc="Number of periods")
+    nperiod: int = structural(default=-1, doc="Number of periods; negative for a row without end")
+    clocks: list[BooleanPulse] = part(doc="Edges of an endless row")
+
+    def build(self) -> None:
+        # the edges of a finite row are known one by one, and leave a model without discrete variables
+        endless = BooleanPulse(width=self.width, period=self.period, start_time=self.start_time)
+        self.clocks = [endless] if self.nperiod < 0 else []
 
     def equations(self) -> Equations:
-        yield self.y == waveforms.pulse(
-            self.amplitude, self.width, self.period, self.nperiod, self.offset, self.start_time
-        )
+        if self.clocks:
+            yield self.y == self.offset + where(self.clocks[0].y, self.amplitude, 0.0)
+        else:
+            yield self.y == waveforms.pulse(
+                self.amplitude, self.width, self.period, self.nperiod, self.offset, self.start_time
+            )
 
 
 class TimeTable(PartialSignalSource):

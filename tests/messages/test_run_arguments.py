@@ -1,0 +1,84 @@
+"""Wrong arguments of `simulate` and its relatives: named, with what would be right, before anything runs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+import acausal
+from acausal import Component, Equations, Real, der, fixed, part, signal_input, variable
+from acausal.errors import AcausalError
+from acausal.library.blocks import Pulse
+
+
+class Lag(Component):
+    """x' = u - x."""
+
+    u: Real = signal_input()
+    x: Real = variable(default=fixed(0.5))
+
+    def equations(self) -> Equations:
+        yield der(self.x) == self.u - self.x
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "words"),
+    [
+        ({"inputs": {"u": "abc"}}, "AC033", ("input u = 'abc'", "TimeTable")),
+        ({"inputs": {"u": [1.0, 2.0]}}, "AC033", ("input u = [1.0, 2.0]",)),
+        ({"inputs": {"u": float("nan")}}, "AC033", ("input u = nan",)),
+        ({"inputs": [1.0]}, "AC033", ("inputs is a list", "dictionary")),
+        ({"stop_time": "long"}, "AC030", ("stop_time = 'long'",)),
+        ({"tolerance": "fine"}, "AC030", ("tolerance = 'fine'",)),
+        # no step is ever accepted: such a run did not end
+        ({"tolerance": 1e-20}, "AC030", ("tolerance 1e-20", "1e-14")),
+    ],
+)
+def test_a_wrong_argument_is_named(arguments: dict[str, Any], code: str, words: tuple[str, ...]) -> None:
+    with pytest.raises(AcausalError) as error:
+        acausal.simulate(Lag(), **{"stop_time": 1.0, "inputs": {"u": 1.0}, **arguments})
+    assert error.value.code == code
+    for word in words:
+        assert word in str(error.value)
+
+
+@pytest.mark.parametrize("verb", ["compile", "simulate", "linearize", "stability", "reduce"])
+def test_what_is_no_model_is_refused(verb: str) -> None:
+    arguments: dict[str, Any] = {"outputs": ["x"]} if verb == "reduce" else {}
+    for model, words in ((Lag, "make one: Lag()"), ("Lag", "'Lag' is not a model"), (None, "None")):
+        with pytest.raises(AcausalError) as error:
+            getattr(acausal, verb)(model, **arguments)
+        assert error.value.code == "AC028"
+        assert words in str(error.value)
+
+
+class Pulsed(Component):
+    """A pulse and its area."""
+
+    pulse: Pulse = part()
+    area: Real = variable(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        yield der(self.area) == self.pulse.y
+
+
+def pulsed(**arguments: Any) -> Pulsed:
+    class Made(Pulsed):
+        def build(self) -> None:
+            self.pulse = Pulse(**arguments)
+
+    return Made()
+
+
+def test_numbers_without_unit_are_said_without_one() -> None:
+    with pytest.raises(AcausalError) as error:
+        acausal.compile(pulsed(period=1.0, width=30.0))
+    assert "pulse.width = 30 is outside its limits 0 ... 1" in str(error.value)
+
+
+@pytest.mark.parametrize("solver", ["idas", "rosenbrock"])
+def test_a_row_of_pulses_without_end(solver: str) -> None:
+    """100 pulses of 0.1 s in 30 s, all edges exact: the area is 10 s; 0.3 is no binary number."""
+    result = acausal.simulate(pulsed(period=0.3, width=1.0 / 3.0), stop_time=30.0, solver=solver, tolerance=1e-8)
+    assert result.final("area") == pytest.approx(10.0, abs=1e-10)
