@@ -1,7 +1,7 @@
 """Claims of the contact library, measured.
 
 1. The scene S32 (`ThickBlock`) with a convex workpiece, MPR in its equations, takes at most three times as long as with
-   the analytic plate, and ends at the same depth; with a collision library behind a Python callback it takes much longer.
+   the analytic plate, and ends at the same depth; a collision library behind a Python callback takes much longer.
 2. A thousand workpieces, one drill: solving takes at most 1.3 times what it takes with one workpiece.
 
     python benchmarks/contact.py                      all, and the picture docs/images/contact.png
