@@ -373,13 +373,15 @@ class _Aliases:
             return True
         if node[0] in _VARYING:
             return False
-        stack = [number]
+        stack, seen = [number], {number}
         while stack:  # a depth-first search ends at the first variable, nearly always at once
             below = self.pool.nodes[stack.pop()]
             if below[0] in _VARYING:
                 return False
             if below[0] not in ("const", "par"):
-                stack.extend(below[1:])
+                # What only parameters determine may share so much that walking all paths would not end.
+                stack.extend(k for k in below[1:] if k not in seen)
+                seen.update(below[1:])
         return True
 
     def finish(self) -> ReducedSystem:

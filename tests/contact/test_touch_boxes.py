@@ -1,0 +1,98 @@
+"""Points of contact of two boxes at any pose, against coal."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import acausal
+from acausal import Component, Equations, Real, as_expr, der, fixed, parameter, signal_output, variable
+from acausal.library.contact import Box
+from acausal.library.contact.touch import touches
+from tests.contact.test_mpr_libraries import coal_answer
+
+A, B = Box((0.1, 0.06, 0.04)), Box((0.05, 0.08, 0.12))
+ORIGIN = np.zeros(3), np.eye(3)
+
+
+class Pair(Component):
+    """All points of two boxes, the second at a pose given by parameters."""
+
+    r: Real = parameter(default=(0.0, 0.0, 0.1), unit="m", shape=3)
+    R: Real = parameter(default=np.eye(3), shape=(3, 3))
+    x: Real = variable(default=fixed(0.0))
+    depth: Real = signal_output(unit="m", shape=9)
+    share: Real = signal_output(shape=9)
+    normal: Real = signal_output(shape=(9, 3))
+
+    def equations(self) -> Equations:
+        points = touches(A, B)(as_expr(np.zeros(3)), as_expr(np.eye(3)), self.r, self.R)
+        yield der(self.x) == 0.0
+        yield self.depth == as_expr([p.depth for p in points])
+        yield self.share == as_expr([1.0 if p.share is None else p.share for p in points])
+        yield self.normal == as_expr([[p.normal[k] for k in range(3)] for p in points])
+
+
+@cache
+def compiled() -> Any:
+    return acausal.compile(Pair())
+
+
+def points(r: Any, R: Any) -> tuple[Any, Any, Any]:
+    """Depth, share and normal of all points."""
+    found = acausal.simulate(compiled(), stop_time=1e-3, output_interval=1e-3, parameters={"r": r, "R": R})
+    return found["depth"][0], found["share"][0], found["normal"][0]
+
+
+def overlapping(direction: Any, R: Any, depth: float) -> Any:
+    """The place of the second box along a direction at which the boxes overlap by a depth, by coal."""
+    low, high = 0.0, 0.3
+    for _ in range(40):
+        middle = (low + high) / 2
+        deep = coal_answer(A, ORIGIN, B, (direction * middle, R))[0] > depth
+        low, high = (middle, high) if deep else (low, middle)
+    return direction * low
+
+
+def test_the_deepest_point_is_that_of_coal() -> None:
+    """At random poses, corners on faces and edges across edges: the depth, and the normal of what counts most."""
+    pytest.importorskip("coal", reason="coal is not installed: pip install acausal[test]")
+    rng = np.random.default_rng(3)
+    kinds = {"edges": 0, "corner": 0}
+    for depth in rng.uniform(-1e-4, 6e-3, 30):
+        R, away = Rotation.random(random_state=rng).as_matrix(), rng.normal(size=3)
+        r = overlapping(away / np.linalg.norm(away), R, depth)
+        expected, normal = coal_answer(A, ORIGIN, B, (r, R))
+        depths, shares, normals = points(r, R)
+        if 0.0 < shares[0] < 1.0:
+            continue  # edges overlap nearly as much as faces: both count
+        best = int(np.argmax(np.where(shares > 0.5, depths, -1.0)))
+        n = normals[best]
+        if min(np.abs(n).max(), np.abs(R.T @ n).max()) > np.cos(np.radians(10.0)):
+            continue  # a face on a face, whose corners are moved to the edges
+        # The overlap along a direction, which is never less than the depth.
+        assert depths[best] == pytest.approx(A.half @ np.abs(n) + B.half @ np.abs(R.T @ n) - n @ r, abs=1e-12)
+        if depths[best] < expected - 1e-6:
+            continue  # coal ended on a higher face
+        kinds["edges" if best == 0 else "corner"] += 1
+        assert depths[best] == pytest.approx(expected, abs=1e-9)
+        assert normals[best] == pytest.approx(normal, abs=1e-9)
+    assert min(kinds.values()) >= 5
+
+
+def test_edges_that_are_apart_do_not_push() -> None:
+    """Two bars across each other on their edges, 1 um apart: corners behind the faces of the other do not count."""
+    turn = Rotation.from_euler("xyz", [45, 0, 0], degrees=True)
+    across = turn.as_matrix().T @ Rotation.from_euler("xyz", [0, 45, 0], degrees=True).as_matrix()
+    # Seen from the first bar its edge is above: half diagonals of both, along its own diagonal.
+    up = turn.as_matrix().T @ np.array([0.0, 0.0, 1.0])
+    height = np.abs(up) @ A.half + np.abs(across.T @ up) @ B.half
+    for gap in (1e-6, -1e-6):
+        depths, shares, normals = points(up * (height + gap), across)
+        deepest = np.where(shares > 0.0, depths, -1.0).max()
+        assert deepest == pytest.approx(-gap, abs=1e-12)
+        assert normals[int(np.argmax(shares))] == pytest.approx(up, abs=1e-12)
