@@ -8,6 +8,7 @@ A component takes part when its class has these methods (`library/contact/scene.
   smallest structure, from which the first values are computed.
 - `moved(before, after)`: for values at the instant of the choice and at n instants later (first axis), how far the
   choice is used up, 1 where it may begin to be wrong.
+- `remarks(largest)`, or no such method: what to note after the run; `largest` gives the largest value of a signal.
 - `labels()`: pairs of a path relative to the component, as it is now, and one that stays the same in all structures.
 
 The run goes in pieces. Each is integrated a little further than before, and looked at afterwards: as long as nothing is
@@ -245,7 +246,7 @@ class Pieces:
         spent = {k: sum(own["time"].get(k, 0.0) for own in each) for k in ("initialize", "integrate")}
         stats |= {"pieces": len(self.pieces), "structures": self.compilations, "time": {**self.timings, **spent}}
         events = [e for p in self.pieces for e in p.result.events if e.time <= p.result.time[p.rows][-1]]
-        return Result(
+        joined = Result(
             model=type(self.model).__name__,
             time=time,
             trajectories=trajectories,
@@ -253,6 +254,21 @@ class Pieces:
             events=tuple(sorted((*events, *self.changes), key=lambda e: e.time)),
             stats=stats,
         )
+        stats["notes"] = tuple(dict.fromkeys([n for own in each for n in own.get("notes", ())] + self.remarks(joined)))
+        return joined
+
+    def remarks(self, joined: Result) -> list[str]:
+        """What the components have to say about the run."""
+
+        def largest(name: str) -> float:
+            found = np.asarray(joined[name], dtype=float) if name in joined else np.zeros(1)
+            return float(np.nanmax(found, initial=0.0))
+
+        found: list[str] = []
+        for path, part in self.parts.items():
+            if hasattr(type(part), "remarks"):
+                found += part.remarks(lambda name, path=path: largest(f"{path}.{name}" if path else name))
+        return found
 
 
 def _values(piece: _Rows, own: Mapping[str, Signal], columns: Mapping[str, int]) -> Array:

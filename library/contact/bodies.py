@@ -87,6 +87,12 @@ class ContactBody:
         """
         return list(known), 0
 
+    def overlaps(
+        self, other: ContactBody, own: PoseValue, others: PoseValue, known: Sequence[Array], current: int
+    ) -> dict[int, str]:
+        """Places of the contacts with another body that the present one gets into the way of, and what to say then."""
+        return {}
+
     def radius(self) -> float:
         """Largest distance of a point of the shape from the origin of the body's frame [m]."""
         lowest, highest = (np.array(c, dtype=float) for c in self.shape.bounding_box())

@@ -59,10 +59,10 @@ def candidates(bodies: Sequence[ContactBody]) -> tuple[list[Pair], dict[str, int
     """Pairs that may ever touch, by what is declared of the bodies; and the others, counted by reason."""
     n = len(bodies)
     first, second = np.triu_indices(n, 1)
-    rest = np.array([b.at_rest for b in bodies])
+    rest = np.array([b.at_rest for b in bodies], dtype=bool)
     groups = {name: k for k, name in enumerate(dict.fromkeys(b.group for b in bodies))}
-    group = np.array([groups[b.group] if b.group is not None else -1 - k for k, b in enumerate(bodies)])
-    low, high = (np.array(side).reshape(n, 3) for side in zip(*map(_swept, bodies), strict=True))
+    group = np.array([groups[b.group] if b.group is not None else -1 - k for k, b in enumerate(bodies)], dtype=int)
+    low, high = np.array([_swept(b) for b in bodies]).reshape(n, 2, 3).swapaxes(0, 1)
     left = np.ones(len(first), dtype=bool)
     counts = {}
     for reason, out in (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,11 +80,12 @@ class ContactScene(Component):
         self._moving = [(k, b) for k, b in enumerate(self.bodies) if not b.at_rest]
         origin = np.zeros(3), np.eye(3)
         boxes = [b.box(*origin) if b.at_rest else origin[:1] * 2 for b in self.bodies]
-        self._at_rest = tuple(np.array(side).reshape(-1, 3) for side in zip(*boxes, strict=True))
+        self._at_rest = tuple(np.array(boxes, dtype=float).reshape(-1, 2, 3).swapaxes(0, 1))
         self._candidates, self._dropped = candidates(self.bodies)
         self._makers: dict[Pair, int] = {}
         self._places: dict[Pair, list[Array]] = {}
         self._site: dict[Pair, int] = {}
+        self._overlaps: dict[tuple[Pair, int, int], str] = {}
         self._wandering: list[Pair] = []
         self._pairs: list[Pair] = []
         self._select(self._candidates)
@@ -285,7 +286,13 @@ class ContactScene(Component):
             known, current = self._places.get(pair, []), self._site.get(pair, 0)
             # Left a while ago: what is remembered was marked, or it would not be worth to be remembered.
             marked = bool(np.any(seen.get(self._trace(pair), np.ones(1)) > 0))
-            self._places[pair], self._site[pair] = body.site(other, *poses, known, current, marked)
+            known, current = body.site(other, *poses, known, current, marked)
+            self._places[pair], self._site[pair] = known, current
+            near = body.overlaps(other, *poses, known, current)
+            for k in range(len(known)):
+                self._overlaps.pop((pair, min(k, current), max(k, current)), None)
+                if k in near:
+                    self._overlaps[pair, min(k, current), max(k, current)] = near[k]
 
     def _pose(self, body: ContactBody, seen: Mapping[str, Array]) -> PoseValue:
         k = self._place.get(body.name)
@@ -306,12 +313,19 @@ class ContactScene(Component):
 
     def labels(self) -> list[tuple[str, str]]:
         """Each contact as it is called now, and by a name that stays the same while others come and go."""
-        found = []
-        for k, (i, j) in enumerate(self._pairs):
-            site = self._site.get((i, j), 0)
-            names = f"{self.bodies[i].name},{self.bodies[j].name}" + (f"#{site}" if site else "")
-            found.append((f"contacts[{k}]", f"contacts[{names}]"))
-        return found
+        return [(f"contacts[{k}]", self._lasting(p, self._site.get(p, 0))) for k, p in enumerate(self._pairs)]
+
+    def _lasting(self, pair: Pair, site: int) -> str:
+        names = ",".join(self.bodies[k].name for k in pair) + (f"#{site}" if site else "")
+        return f"contacts[{names}]"
+
+    def remarks(self, largest: Callable[[str], float]) -> list[str]:
+        """What the run has to tell, for the largest value each signal had: places of contacts that overlap."""
+        return [
+            text
+            for (pair, *sites), text in self._overlaps.items()
+            if all(largest(f"{self._lasting(pair, k)}.{self.bodies[self._maker(*pair)].trace}") > 0 for k in sites)
+        ]
 
     def _select(self, pairs: list[Pair]) -> None:
         self._pairs = list(pairs)

@@ -113,6 +113,19 @@ class DrillBody(ContactBody):
     def describe(self, other: ContactBody) -> str:
         return "drilling" if isinstance(other, WorkpieceBody) else super().describe(other)
 
+    def overlaps(
+        self, other: ContactBody, own: PoseValue, others: PoseValue, known: Sequence[Array], current: int
+    ) -> dict[int, str]:
+        axis = others[1].T @ own[1] @ np.array(unit_vector(self.axis_a))
+        axis = np.array(other.pose[1]).T @ axis
+        apart = [float(np.linalg.norm(np.cross(place - known[current], axis))) for place in known]
+        return {
+            k: f"AC178: two holes of {self.name} in {other.name} overlap, {1e3 * far:.3g} mm apart at a diameter of "
+            f"{1e3 * self.tool.d:.3g} mm: the second is cut as if the first were full of material"
+            for k, far in enumerate(apart)
+            if k != current and far < self.tool.d
+        }
+
     def site(
         self, other: ContactBody, own: PoseValue, others: PoseValue, known: Sequence[Array], current: int, marked: bool
     ) -> tuple[list[Array], int]:

@@ -154,3 +154,10 @@ def test_a_body_that_is_not_registered_is_not_found() -> None:
     scene = ContactScene(bodies=(ContactBody(name="ball", shape=Sphere(0.02)), plate("table", 0.0)), surfaces=LAWS)
     with pytest.raises(DeclarationError, match="the scene has no moving body 'table'"):
         scene.frame("table")
+
+
+def test_a_scene_without_bodies_is_no_contact() -> None:
+    """As a loop that registers what there is may leave it."""
+    scene = ContactScene(bodies=())
+    assert repr(scene.report()).startswith("0 bodies, 0 pairs: 0 in the equations")
+    assert acausal.simulate(scene, stop_time=1.0).final("energy") == 0.0

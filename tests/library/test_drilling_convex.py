@@ -11,6 +11,7 @@ import pytest
 import acausal
 from acausal import Component, Equations, Real, connect, parameter, part, structural, time
 from acausal.errors import DeclarationError, EventError
+from acausal.library.blocks import TimeTable
 from acausal.library.contact import Box, ConvexHull, Cylinder, HalfSpace, Shape, Sphere
 from acausal.library.drilling import (
     TWIST_DRILL_16MM,
@@ -180,8 +181,25 @@ def test_a_hole_is_found_again_and_another_one_is_new() -> None:
     assert r[first][np.searchsorted(r.time, after)] == pytest.approx(shallow, abs=1e-12)
     assert r.final(first) == pytest.approx(6e-3, abs=1.2e-4)
     assert not any("plate1" in name for name in r.names)
+    assert r.stats["notes"] == ()  # the holes are 20 mm apart, and the drill has 16
     # over all structures of the run
     assert np.abs(r["balance.residual"]).max() < 1e-6 * r.final("balance.W_source")
+
+
+class HolesTooNear(HolesSideBySide):
+    """The second hole 6 mm beside the first."""
+
+    def build(self) -> None:
+        super().build()
+        near = 6e-3
+        self.across = TimeTable(table=((0.0, 0.0), (5.0, 0.0), (6.0, near), (10.0, near), (15.0, near)))
+
+
+def test_holes_that_overlap_are_told() -> None:
+    """The second is cut as if the first were not there: that is noted, with a code and the names."""
+    notes = acausal.simulate(HolesTooNear(n=1), stop_time=10.0).stats["notes"]
+    assert len(notes) == 1  # type: ignore[arg-type]
+    assert notes[0].startswith("AC178: two holes of drill in plate0 overlap, 6 mm apart")  # type: ignore[index]
 
 
 @pytest.mark.slow
