@@ -8,7 +8,7 @@ says what that is). A flight ends before such an event, and the next one starts 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -200,20 +200,17 @@ class Flight:
         own = slice(compiled.n_dynamic, compiled.n_dynamic + compiled.quadratures)
         if not compiled.quadratures:
             return
-        # rows between two events, and of these the ones behind the first instant
-        parts = np.split(np.arange(len(times)), starts)
-        begins = [start] + [float(times[rows[0]]) for rows in parts[1:]]
-        later = [rows[times[rows] > begin] for rows, begin in zip(parts, begins, strict=True)]
-        stretches = [
-            replace(self.template, start=begin, times=times[rows], x=x[:, rows[0]], p=m[:, rows[0]])
-            for rows, begin in zip(later, begins, strict=True)
-            if len(rows)
-        ]
-        grown = iter(growth(self.problem, stretches) if stretches else ())
-        reached = x_start[own, None]
-        for rows, behind in zip(parts, later, strict=True):
-            x[own, rows] = reached
-            if len(behind):
-                x[own, behind] = reached + next(grown)
-            reached = x[own, rows[-1:]] if len(rows) else reached
-        self.x[own] = reached[:, 0]
+        # stretches between two events, and the rows behind the first instant of theirs
+        owner = np.searchsorted(starts, np.arange(len(times)), side="right")
+        begins = np.append(start, times[starts])
+        behind = times > begins[owner]
+        used, stretches = np.unique(owner[behind], return_inverse=True)
+        grown, total = np.zeros((compiled.quadratures, len(times))), np.zeros((compiled.quadratures, len(begins) + 1))
+        if len(used):
+            first, discrete = np.searchsorted(owner, used), slice(len(x) - compiled.discretes, None)
+            values = m[:, first].T, x[discrete, first].T
+            grown[:, behind] = growth(self.problem, begins[used], times[behind], stretches, *values, self.template)
+            total[:, used + 1] = grown[:, np.searchsorted(owner, used, side="right") - 1]
+        reached = x_start[own, None] + np.cumsum(total, axis=1)
+        x[own] = reached[:, owner] + grown
+        self.x[own] = reached[:, -1]

@@ -7,7 +7,7 @@ segment costs three times as much, most of it to be made.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -28,17 +28,22 @@ _SMALLEST = 1e-12
 
 def integrals(
     rates: Callable[[Vector, Indices], Vector],
-    starts: Sequence[float],
-    times: Sequence[Vector],
+    starts: Vector,
+    times: Vector,
+    stretches: Indices,
     tolerance: float,
     absolute: float,
-) -> list[Vector]:
-    """Integrals over several stretches, from the start of each to each of its ascending times; shapes (nq, n).
+) -> Vector:
+    """Integrals over k stretches, at n instants; shape (nq, n).
 
     Parameters
     ----------
     rates
         Of instants and the stretches they belong to, both of shape (m,), the rates, shape (nq, m).
+    starts
+        Where each stretch starts; shape (k,).
+    times, stretches
+        The instants, ascending within each stretch, and the stretch of each, ascending; shape (n,). None is without.
     tolerance, absolute
         Accuracy of each integral, relative to its change and as it is.
 
@@ -47,7 +52,7 @@ def integrals(
     RuntimeError
         A rate is not finite.
     """
-    a, b = np.array(starts, dtype=float), np.array([t[-1] for t in times])
+    a, b = starts, times[np.searchsorted(stretches, np.arange(len(starts)), side="right") - 1]
     whole, stretch = b - a, np.arange(len(starts))
     found: list[tuple[Vector, Vector, Indices, Vector]] = []
     while len(a):
@@ -70,22 +75,15 @@ def integrals(
     left, right, owner = left[order], right[order], owner[order]
     panels = np.concatenate([f[3] for f in found], axis=1)[:, order]
     # what has been gathered before each panel, since its stretch began; polynomials of Chebyshev are 1 at the right end
-    whole = np.cumsum(panels.sum(axis=2), axis=1)
-    before = np.hstack([np.zeros((len(whole), 1)), whole[:, :-1]])
+    total = np.cumsum(panels.sum(axis=2), axis=1)
+    before = np.hstack([np.zeros((len(total), 1)), total[:, :-1]])
     first = np.searchsorted(owner, np.arange(len(starts)))
     before -= before[:, first[owner]]
-    counts = [len(t) for t in times]
-    instants, own = np.concatenate(times), np.repeat(np.arange(len(starts)), counts)
-    inside = _panels(left, first, instants, own)
-    at = 2.0 * (instants - left[inside]) / (right[inside] - left[inside]) - 1.0
-    rising = chebyshev.chebvander(at, _ORDER + 1)
-    grown = before[:, inside] + np.einsum("qkc,kc->qk", panels[:, inside], rising)
-    return np.split(grown, np.cumsum(counts)[:-1], axis=1)
-
-
-def _panels(left: Vector, first: Indices, instants: Vector, own: Indices) -> Indices:
-    """The panel in which each instant of a stretch lies: the last of that stretch that begins before it."""
-    ends = [*first[1:].tolist(), len(left)]
-    found = [first[k] + np.searchsorted(left[first[k] : ends[k]], instants[own == k]) - 1 for k in range(len(first))]
-    inside: Indices = np.maximum(np.concatenate(found), first[own])
-    return inside
+    inside = first[stretches]
+    ends = np.append(first[1:], len(left))
+    for k in np.flatnonzero(ends - first > 1).tolist():  # the last panel that begins before the instant
+        here = slice(*np.searchsorted(stretches, [k, k + 1]))
+        inside[here] += np.maximum(np.searchsorted(left[first[k] : ends[k]], times[here]) - 1, 0)
+    at = 2.0 * (times - left[inside]) / (right[inside] - left[inside]) - 1.0
+    grown: Vector = before[:, inside] + np.einsum("qkc,kc->qk", panels[:, inside], chebyshev.chebvander(at, _ORDER + 1))
+    return grown

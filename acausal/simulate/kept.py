@@ -7,10 +7,14 @@ from typing import Any
 from weakref import WeakKeyDictionary, ref
 
 import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
 
 from acausal.lower.compiled import CompiledModel, Symbols
 from acausal.simulate.newton import Newton
 from acausal.simulate.quick import Quick
+
+Vector = NDArray[np.float64]
 
 
 class Kept:
@@ -18,6 +22,7 @@ class Kept:
 
     def __init__(self, compiled: CompiledModel) -> None:
         self._model = ref(compiled)  # what is kept for a model must not keep it alive
+        self._several: dict[int, Quick] = {}
         self._newton: dict[tuple[int, ...], Newton | None] = {}
 
     @property
@@ -76,6 +81,18 @@ class Kept:
     def modes(self) -> Quick:
         """`(t, p) -> m`."""
         return Quick(self.compiled.modes)
+
+    def island_rates(self, times: Vector, u: Vector, p: Vector, m: Vector, d: Vector) -> Vector:
+        """Rates at n instants, shape (nq, n), of the integrals of time that are solved apart.
+
+        They are by their nominal magnitudes; `m` and `d` have a row for each instant.
+        """
+        n = len(times)
+        if n not in self._several:  # a run asks for the same few numbers of instants as the one before
+            if len(self._several) > 32:
+                self._several.clear()
+            self._several[n] = Quick(self.islands.map(n))
+        return self._several[n](times, np.tile(u, n), np.tile(p, n), m.ravel(), d.ravel())[0]
 
     @cached_property
     def islands(self) -> Any:

@@ -15,14 +15,14 @@ A segment is a stretch of time without events: the right-hand side is smooth in 
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from acausal.simulate.direct import called, rows
+from acausal.simulate.direct import called
 from acausal.simulate.islands import integrals
 from acausal.simulate.kept import kept
 from acausal.simulate.native.flight import FlightProgram
@@ -161,21 +161,33 @@ def islands(problem: Problem, segment: Segment) -> Vector:
     if not problem.compiled.quadratures:
         return np.zeros((0, len(segment.times)))
     own = slice(problem.n_dynamic, problem.n_dynamic + problem.compiled.quadratures)
-    return np.asarray(segment.x[own, None] + growth(problem, [segment])[0])
+    only = np.zeros(len(segment.times), dtype=np.int64)
+    modes, discrete = segment.p[None, :], segment.x[None, len(segment.x) - problem.compiled.discretes :]
+    grown = growth(problem, np.array([segment.start]), segment.times, only, modes, discrete, segment)
+    return np.asarray(segment.x[own, None] + grown)
 
 
-def growth(problem: Problem, segments: Sequence[Segment]) -> list[Vector]:
-    """What these integrals grow by over each of some segments; shapes (nq, n)."""
+def growth(
+    problem: Problem,
+    starts: Vector,
+    times: Vector,
+    stretches: NDArray[np.int64],
+    modes: Vector,
+    discrete: Vector,
+    accuracy: Segment,
+) -> Vector:
+    """What these integrals grow by from the start of k stretches to n instants; shape (nq, n).
+
+    `starts`, `times` and `stretches` are those of `integrals`; `modes` and `discrete` are the values in each stretch,
+    shapes (k, nm) and (k, nd).
+    """
     compiled = problem.compiled
+
+    def rates(instants: Vector, stretch: NDArray[np.int64]) -> Vector:
+        return kept(compiled).island_rates(instants, problem.u, problem.p, modes[stretch], discrete[stretch])
+
     scale = compiled.nominal_x[problem.n_dynamic : problem.n_dynamic + compiled.quadratures, None]
-    m = np.array([s.p for s in segments])
-    d = np.array([s.x[len(s.x) - compiled.discretes :] for s in segments])
-
-    def rates(times: Vector, segment: NDArray[np.int64]) -> Vector:
-        return rows(kept(compiled).islands, (times[:, None], problem.u, problem.p, m[segment], d[segment])).T
-
-    starts, times = [s.start for s in segments], [s.times for s in segments]
-    return [scale * v for v in integrals(rates, starts, times, segments[0].tolerance, segments[0].absolute)]
+    return np.asarray(scale * integrals(rates, starts, times, stretches, accuracy.tolerance, accuracy.absolute))
 
 
 def unmoved(problem: Problem, segment: Segment) -> Vector:
