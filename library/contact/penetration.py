@@ -22,6 +22,7 @@ import numpy as np
 
 from acausal import External
 from acausal.errors import DeclarationError
+from acausal.library.contact.checks import check_shape
 from acausal.library.contact.shapes import HalfSpace, Shape
 
 _INPUTS = ((3,), (3, 3), (3,), (3, 3))
@@ -37,8 +38,8 @@ def penetration(shape_a: Shape, shape_b: Shape) -> External:
     DeclarationError
         AC174 for a shape without volume, AC177 for two half-spaces.
     """
-    shape_a.check("the first body")
-    shape_b.check("the second body")
+    check_shape(shape_a, "the first body")
+    check_shape(shape_b, "the second body")
     if isinstance(shape_a, HalfSpace) and isinstance(shape_b, HalfSpace):
         raise DeclarationError(
             "AC177", "two half-spaces have no contact", help="one of the two bodies must be of finite size"

@@ -25,6 +25,7 @@ from acausal import (
 from acausal.errors import DeclarationError
 from acausal.library.contact.bodies import ContactBody, PoseValue, Surfaces
 from acausal.library.contact.broad_phase import CANNOT_MEET, FAR, Dropped, Pair, PairReport, candidates, overlapping
+from acausal.library.contact.checks import check_bodies, check_scene
 from acausal.library.contact.surface import SurfaceContact
 from acausal.library.multibody.frames import Frame
 from acausal.library.multibody.interfaces import PartialAbsoluteSensor
@@ -72,7 +73,8 @@ class ContactScene(Component):
     ground: Fixed = part()
 
     def build(self) -> None:
-        _check(self.bodies)
+        check_bodies(self.bodies)
+        check_scene(self.skin, self.keep)
         self.ground = Fixed()
         self._place = {b.name: k for k, b in enumerate(b for b in self.bodies if not b.at_rest)}
         self.frames = [Frame() for _ in self._place]
@@ -369,13 +371,3 @@ def _turned(body: ContactBody, low: Array, high: Array) -> tuple[Array, Array]:
     products = np.array([[entry * side for side in sides] for entry in (low, high)])
     lowest, highest = products.min(axis=(0, 1)).sum(axis=1), products.max(axis=(0, 1)).sum(axis=1)
     return np.maximum(lowest, -radius), np.minimum(highest, radius)
-
-
-def _check(bodies: tuple[ContactBody, ...]) -> None:
-    """Names once each, shapes as they must be."""
-    names = [b.name for b in bodies]
-    twice = sorted({n for n in names if names.count(n) > 1}) if len(set(names)) < len(names) else []
-    if twice:
-        raise DeclarationError("AC172", f"the scene has two bodies '{twice[0]}'", help="give each its own name")
-    for body in bodies:
-        body.shape.check(body.name)

@@ -8,6 +8,7 @@ description follow the support points, for numbers and for CasADi, and the conta
 from __future__ import annotations
 
 import math
+import numbers
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NoReturn
@@ -104,10 +105,10 @@ class Shape:
 
     def _positive(self, body: str, **lengths: float) -> None:
         for name, value in lengths.items():
-            if not (math.isfinite(value) and value > 0.0):
-                self._wrong(
-                    body, f"{name} is {value:g} m", "a contact needs a body with a volume: give a positive length"
-                )
+            known = isinstance(value, numbers.Real)
+            if not (known and math.isfinite(value) and value > 0.0):
+                text = f"{value:g} m" if known else repr(value)
+                self._wrong(body, f"{name} is {text}", "a contact needs a body with a volume: give a positive length")
 
     def _wrong(self, body: str, fact: str, help: str) -> NoReturn:
         raise DeclarationError("AC174", f"the {type(self).__name__} of {body} is no body: its {fact}", help=help)
@@ -142,7 +143,12 @@ class Box(Shape):
     size: tuple[float, float, float]
 
     def __post_init__(self) -> None:
-        x, y, z = map(float, self.size)
+        try:
+            x, y, z = map(float, self.size)
+        except (TypeError, ValueError):
+            raise DeclarationError(
+                "AC174", f"a box has three edge lengths, not {self.size!r}", help="Box((length, width, height)) in m"
+            ) from None
         object.__setattr__(self, "size", (x, y, z))
 
     @property
@@ -320,7 +326,12 @@ class ConvexHull(Shape):
     points: tuple[tuple[float, float, float], ...]
 
     def __init__(self, points: ArrayLike) -> None:
-        given = np.asarray(points, dtype=float)
+        try:
+            given = np.asarray(points, dtype=float)
+        except (TypeError, ValueError):
+            raise DeclarationError(
+                "AC174", f"a convex hull is made of points, shape (n, 3), not of {points!r}"
+            ) from None
         if given.ndim != 2 or given.shape[1] != 3:
             raise DeclarationError(
                 "AC174", f"a convex hull is made of points, shape (n, 3), not of an array of shape {given.shape}"

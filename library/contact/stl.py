@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numbers
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,9 @@ _HEADER = 84
 
 # Corners are single precision; a dent must be larger than that, as part of the size.
 _TOLERANCE = 1e-5
+
+# Part of the surface that may be missing by rounding.
+_HOLE = 1e-4
 
 
 def read_stl(path: str, body: str) -> NDArray[np.float64]:
@@ -45,9 +49,17 @@ def read_stl(path: str, body: str) -> NDArray[np.float64]:
 
 
 def convex_points(path: str, scale: float, body: str) -> NDArray[np.float64]:
-    """Corners of a mesh, shape (n, 3), times `scale`; AC176 when its surface is not convex."""
+    """Corners of a mesh, shape (n, 3), times `scale`.
+
+    Raises
+    ------
+    DeclarationError
+        AC176 when its surface is not convex, or not closed; AC175 for a scale that is not positive.
+    """
     from scipy.spatial import ConvexHull, QhullError
 
+    if not isinstance(scale, numbers.Real) or not 0 < scale < np.inf:
+        raise DeclarationError("AC175", f"the mesh of {body} is scaled by {scale!r}", help="1e-3 for files in mm")
     triangles = read_stl(path, body)
     corners = triangles.reshape(-1, 3)
     size = float(np.ptp(corners, axis=0).max())
@@ -65,5 +77,14 @@ def convex_points(path: str, scale: float, body: str) -> NDArray[np.float64]:
                 f"triangle {worst} of {len(triangles)} lies {depth[worst] * scale:.3g} m below the hull of {path}"
             ],
             help="cut it into convex parts and give each to its own shape",
+        )
+    area = float(np.linalg.norm(np.cross(*np.diff(triangles, axis=1).swapaxes(0, 1)), axis=1).sum()) / 2
+    whole = ConvexHull(corners).area
+    if area < (1 - _HOLE) * whole:
+        raise DeclarationError(
+            "AC176",
+            f"the mesh of {body} is not closed",
+            evidence=[f"its triangles cover {100 * area / whole:.4g} % of the hull of {path}"],
+            help="close it, or give the points to ConvexHull if their hull is what is meant",
         )
     return np.unique(corners, axis=0) * scale

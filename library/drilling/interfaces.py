@@ -18,6 +18,8 @@ from acausal import (
     sin,
     structural,
 )
+from acausal.errors import DeclarationError
+from acausal.library.contact.checks import check_pose, check_shape
 from acausal.library.drilling.cutting import PartialCuttingForce
 from acausal.library.drilling.geometry import DrillGeometry, PartialDrillGeometry
 from acausal.library.drilling.geometry_convex import ConvexDrillGeometry, ConvexLevel, PlateLevel
@@ -82,6 +84,12 @@ class PartialDrillingForce(Component):
 
     def build(self) -> None:
         level = self.level
+        if not isinstance(level, PlateLevel | ConvexLevel):
+            raise DeclarationError(
+                "AC173",
+                f"the level of the drill's geometry is {level!r}",
+                help="give PlateLevel() or ConvexLevel(shape, pose, name)",
+            )
         self.geometry = self._convex(level) if isinstance(level, ConvexLevel) else self._plate()
 
     def _plate(self) -> DrillGeometry:
@@ -96,7 +104,8 @@ class PartialDrillingForce(Component):
         )
 
     def _convex(self, level: ConvexLevel) -> ConvexDrillGeometry:
-        level.shape.check(level.name)
+        check_shape(level.shape, level.name)
+        check_pose(level.pose, level.name)
         if "t" not in self.__dict__["_given"]:
             lowest, highest = level.shape.bounding_box()
             self.t = min(highest[2] - lowest[2], 1e3)
