@@ -135,12 +135,25 @@ def _joined(
     return groups
 
 
+def _size(row: Mapping[int, Samples]) -> Samples:
+    """Largest entry of a row at each point, shape (K,).
+
+    Not over all points: exponentials make rows that differ by 30 orders of magnitude between two of them. A row that
+    vanishes at the start alone has the size that it has elsewhere.
+    """
+    if not row:
+        return np.ones(2)
+    sizes = np.max([np.nan_to_num(np.abs(a), posinf=0.0) for a in row.values()], axis=0)
+    sizes[0] = max(sizes[0], 1e-12 * float(np.median(sizes)))
+    return np.maximum(sizes, 1e-300)
+
+
 class _Elimination:
     """Sparse Gaussian elimination on sampled rows."""
 
     def __init__(self, rows: list[dict[int, Samples]], preference: Callable[[int], float]) -> None:
         self.rows = [{v: a for v, a in row.items() if np.any(a != 0.0)} for row in rows]
-        self.size = [max((np.nanmax(np.abs(a)) for a in row.values()), default=0.0) for row in self.rows]
+        self.size = [_size(row) for row in self.rows]
         self.columns: dict[int, set[int]] = {}
         self.preference = preference
         self.heap: list[tuple[float, int, float, int, int]] = []
@@ -154,11 +167,13 @@ class _Elimination:
     def _rank(self, i: int, v: int) -> int | None:
         """0 for a constant pivot, 1 for one that varies but keeps its sign and size, None for an unsafe one."""
         found = self.rows[i][v]
-        found = found[np.isfinite(found)]
+        is_finite = np.isfinite(found)
+        share = np.abs(found[is_finite]) / self.size[i][is_finite]
+        found = found[is_finite]
         if not len(found):
             return None
         low, high = np.abs(found).min(), np.abs(found).max()
-        if high <= 1e-9 * self.size[i] or not ((found > 0).all() or (found < 0).all()):
+        if share.max() <= 1e-9 or not ((found > 0).all() or (found < 0).all()):
             return None
         if high - low <= 1e-9 * high:
             return 0
@@ -168,7 +183,7 @@ class _Elimination:
         rank = self._rank(i, v)
         if rank is not None:
             cost = (len(self.rows[i]) - 1) * (len(self.columns[v]) - 1)
-            largest = abs(self.rows[i][v][0]) / max(self.size[i], 1e-300)
+            largest = abs(self.rows[i][v][0]) / self.size[i][0]
             heapq.heappush(self.heap, (self.preference(v), rank, cost - min(largest, 1.0), i, v))
 
     def choose(self, equations: Sequence[int], candidates: Mapping[int, int]) -> Choice:
@@ -204,7 +219,7 @@ class _Elimination:
                     if w == v:
                         continue
                     new = other.get(w, 0.0) - factor * a
-                    if np.nanmax(np.abs(new), initial=0.0) <= 1e-12 * max(self.size[j], 1e-300):
+                    if np.nanmax(np.abs(new) / self.size[j], initial=0.0) <= 1e-12:
                         if other.pop(w, None) is not None:
                             self.columns[w].discard(j)
                     else:
@@ -223,7 +238,7 @@ class _Elimination:
             row = np.zeros(len(columns))
             for v, a in self.rows[i].items():
                 row[place[v]] = a[1]
-            rest = np.nan_to_num(row) / max(self.size[i], 1e-300)
+            rest = np.nan_to_num(row) / self.size[i][1]
             for q in kept:
                 rest = rest - q * (q @ rest)
             length = float(np.linalg.norm(rest))
