@@ -35,17 +35,29 @@ def check_dimensions(equation: Equation, where: Sequence[Span]) -> None:
                 f"the right side in {format_dimension(right)}"
             )
     except _Mismatch as mismatch:
+        symbols = symbols_in(equation.left, equation.right)
+        if not any(symbol.declaration.unit for symbol in symbols) and not _calls(equation):
+            return  # only `time` has a unit here: in a problem without units it is a number like the others
         raise UnitError(
             "AC155",
             mismatch.fact,
             where=where,
-            evidence=[
-                f"{symbol}  [{symbol.declaration.unit or 'adapts'}]"
-                for symbol in symbols_in(equation.left, equation.right)
-            ],
+            evidence=[f"{symbol}  [{symbol.declaration.unit or 'adapts'}]" for symbol in symbols],
             cause="a factor is missing or two quantities are mixed up",
             help="check the declared units; a plain number adapts to any unit",
         ) from None
+
+
+def _calls(equation: Equation) -> bool:
+    """True when an external function, which declares units, is in the equation."""
+    stack, seen = [equation.left, equation.right], set[int]()
+    while stack:
+        e = stack.pop()
+        if e.op == "call":
+            return True
+        stack.extend(a for a in e.args if id(a) not in seen)
+        seen.update(id(a) for a in e.args)
+    return False
 
 
 def dimension(e: Expr, known: dict[int, Dimension | None]) -> Dimension | None:

@@ -14,11 +14,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+import numpy as np
+
 from acausal.errors import StructureError
 from acausal.lower.analyse import Structure
 from acausal.lower.elimination import eliminate
+from acausal.lower.evaluate import gradients
 from acausal.lower.linear import LinearForm
 from acausal.lower.reduce import ReducedSystem
+from acausal.lower.samples import COUNT
 from acausal.structure import Block
 
 
@@ -38,6 +42,8 @@ def hidden_constraint(structure: Structure, block: Block, error: StructureError)
         rests = _rests(structure, block.rows, set(block.columns))
     else:
         rests = _rests(structure, range(count), _highest(structure.reduced))
+        if not rests:
+            rests = _differentiated(structure, block)
     if not rests or not all(structure.reduced.pool.variables_in(rest) for rest in rests.values()):
         return error  # nothing, or a number that would have to be zero
     hidden = HiddenConstraint(
@@ -53,6 +59,30 @@ def _rests(structure: Structure, rows: Iterable[int], unknowns: set[int]) -> dic
     linear = [(r, x) for r in rows if (x := form.of(structure.residuals[r])) is not None and x[1]]
     done = eliminate(structure.points, [x[1] for _, x in linear], [x[0] for _, x in linear])
     return {linear[i][0]: rest for i, rest in done.empty}
+
+
+def _differentiated(structure: Structure, block: Block) -> dict[int, int]:
+    """A constraint that is left of equations of which some are derivatives, in place of one that is not.
+
+    `x + t y = q(t)` differentiated and `x' + t y' + 2 y = p(t)` have the same left side in x' and y'. What is left may
+    stand for any equation with a share in it: the derivatives follow from the constraints they were taken of.
+    """
+    count = len(structure.reduced.residuals)
+    rests = list(_rests(structure, block.rows, set(block.columns)).values())
+    place = {v: k for k, v in enumerate(block.columns)}
+    jacobian = np.zeros((len(block.rows), len(place)))
+    residuals = [structure.residuals[r] for r in block.rows]
+    for i, row in enumerate(gradients(structure.reduced.pool, residuals, block.columns, structure.points.leaves)):
+        for v, slope in row.items():
+            jacobian[i, place[v]] = np.broadcast_to(slope, (COUNT,))[1]
+    if len(rests) != 1 or not np.isfinite(jacobian).all():
+        return {}
+    left, sizes, _ = np.linalg.svd(jacobian)
+    if len(sizes) > 1 and sizes[-2] <= 1e-9 * sizes[0]:
+        return {}
+    shares = {r: abs(left[i, -1]) for i, r in enumerate(block.rows) if r < count}
+    best = max(shares, key=shares.__getitem__, default=None)
+    return {} if best is None or shares[best] < 1e-6 else {best: rests[0]}
 
 
 def _highest(reduced: ReducedSystem) -> set[int]:

@@ -21,6 +21,7 @@ from acausal.simulate.truth import truths
 
 Vector = NDArray[np.float64]
 
+_MOST_BLOCKS = 200
 _LARGEST_RANK = 200
 # Newton steps before the thorough search begins, at the start and at events: after a jump there is little hope.
 _MOST, _AT_ONCE = 30, 8
@@ -196,9 +197,11 @@ class _System:
         self.arguments = arguments
 
     def solve(self) -> tuple[Vector, Vector]:
-        """Newton from the guesses; then the model's homotopy; then continuation from a system the guesses satisfy."""
+        """Newton from the guesses, of all, then block by block; the model's homotopy; continuation from the guesses."""
         y0 = np.concatenate([self.x[self.free], self.z]) / self.scale
         found = self._newton(self.residual, y0)
+        if found is None:
+            found = self._by_blocks(y0)
         if found is None:
             found = self._homotopy(y0)
         if found is None:
@@ -233,6 +236,30 @@ class _System:
             return found
         # Large terms that cancel, a stiff spring over a long way, leave more than that by rounding alone.
         return found if _last_step(residual, found) <= 1e-10 else None
+
+    def _by_blocks(self, y0: Vector) -> Vector | None:
+        """Newton's method on one block of the triangular form after the other, each with what is known by then.
+
+        A step of all unknowns together is shortened as the worst of them demands, also of those that only follow: a
+        rate whose factor passes through zero on the way keeps a harmless position from being found.
+        """
+        if self.residual.numel_out(0) != len(y0):
+            return None
+        count, rows, columns, first_row, first_column, *_ = self.residual.jac_sparsity(0, 0).btf()
+        if not 1 < count <= _MOST_BLOCKS:
+            return None
+        y = y0.copy()
+        for k in reversed(range(count)):
+            own_rows = rows[first_row[k] : first_row[k + 1]]
+            own = columns[first_column[k] : first_column[k + 1]]
+            part = ca.SX.sym("y", len(own))
+            whole = ca.SX(ca.DM(y))
+            whole[own] = part
+            found = self._newton(ca.Function("block", [part], [self.residual(whole)[own_rows]], ["y"], ["r"]), y[own])
+            if found is None:
+                return None
+            y[own] = found
+        return y
 
     def _homotopy(self, y0: Vector) -> Vector | None:
         """From the simplified system that the model states by `homotopy(...)` to the actual one."""

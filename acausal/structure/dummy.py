@@ -143,9 +143,9 @@ def _size(row: Mapping[int, Samples]) -> Samples:
     """
     if not row:
         return np.ones(2)
-    sizes = np.max([np.nan_to_num(np.abs(a), posinf=0.0) for a in row.values()], axis=0)
+    sizes: Samples = np.max([np.nan_to_num(np.abs(a), posinf=0.0) for a in row.values()], axis=0)
     sizes[0] = max(sizes[0], 1e-12 * float(np.median(sizes)))
-    return np.maximum(sizes, 1e-300)
+    return np.asarray(np.maximum(sizes, 1e-300))
 
 
 class _Elimination:
