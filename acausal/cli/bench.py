@@ -166,13 +166,15 @@ def _repeated(flag: str, values: Sequence[str | None] | None) -> list[str]:
 
 
 def _summary(found: Bench, advice: Recommendation | None, model: str, brief: bool) -> None:
-    from acausal.study.bench.report import HEAD
-
     say(f"{found.model}: {found.start_time:g} ... {found.stop_time:g} s")
     say(f"  reference  {found.reference.source}: {found.reference.trusted_digits:.1f} digits trusted")
     parts = [f"{name} {seconds(t)}" for name, t in found.times.items() if t == t]
     if not brief:
-        table(found.rows(), HEAD, indent="  ")
+        head, *rows = found.rows()
+        table(rows, head, indent="  ")
+        for name, (seen, own) in found.orders.items():
+            lost = ": order reduction, by stiffness, kinks or events" if seen < 0.7 * own else ""
+            say(f"  order      {name}: observed {seen:.1f} of {own}{lost}")
         say(f"  apart      {', '.join(parts)}")
     for note in found.notes:
         remark(f"note: {note}")

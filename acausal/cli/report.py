@@ -23,16 +23,19 @@ def remark(text: str) -> None:
 
 
 def table(rows: Sequence[Sequence[str]], head: Sequence[str] = (), indent: str = "") -> None:
-    """Aligned columns on stdout, the last one ragged.
+    """Aligned columns on stdout, the last one of each row ragged: a row may end early, with a sentence.
 
     Not a table of rich: that one cuts paths to the width of a terminal which a pipe does not have.
     """
     lines = [list(map(str, row)) for row in ([head] if head else []) + list(rows)]
     if not lines:
         return
-    widths = [max(len(line[k]) for line in lines) for k in range(len(lines[0]))]
+    most = max(map(len, lines))
+    # a row that ends early ends with a sentence: that makes no column wide
+    columns = [[line[k] for line in lines if len(line) > k + (len(line) < most)] for k in range(most)]
+    widths = [max(map(len, column), default=0) for column in columns]
     for line in lines:
-        cells = [cell.ljust(width) for cell, width in zip(line, widths, strict=True)]
+        cells = [cell.ljust(width) for cell, width in zip(line, widths, strict=False)]
         say((indent + "  ".join(cells)).rstrip())
 
 

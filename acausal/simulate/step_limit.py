@@ -86,7 +86,8 @@ class StepLimit:
         at = times[chosen]
         reach = np.diff(np.concatenate([[at[0]], 0.5 * (at[1:] + at[:-1]), [at[-1]]]))
         amplified = np.where(rates > 0.0, rates * np.maximum(reach, self.step), 0.0)
-        worst = int(np.argmax(rates))
+        # what comes behind the row at which errors have outgrown the solution is no solution any more
+        worst = int(np.argmax(rates[: int(np.argmax(np.cumsum(amplified) > MOST_GROWTH)) + 1]))
         if amplified.sum() > MOST_GROWTH:
             k = chosen[worst]
             error = self._refusal(float(times[k]), x[:, k], z[:, k], m[:, k], float(amplified.sum()))

@@ -133,3 +133,36 @@ def test_wrong_requests(arguments: tuple[str, ...], code: str) -> None:
     found = run(*arguments)
     assert found.code == 2
     assert code in found.err
+
+
+def test_failures_and_orders_stand_in_the_table(tmp_path: Path) -> None:
+    # x' = -50 x: steps of 0.1 s are far beyond the limit 2/50 of Heun's method, which is of order 2 below it
+    (tmp_path / "fast.py").write_text(
+        "from acausal import Component, Equations, Experiment, Real, der, fixed, variable\n"
+        "class Fast(Component):\n"
+        "    x: Real = variable(default=fixed(1.0))\n"
+        "    experiment = Experiment(stop_time=1.0)\n"
+        "    def equations(self) -> Equations:\n"
+        "        yield der(self.x) == -50.0 * self.x\n"
+    )
+    steps = [part for step in ("100ms", "2ms", "1ms") for part in ("--step", step)]
+    found = run("bench", f"{tmp_path / 'fast.py'}:Fast", "--solver", "rk2", *steps, "--repeat", "1", "-q")
+    assert found.code == 0
+    assert "failed: AC405: a step of 0.1 s is unstable with Heun (RK2)" in found.out
+    assert "order      rk2: observed 2." in found.out
+    assert "drift" not in found.out
+
+
+def test_a_solution_that_ends_has_no_reference_beyond(tmp_path: Path) -> None:
+    (tmp_path / "pole.py").write_text(
+        "from acausal import Component, Equations, Experiment, Real, der, fixed, variable\n"
+        "class Pole(Component):\n"
+        "    x: Real = variable(default=fixed(1.0))\n"
+        "    experiment = Experiment(stop_time=2.0)\n"
+        "    def equations(self) -> Equations:\n"
+        "        yield der(self.x) == self.x**2\n"
+    )
+    found = run("bench", f"{tmp_path / 'pole.py'}:Pole", "--solver", "erk", "--repeat", "1", "-q")
+    assert found.code == 1
+    assert "AC410" in found.err
+    assert "seems to end near t = 1 s" in found.err

@@ -82,12 +82,13 @@ def chart(bench: Bench, file: str | Path | None = None, title: str | None = None
     if any(run.constraint_drift for run in bench.runs):
         panels.append(("Constraint drift before projection", lambda r: r.constraint_drift or math.nan))
     panels = panels[:1] + [panel for panel in panels[1:] if any(panel[1](run) > 0 for run in bench.runs)]
-    columns = 2 if len(panels) == 4 else _COLUMNS
+    columns = 2 if len(panels) == 4 else min(len(panels), _COLUMNS)
     rows = math.ceil(len(panels) / columns)
     reasons = _reasons(bench)
     with matplotlib.rc_context(_STYLE):
         height = 3.5 * rows + 1.2 + 0.16 * len(reasons)
-        figure = Figure(figsize=(4.4 * _COLUMNS, height))
+        wide = _COLUMNS if len(panels) >= _COLUMNS else 0.5 + len(panels)
+        figure = Figure(figsize=(4.4 * wide, height))
         FigureCanvasAgg(figure)
         axes = list(figure.subplots(rows, columns, squeeze=False).flat)
         for place, (label, value) in zip(axes, panels, strict=False):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import combinations
@@ -84,13 +85,21 @@ def made(task: Task, nominal: Vector, limit: float, say: Callable[[str], None], 
         raise IntegrationError(
             "AC410",
             f"no reference for {task.compiled.name}: two different solvers have to agree, {len(found)} arrived",
-            evidence=notes,
-            help="allow more time (--time-limit), or give a reference (--reference FILE)",
+            evidence=list({note.partition(" at ")[0]: note for note in notes}.values()),
+            help=_remedy(notes),
         )
     digits, (first, second) = _closest(found, nominal)
     trajectory = found[first]
     source = f"{first} and {second} agree"
     return Reference(trajectory, floors(trajectory, nominal), digits, source, (first, second), notes=tuple(notes))
+
+
+def _remedy(notes: Sequence[str]) -> str:
+    """What to do about runs that did not arrive; most of them say where they stopped, if the solution ends."""
+    ends = [float(t) for note in notes for t in re.findall(r"stopped at t = (\S+) s", note)]
+    if len(ends) > len(notes) / 2:
+        return f"the solution seems to end near t = {min(ends):.4g} s: stop the bench before it (--stop-time)"
+    return "allow more time (--time-limit), or give a reference (--reference FILE)"
 
 
 def _tightest(

@@ -112,10 +112,30 @@ class Bench:
             found.setdefault(run.case.series, []).append(run)
         return {name: tuple(runs) for name, runs in found.items()}
 
+    @property
+    def orders(self) -> dict[str, tuple[float, int]]:
+        """Observed and classical order of each series of fixed steps whose errors tell.
+
+        Observed where the error falls last before it meets the reference's own. A stiff problem, a kink or an event
+        takes orders away (order reduction).
+        """
+        found = {}
+        for name, runs in self.series.items():
+            floor = 10 * max(self.reference.trusted_error, 1e-14)
+            told = [run for run in runs if run.case.step is not None and floor < run.error < _ASTRAY]
+            if len(told) < 2:
+                continue
+            # the steps really taken: some methods divide every output interval
+            (a, few), (b, many) = ((run.error, run.counters.get("steps", math.nan)) for run in told[-2:])
+            if many > few:
+                found[name] = math.log(a / b) / math.log(many / few), _ORDERS[told[0].case.solver]
+        return found
+
     def record(self) -> dict[str, Any]:
         """Everything, for JSON."""
         return {
             "model": self.model,
+            "orders": {name: {"observed": seen, "classical": own} for name, (seen, own) in self.orders.items()},
             "start_time": self.start_time,
             "stop_time": self.stop_time,
             "components": list(self.components),
@@ -146,30 +166,25 @@ class Bench:
         return chart(self, file)
 
     def rows(self) -> list[tuple[str, ...]]:
-        """The table of the command line: a row per run."""
-        return [_row(run) for run in self.runs]
+        """The table of the command line: its head, and a row per run; drift where there are constraints."""
+        drifts = any(run.constraint_drift is not None for run in self.runs)
+        head = (*_HEAD, *(("drift",) if drifts else ()), *_COUNTS)
+        return [head, *(_row(run, drifts) for run in self.runs)]
 
 
-HEAD = (
-    "series",
-    "tolerance or step",
-    "error",
-    "end error",
-    "mescd",
-    "phase s",
-    "solve ms",
-    "steps",
-    "rhs",
-    "jac",
-    "fact",
-)
+# Mixed errors beyond which nothing tells an order.
+_ASTRAY = 0.1
+_HEAD = ("series", "tolerance or step", "error", "end error", "mescd", "phase s", "solve ms")
+_COUNTS = {"steps": "steps", "rhs": "rhs_evaluations", "jac": "jacobians", "fact": "factorisations"}
+# The classical order of each method with fixed steps.
+_ORDERS = {"rk2": 2, "rk": 4, "erk": 5, "rosenbrock": 5, "collocation": 5}
 
 
-def _row(run: Run) -> tuple[str, ...]:
+def _row(run: Run, drifts: bool) -> tuple[str, ...]:
     if run.distance is None:
         return run.case.series, run.case.knob, f"failed: {run.failure}"
     d = run.distance
-    counts = ("steps", "rhs_evaluations", "jacobians", "factorisations")
+    drift = () if not drifts else ("-" if run.constraint_drift is None else f"{run.constraint_drift:.1e}",)
     return (
         run.case.series,
         run.case.knob,
@@ -178,7 +193,8 @@ def _row(run: Run) -> tuple[str, ...]:
         f"{d.mescd:.2f}",
         "-" if d.phase is None else f"{d.phase:.1e}",
         f"{1e3 * run.solve_time:.3g}",
-        *(f"{run.counters[c]:.0f}" if c in run.counters else "-" for c in counts),
+        *drift,
+        *(f"{run.counters[c]:.0f}" if c in run.counters else "-" for c in _COUNTS.values()),
     )
 
 

@@ -9,6 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from acausal.lower.diagnosis.words import counted
 from acausal.study.stability.character import Character
 from acausal.study.stability.modes import Local
 from acausal.study.stability.structure import Facts
@@ -109,11 +110,11 @@ def _events(run: Trajectory, facts: Facts) -> Finding | None:
         return None
     return Finding(
         "events",
-        f"{facts.relations} relations of variables and {facts.clauses} when clauses; {len(run.result.events)} events "
-        "in this run",
+        f"{counted(facts.relations, 'relation')} of variables and {counted(facts.clauses, 'when clause')}; "
+        f"{counted(len(run.result.events), 'event')} in this run",
         ("located on the solver's dense output" if facts.relations else "the run is cut there, to rounding")
         + "; every branch is integrated smoothly",
-        (("any method across switches", "order 1 only, and short contacts are stepped over"),),
+        (("any method across switches", "order 1 only, and what is short is stepped over, unless it locates them"),),
     )
 
 
@@ -206,7 +207,7 @@ def _growing(ch: Character) -> Finding | None:
     digits = ch.growth / math.log(10.0)
     return Finding(
         "growing",
-        f"errors grow with the solution: {', '.join(ch.growing.names[:3])} grow by 10^{digits:.0f} in the run",
+        f"errors grow with the solution: those of {', '.join(ch.growing.names[:3])} by 10^{digits:.0f} in the run",
         "no method helps against that: tighten the tolerance by as many digits as are needed, or shorten the run",
     )
 

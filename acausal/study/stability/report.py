@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from acausal.lower.diagnosis.words import counted
 from acausal.study.stability.bdf import BdfEffect
 from acausal.study.stability.character import Character
 from acausal.study.stability.limits import Limit
@@ -97,7 +98,7 @@ class Stability:
     def lines(self) -> Iterator[str]:
         """The report for people."""
         ch = self.character
-        size = f"{len(self.states)} states, {len(self.locals)} points"
+        size = f"{counted(len(self.states), 'state')}, {counted(len(self.locals), 'point')}"
         yield f"{self.model}: {self.span:g} s run with {self.solver}, {size}"
         if ch.fastest is not None:
             names = ", ".join(f"{n} ({100 * share:.0f} %)" for n, share in ch.fastest.states[:4])

@@ -88,7 +88,7 @@ def stability(
         solver=own_solver,
         tolerance=wanted,
         span=run.span,
-        states=compiled.states,
+        states=compiled.states[: len(compiled.states) - compiled.discretes],
         locals=locals,
         character=ch,
         limits=bounds,
