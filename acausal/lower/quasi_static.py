@@ -55,7 +55,7 @@ def quasi_static(solution: Solution, names: Sequence[str], formulation: str) -> 
     except StructureError as error:
         raise StructureError(
             "AC211",
-            f"{', '.join(names)} have no quasi-static limit: the rates do not depend on the states themselves",
+            f"no quasi-static limit for {', '.join(names)}: the rates do not depend on the states themselves",
             evidence=[error.fact, *error.evidence],
             cause="a position without a spring comes to rest anywhere",
             help="take the velocity alone, which leaves out the inertia, or the whole component that is stiff",

@@ -87,8 +87,12 @@ class Comparison:
             for e in self.errors:
                 yield f"  error of {e.name}: {e.absolute:.2g}, {e.relative:.1g} of its largest value"
         if self.estimate:
-            for name, value in self.estimate["states"].items():
-                yield f"  {name} is ahead by up to {value:.2g} (estimated)"
+            lags = self.estimate["states"]
+            for name, value in lags.items():
+                if value is not None:
+                    yield f"  {name} is ahead by up to {value:.2g} (estimated)"
+            if unknown := [name for name, value in lags.items() if value is None]:
+                yield f"  no estimate for {', '.join(unknown)}: among the outputs they would have one"
             slowest = self.estimate["slowest"]
             if slowest > 0:
                 yield f"  the modes left out decay within {slowest:.2g} s"

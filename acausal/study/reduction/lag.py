@@ -24,13 +24,14 @@ _MOST_POINTS = 400
 def lag(full: CompiledModel, reduced: CompiledModel, result: Result) -> dict[str, Any] | None:
     """Largest lag of every fast state, and the slowest of their time constants [s].
 
-    None without fast states, and for models with inputs or events of variables. The time constant is -1 when some mode
-    grows.
+    Lags are None where the reduced run does not hold what they follow from; all is None without fast states. The time
+    constant is -1 when some mode grows. Relations are taken as they hold at each point of the run; an event, at which a
+    state may be ahead by as much as it jumps, is no point of it.
     """
     selection = reduced.selection
     fast = [item.name for item in selection.left if item.kind == "quasi-static"] if selection is not None else []
     rows = [k for k, name in enumerate(full.states) if name in fast]
-    if not rows or len(full.inputs) or full.n_modes != len(full.time_events.relations):
+    if not rows:
         return None
     names = [*full.states, *full.algebraic]
     count = len(result.time)
@@ -40,18 +41,24 @@ def lag(full: CompiledModel, reduced: CompiledModel, result: Result) -> dict[str
     rates = _rates(result.time, x[rows])
     jacobian = _jacobian(full, rows)
     p = np.array(full.parameter_values)
+    u = np.array([_value(result, name) for name in full.inputs]).reshape(len(full.inputs), count)
+    # what no output depends on is not in the result: no estimate for it, nor where its value is needed
+    known = np.array([name in result for name in names[: len(full.states)]])
+    asked = np.array(ca.DM(jacobian.jac_sparsity(0, 1), 1.0)).any(axis=0)
+    told = bool(known[rows].all() and not (asked & ~known).any())
     worst = np.zeros(len(rows))
     slowest = 0.0
     for k in points:
         t = float(result.time[k])
-        m = np.array(full.modes(t, p)).ravel()
-        J = np.array(jacobian(t, x[:, k], z[:, k], [], p, m))
+        m = np.array(full.all_modes(t, x[:, k], z[:, k], u[:, k], p)).ravel()
+        J = np.array(jacobian(t, x[:, k], z[:, k], u[:, k], p, m))
         if not np.isfinite(J).all() or np.linalg.cond(J) > 1e14:
             continue
         worst = np.maximum(worst, np.abs(np.linalg.solve(J, rates[:, k])))
         decay = -float(np.max(np.linalg.eigvals(J).real))
         slowest = -1.0 if decay <= 0.0 or slowest < 0.0 else max(slowest, 1.0 / decay)
-    return {"states": {full.states[r]: float(w) for r, w in zip(rows, worst, strict=True)}, "slowest": slowest}
+    ahead = {full.states[r]: float(w) if told else None for r, w in zip(rows, worst, strict=True)}
+    return {"states": ahead, "slowest": slowest}
 
 
 def _value(result: Result, name: str) -> Vector:

@@ -3,12 +3,25 @@
 from __future__ import annotations
 
 import json
+from typing import ClassVar
 
 import numpy as np
 import pytest
 
 import acausal
-from acausal import Component, Equations, Real, fixed, parameter, part, variable
+from acausal import (
+    Component,
+    Equations,
+    Experiment,
+    Real,
+    der,
+    fixed,
+    parameter,
+    part,
+    signal_input,
+    variable,
+    where,
+)
 from acausal.models.drilling_dynamic import ThickBlock
 from tests.lower.test_quasi_static import Stack
 from tests.lower.test_select import Arm, TwoIslands
@@ -114,3 +127,37 @@ def test_an_output_that_depends_on_nothing_is_named() -> None:
     assert "never change: y" in str(found)
     assert found.compiled.selection is not None
     assert acausal.simulate(found.compiled, stop_time=1.0, parameters={"k": 3.0}).final("y") == 3.0
+
+
+class Follower(Component):
+    """A lag of 1 ms behind a body that an input force pushes into a stop."""
+
+    x: Real = variable(default=fixed(0.0))
+    v: Real = variable(default=fixed(1.0))
+    y: Real = variable(default=fixed(0.0))
+    F: Real = signal_input()
+
+    experiment: ClassVar[Experiment] = Experiment(stop_time=3.0)
+
+    def equations(self) -> Equations:
+        yield der(self.x) == self.v
+        yield der(self.v) == self.F - where(self.x > 0.5, 100.0 * (self.x - 0.5), 0.0)
+        yield 1e-3 * der(self.y) == self.x - self.y
+
+
+def test_the_lag_is_estimated_with_inputs_and_events_too() -> None:
+    found = acausal.reduce(Follower(), ["y"], quasi_static=["y"], inputs={"F": 0.5}, repeat=1)
+    assert found.comparison is not None
+    estimate = found.comparison.estimate
+    assert estimate is not None
+    # y is 1 ms behind x, whose speed is at most sqrt(1 + 2 F x) up to the stop and a little more behind it
+    fastest = float(np.max(np.abs(acausal.simulate(Follower(), inputs={"F": 0.5})["v"])))
+    assert estimate["states"]["y"] == pytest.approx(1e-3 * fastest, rel=0.03)
+    assert estimate["slowest"] == pytest.approx(1e-3)
+    assert found.comparison.errors[0].absolute == pytest.approx(estimate["states"]["y"], rel=0.1)
+
+
+def test_no_lag_is_told_from_what_is_not_there() -> None:
+    found = acausal.reduce(Follower(), ["x"], quasi_static=["y"], inputs={"F": 0.5}, repeat=1)
+    assert found.comparison is not None
+    assert found.comparison.estimate is None or found.comparison.estimate["states"] == {"y": None}
