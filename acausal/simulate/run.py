@@ -32,6 +32,7 @@ from acausal.simulate.guards import Tolerances
 from acausal.simulate.hybrid import Hybrid
 from acausal.simulate.initialize import Start, consistent, initialize
 from acausal.simulate.interrupt import Interruptible
+from acausal.simulate.kept import kept
 from acausal.simulate.options import Options, options
 from acausal.simulate.patience import PATIENCE, crawl
 from acausal.simulate.problem import Problem
@@ -363,14 +364,14 @@ class Run:
             **({"events": len(recorder.boundaries)} if recorder.boundaries else {}),
             "time": {**self.compiled.timings, **self.timings},
         }
-        events = event_log(recorder.boundaries, np.array(self.compiled.instants(self.p)).ravel())
+        events = event_log(recorder.boundaries, kept(self.compiled).instants(self.p)[0])
         return make_result(recorder, events, stats, self.dense(problem, solver, recorder))
 
     def instants(self) -> list[float]:
         """Time events inside the run, ascending, each once."""
         span = self.options.stop_time - self.options.start_time
         samples = sample_times(self.compiled, self.p, self.options.start_time, self.options.stop_time)
-        found = np.unique(np.append(np.array(self.compiled.instants(self.p)).ravel(), samples))
+        found = np.unique(np.append(kept(self.compiled).instants(self.p)[0], samples))
         inside = [
             float(t)
             for t in found
@@ -382,7 +383,7 @@ class Run:
 
     def modes(self, a: float, b: float) -> Vector:
         """Modes of the time events between two instants."""
-        return np.array(self.compiled.modes(0.5 * (a + b), self.p)).ravel()
+        return kept(self.compiled).modes(0.5 * (a + b), self.p)[0]
 
     def pass_events(self, hybrid: Hybrid, solver: Solver, course: Course) -> None:
         """The whole run of a model with events."""
@@ -408,10 +409,12 @@ class Run:
         self, problem: Problem, solver: Solver, recorder: Recorder, start: Start, instants: Vector, grid: Vector
     ) -> tuple[int, Start]:
         """The segments that compiled code has passed by itself, from the first on, and the values at their end."""
+        # one segment is faster as it is, and can be passed in parts
+        if len(instants) < 3 or not can_fly(problem, solver):
+            return 0, start
         course = plan(self.compiled, self.p, instants, grid)
         template = self.stretch(float(instants[0]), course.times, start, self.modes(instants[0], instants[1]))
-        # one segment is faster as it is, and can be passed in parts
-        library = program(problem, solver, template) if course.segments > 1 and can_fly(problem, solver) else None
+        library = program(problem, solver, template)
         if library is None:
             return 0, start
         flight = Flight(problem, recorder, course, template, self.options.span)
