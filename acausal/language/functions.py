@@ -100,12 +100,12 @@ def sign(x: Operand) -> Expr:
 
 
 def floor(x: Operand) -> Expr:
-    """Largest integer not above `x`."""
+    """Largest integer not above `x`; each step is an event, except below `no_event` and in what a `when` computes."""
     return _unary("floor", x)
 
 
 def ceil(x: Operand) -> Expr:
-    """Smallest integer not below `x`."""
+    """Smallest integer not below `x`; events as for `floor`."""
     return _unary("ceil", x)
 
 

@@ -1,10 +1,10 @@
 """Relations of variables, samples, `when` clauses and discrete equations: what makes an instant an event.
 
 Every relation on which an integrated quantity depends is a mode, constant between events, so that the right-hand side
-is smooth in each mode; `no_event` and `where(..., smooth=True)` exempt a relation. `sign` of a variable becomes a
-relation too: it jumps. `minimum`, `maximum` and `fabs` have kinks only and are left to the error control, as in
-Modelica (3.6, section 3.7.2). Relations of time only are known in advance and live in `time_events`; relations of
-discrete variables change at events only.
+is smooth in each mode; `no_event` and `where(..., smooth=True)` exempt a relation. `sign`, `floor` and `ceil` of a
+variable become relations too: they jump. `minimum`, `maximum` and `fabs` have kinks only and are left to the error
+control, as in Modelica (3.6, section 3.7.2). Relations of time only are known in advance and live in `time_events`;
+relations of discrete variables change at events only.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ class StateEvents:
     relations
         Relations of variables, located.
     rewritten
-        `sign` of variables, by branches on such relations.
+        `sign`, `floor` and `ceil` of variables, by branches on such relations.
     clauses, assignments, asserts
         What acts, in the order of the source.
     """
@@ -103,11 +103,15 @@ def find_state_events(solution: Solution, states: tuple[int, ...], time_events: 
     asserts = tuple(_asserts(reduced))
     own = [n for c in clauses for n in (c.condition, *(v for _, v in c.actions))]
     own += [a.node for a in assignments] + [a.condition for a in asserts] + [n for d in reduced.delays for n in d[:2]]
-    roots = [*own, *solution.residuals, *_definitions(solution, own)]
+    inside = [*solution.residuals, *_definitions(solution, own)]
+    roots = [*own, *inside]
     rewritten = dict(time_events.rewritten)
     discrete = discrete_variables(reduced)
-    signs = _signs(pool, roots, discrete, rewritten)
-    done = {**rewritten, **signs}
+    # what a `when` computes is computed at its instants only: a quantiser with a clock is no event at each of its steps
+    values = {v for c in clauses for _, v in c.actions}
+    steps = set(_visible(pool, [*(n for n in own if n not in values), *inside]))
+    jumps = _jumps(pool, _visible(pool, roots), steps, discrete, rewritten)
+    done = {**rewritten, **jumps}
     pool.rewrite(roots, pool.var, done)
     found = _conditions(pool, [done[r] for r in roots], set(time_events.relations), discrete)
     return StateEvents(
@@ -115,7 +119,7 @@ def find_state_events(solution: Solution, states: tuple[int, ...], time_events: 
         tuple(sorted(found["pre"])),
         tuple(sorted(found["flag"])),
         tuple(sorted(found["relation"])),
-        signs,
+        jumps,
         clauses,
         assignments,
         asserts,
@@ -155,17 +159,40 @@ def _moves(pool: Pool, node: int, discrete: frozenset[int]) -> bool:
     return False
 
 
-def _signs(pool: Pool, roots: Iterable[int], discrete: frozenset[int], rewritten: dict[int, int]) -> dict[int, int]:
-    """`sign` of what moves, as a branch on a relation; exempt below `no_event`."""
+def _jumps(
+    pool: Pool, visible: Iterable[int], steps: set[int], discrete: frozenset[int], rewritten: dict[int, int]
+) -> dict[int, int]:
+    """`sign` of what moves, and of `steps` also `floor` and `ceil`, as branches on relations."""
     found: dict[int, int] = {}
     done = dict(rewritten)
-    for number in _visible(pool, roots):
-        node = pool.nodes[number]
-        if node[0] == "sign" and number not in rewritten and _moves(pool, node[1], discrete):
-            pool.rewrite([node[1]], pool.var, done)
-            relation = pool.make("gt", done[node[1]], pool.zero)
-            found[number] = done[number] = pool.where(relation, pool.one, pool.neg(pool.one))
+    for number in visible:
+        op, *operands = pool.nodes[number]
+        if number in rewritten or op not in ("sign", "floor", "ceil") or not _moves(pool, operands[0], discrete):
+            continue
+        pool.rewrite(operands, pool.var, done)
+        u = done[operands[0]]
+        if op == "sign":
+            found[number] = done[number] = pool.where(pool.make("gt", u, pool.zero), pool.one, pool.neg(pool.one))
+        elif number in steps:
+            found[number] = done[number] = _stairs(pool, number, op, u)
+            was = pool.make("pre", number)
+            found[was] = done[was] = was  # what it was is remembered of the branch, under this name
     return found
+
+
+def _stairs(pool: Pool, number: int, op: str, u: int) -> int:
+    """`floor` or `ceil` of u as a number k that is constant until u leaves its step.
+
+    k is what the node was at the last event, `pre` of itself. At its end u is there but for rounding, so that k changes
+    by one at least, and by more where u has jumped.
+    """
+    k = pool.make("pre", number)
+    up, down = pool.add(k, pool.one), pool.sub(k, pool.one)
+    rises, falls = ("ge", "lt") if op == "floor" else ("gt", "le")
+    above, below = (up, k) if op == "floor" else (k, down)
+    here = pool.make(op, u)
+    lower = pool.where(pool.make(falls, u, below), pool.make("min", down, here), k)
+    return pool.where(pool.make(rises, u, above), pool.make("max", up, here), lower)
 
 
 def _visible(pool: Pool, roots: Iterable[int]) -> list[int]:
