@@ -121,7 +121,7 @@ class HybridStep:
 
     def timely(self, t: Any, p: Any) -> Any:
         """Relations of time just after an instant."""
-        return self.compiled.modes(t + TICK * self.h, p)[: self.compiled.n_timely]
+        return timely(self.compiled, t, self.h, p)
 
     def modes(self, t: Any, kept: Any) -> Any:
         """All modes from those in x, at the start of a step."""
@@ -263,6 +263,12 @@ class HybridStep:
                 if regime.is_possible and regime.is_solvable(begin.t, begin.x, begin.z, m):
                     found[k] = _Impact(k, _onto(compiled, k, target))
         return list(found.values())
+
+
+def timely(compiled: CompiledModel, t: Any, h: float, p: Any) -> Any:
+    """Relations of time just after an instant of a grid of steps `h`."""
+    found = compiled.modes(t + TICK * h, p)
+    return ca.vertsplit(found, [0, compiled.n_timely, found.numel()])[0]
 
 
 def _weight(ratio: Any) -> Any:

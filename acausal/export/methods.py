@@ -147,7 +147,8 @@ class Method:
         w = ca.vertcat(x, z)
         for _ in range(_STAGE_STEPS):
             w = self._stage_step(t, reach, base, w, *held)
-        return w[: self._nx], w[self._nx :]
+        found = ca.vertsplit(w, [0, self._nx, self._nx + self._nz])
+        return found[0], found[1]
 
     @cached_property
     def _stage_step(self) -> Any:

@@ -19,7 +19,7 @@ import numpy as np
 from acausal.errors import ExportError, UsageError
 from acausal.export.casadi_model import Port, Ports
 from acausal.export.functions import begin_of, observed_function
-from acausal.export.hybrid_step import TICK, HybridStep, has_memory
+from acausal.export.hybrid_step import HybridStep, has_memory, timely
 from acausal.export.methods import IMPLICIT, METHODS, Method
 from acausal.export.ports import named_outputs, output_ports, parameter_ports, variable_ports
 from acausal.lower.compiled import CompiledModel, Symbols
@@ -110,8 +110,9 @@ class _Made:
         self.u, self.p = ca.SX.sym("u", len(compiled.inputs)), ca.SX.sym("p", len(compiled.parameters))
         s, remembers = Symbols(compiled), has_memory(compiled)
         # without memory relations are whatever holds at a point; those of time are known for the whole step
-        n = compiled.n_timely
-        m = s.m if remembers else ca.vertcat(s.m[:n], compiled.all_modes(s.t, s.x, s.z, s.u, s.p)[n:])
+        ends = [0, compiled.n_timely, compiled.n_modes]  # a slice of a scalar that leaves nothing would be a row
+        here = ca.vertsplit(compiled.all_modes(s.t, s.x, s.z, s.u, s.p), ends)[1]
+        m = s.m if remembers else ca.vertcat(ca.vertsplit(s.m, ends)[0], here)
         observed = observed_function(compiled, self.wanted)(s.t, s.x, s.z, s.u, s.p, m)
         rates = compiled.rhs(s.t, s.x, s.z, s.u, s.p, m)
         self.y = ca.Function("y", s.inputs, [ca.densify(observed)])
@@ -169,4 +170,5 @@ class _Made:
 
     def _timely(self, t: Any) -> Any:
         """Modes just after an instant; those of variables are not looked at."""
-        return self.compiled.modes(t + TICK * self.h, self.p)
+        compiled = self.compiled
+        return ca.vertcat(timely(compiled, t, self.h, self.p), ca.SX.zeros(compiled.n_modes - compiled.n_timely, 1))

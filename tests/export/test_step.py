@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import acausal
-from acausal import Component, Equations, Experiment, Real, der, fixed, parameter, signal_input, variable
+from acausal import Component, Equations, Experiment, Real, der, fixed, parameter, signal_input, time, variable, where
 from acausal.errors import ExportError, UsageError
 from acausal.export.real_time import real_time
 from acausal.export.step import step_function
@@ -130,3 +130,21 @@ def test_what_has_no_step() -> None:
         step_function(acausal.compile(RCLadder()), 1e-3, "euler")
     with pytest.raises(UsageError, match="AC030"):
         step_function(acausal.compile(RCLadder()), 0.0)
+
+
+class Pulse(Component):
+    """x' = 1 between 0.3 and 0.7 s, else 0."""
+
+    x: Real = variable(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        yield der(self.x) == where((time > 0.3) & (time < 0.7), 1.0, 0.0)
+
+
+@pytest.mark.parametrize("method", ["rk2", "rk4", "rosenbrock", "sdirk"])
+def test_switches_of_time_on_the_grid_are_exact(method: str) -> None:
+    step = step_function(acausal.compile(Pulse()), 0.1, method)
+    x = np.array(step.x.start)
+    for k in range(1, 11):
+        x = np.array(step.function(x, [], step.p.start)[0]).ravel()
+        assert x[0] == pytest.approx(min(max(0.1 * k - 0.3, 0.0), 0.4), abs=1e-14)

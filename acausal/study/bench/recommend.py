@@ -74,11 +74,12 @@ def recommend(bench: Bench, accuracy: float) -> Recommendation:
     IntegrationError
         AC411 when nothing reaches it, or the reference cannot tell.
     """
+    digits = bench.reference.trusted_digits
     if bench.reference.trusted_error > accuracy:
         raise IntegrationError(
             "AC411",
-            f"an accuracy of {accuracy:g} cannot be judged for {bench.model}: two solvers agree to "
-            f"{bench.reference.trusted_digits:.1f} digits only",
+            f"an accuracy of {accuracy:g} cannot be judged for {bench.model}: "
+            + (f"two solvers agree to {digits:.1f} digits only" if digits > 0 else "no two solvers agree to a digit"),
             evidence=[bench.reference.source, *bench.reference.notes],
             cause="the model amplifies rounding (chaos), or has jumps the solvers place differently",
             help="shorten the run (--stop-time), or ask for less",
