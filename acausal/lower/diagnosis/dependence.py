@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from acausal.errors import StructureError
 from acausal.flatten.flat import FlatEquation
 from acausal.lower.diagnosis.causes import probable
+from acausal.lower.diagnosis.pencil import sparse_null_vectors
 from acausal.lower.diagnosis.words import equations_of, lines, listed, made_at, names_of, parameter_at, places
 from acausal.lower.evaluate import gradients
 from acausal.lower.reduce import ReducedSystem
@@ -111,11 +112,14 @@ def check_rank(
     """Refuse a nonlinear block whose Jacobian is singular at the start and at every generic point (AC204).
 
     One regular point suffices to accept it: a start at a singular position (sin(x) == 0 at x = pi/2) is no defect of
-    the equations. Blocks beyond 200 unknowns are left to Newton's method.
+    the equations. Up to 200 unknowns by singular values, beyond that by a sparse factorisation.
     """
-    if not 0 < len(unknowns) <= _LARGEST:
+    if not unknowns:
         return
-    null = _null(_jacobian(reduced, points, residuals, unknowns, points.leaves))
+    if len(unknowns) <= _LARGEST:
+        null = _null(_jacobian(reduced, points, residuals, unknowns, points.leaves))
+    else:
+        null = _sparse_null(reduced, points, residuals, unknowns)
     if null is not None:
         guilty = [rows[i] for i in np.flatnonzero(np.abs(null[0]) > 1e-6).tolist()]
         open_ones = [unknowns[k] for k in np.flatnonzero(np.abs(null[1]) > 1e-6).tolist()]
@@ -168,4 +172,28 @@ def _null(jacobian: Matrices) -> tuple[Matrices, Matrices] | None:
         if s[-1] > 1e-11 * s[0]:
             return None
         found = found or (u[:, -1], vt[-1])
+    return found
+
+
+def _sparse_null(
+    reduced: ReducedSystem, points: SamplePoints, residuals: Sequence[int], unknowns: Sequence[int]
+) -> tuple[Matrices, Matrices] | None:
+    """Left and right null vector at the first generic point of a large block that is singular at three of them."""
+    n = len(unknowns)
+    place = {v: k for k, v in enumerate(unknowns)}
+    slopes = gradients(reduced.pool, residuals, unknowns, points.leaves)
+    rows = np.array([i for i, row in enumerate(slopes) for _ in row])
+    columns = np.array([place[v] for row in slopes for v in row])
+    entries = np.array([np.broadcast_to(slope, (COUNT,)) for row in slopes for slope in row.values()])
+    found: tuple[Matrices, Matrices] | None = None
+    for k in range(1, 4):
+        if not np.isfinite(entries[:, k]).all():
+            continue
+        left, right = sparse_null_vectors(rows, columns, entries[:, k], n)
+        if not left or not right:
+            return None
+        dense = np.zeros((2, n))
+        for side, vector in zip(dense, (left[0], right[0]), strict=True):
+            side[list(vector)] = list(vector.values())
+        found = found or (dense[0], dense[1])
     return found

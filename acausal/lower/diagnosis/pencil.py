@@ -123,6 +123,23 @@ def null_vectors(matrix: Any) -> tuple[list[Vector], list[Vector]]:
     return _sparsest(left * by_row), _sparsest(right * by_column)
 
 
+def sparse_null_vectors(
+    rows: NDArray[np.int64], columns: NDArray[np.int64], entries: NDArray[np.float64], n: int
+) -> tuple[list[Vector], list[Vector]]:
+    """Left and right null vectors of a large square matrix; a regular one costs one factorisation."""
+    from scipy.sparse import csc_matrix
+    from scipy.sparse.linalg import splu
+
+    matrix = csc_matrix((entries, (rows, columns)), shape=(n, n))
+    try:
+        pivots = np.abs(splu(csc_matrix(_equilibrated(matrix)[0])).U.diagonal())
+        if pivots.min() > 1e-10 * pivots.max():
+            return [], []
+    except RuntimeError:  # exactly singular
+        pass
+    return null_vectors(matrix)
+
+
 def _equilibrated(matrix: Any) -> tuple[Any, NDArray[np.float64], NDArray[np.float64]]:
     """Scaled so that the largest entry of every row and column is about one."""
     by_row, by_column = np.ones(matrix.shape[0]), np.ones(matrix.shape[1])
