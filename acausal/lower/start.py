@@ -71,12 +71,21 @@ def start_problem(solution: Solution) -> StartProblem:
             given.append(_condition(reduced, scalar, start))
     for e, node in solution.structure.invariants:
         source = reduced.flat.equations[solution.structure.flat_equation(e)]
-        given.append(Condition(node, reduced.flat.text(source), span_of(source)))
+        given.append(Condition(node, _level(solution, e, reduced.flat.text(source)), span_of(source)))
     for equation, node in zip(reduced.flat.initial_equations, reduced.initial, strict=True):
         given.append(Condition(node, reduced.flat.text(equation), span_of(equation)))
     open_states = [x for x in states if x not in direct]
     used, surplus, defaulted = _assign(solution, given, open_states, guesses)
     return StartProblem(direct, tuple(used), tuple(surplus), tuple(defaulted), guesses)
+
+
+def _level(solution: Solution, equation: int, text: str) -> str:
+    """Text of a constraint, or of its first or second derivative: `d/dt (x ** 2 + y ** 2 == 1)`."""
+    times = 0
+    while equation in solution.structure.integral:
+        equation, times = solution.structure.integral[equation], times + 1
+    order = f"{times}" * (times > 1)
+    return f"d{order}/dt{order} ({text})" if times else text
 
 
 def _aimed_at(reduced: ReducedSystem, scalar: int, start: FlatStart) -> tuple[int | None, int]:

@@ -52,7 +52,8 @@ def contradicting(
         fact = f"the start value {condition.text} = {given:g} contradicts the others, which make it {given + off:g}"
         field = condition.text.rpartition(".")[2]
         advice = f"remove one of them, or make it a guess: {field}=guess({given:g})"
-    others = [text for text in _others(compiled, condition, x, p) if not text.startswith(f"{condition.text} ")]
+    own = f"{condition.text} ", f"d/dt ({condition.text})"
+    others = [text for text in _others(compiled, condition, x, p) if not text.startswith(own)]
     cause = "the equations determine it at every time: no state is left to be chosen at the start"
     if compiled.states:
         states = counted(len(compiled.states), "state")

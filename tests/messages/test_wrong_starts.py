@@ -73,6 +73,39 @@ class OffTheCircle(Component):
 
 
 @corpus.bad_start(
+    "AC302",
+    "d/dt (x * x + y * y == 1)",
+    """
+error[AC302]: OffTheTangent: the start equation `d/dt (x * x + y * y == 1)` contradicts the others: it is off by 2
+  at      test_wrong_starts.py:N
+              yield self.x * self.x + self.y * self.y == 1.0
+          given too:
+            x = 1   (test_wrong_starts.py:N)
+            v = 1   (test_wrong_starts.py:N)
+            w = 0   (test_wrong_starts.py:N)
+            x * x + y * y == 1   (test_wrong_starts.py:N)
+  cause   more is fixed at the start than the 4 states can follow: x, y, v and w
+  help    make one of the others a guess(...)
+""",
+)
+class OffTheTangent(Component):
+    """A pendulum of index 3 on its circle that starts with a velocity across it."""
+
+    x: Real = variable(default=fixed(1.0))
+    y: Real = variable(default=guess(0.0))
+    v: Real = variable(default=fixed(1.0))
+    w: Real = variable(default=fixed(0.0))
+    tension: Real = variable()
+
+    def equations(self) -> Equations:
+        yield der(self.x) == self.v
+        yield der(self.y) == self.w
+        yield der(self.v) == -self.tension * self.x
+        yield der(self.w) == -self.tension * self.y - 9.81
+        yield self.x * self.x + self.y * self.y == 1.0
+
+
+@corpus.bad_start(
     "AC304",
     "y",
     """
