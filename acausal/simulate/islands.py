@@ -22,6 +22,7 @@ _SERIES = np.linalg.inv(chebyshev.chebvander(_POINTS, _ORDER)).T
 """Values at the points, as a row, times this are the coefficients of the series."""
 _INTEGRAL = chebyshev.chebint(np.eye(_ORDER + 1), lbnd=-1, axis=1)
 """Coefficients times this are those of the integral from the left end."""
+_DEGREES = np.arange(_ORDER + 2)
 _SMALLEST = 1e-12
 """Width of a panel, relative to the whole, below which a jump of the rate is left as it is."""
 
@@ -85,5 +86,6 @@ def integrals(
         here = slice(*np.searchsorted(stretches, [k, k + 1]))
         inside[here] += np.maximum(np.searchsorted(left[first[k] : ends[k]], times[here]) - 1, 0)
     at = 2.0 * (times - left[inside]) / (right[inside] - left[inside]) - 1.0
-    grown: Vector = before[:, inside] + np.einsum("qkc,kc->qk", panels[:, inside], chebyshev.chebvander(at, _ORDER + 1))
+    rising = np.cos(np.arccos(np.clip(at, -1.0, 1.0))[:, None] * _DEGREES)
+    grown: Vector = before[:, inside] + np.einsum("qkc,kc->qk", panels[:, inside], rising)
     return grown

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from acausal.simulate.native.program import INTERRUPTED, Program, RunStructure, prepare
+from acausal.simulate.native.program import INTERRUPTED, Program, RunStructure, address, prepare
 
 Vector = NDArray[np.float64]
 SOURCE = Path(__file__).with_name("flight.c")
@@ -57,7 +57,7 @@ class FlightProgram(Program):
 
     def structure(self, numbers: Mapping[str, float], arrays: Mapping[str, NDArray[Any]]) -> FlightStructure:
         """The structure with these fields; it keeps the arrays alive."""
-        flight = FlightStructure(**numbers, **{name: a.ctypes.data for name, a in arrays.items()})
+        flight = FlightStructure(**numbers, **{name: address(a) for name, a in arrays.items()})
         flight.kept = arrays
         prepare(flight.run)
         flight.run.flag = self.flag

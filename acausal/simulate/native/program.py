@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ctypes
 import threading
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -85,10 +86,10 @@ class Program:
         run.flag = self.flag
         run_address = ctypes.addressof(run)
         inputs = [np.ascontiguousarray(v, dtype=float) for v in (x0, z0, p)]
-        arg = _pointers(self.sizes[0], [*(_address(v) for v in inputs), run_address])
-        res = _pointers(self.sizes[1], [_address(x), _address(z)])
+        arg = _pointers(self.sizes[0], [*(address(v) for v in inputs), run_address])
+        res = _pointers(self.sizes[1], [address(x), address(z)])
         iw, w = np.empty(self.sizes[2] + 1, dtype=np.int64), np.empty(self.sizes[3] + 1)
-        _check(self.call(arg, res, ctypes.c_void_p(_address(iw)), ctypes.c_void_p(_address(w)), 0))
+        _check(self.call(arg, res, ctypes.c_void_p(address(iw)), ctypes.c_void_p(address(w)), 0))
         stats = {"n_steps": run.steps, "n_rhs": run.rhs, "n_jac": run.jac, "n_reject": run.rejected}
         return x, z, {name: float(count) for name, count in stats.items()}
 
@@ -113,14 +114,14 @@ class HeunProgram:
         pointer = ctypes.c_void_p
         _check(
             self.call(
-                pointer(_address(start)),
-                pointer(_address(parameters)),
-                pointer(_address(x)),
+                pointer(address(start)),
+                pointer(address(parameters)),
+                pointer(address(x)),
                 ctypes.c_longlong(self.nx),
                 arg,
                 res,
-                pointer(_address(iw)),
-                pointer(_address(w)),
+                pointer(address(iw)),
+                pointer(address(w)),
                 ctypes.byref(run),
             )
         )
@@ -129,7 +130,7 @@ class HeunProgram:
 
 def _prepared(grid: Vector, reltol: float, abstol: float, step: float, first: float = 0.0) -> Any:
     grid = np.ascontiguousarray(grid, dtype=float)
-    run = RunStructure(grid=_address(grid), n=len(grid), reltol=reltol, abstol=abstol, step=step, first=first)
+    run = RunStructure(grid=address(grid), n=len(grid), reltol=reltol, abstol=abstol, step=step, first=first)
     run.kept = grid  # alive as long as the pointer to it
     prepare(run)
     return run
@@ -139,14 +140,21 @@ def prepare(run: RunStructure) -> None:
     """Let a program look for Ctrl-C."""
     # Python runs its signal handlers in the main thread only; elsewhere there is nothing to look for.
     if threading.current_thread() is threading.main_thread():
-        api = ctypes.pythonapi
-        for field, function in (
-            ("enter", api.PyGILState_Ensure),
-            ("signals", api.PyErr_CheckSignals),
-            ("clear", api.PyErr_Clear),
-            ("leave", api.PyGILState_Release),
-        ):
-            setattr(run, field, ctypes.cast(function, ctypes.c_void_p).value)
+        for field, function in _signals().items():
+            setattr(run, field, function)
+
+
+@cache
+def _signals() -> dict[str, int | None]:
+    """Addresses of what a program calls to ask for Ctrl-C."""
+    api = ctypes.pythonapi
+    functions = {
+        "enter": api.PyGILState_Ensure,
+        "signals": api.PyErr_CheckSignals,
+        "clear": api.PyErr_Clear,
+        "leave": api.PyGILState_Release,
+    }
+    return {field: ctypes.cast(function, ctypes.c_void_p).value for field, function in functions.items()}
 
 
 def _check(status: int) -> None:
@@ -170,5 +178,6 @@ def _pointers(count: int, addresses: list[int]) -> Any:
     return array
 
 
-def _address(array: NDArray[Any]) -> int:
-    return int(array.ctypes.data)
+def address(array: NDArray[Any]) -> int:
+    """Where the numbers of an array are; a third of the time of `array.ctypes.data`."""
+    return int(array.__array_interface__["data"][0])
