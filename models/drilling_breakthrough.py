@@ -6,7 +6,7 @@ import math
 from typing import ClassVar
 
 from acausal import Component, Equations, Experiment, Panel, Real, connect, fixed, minimum, parameter, part, tan
-from acausal.library.drilling import EnergyBalance, FeedCap, FullDrillingForce, Workpiece
+from acausal.library.drilling import EnergyBalance, FeedCap, FullDrillingForce, PlateLevel, Workpiece
 from acausal.library.multibody import Body, Prismatic, Revolute, World
 from acausal.library.rotational import Speed
 from acausal.library.translational import ElastoGap, Fixed, Force
@@ -51,6 +51,7 @@ class ConstantForceDrilling(Component):
         self.body = Body(m=self.m, g_0=self.world.g_0)
         self.workpiece = Workpiece(t=self.t)
         self.drill = FullDrillingForce(
+            level=PlateLevel("workpiece"),
             t=self.workpiece.t,
             explicit=True,
             k=1e8,

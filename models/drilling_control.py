@@ -25,6 +25,7 @@ from acausal.library.drilling import (
     FeedDrive,
     ForceControl,
     FullDrillingForce,
+    PlateLevel,
     Spindle,
     Workpiece,
     feed_rate_under,
@@ -92,6 +93,7 @@ class ForceControlledDrilling(Component):
         self.plates = [Workpiece(t=self.t_1), Workpiece(t=self.t_2, r=(0.0, 0.0, below))]
         self.drills = [
             FullDrillingForce(
+                level=PlateLevel(f"plates[{k}]"),
                 t=plate.t,
                 explicit=True,
                 k=1e8,
@@ -102,7 +104,7 @@ class ForceControlledDrilling(Component):
                 mu_margin=0.15,
                 line_load=2e4,
             )
-            for plate in self.plates
+            for k, plate in enumerate(self.plates)
         ]
         self.spindle = Spindle(tau_max=40.0, w_ref=2 * math.pi * self.n)
         expected = feed_rate_under(self.F_set, self.n, tool=TWIST_DRILL_16MM, material=STEEL_34CRMO4, factor=SIN_KAPPA)

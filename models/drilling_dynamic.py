@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from acausal import Component, Equations, Experiment, Panel, Real, connect, fixed, parameter, part, structural
 from acausal.library.blocks import Gain, TimeTable
-from acausal.library.drilling import DrillingForce, Workpiece
+from acausal.library.drilling import DrillingForce, PlateLevel, Workpiece
 from acausal.library.multibody import Body, Prismatic, Revolute, World
 from acausal.library.rotational import Speed
 from acausal.library.translational import Force
@@ -83,6 +83,7 @@ class ThickBlock(Component):
         self.body = Body(m=self.m, g_0=self.world.g_0)
         self.workpiece = Workpiece(t=0.05)
         self.drill = DrillingForce(
+            level=PlateLevel("workpiece"),
             t=self.workpiece.t,
             width=self.workpiece.width,
             height=self.workpiece.height,

@@ -6,7 +6,7 @@ import math
 from typing import ClassVar
 
 from acausal import Component, Equations, Experiment, Panel, Real, connect, fixed, parameter, part
-from acausal.library.drilling import EnergyBalance, FeedDrive, FullDrillingForce, Spindle, Workpiece
+from acausal.library.drilling import EnergyBalance, FeedDrive, FullDrillingForce, PlateLevel, Spindle, Workpiece
 from acausal.library.multibody import Body, Prismatic, Revolute, World
 
 
@@ -51,6 +51,7 @@ class SpindleStall(Component):
         self.body = Body(m=self.m, g_0=self.world.g_0)
         self.workpiece = Workpiece(t=0.05)
         self.drill = FullDrillingForce(
+            level=PlateLevel("workpiece"),
             t=self.workpiece.t,
             k=1e8,
             d_c=2e4,

@@ -18,7 +18,6 @@ from acausal import (
 )
 from acausal.library.drilling.depth import DrillDepthCalculation
 from acausal.library.drilling.force import DrillContactForce
-from acausal.library.drilling.geometry_convex import ConvexLevel
 from acausal.library.drilling.interfaces import PartialDrillingForce
 
 
@@ -79,14 +78,13 @@ class DrillingForce(PartialDrillingForce):
         yield self.v_tar == depth.v_tar
         yield self.s_tar == depth.s_tar
         yield from self.powers()
-        body = self.level.name if isinstance(self.level, ConvexLevel) else "the material"
         # A contact that begins with more force than a cut of 1 mm per edge throws the drill out of the plate.
         pressed = self.k * (self.s - self.s_start)
         blunt = self.feed_force_factor * self.z_E / 2 * self.d * self.corrected_k_c11() * force.h_1
         outside = (self.s - self.s_start < self.d / 100) | (pressed < blunt)
         yield assert_(
             ~initial() | no_event(outside),
-            f"the drill starts inside of {body}: move it back, or give it a hole with s_start",
+            f"the drill starts inside of {self.level.name}: move it back, or give it a hole with s_start",
         )
 
     def powers(self) -> Equations:

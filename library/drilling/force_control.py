@@ -10,10 +10,10 @@ from acausal import (
     Expr,
     Real,
     as_expr,
+    assert_,
     clamp,
     der,
     discrete,
-    maximum,
     minimum,
     parameter,
     reset,
@@ -103,8 +103,11 @@ class ForceControl(Component):
 
     def equations(self) -> Equations:
         yield der(self.F_filtered) == (self.F - self.F_filtered) / self.T_filter
-        # How much feed rate a newton is worth here: 1 / (dF/dv). It changes tenfold while the cone enters.
-        per_force = maximum(self.v_integral, self.v_nominal / 4) / (0.8 * self.F_set)
+        yield assert_(self.v_nominal > 0, "a feed rate v_nominal of 0: a drill that does not turn takes no thrust")
+        yield assert_(self.F_set > self.F_touch, "the thrust F_set is not above F_touch: contact would not be noticed")
+        # How much feed rate a newton is worth here: 1 / (dF/dv). It changes tenfold while the cone enters. Above the
+        # cap there is none: a gain that grew with the integral would outgrow what unwinds it.
+        per_force = clamp(self.v_integral, self.v_nominal / 4, self.v_max) / (0.8 * self.F_set)
         error = self.F_set - self.F_filtered
         wanted = self.v_integral + 0.1 * per_force * error
         held = clamp(wanted, 0.0, self.v_max)

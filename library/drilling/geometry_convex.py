@@ -28,7 +28,15 @@ Pose = tuple[Vector, Rotation]
 
 @dataclass(frozen=True)
 class PlateLevel:
-    """Level 0 of the drill's geometry: a plate in closed form, `DrillGeometry`."""
+    """Level 0 of the drill's geometry: a plate in closed form, `DrillGeometry`.
+
+    Parameters
+    ----------
+    name
+        How errors call the workpiece.
+    """
+
+    name: str = "the material"
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import acausal
+from acausal.errors import AcausalError
 from acausal.models.drilling_breakthrough import BreakthroughSurge
 from acausal.models.drilling_control import ForceControlledDrilling
 from acausal.models.drilling_spindle import SpindleStall
@@ -150,3 +151,18 @@ def test_surge_at_breakthrough_with_and_without_a_feed_cap() -> None:
     assert exit_speed("capped") == pytest.approx(2e-3 + 2000.0 / 1e7, rel=1e-3)
     assert r["capped.drill.f_z"].max() < 1.3e-4
     assert r["free.drill.f_z"].max() > 20 * 1.3e-4
+
+
+@pytest.mark.parametrize(
+    ("values", "code", "fact"),
+    [
+        ({"n": 0.0}, "AC139", "a drill that does not turn takes no thrust"),
+        ({"F_set": 10.0}, "AC139", "the thrust F_set is not above F_touch"),
+        ({"gap": -3e-3}, "AC503", r"the drill starts inside of plates\[0\]"),
+    ],
+)
+def test_what_cannot_be_controlled_is_refused(values: dict[str, float], code: str, fact: str) -> None:
+    """A drill at rest used to be driven to kilometres per second by a controller without gain."""
+    with pytest.raises(AcausalError, match=fact) as caught:
+        acausal.simulate(ForceControlledDrilling(), parameters=values)
+    assert caught.value.code == code
