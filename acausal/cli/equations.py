@@ -41,27 +41,30 @@ def equations(
     as_json: JsonOption = False,
 ) -> None:
     """Print the equations of a model at a stage of the compiler."""
+    from acausal.errors import StructureError
     from acausal.flatten.flatten import flatten
-    from acausal.lower.analyse import analyse
+    from acausal.lower.compile import solved
     from acausal.lower.reduce import reduce
-    from acausal.lower.solve import solve
 
     prepared = prepare(find_model(model), settings or ())
     flat = flatten(prepared.model, prepared.parameters)
     if stage is Stage.flat:
         sections = flat_sections(flat)
     else:
-        reduced = reduce(flat)
-        # Written before the analysis, which may refuse the model: then this list is what the user needs.
-        sections = reduced_sections(reduced) if stage is Stage.reduced else {}
-        if not as_json:
-            _print(sections)
-        structure = analyse(reduced)
-        more = structure_sections(structure) if stage is Stage.reduced else block_sections(solve(structure))
-        if not as_json:
-            _print(more)
-            return
-        sections |= more
+        hidden: dict[int, int] = {}
+        try:
+            solution = solved(flat, hidden=hidden)
+        except StructureError:
+            if stage is Stage.reduced and not as_json:  # what remains is what the user of a refused model needs
+                _print(reduced_sections(reduce(flat)))
+            raise
+        structure = solution.structure
+        if stage is Stage.reduced:
+            sections = (
+                reduced_sections(structure.reduced) | hidden_sections(flat, hidden) | structure_sections(structure)
+            )
+        else:
+            sections = block_sections(solution)
     if as_json:
         record({"model": flat.name, "stage": stage.value, **sections})
     else:
@@ -143,6 +146,15 @@ def reduced_sections(reduced: ReducedSystem) -> Sections:
         "redundant": redundant,
     }
     return {title: entries for title, entries in sections.items() if entries}
+
+
+def hidden_sections(flat: FlatSystem, hidden: dict[int, int]) -> Sections:
+    """Constraints that equations state together, each with the equation whose place it takes."""
+    names = flat_names(flat)
+    found = [_entry(_residual(flat.pool, node, names), flat.equations[k]) for k, node in hidden.items()]
+    for entry, k in zip(found, hidden, strict=True):
+        entry["why"] = f"in place of {flat.text(flat.equations[k])}"
+    return {"constraints that equations hide": found} if found else {}
 
 
 def structure_sections(structure: Structure) -> Sections:

@@ -83,7 +83,7 @@ def compile(
 
     def needed(poses: Sequence[str]) -> Solution:
         flat = fold_parameters(flatten(model, parameters), freeze)
-        return select(_solved(flat, formulation, _Clock()), poses, (), formulation)[0]
+        return select(solved(flat, formulation), poses, (), formulation)[0]
 
     with _collector_paused(), confined(model, needed) if outputs is not None else nullcontext(()) as apart:
         if outputs is not None:
@@ -100,7 +100,7 @@ def compile(
             clock.lap("recall")
             known.timings.update(clock.laps)
             return known
-        solution = _solved(flat, formulation, clock)
+        solution = solved(flat, formulation, clock=clock)
         selection = None
         if selecting:
             wanted = None if outputs is None else _names("outputs", outputs)
@@ -125,9 +125,15 @@ def _names(option: str, names: Sequence[str]) -> Sequence[str]:
     return names
 
 
-def _solved(flat: FlatSystem, formulation: str, clock: _Clock) -> Solution:
-    """Reduce, analyse and solve; again with each constraint that only then comes to light."""
-    hidden: dict[int, int] = {}
+def solved(
+    flat: FlatSystem, formulation: str = "torn", hidden: dict[int, int] | None = None, clock: _Clock | None = None
+) -> Solution:
+    """Reduce, analyse and solve; again with each constraint that only then comes to light.
+
+    These are entered in `hidden`: the flat equation each takes the place of, and its residual, a node of the flat pool.
+    """
+    hidden = {} if hidden is None else hidden
+    clock = _Clock() if clock is None else clock
     first: StructureError | None = None
     for _ in range(_MOST_ROUNDS):
         try:

@@ -108,3 +108,25 @@ def test_blocks_define_every_unknown_once() -> None:
     left = [line.split(" = ")[0] for line in lines]
     assert len(left) == len(set(left))
     assert "mass.a = mass.flange_a.f/m" in lines
+
+
+@pytest.mark.parametrize("stage", ["reduced", "blt"])
+def test_constraints_that_equations_hide_are_shown(tmp_path: Path, stage: str) -> None:
+    """Two charges that move together: the sum of the equations holds no rate, so one voltage follows."""
+    model = tmp_path / "pair.py"
+    model.write_text(
+        "from acausal import Component, Equations, Real, der, fixed, variable\n\n\n"
+        "class Pair(Component):\n"
+        "    a: Real = variable(default=fixed(1.0))\n"
+        "    b: Real = variable()\n\n"
+        "    def equations(self) -> Equations:\n"
+        "        yield der(self.a) - der(self.b) == -self.a\n"
+        "        yield der(self.b) - der(self.a) == -self.b\n"
+    )
+    outcome = run("equations", f"{model}:Pair", "--stage", stage, "--json")
+    assert outcome.code == 0, outcome.err
+    assert len(outcome.json["states"]) == 1
+    if stage == "reduced":
+        [hidden] = outcome.json["constraints that equations hide"]
+        assert hidden["why"].startswith("in place of")
+        assert "der" not in hidden["text"]
