@@ -169,11 +169,27 @@ class Hybrid:
         return self.moment
 
     def end(self, t: float, samples: Vector) -> None:
-        """The event at the end of the run, when `terminal()` is true, and perhaps a sample."""
+        """The event at the end of the run: guards that are reached, `terminal()`, perhaps a sample."""
+        if self.moment is not None and not self.traced:
+            self._finish(t, self.moment)
         if self.moment is None or not ("terminal" in self.iteration.flag_names or samples.any()):
             return
         happened = self.iteration.settle(t, self.moment, self.moment.m, samples=samples, flag="terminal")
         if happened.causes:
+            self._record_start(t, self._say(happened, t), happened)
+
+    def _finish(self, t: float, left: Moment) -> None:
+        """The event of guards that end the run on zero: what cannot be told from zero counts as reached.
+
+        Nothing follows that would show the crossing; whether a solver has found it just before is left to rounding.
+        """
+        if not left.regime.owners:
+            return
+        g, (rate, noise) = self.guards.distances(t, left), self.guards.rates(t, left)
+        relations = np.array([side < 0 for _, side in left.regime.owners], dtype=bool)
+        fired = relations & (np.abs(g) <= noise) & (rate < -noise)
+        if fired.any():
+            happened = self.event(t, left, fired)
             self._record_start(t, self._say(happened, t), happened)
 
     def event(self, t: float, left: Moment, fired: Truth) -> Happened:
