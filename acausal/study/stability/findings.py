@@ -40,7 +40,7 @@ def findings(
     """Everything found, the most important first."""
     found = [
         _failed(run),
-        _constraints(facts),
+        _constraints(run, facts),
         _invariants(facts),
         _events(run, facts),
         _accumulation(run),
@@ -67,7 +67,7 @@ def _failed(run: Trajectory) -> Finding | None:
     )
 
 
-def _constraints(facts: Facts) -> Finding | None:
+def _constraints(run: Trajectory, facts: Facts) -> Finding | None:
     if not facts.constraints:
         return None
     shown = "; ".join(_short(text) for text in facts.constraints[:3])
@@ -75,7 +75,7 @@ def _constraints(facts: Facts) -> Finding | None:
     if facts.stabilised:
         remedy = (
             f"no fixed choice of states is safe: {facts.stabilised} levels are kept by stabilisation, "
-            "and recorded points are projected onto them"
+            f"which decay at about {run.p[-1]:.3g} 1/s, and recorded points are projected onto them"
         )
     else:
         remedy = "differentiated and solved for dummy derivatives: the constraint holds to rounding"

@@ -63,9 +63,12 @@ def draw(study: Stability, file: str | Path | None = None) -> Figure:
     handles = [Line2D([], [], color=c, lw=1.6, label=f"stable inside: {_TITLES[n]}") for n, c in _SHOWN.items()]
     handles.append(Line2D([], [], marker="o", ls="", color="#3b528b", markersize=4, label="eigenvalue, by time"))
     near.legend(handles=handles, fontsize=7.5, loc="upper left", framealpha=0.95)
-    if shade is not None and len(times) > 1:
+    if shade is not None and len(times) > 1 and any(len(values) for values in z):
         figure.colorbar(shade, ax=(whole, near), label="time [s]", fraction=0.03, pad=0.01)
-    figure.suptitle(f"{study.model}: eigenvalues times a step of h = {study.step:.3g} s; take {study.verdict.solver}")
+    what = f"eigenvalues times a step of h = {study.step:.3g} s"
+    if not any(len(values) for values in z):
+        what = "no state has dynamics of its own, so there are no eigenvalues"
+    figure.suptitle(f"{study.model}: {what}; take {study.verdict.solver}")
     if file is not None:
         save(figure, Path(file))
     return figure

@@ -6,7 +6,7 @@ import contextlib
 import io
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,9 +15,12 @@ from numpy.typing import NDArray
 from acausal.errors import AcausalError, InitializationError, IntegrationError
 from acausal.lower.compiled import CompiledModel
 from acausal.result import Result
-from acausal.simulate.run import input_vector, parameter_vector, simulate
+from acausal.simulate.options import options as run_options
+from acausal.simulate.run import Run, input_vector, parameter_vector, simulate
 
 Vector = NDArray[np.float64]
+# Stretches between events that are looked into, and modes that are added to the points.
+_MOST_STRETCHES, _MOST_MODES = 200, 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,8 +65,9 @@ def trajectory(
 ) -> Trajectory:
     """Run the model and pick `count` points: half of them evenly, half denser towards the start.
 
-    Without `solver` the model's own is used when it has no fixed steps, else `rosenbrock` and then `idas`. A run that
-    fails counts as far as it came.
+    Without `solver` the model's own is used when it is implicit and has no fixed steps, else `rosenbrock` and then
+    `idas`. A run that fails counts as far as it came. One whose events are closer together than its rows is made once
+    more with a row between every two of them: short contacts are what limits steps.
 
     Raises
     ------
@@ -72,7 +76,9 @@ def trajectory(
     """
     own = compiled.flat.experiment.solver
     first = "idas" if len(compiled.states) > 200 else "rosenbrock"
-    tried = [solver] if solver else [*([own] if own in ("idas", "rosenbrock", "cvodes", "erk") else []), first, "idas"]
+    # how many steps accuracy asks for is told by no explicit method: stability may have asked for them
+    tried = [solver] if solver else [*([own] if own in ("idas", "rosenbrock", "cvodes") else []), first, "idas"]
+    tried += ["erk"] if own == "erk" else []
     failure: AcausalError | None = None
     result: Result | None = None
     failed = []
@@ -88,6 +94,7 @@ def trajectory(
     if result is None or len(result.time) < 2:
         assert failure is not None
         raise failure
+    result = _closer(compiled, result, parameters, options)
     p = parameter_vector(compiled, parameters or {})
     u = input_vector(compiled, options.get("inputs") or {})
     if compiled.solution.structure.rate is not None:
@@ -121,6 +128,34 @@ def _run(
             return getattr(error, "result", None), error
 
 
+def _stretches(result: Result) -> tuple[Vector, Vector]:
+    """Starts and ends of the times between events; not those that are hardly longer than the rounding of time."""
+    times = result.time
+    edges = np.unique([times[0], times[-1], *(e.time for e in result.events if times[0] < e.time < times[-1])])
+    wide = np.diff(edges) > 1e-9 * (times[-1] - times[0])
+    return edges[:-1][wide], edges[1:][wide]
+
+
+def _closer(
+    compiled: CompiledModel, result: Result, parameters: Mapping[str, float] | None, options: dict[str, Any]
+) -> Result:
+    """The same run with a row inside of every stretch between events, if there are any without one."""
+    starts, ends = _stretches(result)
+    inside = np.searchsorted(result.time, ends, "left") > np.searchsorted(result.time, starts, "right")
+    empty = np.flatnonzero(~inside)[:_MOST_STRETCHES]
+    if not len(empty):
+        return result
+    grid = np.union1d(result.time, 0.5 * (starts + ends)[empty])
+    asked = {key: value for key, value in options.items() if key != "inputs"}
+    asked |= {"solver": str(result.stats["solver"]), "stop_time": float(result.time[-1])}
+    opts = run_options(compiled.flat.experiment, **asked)
+    p, u = parameter_vector(compiled, parameters or {}), input_vector(compiled, options.get("inputs") or {})
+    try:
+        return Run(compiled, opts, p, u, None, outputs=grid).result()
+    except AcausalError:
+        return result
+
+
 def _rate(compiled: CompiledModel, result: Result, p: Vector, u: Vector) -> float:
     """The rate of stabilised constraints as a run chooses it from its start."""
     t = float(result.time[0])
@@ -132,7 +167,7 @@ def _rate(compiled: CompiledModel, result: Result, p: Vector, u: Vector) -> floa
 
 
 def points(compiled: CompiledModel, result: Result, p: Vector, u: Vector, count: int) -> tuple[Point, ...]:
-    """At most `count` rows of a result, as points with their modes."""
+    """Rows of a result as points with their modes: `count`, and one of each mode that these have missed."""
     rows = len(result.time)
     even = np.linspace(0, rows - 1, max(2, (count + 1) // 2))
     early = np.geomspace(1, rows, max(2, count // 2)) - 1
@@ -145,10 +180,24 @@ def points(compiled: CompiledModel, result: Result, p: Vector, u: Vector, count:
     times = result.time[chosen]
     middle = 0.5 * (times[1:] + times[:-1])
     reach = np.diff(np.concatenate([times[:1], middle, times[-1:]]))
-    x = np.array([result[name][chosen] for name in compiled.states]).reshape(len(compiled.states), len(chosen))
-    z = np.array([result[name][chosen] for name in compiled.algebraic]).reshape(len(compiled.algebraic), len(chosen))
-    found = []
-    for k, t in enumerate(times):
-        m = np.array(compiled.all_modes(t, x[:, k], z[:, k], u, p)).ravel()
-        found.append(Point(float(t), x[:, k], z[:, k], m, float(reach[k])))
-    return tuple(found)
+    states = np.array([result[name] for name in compiled.states]).reshape(len(compiled.states), rows)
+    algebraic = np.array([result[name] for name in compiled.algebraic]).reshape(len(compiled.algebraic), rows)
+
+    def point(row: int, span: float) -> Point:
+        t, x, z = float(result.time[row]), states[:, row], algebraic[:, row]
+        return Point(t, x, z, np.array(compiled.all_modes(t, x, z, u, p)).ravel(), span)
+
+    found = [point(int(row), float(span)) for row, span in zip(chosen, reach, strict=True)]
+    known = {at.m.tobytes() for at in found}
+    if not compiled.state_events.relations:
+        return tuple(found)
+    missed: dict[bytes, list[Point]] = {}
+    for a, b in zip(*_stretches(result), strict=True):
+        row = (np.searchsorted(result.time, a, "right") + np.searchsorted(result.time, b, "left")) // 2
+        if len(missed) < _MOST_MODES and a < result.time[row] < b:
+            at = point(int(row), float(b - a))
+            if at.m.tobytes() not in known:
+                missed.setdefault(at.m.tobytes(), []).append(at)
+    # one of each, for all the time that is spent like that
+    found += [replace(several[0], reach=sum(at.reach for at in several)) for several in missed.values()]
+    return tuple(sorted(found, key=lambda at: at.t))
