@@ -17,6 +17,9 @@ _NAMES = {
     "z": ("z", "m_c", "mc"),
     "source": ("source", "reference"),
 }
+_LEAST, _MOST = 1e6, 1e11
+"""Specific cutting forces [Pa] between which everything lies that is cut; metals have 350 to 6000 N/mm2."""
+
 _EXAMPLE = "name, k_c11 [N/mm2], z, source"
 
 
@@ -82,8 +85,13 @@ def _material(row: Row) -> tuple[Material, Cell]:
         raise _error("AC072", name, "the name is empty")
     k_c11 = _number(*cells["k_c11"], "Pa")
     z = _number(*cells["z"], "1")
-    if not 0.0 < k_c11 < float("inf"):
-        raise _error("AC072", cells["k_c11"][0], f"k_c11 of '{name.text}' is {k_c11:g} Pa", help="greater than 0")
+    if not _LEAST <= k_c11 <= _MOST:
+        raise _error(
+            "AC072",
+            cells["k_c11"][0],
+            f"k_c11 of '{name.text}' is {k_c11:g} Pa",
+            help="1 to 100 000 N/mm2, from foams to the hardest alloys: is the unit right?",
+        )
     if not 0.0 <= z < 1.0:
         raise _error("AC072", cells["z"][0], f"z of '{name.text}' is {z:g}", help="from 0 to less than 1")
     source = cells.get("source")

@@ -61,6 +61,7 @@ BAD = [
     ("AC072", f"name,k_c11,z,source\nC45,hard,0.14,{SOURCE}\n", "is not a number", (2, 5)),
     ("AC072", f"name,k_c11,z,source\nC45,2220 N,0.14,{SOURCE}\n", "does not fit", (2, 5)),
     ("AC072", f"name,k_c11,z,source\nC45,-1 N/mm2,0.14,{SOURCE}\n", "k_c11 of 'C45' is -1e+06 Pa", (2, 5)),
+    ("AC072", f"name,k_c11 [Pa],z,source\nC45,2220,0.14,{SOURCE}\n", "k_c11 of 'C45' is 2220 Pa", (2, 5)),
     ("AC072", f"name,k_c11,z,source\nC45, 2220 N/mm2, 1.4,{SOURCE}\n", "z of 'C45' is 1.4", (2, 18)),
     ("AC072", f"name,k_c11,z,source\n,2220 N/mm2,0.14,{SOURCE}\n", "the name is empty", (2, 1)),
     ("AC073", "name,k_c11,z,source\nC45,2220 N/mm2,0.14,\n", "'C45' has no source", (2, 21)),
