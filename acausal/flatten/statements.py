@@ -105,9 +105,42 @@ def _check_discrete(equation: Equation, origin: Origin) -> None:
                 cause="it keeps its value between events" if still.declaration.discrete else "it is constant in a run",
                 help=f"declare what changes in time by variable(): {still.name}: Real = variable(...)",
             )
+        if e.op == "der" and (jump := _jump(e.args[0])) is not None:
+            raise DeclarationError(
+                "AC144",
+                f"`{e}`: `{jump}` jumps and has no derivative",
+                where=(origin.span(),),
+                evidence=[str(equation)],
+                cause="between its jumps the derivative is zero, at them it is infinite: the integral would be lost",
+                help="leave the jump out of der(...), or smooth it: tanh(x / width) for sign(x)",
+            )
         if id(e) not in seen:
             seen.add(id(e))
             stack.extend(e.args)
+
+
+def _jump(e: Expr) -> Expr | None:
+    """A term that jumps, with a constant factor or none: x sign(x) is continuous."""
+    stack = [e]
+    while stack:
+        here = stack.pop()
+        if here.op in ("sign", "floor", "ceil"):
+            return here
+        if here.op in ("add", "sub", "neg"):
+            stack.extend(here.args)
+        elif here.op in ("mul", "div"):
+            stack.extend(a for a, other in (here.args, here.args[::-1]) if not _varies(other))
+    return None
+
+
+def _varies(e: Expr) -> bool:
+    stack = [e]
+    while stack:
+        here = stack.pop()
+        if here.op == "time" or (isinstance(here, Symbol) and here.declaration.kind is not Kind.PARAMETER):
+            return True
+        stack.extend(here.args)
+    return False
 
 
 def _unchanging(e: Expr) -> Symbol | None:

@@ -19,6 +19,7 @@ from acausal import (
     pre,
     reset,
     sample,
+    sign,
     variable,
     when,
 )
@@ -274,6 +275,29 @@ class RateOfACounter(Component):
     def equations(self) -> Equations:
         yield der(self.x) == der(self.d)
         yield when(self.x > 2.0, reset(self.d, pre(self.d) + 1.0))
+
+
+@corpus.broken(
+    "AC144",
+    "sign(x)",
+    """
+error[AC144]: `der(x * x + 2 * sign(x))`: `sign(x)` jumps and has no derivative
+  at      test_class_bodies.py:N
+              yield self.y == der(self.x * self.x + 2.0 * sign(self.x))
+          y == der(x * x + 2 * sign(x))
+  cause   between its jumps the derivative is zero, at them it is infinite: the integral would be lost
+  help    leave the jump out of der(...), or smooth it: tanh(x / width) for sign(x)
+""",
+)
+class RateOfASign(Component):
+    """The derivative of a sign is zero wherever it exists."""
+
+    x: Real = variable(default=1.0)
+    y: Real = variable()
+
+    def equations(self) -> Equations:
+        yield der(self.x) == -1.0
+        yield self.y == der(self.x * self.x + 2.0 * sign(self.x))
 
 
 @corpus.broken(
