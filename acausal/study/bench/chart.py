@@ -15,7 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
 from acausal.errors import UsageError
 from acausal.files import atomic
@@ -141,7 +141,8 @@ def _panel(axes: Axes, bench: Bench, label: str, value: Callable[[Run], float]) 
 def _plain_numbers(axis: Axis, low: float, high: float) -> None:
     """Ticks at 1, 2, 5 where there are few decades, and written without powers of ten while that is short."""
     narrow = math.log10(high / low) < 2.0
-    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if narrow else (1.0,), numticks=12))
+    own = LogLocator(subs=(1.0, 2.0, 5.0) if narrow else (1.0,), numticks=12)
+    axis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]) if high < 4.0 * low else own)
     axis.set_minor_formatter(NullFormatter())
     if 1e-4 < low and high < 1e6:
         axis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}" if v < 1e5 else f"{v:.0e}".replace("e+0", "e")))
@@ -223,13 +224,13 @@ def _generic(failure: str) -> str:
 
 def _legend(figure: Figure, axes: Axes, bench: Bench, height: float) -> None:
     handles, labels = axes.get_legend_handles_labels()
-    columns = min(max(len(handles), 1), 8)
+    columns = min(max(len(handles), 1), int(figure.get_figwidth() / 1.6))
     rows = math.ceil(len(handles) / columns) if handles else 0
     if handles:
         figure.legend(handles, labels, loc="upper left", ncols=columns, bbox_to_anchor=(0.005, 1 - 0.42 / height))
     bottom = (0.5 + 0.16 * min(len(_reasons(bench)), _MOST_REASONS + 1)) / height
     figure.subplots_adjust(
-        left=0.06,
+        left=0.8 / figure.get_figwidth(),
         right=0.99,
         wspace=0.24,
         top=1 - (0.62 + 0.19 * rows) / height,
