@@ -58,6 +58,11 @@ class Body:
         """Whether it has anything but corners."""
         return self.core.round or self.margin > 0.0
 
+    @property
+    def inside(self) -> Any:
+        """An interior point (3, 1)."""
+        return ca.DM(self.core.inner.centre) + ca.DM(_ASIDE) * min(self.least, 1.0)
+
     def support(self, d: Any) -> Any:
         """Vertex (VERTEX, 1) farthest in direction d, which need not have length 1."""
         circle = ring(self.core, d)
@@ -77,18 +82,30 @@ def normal(state: Any) -> Any:
     return n / ca.sqrt(ca.sumsqr(n) + _TINY)
 
 
-def begin(body: Body, p: Any, e: Any) -> Any:
-    """The state of the search with an interior point, and the vertex on the other side of the line p + t e."""
-    inside = ca.vertcat(ca.DM(body.core.inner.centre) + ca.DM(_ASIDE) * min(body.least, 1.0), ca.DM.zeros(4))
-    seen = inside[:3] - p
-    d = e * ca.dot(e, seen) - seen
-    found = body.support(d)
+def outset(body: Body, p: Any, e: Any) -> Any:
+    """The direction of the first vertex: from an interior point to the line p + t e."""
+    seen = body.inside - p
+    return e * ca.dot(e, seen) - seen
+
+
+def begin(body: Body, p: Any, d: Any, found: Any) -> Any:
+    """The state of the search with an interior point, and the vertex found on the other side of the line."""
+    inside = ca.vertcat(body.inside, ca.DM.zeros(4))
     missed = ca.dot(d, found[:3] - p) <= _INSIDE * ca.sqrt(ca.sumsqr(d))
     return ca.vertcat(found, found, inside, ca.if_else(missed, 0, _WEDGE), 0)
 
 
-def step(body: Body, state: Any, p: Any, e: Any) -> Any:
-    """One vertex more; a state at its end stays as it is.
+def beside(state: Any, p: Any, e: Any) -> Any:
+    """The direction of the next vertex: away from the plane of the axis and the first, or from the edge of two."""
+    a, b, inside = vertices(state)
+    first = state[SEARCHING] > 1.5
+    to_a, to_line = a[:3] - inside[:3], p - inside[:3]
+    out = ca.cross(e, ca.if_else(first, to_a, b[:3] - a[:3]))
+    return out * ca.copysign(1, ca.dot(out, ca.if_else(first, to_line, to_a)))
+
+
+def step(state: Any, p: Any, e: Any, out: Any, found: Any) -> Any:
+    """The state with a vertex found in direction `out`; one at its end stays as it is.
 
     First beside the plane of the axis and the vertex before, until the line lies in the wedge of two vertices, seen
     from inside; then beyond their edge, until the line lies within it, or cannot be reached.
@@ -96,9 +113,7 @@ def step(body: Body, state: Any, p: Any, e: Any) -> Any:
     a, b, inside = vertices(state)
     first = state[SEARCHING] > 1.5
     to_a, to_line = a[:3] - inside[:3], p - inside[:3]
-    out = ca.cross(e, ca.if_else(first, to_a, b[:3] - a[:3]))
-    out = out * ca.copysign(1, ca.dot(out, ca.if_else(first, to_line, to_a)))
-    found, least = body.support(out), ca.sqrt(ca.sumsqr(out)) * _INSIDE
+    least = ca.sqrt(ca.sumsqr(out)) * _INSIDE
     hit = ca.logic_and(ca.logic_not(first), ca.dot(out, a[:3] - p) > least)
     short = ca.logic_and(ca.logic_not(first), ca.dot(out, found[:3] - a[:3]) <= least)
     missed = ca.logic_or(ca.dot(out, found[:3] - p) <= least, short)
@@ -119,13 +134,20 @@ def ordered(state: Any, e: Any) -> Any:
     return ca.vertcat(a, ca.if_else(left, b, c), ca.if_else(left, c, b), ca.SX.zeros(3), 1)
 
 
-def refined(body: Body, state: Any, p: Any, e: Any, sense: float, tolerance: float) -> Any:
-    """The portal through which the line leaves towards `sense` times e, with one vertex more; at the end as it is."""
+def outward(state: Any, e: Any, sense: float) -> Any:
+    """Normal of a portal, towards `sense` times e."""
+    a, b, c = (x[:3] for x in vertices(state))
+    n = ca.cross(b - a, c - a)
+    return n * ca.copysign(1, sense * ca.dot(n, e))
+
+
+def refined(state: Any, p: Any, e: Any, n: Any, found: Any, tolerance: float) -> Any:
+    """The part of a portal with normal n, split by the vertex found there, that the line leaves through.
+
+    A portal at its end stays as it is.
+    """
     v = vertices(state)
     a, b, c = (x[:3] for x in v)
-    n = ca.cross(b - a, c - a)
-    n = n * ca.copysign(1, sense * ca.dot(n, e))
-    found = body.support(n)
     d = found[:3]
     more = ca.dot(n, d - a) > tolerance * ca.sqrt(ca.sumsqr(n))
     across = ca.cross(e, d - p)

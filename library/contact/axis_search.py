@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import casadi as ca
@@ -71,15 +73,18 @@ def _at_once(body: Body) -> Any:
     """`line -> (whether it has come to an end, result)` with a few steps, all written out."""
     line = ca.SX.sym("line", 6)
     p, e = line[:3], line[3:]
-    state = axis_portal.begin(body, p, e)
+    d = axis_portal.outset(body, p, e)
+    state = axis_portal.begin(body, p, d, body.support(d))
     for _ in range(_AT_ONCE[0]):
-        state = axis_portal.step(body, state, p, e)
+        d = axis_portal.beside(state, p, e)
+        state = axis_portal.step(state, p, e, d, body.support(d))
     hit, ended = state[axis_portal.HIT], state[axis_portal.SEARCHING] <= 0
     ends = []
     for sense in _SENSES:
         portal = axis_portal.ordered(state, e)
         for _ in range(_AT_ONCE[1]):
-            portal = axis_portal.refined(body, portal, p, e, sense, _FINE)
+            d = axis_portal.outward(portal, e, sense)
+            portal = axis_portal.refined(portal, p, e, d, body.support(d), _FINE)
         ended = ca.logic_and(ended, ca.logic_or(portal[axis_portal.REFINING] <= 0, ca.logic_not(hit)))
         ends += [axis_portal.normal(portal), portal[:3]]
     front = body.support(-e)[:3]
@@ -90,9 +95,10 @@ def _thorough(body: Body) -> Any:
     """`line -> result` in as many steps as it takes."""
     line, triangle = ca.SX.sym("line", 6), ca.SX.sym("triangle", axis_portal.TRIANGLE)
     p, e = line[:3], line[3:]
-    begin = ca.Function("begin", [line], [axis_portal.begin(body, p, e)], _CALL)
-    front = ca.Function("front", [line], [body.support(-e)[:3]], _CALL)
-    step = ca.Function("triangle", [triangle, line], [axis_portal.step(body, triangle, p, e)], _CALL)
+    begin = _after(body, "begin", [line], axis_portal.outset(body, p, e), partial(axis_portal.begin, body, p))
+    front = _after(body, "front", [line], -e, lambda d, found: found[:3])
+    beside = axis_portal.beside(triangle, p, e)
+    step = _after(body, "triangle", [triangle, line], beside, partial(axis_portal.step, triangle, p, e))
     ordered = ca.Function("ordered", [triangle, line], [axis_portal.ordered(triangle, e)], _CALL)
 
     s, d = ca.MX.sym("s", axis_portal.TRIANGLE), ca.MX.sym("d", 6)
@@ -128,6 +134,23 @@ def _end(body: Body, sense: float) -> Any:
 
 def _refinement(body: Body, sense: float, tolerance: float) -> Any:
     state, line = ca.SX.sym("state", axis_portal.PORTAL), ca.SX.sym("line", 6)
-    after = axis_portal.refined(body, state, line[:3], line[3:], sense, tolerance)
-    step = ca.Function("refine", [state, line], [after], _CALL)
+    p, e = line[:3], line[3:]
+    after = partial(axis_portal.refined, state, p, e, tolerance=tolerance)
+    step = _after(body, "refine", [state, line], axis_portal.outward(state, e, sense), after)
     return repeat(step, axis_portal.REFINING, _MOST_REFINE)
+
+
+def _after(body: Body, name: str, inputs: list[Any], d: Any, after: Callable[[Any, Any], Any]) -> Any:
+    """The Function of what `after` makes of a direction d and the vertex there, both SX of the inputs."""
+    if body.round or len(body.core.rings) <= _FEW_CORNERS:
+        return ca.Function(name, inputs, [after(d, body.support(d))], _CALL)
+    direction = ca.Function("direction", inputs, [d], _CALL)
+    way, found = ca.SX.sym("d", 3), ca.SX.sym("found", axis_portal.VERTEX)
+    taken = ca.Function("taken", [*inputs, way, found], [after(way, found)], _CALL)
+    given = [ca.MX.sym(f"i{k}", x.numel()) for k, x in enumerate(inputs)]
+    chosen = direction(*given)
+    # All heights as one product of matrices: written out they would be twenty instructions each.
+    corners = ca.MX(ca.DM(body.core.rings[:, :3].T))
+    heights = corners.T @ chosen
+    corner = corners[:, ca.find(heights >= ca.mmax(heights))]
+    return ca.Function(name, given, [taken(*given, chosen, ca.vertcat(corner, corner, 0))], _CALL)
