@@ -127,7 +127,7 @@ def bench(
         reference=reference,
         variables=variable,
         parameters=prepared.parameters,
-        inputs=numbers_of("--input", inputs),
+        inputs=numbers_of("--input", inputs, prepared.model),
         repeat=repeat,
         time_limit=time_limit,
         native=native,

@@ -43,7 +43,7 @@ def linearize(
     """
     prepared = prepare(find_model(model), settings or ())
     time = seconds_of("at", at)
-    x, u = numbers_of("--state", states), numbers_of("--input", inputs)
+    x, u = numbers_of("--state", states), numbers_of("--input", inputs, prepared.model)
     from acausal.export.linearize import linearize as linearized
     from acausal.lower.compile import compile
     from acausal.simulate.run import simulate

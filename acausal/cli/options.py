@@ -30,7 +30,12 @@ ResultArgument = Annotated[
 ]
 InputsOption = Annotated[
     list[str] | None,
-    typer.Option("--input", metavar="NAME=VALUE", help="Constant of a free input; repeatable.", show_default=False),
+    typer.Option(
+        "--input",
+        metavar="NAME=VALUE",
+        help="Constant of a free input, with or without unit; repeatable.",
+        show_default=False,
+    ),
 ]
 StartTimeOption = Annotated[
     str | None,

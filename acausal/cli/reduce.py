@@ -75,7 +75,7 @@ def reduce(
         "stop_time": seconds_of("stop_time", stop_time),
         "tolerance": tolerance,
         "solver": solver,
-        "inputs": numbers_of("--input", inputs),
+        "inputs": numbers_of("--input", inputs, prepared.model),
     }
     found = reduced(
         prepared.model,

@@ -62,15 +62,22 @@ def prepare(cls: type[Component], assignments: Sequence[str] = ()) -> Prepared:
     return Prepared(model, _values(model, numeric) if numeric else {}, structural)
 
 
-def numbers_of(flag: str, given: Sequence[str] | None) -> dict[str, float]:
-    """Numbers by name, from texts NAME=VALUE; AC009 names the flag they were given with."""
+def numbers_of(flag: str, given: Sequence[str] | None, model: Component | None = None) -> dict[str, float]:
+    """Numbers by name, from texts NAME=VALUE, in SI; with a unit where `model` declares one. Errors name `flag`."""
     found = {}
     for text in given or ():
-        name, sign, value = text.partition("=")
+        name, sign, value = (part.strip() for part in text.partition("="))
+        if not sign:
+            raise UsageError("AC009", f"{flag} {text}: write NAME=VALUE")
+        declared = type(model)._declarations.get(name.partition("[")[0]) if model is not None else None
         try:
-            found[name.strip()] = float(value)
+            found[name] = convert(value, declared.unit) if declared is not None and declared.unit else float(value)
         except ValueError as error:
-            raise UsageError("AC009", f"{flag} {text}: {'no number' if sign else 'write NAME=VALUE'}") from error
+            raise UsageError("AC009", f"{flag} {text}: no number") from error
+        except AcausalError as error:
+            raise UsageError(
+                error.code, f"{flag} {text}: {error.fact}", evidence=error.evidence, help=error.help
+            ) from error
     return found
 
 

@@ -109,7 +109,7 @@ def simulate(
         "output_interval": seconds_of("output_interval", output_interval),
         "step": seconds_of("step", step),
     }
-    constants = numbers_of("--input", inputs)
+    constants = numbers_of("--input", inputs, prepared.model)
     from acausal.lower.compile import compile
     from acausal.simulate.restructure import shrink
     from acausal.simulate.run import simulate as _  # noqa: F401  (its import belongs to the first stage)

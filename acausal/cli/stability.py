@@ -61,7 +61,7 @@ def stability(
         start_time=seconds_of("start_time", start_time),
         stop_time=seconds_of("stop_time", stop_time),
         tolerance=tolerance,
-        inputs=numbers_of("--input", inputs),
+        inputs=numbers_of("--input", inputs, prepared.model),
         check=check,
     )
     if output is not None:

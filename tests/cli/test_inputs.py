@@ -1,0 +1,64 @@
+"""`--input NAME=VALUE`: with a unit where the model declares one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import acausal.result
+from tests.cli.running import run
+
+CART = '''
+from acausal import *
+from acausal.library.translational import Force, Mass
+
+
+class Cart(Component):
+    """Two kilograms, pushed."""
+
+    f: Real = signal_input(unit="N")
+    share: Real = signal_input()
+    force: Force = part()
+    mass: Mass = part()
+
+    def build(self) -> None:
+        self.force = Force()
+        self.mass = Mass(m=2.0, s=fixed(0.0), v=fixed(0.0))
+
+    def equations(self) -> Equations:
+        yield connect(self.f, self.force.u)
+        yield connect(self.force.flange, self.mass.flange_a)
+'''
+
+
+@pytest.fixture(autouse=True)
+def cart(folder: Path) -> None:
+    (folder / "cart.py").write_text(CART)
+
+
+@pytest.mark.parametrize("force", ["3000", "3kN", "3e6 mN"])
+def test_a_force_in_any_unit(force: str) -> None:
+    """v = f/m t."""
+    outcome = run(
+        "simulate", "cart.py", "--input", f"f={force}", "--input", "share=1", "--stop-time", "1", "-o", "c.mat"
+    )
+    assert outcome.code == 0, outcome.err
+    assert acausal.result.load("c.mat").final("mass.v") == pytest.approx(1500.0, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("given", "code", "words"),
+    [
+        ("f=3kg", "AC151", "--input f=3kg"),
+        ("f=much", "AC152", "--input f=much"),
+        ("f", "AC009", "write NAME=VALUE"),
+        ("share=1N", "AC009", "--input share=1N: no number"),
+        ("g=1", "AC033", "inputs of Cart: f, share"),
+    ],
+)
+def test_wrong_inputs(given: str, code: str, words: str) -> None:
+    outcome = run("simulate", "cart.py", "--input", given, "--no-output")
+    assert outcome.code == 2
+    assert code in outcome.err
+    assert words in outcome.err
