@@ -64,7 +64,10 @@ def spanning_tree(
                 neighbours[joint.b].append(joint.a)
             else:
                 cut.add(k)
-    chosen = _choose_roots(sets, n, frames, roots, potential, all_instances)
+    owners = {i.number: i.owner.number for i in all_instances if i.owner is not None}
+    # from outside: a composite's own frames are joined to those of its parts in any case
+    joined = {end for joint in physical for end in (joint.a, joint.b) if owners.get(end) != joint.by}
+    chosen = _choose_roots(sets, n, frames, roots, potential, all_instances, joined)
     _tell_roles(all_instances, frames, neighbours, chosen, branches)
     loops = tuple(_loop(all_instances, physical[k], neighbours, n, roots) for k in sorted(cut))
     return SpanningTree(frozenset(cut), loops)
@@ -139,6 +142,7 @@ def _choose_roots(
     roots: list[int],
     potential: list[tuple[int, int]],
     all_instances: Sequence[Instance],
+    joined: set[int],
 ) -> list[int]:
     chosen = list(roots)
     has_root = {sets.find(world)} if roots else set()
@@ -150,12 +154,15 @@ def _choose_roots(
     for number in frames:
         if sets.find(number) not in has_root:
             instance = all_instances[number]
+            members = [f for f in frames if sets.find(f) == sets.find(number)]
+            loose = [all_instances[f].path for f in members if f not in joined]
             raise StructureError(
                 "AC203",
                 f"{type(all_instances[0].component).__name__}: nothing fixes the orientation of {instance.path}",
                 where=(instance.owner.origin.span(),) if instance.owner else (),
+                evidence=[f"not connected: {', '.join(loose[:6])}"] if loose else [],
                 cause="no World, Fixed or Body is in this island of frames",
-                help="connect one of its frames to World.frame_b, to Fixed.frame_b or to a Body",
+                help=f"connect {' or '.join(loose[:2]) or 'one of them'} to World.frame_b, Fixed.frame_b or a Body",
             )
     return chosen
 

@@ -17,6 +17,7 @@ from acausal.language.declare import Declaration, Kind, Real, checked_value, par
 from acausal.language.expression import Expr, Symbol
 from acausal.language.misuse import (
     called,
+    checked_structural,
     declared_at,
     declared_class,
     endless,
@@ -88,7 +89,7 @@ class Component:
         cls._declarations = declarations
         cls._prototypes = prototypes
 
-    def __init__(self, *nameless: Any, **given: Any) -> None:
+    def __init__(self, /, *nameless: Any, **given: Any) -> None:
         if nameless:
             first = next((n for n in self._declarations if n not in self._prototypes), "name")
             raise DeclarationError(
@@ -168,7 +169,7 @@ class Component:
                     f"{type(self).__name__}: '{name}' is structural and cannot be the symbol `{value}`",
                     help="give a Python value, or declare the source structural too",
                 )
-            self.__dict__[name] = value
+            self.__dict__[name] = checked_structural(type(self), name, value)
         elif declaration.kind is Kind.PART:
             self._adopt(name, value)
         else:
@@ -192,6 +193,13 @@ class Component:
                     help="a connector is declared in the class; it need not be given",
                 )
             wanted = None if prototype is not None else declared_class(type(self), name)
+            if wanted is not None and members is value and _annotation_of(type(self), name)[0] != "[":
+                raise DeclarationError(
+                    "AC116",
+                    f"{type(self).__name__}: part '{name}' is one {wanted.__name__}, not a list",
+                    where=(*calling_span(), *declared_at(type(self), name)),
+                    help=f"make {_annotation_of(type(self), name)}, or declare it as list[{wanted.__name__}]",
+                )
             if wanted is not None and not isinstance(member, wanted):
                 raise DeclarationError(
                     "AC116",

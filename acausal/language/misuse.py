@@ -128,6 +128,32 @@ def declared_class(cls: type[Component], name: str) -> type[Component] | None:
     return found
 
 
+_PLAIN: dict[str, tuple[type, ...]] = {"int": (int,), "bool": (bool,), "str": (str,), "float": (int, float)}
+
+
+def checked_structural(cls: type[Component], name: str, value: Any) -> Any:
+    """A structural value that was given, numbers of numpy as numbers of Python.
+
+    Raises
+    ------
+    DeclarationError
+        AC115 when it is not of the plain type that the class declares.
+    """
+    found = next((a[name] for base in cls.__mro__ if name in (a := inspect.get_annotations(base))), None)
+    declared = found if isinstance(found, str) else getattr(found, "__name__", "")
+    wanted = _PLAIN.get(declared)
+    if wanted is None:
+        return value
+    plain = value.item() if hasattr(value, "item") else value
+    if isinstance(plain, wanted):
+        return plain
+    raise DeclarationError(
+        "AC115",
+        f"{cls.__name__}: structural '{name}' is declared as {declared}, {value!r} is none",
+        help=f"give {'an' if declared == 'int' else 'a'} {declared}: {cls.__name__}({name}=...)",
+    )
+
+
 def _annotated_class(cls: type[Component], name: str) -> type[Component] | None:
     for base in cls.__mro__:
         text = inspect.get_annotations(base).get(name)

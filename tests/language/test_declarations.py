@@ -115,9 +115,17 @@ def test_unknown_fields_are_refused_by_name(name: str) -> None:
     assert f"'{name}'" in caught.value.fact
 
 
-@given(st.one_of(st.integers(), st.booleans(), st.text(max_size=3), st.tuples(st.integers())))
+@given(st.one_of(st.integers(), st.booleans()))
 def test_structural_values_are_kept_as_they_are(value: Any) -> None:
     assert Lag(n=value).n is value
+
+
+@given(st.one_of(st.floats(), st.text(max_size=3), st.tuples(st.integers())))
+def test_structural_values_are_of_the_declared_plain_type(value: Any) -> None:
+    """A number of periods is counted with `range`; what is declared otherwise than as a plain type takes anything."""
+    with pytest.raises(DeclarationError) as caught:
+        Lag(n=value)
+    assert caught.value.code == "AC115"
 
 
 def test_starts_of_parameters_are_refused() -> None:

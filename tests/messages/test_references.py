@@ -247,8 +247,9 @@ error[AC203]: WithoutWorld: nothing fixes the orientation of joint.frame_a
   at      test_references.py:N
               self.joint = multibody.Revolute()
                            ^^^^^^^^^^^^^^^^^^^^
+          not connected: joint.frame_a, bar.frame_b
   cause   no World, Fixed or Body is in this island of frames
-  help    connect one of its frames to World.frame_b, to Fixed.frame_b or to a Body
+  help    connect joint.frame_a or bar.frame_b to World.frame_b, Fixed.frame_b or a Body
 """,
 )
 class WithoutWorld(Component):
