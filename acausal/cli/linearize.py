@@ -88,7 +88,7 @@ def _print(found: Linearization) -> None:
     if found.states:
         say("point")
         rows = [
-            (n, f"{v:.6g}", f"{r:.6g}")
+            (n, f"{v + 0.0:.6g}", f"{r + 0.0:.6g}")  # no "-0"
             for n, v, r in zip(found.states, found.x.tolist(), found.rates.tolist(), strict=True)
         ]
         table(rows, ("state", "value", "rate"), indent="  ")
@@ -99,7 +99,7 @@ def _print(found: Linearization) -> None:
         matrix = getattr(found, name)
         if matrix.size and matrix.shape[1] <= _MOST_COLUMNS:
             say(name)
-            table([[f"{v:.6g}" for v in row] for row in matrix.tolist()], indent="  ")
+            table([[f"{v + 0.0:.6g}" for v in row] for row in matrix.tolist()], indent="  ")
         elif matrix.size:
             say(f"{name}   {matrix.shape[0]} x {matrix.shape[1]}: --json prints it")
 
