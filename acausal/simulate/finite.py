@@ -80,13 +80,16 @@ def first_undefined(
 
 
 def _name_of(reduced: ReducedSystem) -> NameOf:
-    return lambda op, k: reduced.flat.parameter_names[k] if op == "par" else reduced.name(k)
+    names = (*reduced.flat.parameter_names, "stabilisation.rate")
+    return lambda op, k: names[k] if op == "par" else reduced.name(k)
 
 
 def _inside(reduced: ReducedSystem, node: int, leaves: Leaves) -> tuple[str, ...]:
     """`name = value` of the variables and parameters below a node, variables first."""
     found = {reduced.pool.nodes[n] for n in reduced.pool.reachable([node])}
-    held = sorted((op != "var", k, op) for op, *rest in found if op in ("var", "par") for k in rest)
+    known = len(reduced.flat.parameter_names)  # behind them is the rate of stabilisation, which nobody has given
+    leaf = ((op, k) for op, *rest in found if op in ("var", "par") for k in rest)
+    held = sorted((op != "var", k, op) for op, k in leaf if op == "var" or k < known)
     return tuple(f"{_name_of(reduced)(op, k)} = {float(leaves[op](k)):g}" for _, k, op in held)
 
 

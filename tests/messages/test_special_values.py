@@ -289,3 +289,27 @@ def test_a_component_can_be_asked_what_it_has() -> None:
     assert hasattr(mass, "phi")
     assert not hasattr(mass, "angle")
     assert getattr(mass, "angle", None) is None
+
+
+def test_the_rate_of_stabilisation_is_no_parameter_of_the_author() -> None:
+    """The constraint of a pendulum in x and y is kept by a rate that the compiler brings in; it is not listed."""
+
+    class Pendulum(Component):
+        m: Real = parameter(default=0.0)
+        x: Real = variable(default=fixed(1.0))
+        y: Real = variable()
+        u: Real = variable()
+        v: Real = variable(default=fixed(0.0))
+        force: Real = variable()
+
+        def equations(self) -> Equations:
+            yield der(self.x) == self.u
+            yield der(self.y) == self.v
+            yield der(self.u) == -self.force * self.x
+            yield der(self.v) == -self.force * self.y - 9.81 / self.m
+            yield self.x**2 + self.y**2 == 1.0
+
+    with pytest.raises(AcausalError, match=r"for m = 0") as caught:
+        acausal.simulate(Pendulum(), stop_time=1.0)
+    assert caught.value.code == "AC303"
+    assert "stabilisation" not in str(caught.value)
