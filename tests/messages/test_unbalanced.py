@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from acausal import Component, Equations, Real, connect, der, parameter, part, variable
+from acausal import Component, Equations, Real, connect, der, parameter, part, signal_input, signal_output, variable
 from acausal.library import electrical, translational
 from tests.messages.cases import Case, Corpus
 
@@ -303,6 +303,65 @@ class MixedUp(Component):
     def equations(self) -> Equations:
         yield self.y * self.y == 4.0
         yield self.y * self.y * self.y == 8.0
+
+
+class Controller(Component):
+    """Says twice what its output is."""
+
+    e: Real = variable()
+    y: Real = signal_output()
+
+    def equations(self) -> Equations:
+        yield der(self.e) == -self.e
+        yield self.y == 2.0 * self.e
+        yield self.e == 0.5 * self.y
+
+
+class Plant(Component):
+    """Says nothing about one of its variables."""
+
+    u: Real = signal_input()
+    inner: Real = variable()
+    lost: Real = variable()
+
+    def equations(self) -> Equations:
+        yield self.inner + self.lost == self.u
+
+
+@corpus.broken(
+    "AC201",
+    "plant states 1 equation for 2 unknowns",
+    """
+error[AC201]: OneHereOneThere: plant states 1 equation for 2 unknowns
+  at      test_unbalanced.py:N
+              self.plant = Plant()
+                           ^^^^^^^
+  at      test_unbalanced.py:N
+              self.controller = Controller()
+                                ^^^^^^^^^^^^
+          unknowns: plant.inner and plant.lost
+          equations:
+            plant.inner + plant.lost == plant.u   (Plant, test_unbalanced.py:N)
+          while controller states 3 equations for 2 unknowns:
+            der(controller.e) == -controller.e   (Controller, test_unbalanced.py:N)
+            controller.y == 2 * controller.e   (Controller, test_unbalanced.py:N)
+            controller.e == 0.5 * controller.y   (Controller, test_unbalanced.py:N)
+  cause   a component needs one equation for each own variable and one for each flow of its connectors
+  help    state 1 more equation in Plant.equations
+""",
+)
+class OneHereOneThere(Component):
+    """An equation too many in one part, one too few in another: the model as a whole is balanced."""
+
+    controller: Controller = part()
+    plant: Plant = part()
+
+    def build(self) -> None:
+        self.controller = Controller()
+        self.plant = Plant()
+
+    def equations(self) -> Equations:
+        yield connect(self.controller.y, self.plant.u)
 
 
 @pytest.mark.parametrize("case", corpus.cases, ids=str)

@@ -31,7 +31,7 @@ def probable(flat: FlatSystem, *, by_structure: bool = False) -> StructureError 
         more than numbers do, unless a single equation holds no unknown.
     """
     found = open_inputs(flat)
-    if found is None and len(flat.equations) != flat.n_scalars - len(flat.inputs):
+    if found is None and (by_structure or len(flat.equations) != flat.n_scalars - len(flat.inputs)):
         found = unbalanced_component(flat)
     if found is not None:
         return found

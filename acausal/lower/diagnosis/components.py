@@ -16,6 +16,7 @@ from acausal.lower.diagnosis.words import (
     connector_of,
     counted,
     hint,
+    label,
     lines,
     listed,
     loose,
@@ -50,12 +51,31 @@ def unbalanced_component(flat: FlatSystem) -> StructureError | None:
     """AC201 or AC202 when a component is to blame by itself."""
     missing = flat.n_scalars - len(flat.inputs) - len(flat.equations)
     counts = _counts(flat)
+    if missing == 0:
+        return _both_ways(flat, counts)
     guilty = [p for p, c in counts.items() if c.off() * missing < 0]
     if not guilty:
         return None
     path = min(guilty, key=lambda p: (counts[p].is_composite, p.count("."), p))
     alike = [p for p in guilty if p != path and flat.components[p].cls is flat.components[path].cls]
     return (_too_few if missing > 0 else _too_many)(flat, path, counts[path], alike)
+
+
+def _both_ways(flat: FlatSystem, counts: dict[str, _Count]) -> StructureError | None:
+    """One component without parts states as many equations too few as another states too many."""
+    off = {p: c.off() for p, c in counts.items() if not c.is_composite and c.off()}
+    few, many = ([p for p in off if off[p] * sign > 0] for sign in (-1, 1))
+    if not few or not many:
+        return None
+    found = _too_few(flat, few[0], counts[few[0]], [])
+    other = many[0]
+    found.evidence = (
+        *found.evidence,
+        f"while {label(flat, other)} {_balance(counts[other])}:",
+        *lines(flat, counts[other].stated),
+    )
+    found.where = (*found.where[:1], *made_at(flat, other))
+    return found
 
 
 def _counts(flat: FlatSystem) -> dict[str, _Count]:
