@@ -61,7 +61,7 @@ ReferenceOption = Annotated[
 ]
 VariablesOption = Annotated[
     list[str] | None,
-    typer.Option("--variable", metavar="VAR", help="Count its error; repeatable. Default: all states."),
+    typer.Option("--variable", metavar="VAR", help="Count its error, * for any text; repeatable. Default: all states."),
 ]
 ChartsOption = Annotated[
     list[Path] | None,

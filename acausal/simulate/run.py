@@ -213,12 +213,13 @@ def input_vector(compiled: CompiledModel, given: Mapping[str, float]) -> Vector:
     unknown = [n for n in given if n not in compiled.inputs]
     missing = [n for n in compiled.inputs if n not in given]
     if unknown or missing:
+        wanted = (missing or [*compiled.inputs, "u"])[0]
         fact = f"input {missing[0]} has no value" if missing else f"there is no input '{unknown[0]}'"
         raise UsageError(
             "AC033",
             fact,
             evidence=[f"inputs of {compiled.name}: {', '.join(compiled.inputs) or 'none'}"],
-            help="simulate(..., inputs={'" + (missing or ["u"])[0] + "': 0.0}), or bind it in the model",
+            help=f"inputs={{'{wanted}': 0.0}}, or --input {wanted}=0; or bind it in the model",
         )
     u = np.zeros(len(compiled.inputs))
     for k, name in enumerate(compiled.inputs):

@@ -166,3 +166,26 @@ def test_a_solution_that_ends_has_no_reference_beyond(tmp_path: Path) -> None:
     assert found.code == 1
     assert "AC410" in found.err
     assert "seems to end near t = 1 s" in found.err
+
+
+def test_solvers_that_count_nothing_have_steps_and_orders(tmp_path: Path) -> None:
+    (tmp_path / "lag.py").write_text(
+        "from acausal import Component, Equations, Experiment, Real, der, fixed, variable\n"
+        "class Lag(Component):\n"
+        "    x: Real = variable(default=fixed(1.0))\n"
+        "    y: Real = variable()\n"
+        "    experiment = Experiment(stop_time=10.0)\n"
+        "    def equations(self) -> Equations:\n"
+        "        yield der(self.x) == -self.x\n"
+        "        yield self.y == 2.0 * self.x\n"
+    )
+    steps = ("--step", "16.7ms", "--step", "8.4ms")  # two and four between every two of 300 points
+    found = run(
+        *("bench", f"{tmp_path / 'lag.py'}:Lag", "--solver", "rk", "--variable", "y*", *steps, "--repeat", "1"),
+        *("-q", "--json"),
+    )
+    assert found.code == 0
+    assert found.json["components"] == ["y"]
+    assert [r["steps"] for r in found.json["runs"]] == [600, 1200]
+    assert found.json["orders"]["rk"]["observed"] == pytest.approx(4.0, abs=0.1)
+    assert found.json["orders"]["rk"]["classical"] == 4

@@ -83,7 +83,7 @@ def measured(task: Task, case: Case, repeat: int, limit: float) -> Outcome[Measu
         processor_clock()
         began = time.process_time()
         points = task.points(case)
-        best = _measured(task, task.run(case, points), points, 0.0)
+        best = _measured(task, case, task.run(case, points), points, 0.0)
         took = time.process_time() - began
         best = replace(best, first_time=took)
         yield best
@@ -91,7 +91,7 @@ def measured(task: Task, case: Case, repeat: int, limit: float) -> Outcome[Measu
         for k in range(repeat):
             if time.process_time() > stop:
                 break
-            again = _measured(task, task.run(case, points), points, took)
+            again = _measured(task, case, task.run(case, points), points, took)
             # the first run counts only where there is no other
             best = again if k == 0 or again.solve_time < best.solve_time else best
         yield best
@@ -122,7 +122,7 @@ def processor_clock() -> None:
         setattr(module, name, busy)
 
 
-def _measured(task: Task, result: Result, points: int, first_time: float) -> Measured:
+def _measured(task: Task, case: Case, result: Result, points: int, first_time: float) -> Measured:
     stats = dict(result.stats)
     times: Any = stats["time"]
     making = float(str(stats.get("making", 0.0)))
@@ -130,6 +130,10 @@ def _measured(task: Task, result: Result, points: int, first_time: float) -> Mea
     if result.stats["solver"] == "rosenbrock":
         # one Jacobian and one factorisation for each step that is tried
         counters["factorisations"] = counters.get("steps", 0.0) + counters.get("rejected", 0.0)
+    if case.step is not None and not counters.get("rhs_evaluations"):
+        # CasADi's rk and collocation count nothing: whole steps between every two outputs
+        interval = task.span / points
+        counters = {"steps": points * max(1.0, math.ceil(interval / case.step - 1e-9))}
     drift = stats.get("drift")
     return Measured(
         trajectory=sampled(result, task.names, points),

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from acausal.errors import UsageError
 from acausal.lower.compiled import CompiledModel
+from acausal.lower.outputs import fitting
 from acausal.result import Result
 
 Vector = NDArray[np.float64]
@@ -34,7 +35,7 @@ class Trajectory:
 
 
 def components(compiled: CompiledModel, wanted: Sequence[str] | None) -> tuple[str, ...]:
-    """Names of the scalars that count: those asked for, arrays taken apart, or all states.
+    """Names of the scalars that count: those asked for, arrays taken apart and `*` for any text, or all states.
 
     Raises
     ------
@@ -46,7 +47,9 @@ def components(compiled: CompiledModel, wanted: Sequence[str] | None) -> tuple[s
     known = signals(compiled, np.array(compiled.parameter_values, dtype=float))
     if wanted:
         shell = Result(compiled.name, np.zeros(1), np.zeros((1, len(compiled.columns))), known)
-        found = [s.name for name in wanted for s in shell.elements(name)[1]]
+        varying = [name for name, signal in known.items() if signal.column is not None]
+        names = [fit for name in wanted for fit in fitting(name, varying) or [name]]
+        found = [s.name for name in names for s in shell.elements(name)[1]]
     else:
         dynamic = compiled.states[: compiled.n_dynamic] or compiled.states
         moving = {name for name, signal in known.items() if signal.column is not None and not signal.parameter}
