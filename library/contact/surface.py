@@ -65,6 +65,7 @@ class SurfaceContact(Component):
     f_0: Real = variable(unit="N", shape=3, nominal=1e3, doc="Force on the body at frame_b, in world axes")
     energy: Real = variable(unit="J", doc="Stored in the compliance")
     power_damping: Real = variable(unit="W", doc="Taken by the damping of the normal force")
+    power_fading: Real = variable(unit="W", doc="Part of it taken by points of contact that fade: boxes on boxes")
     slip: Real = variable(unit="m/s", shape=3, doc="Mean velocity of sliding; with bristles only")
     power_friction: Real = variable(unit="W", doc="Taken by friction; with bristles, partly stored in them")
     bristle: Real = variable(
@@ -81,7 +82,14 @@ class SurfaceContact(Component):
         yield self.F_N == _total([load.pressed for load in loads])
         yield self.f_0 == _total([load.force for load in loads])
         yield self.energy == _total([load.energy for load in loads])
-        yield self.power_damping == _total([load.damping for load in loads])
+        damping = _total([load.damping for load in loads])
+        # Points that slide along edges and fade take energy with them, which the law does not know of.
+        yield self.power_fading == (
+            _total([load.elastic for load in loads]) - der(self.energy)
+            if any(p.share is not None for p in points)
+            else 0.0
+        )
+        yield self.power_damping == damping + self.power_fading
         yield self.power_friction == _total([load.friction for load in loads])
         # Moments about the world's origin are one vector product per point; the rest is done once.
         moment = _total([cross(p.place, load.force) for p, load in zip(points, loads, strict=True)])
@@ -150,7 +158,8 @@ class SurfaceContact(Component):
             drag = drag + (held - point.normal * dot(held, point.normal)) * pressed
         if isinstance(self.friction, Hybrid):
             drag = self._held(self.friction, point.normal, slip) * pressed
-        return _Load(point.normal * pressed + drag, pressed, energy, (pressed - elastic) * rate, dot(drag, slip))
+        damping, kept = (pressed - elastic) * rate, elastic * rate
+        return _Load(point.normal * pressed + drag, pressed, energy, damping, kept, dot(drag, slip))
 
     def _held(self, law: Hybrid, normal: Expr, slip: Expr) -> Expr:
         """Friction over the normal force at a point [1], vector in the plane of contact."""
@@ -180,12 +189,16 @@ class SurfaceContact(Component):
 
 @dataclass(frozen=True, eq=False)
 class _Load:
-    """What acts at one point: force on b [N] in world axes, its normal part [N], energy [J], and powers [W]."""
+    """What acts at one point: force on b [N] in world axes, its normal part [N], energy [J], and powers [W].
+
+    `damping` and `elastic` are the powers of the two parts of the normal force.
+    """
 
     force: Expr
     pressed: Expr
     energy: Expr
     damping: Expr
+    elastic: Expr
     friction: Expr
 
 
