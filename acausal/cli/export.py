@@ -89,7 +89,9 @@ def step(
     vectors = {name: [vars(port) for port in getattr(made, name)] for name in ("x", "u", "p", "y")}
     content = {"model": made.name, "method": made.method, "step": made.step, **vectors}
     if as_json:
-        record({**content, "operations": int(made.function.n_instructions()), "files": [str(target)]})
+        record(
+            {**content, "operations": int(made.function.n_instructions()), "notes": made.notes, "files": [str(target)]}
+        )
         return
     say(f"{made.function}  {made.method}, {made.step:g} s, {made.function.n_instructions()} operations")
     rows = [
@@ -98,4 +100,6 @@ def step(
         for k, port in enumerate(ports)
     ]
     table(rows, ("", "name", "start", "meaning"))
+    for note in made.notes:
+        remark(f"note: {note}")
     remark(f"wrote {target}")

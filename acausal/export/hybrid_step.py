@@ -99,12 +99,6 @@ class HybridStep:
             found.append(Port(text, "", doc, float(m[j])))
         return found
 
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What a step does not do."""
-        ends = [c for c in self.compiled.state_events.clauses if c.terminate is not None]
-        return tuple(f"a step does not end the run: {c.text} ({c.where})" for c in ends)
-
     def begin(self) -> Begin:
         """The start after its events."""
         begin = begin_of(self.compiled)

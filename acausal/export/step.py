@@ -146,7 +146,7 @@ class _Made:
             u=variable_ports(compiled, compiled.solution.structure.reduced.inputs, begin.u),
             p=parameter_ports(compiled),
             y=output_ports(self.wanted, np.zeros(len(self.wanted))),
-            notes=(*compiled.flat.notes, *begin.notes, *(hybrid.notes if hybrid else ())),
+            notes=(*compiled.flat.notes, *begin.notes, *_notes(compiled)),
         )
 
     def _next(self, stored: Any, clock: Any, start: float) -> tuple[Any, Any, Any]:
@@ -172,3 +172,10 @@ class _Made:
         """Modes just after an instant; those of variables are not looked at."""
         compiled = self.compiled
         return ca.vertcat(timely(compiled, t, self.h, self.p), ca.SX.zeros(compiled.n_modes - compiled.n_timely, 1))
+
+
+def _notes(compiled: CompiledModel) -> tuple[str, ...]:
+    """What a step does not do."""
+    events = compiled.state_events
+    ends = [f"a step does not end the run: {c.text} ({c.where})" for c in events.clauses if c.terminate is not None]
+    return (*ends, *(f"a step does not look at the assertion: {a.message} ({a.where})" for a in events.asserts))

@@ -15,6 +15,7 @@ from acausal import (
     Equations,
     Experiment,
     Real,
+    assert_,
     connect,
     delay,
     der,
@@ -26,6 +27,7 @@ from acausal import (
     reset,
     sample,
     signal_input,
+    terminate,
     variable,
     when,
 )
@@ -242,3 +244,20 @@ def test_what_has_no_step_is_named_with_its_line() -> None:
     with pytest.raises(UsageError, match="AC035") as late:
         step_function(acausal.compile(Lag()), 0.1)
     assert "delay(" in late.value.where[0].text
+
+
+class Ender(Component):
+    """A lag that ends its run, and says where it must not be."""
+
+    x: Real = variable(default=fixed(1.0))
+
+    def equations(self) -> Equations:
+        yield der(self.x) == -self.x
+        yield when(self.x < 0.3, terminate("done"))
+        yield assert_(self.x > 0.1, "too small")
+
+
+def test_what_a_step_does_not_do_is_in_its_notes() -> None:
+    notes = step_function(acausal.compile(Ender()), 0.01).notes
+    assert any("does not end the run" in note and "terminate" in note for note in notes)
+    assert any("too small" in note for note in notes)

@@ -103,7 +103,7 @@ def fine(task: Task, case: Case, limit: float) -> Outcome[Trajectory]:
     """The trajectory of one case on the fine grid."""
 
     def work() -> Iterator[Trajectory]:
-        yield sampled(task.run(case, POINTS * FINE), task.names, POINTS * FINE)
+        yield sampled(task.run(case, POINTS * FINE), task.names, POINTS * FINE, task.span)
 
     return isolated(work, limit)
 
@@ -136,7 +136,7 @@ def _measured(task: Task, case: Case, result: Result, points: int, first_time: f
         counters = {"steps": points * max(1.0, math.ceil(interval / case.step - 1e-9))}
     drift = stats.get("drift")
     return Measured(
-        trajectory=sampled(result, task.names, points),
+        trajectory=sampled(result, task.names, points, task.span),
         solve_time=times["integrate"] - making,
         startup_time=times["initialize"] + making,
         first_time=first_time,

@@ -64,11 +64,13 @@ def components(compiled: CompiledModel, wanted: Sequence[str] | None) -> tuple[s
     return tuple(dict.fromkeys(found))
 
 
-def sampled(result: Result, names: Sequence[str], points: int) -> Trajectory:
-    """Values after each of `points` equal intervals; the run's output grid contains them. After an event, if there."""
-    start, stop = float(result.time[0]), float(result.time[-1])
-    times = start + (stop - start) * np.arange(points + 1) / points
-    rows = np.searchsorted(result.time, times + 1e-11 * (stop - start), side="right") - 1
+def sampled(result: Result, names: Sequence[str], points: int, span: float) -> Trajectory:
+    """Values after each of `points` equal intervals; the run's output grid contains them. After an event, if there.
+
+    A run that the model itself has ended before `span` keeps its last values.
+    """
+    times = float(result.time[0]) + span * np.arange(points + 1) / points
+    rows = np.searchsorted(result.time, times + 1e-11 * span, side="right") - 1
     columns = [result.elements(name)[1][0] for name in names]
     values = np.empty((len(times), len(names)))
     for k, signal in enumerate(columns):

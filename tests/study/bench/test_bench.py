@@ -23,6 +23,7 @@ from acausal import (
     pre,
     reset,
     sample,
+    terminate,
     variable,
     when,
 )
@@ -233,3 +234,20 @@ def test_exact_runs_stand_on_the_chart_too(tmp_path: Path) -> None:
     figure = found.plot(tmp_path / "counter.png")
     assert len(figure.axes[0].lines) == 1
     assert found.recommend(1e-6).run is found.runs[0]
+
+
+class Ender(Component):
+    """A lag that ends its run at ln 4."""
+
+    x: Real = variable(default=fixed(1.0))
+
+    experiment: ClassVar[Experiment] = Experiment(stop_time=2.0)
+
+    def equations(self) -> Equations:
+        yield der(self.x) == -self.x
+        yield when(self.x < 0.25, terminate("done"))
+
+
+def test_a_run_that_the_model_ends_is_compared_on_the_grid_of_the_whole() -> None:
+    found = acausal.bench(Ender(), solvers=["rosenbrock"], tolerances=[1e-6], steps=[], repeat=1)
+    assert found.runs[0].error < 1e-5
