@@ -19,12 +19,14 @@ from acausal import (
     Expr,
     Real,
     as_expr,
+    assert_,
     boolean,
     der,
     equals,
     initial,
     integer,
     maximum,
+    no_event,
     parameter,
     pre,
     signal_input,
@@ -216,6 +218,10 @@ class OneWayClutch(PartialCompliantWithRelativeStates):
     def equations(self) -> Equations:
         mu0 = table(self.mu_pos, as_expr(0.0))
         sa, w_rel = 1.0 * self.sa, self.w_rel
+        # it would stay at the negative speed, as if that were zero
+        yield assert_(
+            ~initial() | no_event(w_rel >= -1e-9), "the start must have w_rel >= 0: flange_b ahead of flange_a"
+        )
         yield self.a_rel == der(w_rel)
         yield self.free == (self.f_normalized <= 0.0)
         yield self.fn == where(self.free, 0.0, self.fn_max * self.f_normalized)
