@@ -19,7 +19,7 @@ from acausal.language.functions import UNARY
 from acausal.lower.chebyshev import delayed
 from acausal.lower.external import call
 
-_BUILD: dict[str, Callable[..., Any]] = {
+BUILD: dict[str, Callable[..., Any]] = {
     "add": lambda a, b: a + b,
     "sub": lambda a, b: a - b,
     "mul": lambda a, b: a * b,
@@ -75,21 +75,25 @@ class Builder:
 
     def know(self, variables: Sequence[int], values: Any) -> None:
         """From now on these variables are the entries of a column."""
-        self._append([self.pool.var(v) for v in variables], values)
+        self.learn([self.pool.var(v) for v in variables], values)
+
+    def learn(self, nodes: Sequence[int], values: Any) -> None:
+        """The same for any nodes."""
+        self._append(nodes, values)
 
     def lower(self, roots: Iterable[int]) -> list[Any]:
         """SX of each root; every variable below must be known or defined."""
-        wanted = [self._resolved(r) for r in roots]
+        wanted = [self.resolved(r) for r in roots]
         self._lower(wanted)
         return [self._scalar(r) for r in wanted]
 
     def column(self, roots: Iterable[int]) -> Any:
         """The same as one column."""
-        wanted = [self._resolved(r) for r in roots]
+        wanted = [self.resolved(r) for r in roots]
         self._lower(wanted)
         return self._gathered(wanted) if len(wanted) >= _FEW else ca.vertcat(ca.SX(0, 1), *map(self._scalar, wanted))
 
-    def _resolved(self, number: int) -> int:
+    def resolved(self, number: int) -> int:
         """The node that stands for a node: its definition for a defined variable."""
         nodes = self.pool.nodes
         while number not in self.done and number not in self._place:
@@ -116,7 +120,7 @@ class Builder:
                     self.done[number] = self._operation(op, self._decided(op, operands[number], known))
             else:
                 columns = zip(*(operands[number] for number in members), strict=True)
-                self._append(members, _BUILD[op](*[self._gathered(c) for c in columns]))
+                self._append(members, BUILD[op](*[self._gathered(c) for c in columns]))
 
     def _levels(self, roots: Sequence[int]) -> tuple[dict[tuple[int, str], list[int]], dict[int, list[int]]]:
         """Nodes not lowered yet by (level, operation), and their operands; nothing below a mode is visited."""
@@ -134,7 +138,7 @@ class Builder:
             here = 0
             if op not in LEAVES:
                 if number not in operands:
-                    operands[number] = [self._resolved(c) for c in below]
+                    operands[number] = [self.resolved(c) for c in below]
                     missing = [c for c in operands[number] if c not in level and c not in done and c not in place]
                     if missing:
                         stack.extend(missing)
@@ -161,7 +165,7 @@ class Builder:
             c, a, b = operands
             return ca.if_else(c, c * a, 0) + ca.if_else(c - 1, (1 - c) * b, 0)  # a branch that is off may be infinite
         if op != "homotopy":
-            return _BUILD[op](*operands)
+            return BUILD[op](*operands)
         actual, simplified = operands
         return actual if self.homotopy is None else self.homotopy * actual + (1 - self.homotopy) * simplified
 

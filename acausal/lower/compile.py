@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import gc
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, nullcontext
+from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 from typing import Any
 
@@ -18,6 +17,7 @@ from acausal.language.component import Component
 from acausal.lower.analyse import analyse
 from acausal.lower.build import Builder
 from acausal.lower.cache import recall, remember, signature
+from acausal.lower.collector import collector_paused
 from acausal.lower.compiled import CompiledModel, Symbols, _column
 from acausal.lower.confine import confined
 from acausal.lower.delays import find_delays, refuse_delays
@@ -85,7 +85,7 @@ def compile(
         flat = fold_parameters(flatten(model, parameters), freeze)
         return select(solved(flat, formulation), poses, (), formulation)[0]
 
-    with _collector_paused(), confined(model, needed) if outputs is not None else nullcontext(()) as apart:
+    with collector_paused(), confined(model, needed) if outputs is not None else nullcontext(()) as apart:
         if outputs is not None:
             clock.lap("confine")
         flat = fold_parameters(flatten(model, parameters), _names("freeze", freeze))
@@ -150,18 +150,6 @@ def solved(
         except StructureError as error:
             raise first or error from None  # what was seen first is nearer to what was written
     raise first or InternalError("AC906", f"{flat.name}: constraints come to light without end")
-
-
-@contextmanager
-def _collector_paused() -> Iterator[None]:
-    """No cyclic garbage collection: a large model is millions of tuples without cycles, its passes cost a quarter."""
-    was_enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was_enabled:
-            gc.enable()
 
 
 def lower(solution: Solution) -> CompiledModel:

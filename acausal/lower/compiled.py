@@ -15,6 +15,7 @@ from acausal.flatten.flat import FlatSystem
 from acausal.lower.build import Builder
 from acausal.lower.delays import PADE, Delays, refuse_delays, signals, windows
 from acausal.lower.event_functions import EventFunctions
+from acausal.lower.mapped import Mapped, mapped
 from acausal.lower.reduce import nominal
 from acausal.lower.samples import STABILISATION_RATE
 from acausal.lower.select import Selection
@@ -129,6 +130,19 @@ class CompiledModel:
     def nominal_z(self) -> Vector:
         """Nominal magnitudes of the algebraic variables, shape (nz,)."""
         return self.nominal(self.solution.algebraic)
+
+    def mapped(self, zeros: tuple[int, ...] = ()) -> Mapped | None:
+        """The same equations with each pattern of repeated components once; None where that does not pay.
+
+        `zeros` are the places of parameters that are zero, whatever p holds.
+        """
+        if zeros not in self._mapped:
+            self._mapped[zeros] = mapped(self, frozenset(zeros))
+        return self._mapped[zeros]
+
+    @cached_property
+    def _mapped(self) -> dict[tuple[int, ...], Mapped | None]:
+        return {}
 
     @cached_property
     def columns(self) -> tuple[int, ...]:

@@ -39,8 +39,9 @@ class Numbered:
         self.n, self.nq, self.nd = compiled.n_dynamic, compiled.quadratures, compiled.discretes
         self.nz, self.nm = len(compiled.algebraic), compiled.n_modes
         self._rhs = compiled.rhs
-        self._scale_x, self._scale_z = ca.DM(compiled.nominal_x[: self.n]), ca.DM(compiled.nominal_z)
+        self._scale_x, self._scale_z = compiled.nominal_x[: self.n], compiled.nominal_z
         self._p, self._u = p.copy(), u.copy()
+        self._columns = compiled.mapped(tuple(np.flatnonzero(p == 0.0).tolist()))
         self._integrators: OrderedDict[tuple[Any, ...], Any] = OrderedDict()
 
     @cached_property
@@ -50,13 +51,21 @@ class Numbered:
         t = ca.SX.sym("t")
         x, z, p = ca.SX.sym("x", n), ca.SX.sym("z", self.nz), ca.SX.sym("p", nm + nd + 1)
         m, d, shift = ca.vertsplit(p, [0, nm, nm + nd, nm + nd + 1])  # p[0:0] would be p[0]
-        full_x = ca.vertcat(x * self._scale_x, ca.SX(self.nq, 1), d)
-        ode, alg = self._rhs(t + shift, full_x, z * self._scale_z, self._u, self._p, m)
-        return t, x, z, p, ca.densify(ode)[:n] / self._scale_x, ca.densify(alg)
+        full_x = ca.vertcat(x * ca.DM(self._scale_x), ca.SX(self.nq, 1), d)
+        ode, alg = self._rhs(t + shift, full_x, z * ca.DM(self._scale_z), self._u, self._p, m)
+        return t, x, z, p, ca.densify(ode)[:n] / ca.DM(self._scale_x), ca.densify(alg)
 
     @cached_property
     def dae(self) -> Any:
-        """`(t, x, z, p, u) -> (ode, alg, quad, zero)`, SX, for integrators that take algebraic variables."""
+        """`(t, x, z, p, u) -> (ode, alg, quad, zero)` for integrators that take algebraic variables.
+
+        SX, or MX with each pattern of repeated components once (`acausal.lower.mapped`).
+        """
+        form = self._columns
+        if form is not None:
+            constants = np.array(form.constants(self._p, self._u)).ravel()
+            if np.isfinite(constants).all():
+                return form.dae(self._scale_x, self._scale_z, constants)
         t, x, z, p, ode, alg = self.scaled
         none = ca.SX(0, 1)
         return ca.Function("dae", [t, x, z, p, ca.SX.sym("u", 0)], [ode, alg, none, none], _DAE_IN, _DAE_OUT)
@@ -69,10 +78,9 @@ class Numbered:
     @cached_property
     def ode(self) -> Any:
         """The same without algebraic variables: a rootfinder solves for them; its start is appended to `p`."""
-        t, x, z, p, ode, alg = self.scaled
         if self.nz == 0:
-            empty = ca.SX(0, 1)
-            return ca.Function("ode", [t, x, z, p, ca.SX.sym("u", 0)], [ode, empty, empty, empty], _DAE_IN, _DAE_OUT)
+            return self.dae
+        t, x, z, p, ode, alg = self.scaled
         full = ca.Function("full", [t, x, z, p], [ode])
         time, state, par = ca.MX.sym("t"), ca.MX.sym("x", x.numel()), ca.MX.sym("p", p.numel())
         z0 = ca.MX.sym("z0", self.nz)

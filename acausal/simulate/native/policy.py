@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from acausal.lower.compiled import CompiledModel
 from acausal.simulate.native import cache, source
-from acausal.simulate.native.equations import CONSTANTS, equations
+from acausal.simulate.native.equations import CONSTANTS, by_patterns, equations
 from acausal.simulate.native.flight import SOURCE, FlightProgram
 from acausal.simulate.native.functions import made
 from acausal.simulate.native.program import HeunProgram
@@ -44,6 +44,8 @@ _START, _COMPILED_INSTRUCTION = 0.5, 3e-4
 # Instructions from which on a multistep method is slower with compiled equations: interpreted ones have the parameters
 # as numbers, and their Jacobian is then partly constant.
 _LARGEST_ORACLE = 2000
+# Interpreted, operations on columns take this part of the time of their instances (docs/devdocs/mapped.md).
+COLUMNS = 8
 
 
 def pays(evaluations: float, size: int, code: int | None = None) -> bool:
@@ -124,9 +126,7 @@ class Native:
         def load(path: Path) -> FlightProgram:
             return FlightProgram(path, self._nx, len(self.compiled.algebraic))
 
-        return self._library(
-            kind, repr(sorted(neutral.items())), lambda: pays(self._spent(plugin), self._size), text, load
-        )
+        return self._library(kind, repr(sorted(neutral.items())), lambda: self._pays(self._spent(plugin)), text, load)
 
     def stopping(
         self,
@@ -187,9 +187,7 @@ class Native:
             return source.heun(step(dae), constants)
 
         expected = self._spent("heun") + evaluations
-        return self._library(
-            "heun", "", lambda: pays(expected, self._size), text, lambda path: HeunProgram(path, self._nx)
-        )
+        return self._library("heun", "", lambda: self._pays(expected), text, lambda path: HeunProgram(path, self._nx))
 
     def interpreted(self, kind: str, evaluations: float) -> None:
         """Remember what an interpreted stretch of time has cost."""
@@ -207,6 +205,13 @@ class Native:
     @property
     def _size(self) -> int:
         return int(self.compiled.rhs.n_instructions())
+
+    def _pays(self, evaluations: float) -> bool:
+        """`pays` for equations that may be there by patterns."""
+        form = self.compiled.mapped(self.zeros)
+        if form is None:
+            return pays(evaluations, self._size)
+        return pays(evaluations, self._size // COLUMNS, form.operations if by_patterns(self.compiled) else self._size)
 
     def _spent(self, kind: str) -> float:
         return self.memory.evaluations.get(kind, 0.0)

@@ -1,0 +1,217 @@
+"""Equations by patterns give what the equations of every instance give, and so do their derivatives."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from hypothesis import event, given, settings
+from hypothesis import strategies as st
+
+import acausal
+from acausal import Component, Equations, Real, connect, der, fixed, parameter, part, structural, time, variable, where
+from acausal.library.electrical import (
+    Capacitor,
+    Conductor,
+    ConstantVoltage,
+    Ground,
+    Inductor,
+    Resistor,
+)
+from acausal.lower import mapped as lowering
+from acausal.lower import patterns as search
+from acausal.lower.compiled import CompiledModel
+from acausal.lower.mapped import Mapped
+from acausal.models.mass_chain import MassSpringDamperChain
+from acausal.models.pendulum_chain import PendulumChain
+from acausal.models.rc_ladder import RCLadder
+from acausal.simulate.problem import Problem
+
+LARGE = 300
+"""Sections from which a ladder is lowered by patterns."""
+
+
+def anyhow(patch: pytest.MonkeyPatch) -> None:
+    """Patterns from two of a kind on, whether it pays or not."""
+    patch.setattr(search, "FEW", 2)
+    patch.setattr(lowering, "LEAST", 0)
+    patch.setattr(lowering, "MOST_COLOURS", 1000)
+    patch.setattr(lowering, "pays", lambda found: True)
+
+
+def of(compiled: CompiledModel, p: Any = None) -> Mapped:
+    """The model's equations by patterns, which there must be."""
+    values = np.array(compiled.parameter_values) if p is None else p
+    found = compiled.mapped(tuple(np.flatnonzero(values == 0.0).tolist()))
+    assert found is not None
+    return found
+
+
+def compare(compiled: CompiledModel, p: Any = None, points: int = 3) -> None:
+    """Both forms of the scaled equations and all four Jacobians at random points."""
+    p = np.array(compiled.parameter_values) if p is None else p
+    form, rng = of(compiled, p), np.random.default_rng(1)
+    problem = Problem(compiled, p, np.zeros(0))
+    flat_t, flat_x, flat_z, flat_p, ode, alg = problem.numbered.scaled
+    none = ca.SX(0, 1)
+    flat = ca.Function("flat", [flat_t, flat_x, flat_z, flat_p, ca.SX(0, 1)], [ode, alg, none, none])
+    columns = form.dae(problem.scale_x, problem.scale_z, np.array(form.constants(p, [])).ravel())
+    derivatives = [f.jacobian() for f in (flat, columns)]
+    n, nz = flat.numel_in(1), flat.numel_in(2)
+    for _ in range(points):
+        numbers = problem.numbers(rng.integers(0, 2, compiled.n_modes).astype(float), rng.normal(size=n + 1), 0.25)
+        at = [0.7, rng.normal(size=n), rng.normal(size=nz), numbers[: flat.numel_in(3)], []]
+        for a, b in zip(list(flat(*at)), list(columns(*at)), strict=True):
+            np.testing.assert_allclose(np.array(b), np.array(a), rtol=1e-13, atol=1e-13)
+        slopes: list[Any] = [d(*at, *([0] * 4)) for d in derivatives]
+        for k in (1, 2, 6, 7):  # d ode and d alg by x and z
+            one, other = (np.array(ca.densify(s[k])) for s in slopes)
+            np.testing.assert_allclose(other, one, rtol=1e-12, atol=1e-12)
+
+
+class Cell(Component):
+    """A bistable cell: a cubic, a kink that is no event, and a term that acts while the drive is on."""
+
+    a: Real = parameter(default=1.0, unit="")
+    b: Real = parameter(default=0.0, unit="")
+    x: Real = variable(default=fixed(0.1), unit="")
+    push: Real = variable(unit="")
+
+    def equations(self) -> Equations:
+        yield self.push == where(time < 0.5, self.a, -self.a) + self.b * self.x
+        yield der(self.x) == self.push + self.x - self.x**3 / (1.0 + acausal.maximum(self.x, 0.2))
+
+
+class Cells(Component):
+    """Cells, a state that follows their mean, ever slower, and a rate that is a number all cells have in them."""
+
+    n: int = structural(default=400)
+    cells: list[Cell] = part()
+    mean: Real = variable(default=fixed(0.0), unit="")
+    age: Real = variable(default=fixed(0.0), unit="")
+
+    def build(self) -> None:
+        self.cells = [Cell(a=0.5 + 0.001 * i) for i in range(self.n)]
+
+    def equations(self) -> Equations:
+        yield der(self.age) == 1.0
+        mean = sum((c.x for c in self.cells[1:]), self.cells[0].x) / self.n
+        yield der(self.mean) == (mean - self.mean) / (1.0 + self.age)
+
+
+def test_ladder_is_a_handful_of_operations() -> None:
+    compiled = acausal.compile(RCLadder(n=LARGE))
+    form = of(compiled)
+    assert form.operations < 60
+    assert form.operations == of(acausal.compile(RCLadder(n=2 * LARGE))).operations
+    compare(compiled)
+
+
+def test_chain_with_and_without_damping() -> None:
+    compiled = acausal.compile(MassSpringDamperChain(n=LARGE))
+    compare(compiled)
+    p = np.array(compiled.parameter_values)
+    p[compiled.parameters.index("d")] = 0.0
+    assert of(compiled, p).operations < of(compiled).operations
+    compare(compiled, p)
+
+
+def test_nonlinear_cells_with_modes_and_a_sum_over_all() -> None:
+    compiled = acausal.compile(Cells())
+    assert compiled.n_modes == 1
+    compare(compiled)
+
+
+def test_what_is_not_repeated_stays_as_it_is() -> None:
+    assert acausal.compile(PendulumChain(n=8)).mapped() is None
+    assert acausal.compile(RCLadder(n=20)).mapped() is None
+
+
+@pytest.mark.parametrize("solver", ["idas", "cvodes", "rosenbrock", "erk"])
+def test_solvers_take_the_same_steps(solver: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    compiled = acausal.compile(RCLadder(n=LARGE), cache=False)
+    how: dict[str, Any] = {"solver": solver, "stop_time": 0.2, "native": False}
+    assert compiled.mapped() is not None
+    columns = acausal.simulate(compiled, **how)
+    monkeypatch.setattr(CompiledModel, "mapped", lambda self, zeros=(): None)
+    flat = acausal.simulate(compiled, **how)
+    assert columns.stats.get("steps") == flat.stats.get("steps")
+    for name in ("capacitors[0].v", f"capacitors[{LARGE - 1}].v", "source.i"):
+        np.testing.assert_allclose(columns[name], flat[name], rtol=1e-9, atol=1e-12)
+
+
+Plan = tuple[tuple[str, int, int, float], ...]
+NODES = 4
+SIZES = st.sampled_from([0.5, 1.0, 2.0])
+
+
+@st.composite
+def plans(draw: st.DrawFn) -> Plan:
+    """Parts that join all nodes, and some more."""
+    tree = [(draw(st.sampled_from("RGCL")), k, draw(st.integers(0, k - 1)), draw(SIZES)) for k in range(1, NODES)]
+    node = st.integers(0, NODES - 1)
+    more = draw(st.lists(st.tuples(st.sampled_from("RRGCCLV"), node, node, SIZES), max_size=5))
+    return tuple(p for p in (*tree, *more) if p[1] != p[2])
+
+
+class Copies(Component):
+    """Copies of one random circuit, each with a resistor to the next copy."""
+
+    plan: Plan = structural()
+    copies: int = structural(default=4)
+    parts: list[Component] = part()
+    ground: Ground = part()
+
+    def build(self) -> None:
+        kinds: dict[str, Any] = {
+            "R": lambda v: Resistor(R=v),
+            "G": lambda v: Conductor(G=v),
+            "C": lambda v: Capacitor(C=v),
+            "L": lambda v: Inductor(L=v),
+            "V": lambda v: ConstantVoltage(V=v),
+        }
+        self.parts = [kinds[kind](size) for _ in range(self.copies) for kind, _, _, size in self.plan]
+        self.parts += [Resistor(R=1.0) for _ in range(self.copies)]
+        self.ground = Ground()
+
+    def equations(self) -> Equations:
+        pins: dict[tuple[int, int], list[Any]] = {}
+        for k in range(self.copies):
+            for i, (_, a, b, _) in enumerate(self.plan):
+                component: Any = self.parts[k * len(self.plan) + i]
+                pins.setdefault((k, a), []).append(component.p)
+                pins.setdefault((k, b), []).append(component.n)
+            link: Any = self.parts[self.copies * len(self.plan) + k]
+            pins.setdefault((k, 0), []).append(link.p)
+            pins.setdefault(((k + 1) % self.copies, 1), []).append(link.n)
+        for (_, node), joined in pins.items():
+            if node == NODES - 1:
+                yield connect(self.ground.p, *joined)
+            elif len(joined) > 1:
+                yield connect(*joined)
+
+
+@given(plans(), st.sets(st.integers(0, 40), max_size=4))
+@settings(max_examples=30, deadline=None)
+def test_random_circuits(plan: Plan, zeros: set[int]) -> None:
+    """Conductances of zero are left out, whichever they are."""
+    with pytest.MonkeyPatch.context() as patch:
+        anyhow(patch)
+        try:
+            compiled = acausal.compile(Copies(plan=plan), cache=False)
+        except acausal.AcausalError as error:
+            event(f"refused: {error.code}")
+            return
+        if not compiled.states:
+            event("no states")
+            return
+        p = np.array(compiled.parameter_values)
+        p[[k for k in zeros if k < len(p) and compiled.parameters[k].endswith(".G")]] = 0.0
+        zero = tuple(np.flatnonzero(p == 0.0).tolist())
+        if compiled.mapped(zero) is None:
+            event("divided by zero")
+            return
+        event("compared")
+        compare(compiled, p, points=1)
