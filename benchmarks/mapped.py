@@ -16,6 +16,7 @@ import os
 import tempfile
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from importlib import import_module
 from typing import Any
@@ -80,14 +81,11 @@ def line(what: str, values: Mapping[str, float], unit: str) -> None:
     print(f"  {what:24}" + "".join(f"{name} {v:9.2f} {unit}  " for name, v in values.items()), flush=True)
 
 
-def chosen(compiled: Any, form: str) -> None:
-    """Let the model be lowered as `form` from now on; the number in a library's key keeps the two apart."""
-    compiled.__dict__.pop("mapped", None)
-    cache, equations = (import_module(f"acausal.simulate.native.{m}") for m in ("cache", "equations"))
-    cache._FORMAT = f"benchmark {form}"
-    equations._LARGEST_FLAT = 0
-    if form == "flat":
-        compiled.__dict__["mapped"] = lambda zeros=(): None
+def forms(compiled: Any) -> dict[str, Any]:
+    """The model that is lowered in each form; what is kept of a model belongs to the object."""
+    flat = replace(compiled)
+    flat.__dict__["mapped"] = lambda zeros=(): None
+    return {"flat": flat, "columns": compiled}
 
 
 def measured(family: str, n: int, solvers: list[str], repetitions: int, native: bool) -> None:
@@ -106,30 +104,28 @@ def measured(family: str, n: int, solvers: list[str], repetitions: int, native: 
     print(f"{form.operations if form else 'no'} operations on columns, found in {spent:.2f} s")
     if form is None:
         return
-    dae = {}
-    for name in FORMS:
-        chosen(compiled, name)
-        dae[name] = Numbered(compiled, p, np.zeros(0)).dae
-    evaluated(dae, repetitions)
+    models = forms(compiled)
+    evaluated({name: Numbered(model, p, np.zeros(0)).dae for name, model in models.items()}, repetitions)
     for solver in solvers:
-        jobs = {name: partial(run, compiled, name, solver, False) for name in FORMS}
+        jobs = {name: partial(run, models, name, solver, False) for name in FORMS}
         line(f"run, {solver}", {k: v * 1e3 for k, v in fastest(jobs, repetitions).items()}, "ms")
         if native and solver in ("rosenbrock", "erk"):
-            compiled_c(compiled, solver, repetitions)
+            compiled_c(models, solver, repetitions)
 
 
-def run(compiled: Any, form: str, solver: str, native: bool) -> Any:
-    """One run of a form."""
+def run(models: Mapping[str, Any], form: str, solver: str, native: bool) -> Any:
+    """One run of a form; the number in a library's key keeps the forms apart."""
     import acausal
 
-    chosen(compiled, form)
-    return acausal.simulate(compiled, solver=solver, native=native)
+    cache, equations = (import_module(f"acausal.simulate.native.{m}") for m in ("cache", "equations"))
+    cache._FORMAT, equations._LARGEST_FLAT = f"benchmark {form}", 0
+    return acausal.simulate(models[form], solver=solver, native=native)
 
 
-def compiled_c(compiled: Any, solver: str, repetitions: int) -> None:
+def compiled_c(models: Mapping[str, Any], solver: str, repetitions: int) -> None:
     """Print size and time of the C of both forms, and of runs with it."""
-    cache, functions, policy = (import_module(f"acausal.simulate.native.{m}") for m in ("cache", "functions", "policy"))
-    build, sizes, seconds, memories = cache.build, {}, {}, {}
+    cache, functions = (import_module(f"acausal.simulate.native.{m}") for m in ("cache", "functions"))
+    build, sizes, seconds = cache.build, {}, {}
 
     def watched(key: str, source: str) -> Any:
         before = os.times().children_user
@@ -138,20 +134,16 @@ def compiled_c(compiled: Any, solver: str, repetitions: int) -> None:
         return found
 
     def again(form: str) -> None:
-        policy._MEMORIES[compiled] = memories[form]
-        assert run(compiled, form, solver, True).stats["native"]
+        assert run(models, form, solver, True).stats["native"]
 
     functions.cache.build = watched
     for form in FORMS:
-        policy._MEMORIES.pop(compiled, None)
-        run(compiled, form, solver, True)
-        memories[form] = policy._MEMORIES[compiled]
+        again(form)
     functions.cache.build = build
     line(f"C, {solver}", sizes, "kB")
     line("   C compiler", seconds, "s ")
     runs = fastest({form: partial(again, form) for form in FORMS}, repetitions)
     line("   run of it", {form: v * 1e3 for form, v in runs.items()}, "ms")
-    policy._MEMORIES.pop(compiled, None)
 
 
 def prototype(n: int) -> dict[str, Any]:

@@ -118,14 +118,14 @@ class _Search:
         self.nodes = pool.nodes
         self.zero = pool.zero
         self.zeros = zeros
-        self.same: dict[int, int] = {}  # nodes that are others because something is zero
+        self.same = {pool.zero: pool.zero}  # nodes that are others because something is zero
         self.negated: set[int] = set()  # differences from zero
         self.moving: set[int] = set()  # what changes during a run, if nothing were zero
         self.resolved = resolved
         self.varying = varying
         self.fixed = fixed
         self.operands: dict[int, list[int]] = {}
-        self.depth: dict[int, int] = {}  # 0 for leaves, -1 for what does not change or is another node
+        self.depth = {pool.zero: -1}  # 0 for leaves, -1 for what does not change or is another node
         self.shape: dict[int, int] = {}
         self.shapes: dict[Any, int] = {}
         self.stage: dict[int, int] = {}  # even: few; odd: columns
