@@ -86,12 +86,12 @@ def mapped(compiled: CompiledModel, zeros: frozenset[int]) -> Mapped | None:
         return None
     with collector_paused():
         program = _Program(compiled, zeros)
-    if not pays(program.patterns):
+    if program.patterns.divided or not pays(program.patterns):
         return None
     constants, p = program.constants(), np.array(compiled.parameter_values)
     p[list(zeros)] = 0.0
     if not np.isfinite(np.array(constants(p, np.ones(len(compiled.inputs))))).all():
-        return None  # something is divided by zero; where all are numbers, that may be multiplied by zero again
+        return None  # divided by what is zero; where all are numbers, that may be multiplied by zero again
     rhs = program.rhs()
     return Mapped(constants, rhs, program.operations) if _colours(rhs) <= MOST_COLOURS else None
 

@@ -63,6 +63,8 @@ class Patterns:
         Numbers that are operands so often that they are part of a shape.
     stages
         In the order of evaluation.
+    divided
+        Whether anything is divided by what is zero.
     """
 
     roots: list[int]
@@ -70,6 +72,7 @@ class Patterns:
     constants: list[int]
     numbers: dict[int, float]
     stages: list[Stage]
+    divided: bool
 
     @property
     def scalars(self) -> int:
@@ -120,6 +123,7 @@ class _Search:
         self.zeros = zeros
         self.same = {pool.zero: pool.zero}  # nodes that are others because something is zero
         self.negated: set[int] = set()  # differences from zero
+        self.divided = False
         self.moving: set[int] = set()  # what changes during a run, if nothing were zero
         self.resolved = resolved
         self.varying = varying
@@ -149,7 +153,7 @@ class _Search:
         self.shape.update((n, self._shape(kind)) for n, (kind, _) in leaves.items())
         self.shape.update((n, self._shape(("number", value))) for n, value in numbers.items())
         stages = self._stages(leaves, numbers)
-        return Patterns(roots, leaves, constants, numbers, stages)
+        return Patterns(roots, leaves, constants, numbers, stages, self.divided)
 
     def _measure(self, roots: list[int]) -> None:
         """Operands and depth of everything below the roots."""
@@ -196,6 +200,7 @@ class _Search:
         gone = [c == self.zero for c in below]
         if not any(gone):
             return False
+        self.divided = self.divided or (op == "div" and gone[1])
         if op in ("mul", "neg") or (op == "div" and not gone[1]) or (op in ("add", "sub") and all(gone)):
             self.same[number] = self.zero
         elif op == "add":
