@@ -38,6 +38,7 @@ _CLOSE = 6  # rows, and variables, that three are chosen from
 _SHORT = 32  # entries of a row that are looked at again whenever one of them changes
 _LONG = 20_000  # products spent on an order when another leaves something over
 _SLACK = 1.2  # products of an order that may still be the one with the fewest operations
+_ROUNDING = 2e-14  # of numbers that have cancelled: a hundred times that of one operation
 _PENALTY = (0.0, 0.2, 0.6, 2.0)  # added to Markowitz's count: a division by a constant is cheaper and safer
 
 
@@ -261,7 +262,7 @@ class _Work:
             for w, c in self.rows[i].items():
                 if w in pivot.variables:
                     continue
-                new = pool.sub(other.get(w, pool.zero), pool.mul(factor, c))
+                new = self._difference(other.get(w, pool.zero), pool.mul(factor, c))
                 if new == pool.zero:
                     if other.pop(w, None) is not None:
                         self.columns[w].discard(j)
@@ -279,6 +280,14 @@ class _Work:
         else:
             for w in sorted(changed & other.keys()):
                 self._offer(j, w, other[w])
+
+    def _difference(self, a: int, b: int) -> int:
+        """`a - b`; zero where two numbers cancel but for rounding: 4e-16 is no pivot."""
+        pool = self.pool
+        left, right = pool.value(a), pool.value(b)
+        if left is not None and right is not None and abs(left - right) <= _ROUNDING * (abs(left) + abs(right)):
+            return pool.zero
+        return pool.sub(a, b)
 
     def result(self) -> Eliminated:
         solved: list[tuple[int, int]] = []
