@@ -1,30 +1,18 @@
 """Dry friction that sticks: brake, clutch and bearing. Names as in Modelica.Mechanics.Rotational.
 
-Stuck, the torque is whatever keeps the parts together, up to `tau0_max`; sliding, it is given by the speed. Which of
-them holds is a finite state machine whose guards depend on accelerations, and these on all other friction elements: a
-mixed system of equations, solved at events. `sa` runs along the characteristic: it is the torque while stuck and the
-acceleration, shifted by `tau0_max`, while sliding.
-
-Source: M. Otter, H. Elmqvist, S. E. Mattsson, Hybrid modeling in Modelica based on the synchronous data flow principle,
-CACSD'99, Hawaii (1999); Modelica.Mechanics.Rotational.Interfaces.PartialFriction.
+The state machine is that of `blocks/dry_friction.py`.
 """
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 from acausal import (
-    Component,
     Equations,
-    Expr,
     Real,
     as_expr,
     assert_,
     boolean,
     der,
-    equals,
     initial,
-    integer,
     maximum,
     no_event,
     parameter,
@@ -34,18 +22,13 @@ from acausal import (
     variable,
     where,
 )
+from acausal.library.blocks.dry_friction import DryFriction, Surfaces
 from acausal.library.blocks.tables import Points, checked_points, table
 from acausal.library.rotational.interfaces import PartialCompliantWithRelativeStates, PartialTwoFlanges
 
 
-class PartialFriction(Component):
-    """Modes of a friction element; a subclass says what `w_relfric`, `a_relfric`, `tau0`, `tau0_max`, `free` are."""
-
-    BACKWARD: ClassVar[int] = -1
-    STUCK: ClassVar[int] = 0
-    FORWARD: ClassVar[int] = 1
-    FREE: ClassVar[int] = 2
-    UNKNOWN: ClassVar[int] = 3
+class PartialFriction(DryFriction):
+    """Friction element; a subclass says what `w_relfric`, `a_relfric`, `tau0`, `tau0_max`, `free` are."""
 
     w_small: Real = parameter(
         default=1e10,
@@ -56,48 +39,9 @@ class PartialFriction(Component):
     a_relfric: Real = variable(unit="rad/s2", doc="Relative angular acceleration of the surfaces")
     tau0: Real = variable(unit="N.m", doc="Friction torque at w_relfric = 0, sliding forward")
     tau0_max: Real = variable(unit="N.m", doc="Largest friction torque at w_relfric = 0, stuck")
-    free: Real = boolean(doc="The element is not active")
-    sa: Real = variable(unit="1", doc="Path: a torque [N.m] while stuck, else an acceleration [rad/s2]")
-    startForward: Real = boolean(doc="w_relfric = 0, and sliding forward begins")
-    startBackward: Real = boolean(doc="w_relfric = 0, and sliding backward begins")
-    locked: Real = boolean(doc="w_relfric = 0, and nothing slides")
-    mode: Real = integer(default=3, doc="-1 sliding backward, 0 stuck, 1 sliding forward, 2 free, 3 not known yet")
 
-    def was(self, mode: int) -> Expr:
-        """Condition that the element was in a mode; between events it still is."""
-        return equals(pre(self.mode), mode)
-
-    def equations(self) -> Equations:
-        w, sa = self.w_relfric, 1.0 * self.sa  # without a unit: a torque and an acceleration
-        forward, backward, stuck, idle = map(self.was, (self.FORWARD, self.BACKWARD, self.STUCK, self.FREE))
-        # What does not count in a mode is kept away from its guard there: a stuck element whose speed is zero up to
-        # rounding would make events for nothing, and so would the force on the path of a sliding one.
-        path = where(stuck, sa, 0.0)
-        breaks_forward = (path > self.tau0_max) | (pre(self.startForward) & (path > self.tau0))
-        breaks_backward = (path < -self.tau0_max) | (pre(self.startBackward) & (path < -self.tau0))
-        positive = where(forward | idle | self.startForward | initial(), w, -1.0 * self.w_small) > 0.0
-        negative = where(backward | idle | self.startBackward | initial(), w, 1.0 * self.w_small) < 0.0
-        yield self.startForward == (stuck & breaks_forward | backward & (w > self.w_small) | initial() & positive)
-        yield self.startBackward == (stuck & breaks_backward | forward & (w < -self.w_small) | initial() & negative)
-        yield self.locked == (~self.free & ~(forward | self.startForward | backward | self.startBackward))
-        slides_forward = self.startForward | ~self.startBackward & forward
-        shifted = where(slides_forward, sa - 1.0 * self.tau0_max, sa + 1.0 * self.tau0_max)
-        yield self.a_relfric == where(self.locked, 0.0, where(self.free, sa, shifted))
-        yield self.mode == where(
-            self.free,
-            self.FREE,
-            where(
-                (forward | idle | self.startForward) & positive,
-                self.FORWARD,
-                where((backward | idle | self.startBackward) & negative, self.BACKWARD, self.STUCK),
-            ),
-        )
-
-    def characteristic(self, points: Points) -> Expr:
-        """Torque or coefficient of friction from a table of the speed, with the sign of the motion."""
-        backward = self.startBackward | ~self.startForward & ~self.was(self.FORWARD)
-        magnitude = table(points, where(backward, -self.w_relfric, self.w_relfric), located=False)
-        return where(backward, -magnitude, magnitude)
+    def surfaces(self) -> Surfaces:
+        return Surfaces(self.w_relfric, self.a_relfric, self.w_small, self.tau0, self.tau0_max)
 
 
 class PartialNormalForce(PartialFriction):

@@ -1,28 +1,22 @@
 """Dry friction that sticks: brake, guide and sliding mass between stops. Names as in Modelica.Mechanics.Translational.
 
-The state machine is that of `acausal.library.rotational.friction`, where it is explained, with `v`, `f` for `w`, `tau`.
+The state machine is that of `blocks/dry_friction.py`.
 """
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 from acausal import (
-    Component,
     Equations,
     Expr,
     Real,
     as_expr,
     assert_,
-    boolean,
     der,
-    equals,
     exp,
     fabs,
     initial,
     integer,
     parameter,
-    pre,
     reset,
     signal_input,
     structural,
@@ -30,21 +24,13 @@ from acausal import (
     when,
     where,
 )
+from acausal.library.blocks.dry_friction import DryFriction, Surfaces
 from acausal.library.blocks.tables import Points, checked_points, table
 from acausal.library.translational.interfaces import PartialRigid
 
 
-class PartialFriction(Component):
-    """Modes of a friction element; a subclass says what `v_relfric`, `a_relfric`, `f0`, `f0_max`, `free` are.
-
-    `may_move` gives the conditions under which it can begin to slide, and slide, forward and backward.
-    """
-
-    BACKWARD: ClassVar[int] = -1
-    STUCK: ClassVar[int] = 0
-    FORWARD: ClassVar[int] = 1
-    FREE: ClassVar[int] = 2
-    UNKNOWN: ClassVar[int] = 3
+class PartialFriction(DryFriction):
+    """Friction element; a subclass says what `v_relfric`, `a_relfric`, `f0`, `f0_max`, `free` are."""
 
     v_small: Real = parameter(
         default=1e10,
@@ -55,60 +41,9 @@ class PartialFriction(Component):
     a_relfric: Real = variable(unit="m/s2", doc="Relative acceleration of the surfaces")
     f0: Real = variable(unit="N", doc="Friction force at v_relfric = 0, sliding forward")
     f0_max: Real = variable(unit="N", doc="Largest friction force at v_relfric = 0, stuck")
-    free: Real = boolean(doc="The element is not active")
-    sa: Real = variable(unit="1", doc="Path: a force [N] while stuck, else an acceleration [m/s2]")
-    startForward: Real = boolean(doc="v_relfric = 0, and sliding forward begins")
-    startBackward: Real = boolean(doc="v_relfric = 0, and sliding backward begins")
-    locked: Real = boolean(doc="v_relfric = 0, and nothing slides")
-    mode: Real = integer(default=3, doc="-1 sliding backward, 0 stuck, 1 sliding forward, 2 free, 3 not known yet")
 
-    def was(self, mode: int) -> Expr:
-        """Condition that the element was in a mode; between events it still is."""
-        return equals(pre(self.mode), mode)
-
-    def may_move(self) -> tuple[Expr | bool, Expr | bool]:
-        """Conditions under which nothing stops a motion forward, and backward."""
-        return True, True
-
-    def equations(self) -> Equations:
-        v, sa = self.v_relfric, 1.0 * self.sa  # without a unit: a force and an acceleration
-        forward, backward, stuck, idle = map(self.was, (self.FORWARD, self.BACKWARD, self.STUCK, self.FREE))
-        ahead, behind = self.may_move()
-        # What does not count in a mode is kept away from its guard there: a stuck element whose speed is zero up to
-        # rounding would make events for nothing, and so would the force on the path of a sliding one.
-        path = where(stuck, sa, 0.0)
-        breaks_forward = (path > self.f0_max) | (pre(self.startForward) & (path > self.f0))
-        breaks_backward = (path < -self.f0_max) | (pre(self.startBackward) & (path < -self.f0))
-        positive = where(forward | idle | self.startForward | initial(), v, -1.0 * self.v_small) > 0.0
-        negative = where(backward | idle | self.startBackward | initial(), v, 1.0 * self.v_small) < 0.0
-        yield self.startForward == (
-            stuck & breaks_forward & ahead | backward & (v > self.v_small) | initial() & positive
-        )
-        yield self.startBackward == (
-            stuck & breaks_backward & behind | forward & (v < -self.v_small) | initial() & negative
-        )
-        yield self.locked == (~self.free & ~(forward | self.startForward | backward | self.startBackward))
-        slides_forward = self.startForward | ~self.startBackward & forward
-        shifted = where(slides_forward, sa - 1.0 * self.f0_max, sa + 1.0 * self.f0_max)
-        yield self.a_relfric == where(self.locked, 0.0, where(self.free, sa, shifted))
-        yield self.mode == where(
-            self.free,
-            self.FREE,
-            where(
-                (forward | idle | self.startForward) & positive & ahead,
-                self.FORWARD,
-                where((backward | idle | self.startBackward) & negative & behind, self.BACKWARD, self.STUCK),
-            ),
-        )
-
-    def against_motion(self, magnitude: Expr) -> Expr:
-        """A magnitude with the sign of the motion."""
-        backward = self.startBackward | ~self.startForward & ~self.was(self.FORWARD)
-        return where(backward, -magnitude, magnitude)
-
-    def characteristic(self, points: Points) -> Expr:
-        """Force or coefficient of friction from a table of the speed, with the sign of the motion."""
-        return self.against_motion(table(points, self.against_motion(self.v_relfric), located=False))
+    def surfaces(self) -> Surfaces:
+        return Surfaces(self.v_relfric, self.a_relfric, self.v_small, self.f0, self.f0_max)
 
 
 class PartialGuided(PartialRigid):

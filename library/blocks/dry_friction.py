@@ -1,0 +1,112 @@
+"""Dry friction that sticks, as a finite state machine: what the friction elements of all mechanical libraries share.
+
+Stuck, the force is whatever keeps the parts together, up to a largest one; sliding, it is given by the speed. Which of
+them holds is decided by guards that depend on accelerations, and these on all other friction elements: a mixed system
+of equations, solved at events. `sa` runs along the characteristic: it is the force while stuck and the acceleration,
+shifted by the largest force, while sliding.
+
+Source: M. Otter, H. Elmqvist, S. E. Mattsson, Hybrid modeling in Modelica based on the synchronous data flow principle,
+CACSD'99, Hawaii (1999); Modelica.Mechanics.Rotational.Interfaces.PartialFriction.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar, NamedTuple
+
+from acausal import (
+    Component,
+    Equations,
+    Expr,
+    Real,
+    boolean,
+    equals,
+    initial,
+    integer,
+    pre,
+    variable,
+    where,
+)
+from acausal.library.blocks.tables import Points, table
+
+
+class Surfaces(NamedTuple):
+    """Two surfaces on each other: forces are in N, or torques in N.m where the speed is in rad/s.
+
+    `small` is a speed beyond which sliding turns round without sticking, `begin` the force at speed zero when sliding
+    forward begins, `most` the largest while stuck.
+    """
+
+    speed: Expr
+    acceleration: Expr
+    small: Expr
+    begin: Expr
+    most: Expr
+
+
+class DryFriction(Component):
+    """Modes of a friction element; a subclass says what its surfaces are, and when it is `free`."""
+
+    BACKWARD: ClassVar[int] = -1
+    STUCK: ClassVar[int] = 0
+    FORWARD: ClassVar[int] = 1
+    FREE: ClassVar[int] = 2
+    UNKNOWN: ClassVar[int] = 3
+
+    free: Real = boolean(doc="The element is not active")
+    sa: Real = variable(unit="1", doc="Path: a force or torque while stuck, else an acceleration, all in SI units")
+    startForward: Real = boolean(doc="The speed is zero, and sliding forward begins")
+    startBackward: Real = boolean(doc="The speed is zero, and sliding backward begins")
+    locked: Real = boolean(doc="The speed is zero, and nothing slides")
+    mode: Real = integer(default=3, doc="-1 sliding backward, 0 stuck, 1 sliding forward, 2 free, 3 not known yet")
+
+    def surfaces(self) -> Surfaces:
+        """The surfaces that slide on each other."""
+        raise NotImplementedError
+
+    def may_move(self) -> tuple[Expr | bool, Expr | bool]:
+        """Conditions under which nothing stops a motion forward, and backward."""
+        return True, True
+
+    def was(self, mode: int) -> Expr:
+        """Condition that the element was in a mode; between events it still is."""
+        return equals(pre(self.mode), mode)
+
+    def equations(self) -> Equations:
+        on, sa = self.surfaces(), 1.0 * self.sa  # without a unit: a force and an acceleration
+        forward, backward, stuck, idle = map(self.was, (self.FORWARD, self.BACKWARD, self.STUCK, self.FREE))
+        ahead, behind = self.may_move()
+        # What does not count in a mode is kept away from its guard there: a stuck element whose speed is zero up to
+        # rounding would make events for nothing, and so would the force on the path of a sliding one.
+        path = where(stuck, sa, 0.0)
+        breaks_forward = (path > on.most) | (pre(self.startForward) & (path > on.begin))
+        breaks_backward = (path < -on.most) | (pre(self.startBackward) & (path < -on.begin))
+        positive = where(forward | idle | self.startForward | initial(), on.speed, -1.0 * on.small) > 0.0
+        negative = where(backward | idle | self.startBackward | initial(), on.speed, 1.0 * on.small) < 0.0
+        yield self.startForward == (
+            stuck & breaks_forward & ahead | backward & (on.speed > on.small) | initial() & positive
+        )
+        yield self.startBackward == (
+            stuck & breaks_backward & behind | forward & (on.speed < -on.small) | initial() & negative
+        )
+        yield self.locked == (~self.free & ~(forward | self.startForward | backward | self.startBackward))
+        slides_forward = self.startForward | ~self.startBackward & forward
+        shifted = where(slides_forward, sa - 1.0 * on.most, sa + 1.0 * on.most)
+        yield on.acceleration == where(self.locked, 0.0, where(self.free, sa, shifted))
+        yield self.mode == where(
+            self.free,
+            self.FREE,
+            where(
+                (forward | idle | self.startForward) & positive & ahead,
+                self.FORWARD,
+                where((backward | idle | self.startBackward) & negative & behind, self.BACKWARD, self.STUCK),
+            ),
+        )
+
+    def against_motion(self, magnitude: Expr) -> Expr:
+        """A magnitude with the sign of the motion."""
+        backward = self.startBackward | ~self.startForward & ~self.was(self.FORWARD)
+        return where(backward, -magnitude, magnitude)
+
+    def characteristic(self, points: Points) -> Expr:
+        """Force or coefficient of friction from a table of the speed, with the sign of the motion."""
+        return self.against_motion(table(points, self.against_motion(self.surfaces().speed), located=False))
