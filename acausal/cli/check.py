@@ -64,8 +64,8 @@ def start_values(compiled: CompiledModel) -> Start:
     """Consistent values at the start of the model's experiment; its own inputs are taken as zero."""
     import numpy as np
 
+    from acausal.simulate.arguments import parameter_vector
     from acausal.simulate.initialize import initialize
-    from acausal.simulate.run import parameter_vector
 
     experiment = compiled.flat.experiment
     t = experiment.start_time

@@ -16,8 +16,8 @@ from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.delays import PADE, refuse_delays
 from acausal.result import Result
+from acausal.simulate.arguments import input_vector, parameter_vector
 from acausal.simulate.initialize import Start, consistent, initialize
-from acausal.simulate.run import input_vector, parameter_vector
 
 Vector = NDArray[np.float64]
 

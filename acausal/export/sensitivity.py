@@ -29,10 +29,11 @@ from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.delays import PADE, refuse_delays
 from acausal.result import Result
+from acausal.simulate.arguments import input_vector, parameter_vector
 from acausal.simulate.hybrid import Passage
 from acausal.simulate.options import options
 from acausal.simulate.regime import Regime
-from acausal.simulate.run import Run, input_vector, parameter_vector
+from acausal.simulate.run import Run
 from acausal.simulate.sampling import due
 
 Vector = NDArray[np.float64]

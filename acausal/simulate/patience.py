@@ -12,8 +12,11 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from acausal.simulate.solvers.base import Piece, Segment
+
+Vector = NDArray[np.float64]
 
 PATIENCE = 3000
 """Steps between two output times in a piece."""
@@ -21,6 +24,36 @@ PATIENCE = 3000
 _DIVISION = 8
 _SMALLEST = 1e-9
 _MOST_FAILURES = 25
+
+
+def salvage(
+    integrate: Callable[[Segment], Piece], segment: Segment, record: Callable[[Vector, Piece], Piece]
+) -> tuple[Segment, Piece | None]:
+    """Record what can be computed of a segment that has failed, in ever smaller pieces.
+
+    `record` takes output times and the values there, and returns these as they are recorded. Returns where it ends,
+    and the last piece, unrecorded, when that is the end of the segment after all.
+    """
+    times = segment.times
+    count = max(1, len(times) // 2)
+    while len(times):
+        part = replace(segment, times=times[:count], patience=PATIENCE)
+        try:
+            piece = integrate(part)
+        except RuntimeError:
+            if count > 1:
+                count = max(1, count // 4)
+                continue
+            reached, found = crawl(integrate, part)
+            if found is None:
+                return reached, None
+            piece = found
+        if count >= len(times):
+            return part, piece
+        piece = record(part.times, piece)
+        times = times[count:]
+        segment = replace(segment, start=float(part.times[-1]), x=piece.x[:, -1], z=piece.z[:, -1])
+    return segment, None
 
 
 def crawl(integrate: Callable[[Segment], Piece], segment: Segment) -> tuple[Segment, Piece | None]:

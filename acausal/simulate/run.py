@@ -12,9 +12,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from acausal.errors import IntegrationError, RunError, UsageError, nearest
-from acausal.flatten.flat import suffixes
-from acausal.flatten.parameters import check_limit, check_values, entries
+from acausal.errors import IntegrationError, RunError, UsageError
 from acausal.language.component import Component
 from acausal.language.experiment import Experiment
 from acausal.lower.compile import compile
@@ -22,6 +20,7 @@ from acausal.lower.compiled import CompiledModel
 from acausal.lower.delays import refuse_delays
 from acausal.lower.samples import STABILISATION_RATE
 from acausal.result import Result
+from acausal.simulate.arguments import input_vector, parameter_vector
 from acausal.simulate.course import Course, Place, plan
 from acausal.simulate.delay.crossing import begin, cross, opened
 from acausal.simulate.delay.memory import Memory, check_undelayed
@@ -34,7 +33,7 @@ from acausal.simulate.initialize import Start, consistent, initialize
 from acausal.simulate.interrupt import Interruptible
 from acausal.simulate.kept import kept
 from acausal.simulate.options import Options, options
-from acausal.simulate.patience import PATIENCE, crawl
+from acausal.simulate.patience import salvage
 from acausal.simulate.problem import Problem
 from acausal.simulate.project import projected
 from acausal.simulate.record import Recorder, make_result
@@ -158,81 +157,6 @@ def _piece(inputs: Mapping[str, float] | None, force: bool) -> RunPiece:
     return run
 
 
-def parameter_vector(compiled: CompiledModel, given: Mapping[str, float]) -> Vector:
-    """Values of the free parameters, some replaced.
-
-    Raises
-    ------
-    UsageError
-        AC020 for an unknown name, AC022 for a parameter that is bound to others in this compiled model, AC023 for a
-        value that is no number or has another shape.
-    DeclarationError
-        AC136 for a value outside its limits, AC139 for values that do not go together.
-    """
-    p = np.array(compiled.parameter_values, dtype=float)
-    index = {name: k for k, name in enumerate(compiled.parameters)}
-    declared = {f.path: f for f in compiled.flat.parameters}
-    for path, value in given.items():
-        base = declared.get(path)
-        names = [path + s for s in suffixes(base.declaration.shape)] if base is not None else [path]
-        fixed = [n for n in names if n in compiled.flat.frozen]
-        if fixed:
-            raise UsageError(
-                "AC022",
-                f"{fixed[0]} was frozen when this model was compiled",
-                help="compile anew without it in freeze, or with its new value",
-            )
-        if base is not None and not base.free:
-            raise UsageError(
-                "AC022",
-                f"{path} follows from other parameters in this compiled model",
-                help=f"set those, or compile anew: acausal.compile(model, parameters={{{path!r}: ...}})",
-            )
-        if names[0] not in index:
-            close = nearest(path, list(index))
-            raise UsageError(
-                "AC020",
-                f"there is no parameter '{path}'",
-                evidence=[f"did you mean {', '.join(close)}?"] if close else [],
-            )
-        numbers = entries(path, base.declaration.shape if base is not None else (), value)
-        whole = declared.get(path if base is not None else path.rpartition("[")[0])
-        for name, number in zip(names, numbers, strict=True):
-            if whole is not None:
-                check_limit(whole.path, name.removeprefix(whole.path), whole.declaration, number)
-            p[index[name]] = number
-    if given:
-        check_values(compiled.flat, p.tolist())
-    return p
-
-
-def input_vector(compiled: CompiledModel, given: Mapping[str, float]) -> Vector:
-    """Values of the model's inputs; UsageError AC033 when one is missing, unknown or no finite number."""
-    if not isinstance(given, Mapping):
-        raise UsageError("AC033", f"inputs is a {type(given).__name__}", help="a dictionary: inputs={'u': 0.0}")
-    unknown = [n for n in given if n not in compiled.inputs]
-    missing = [n for n in compiled.inputs if n not in given]
-    if unknown or missing:
-        wanted = (missing or [*compiled.inputs, "u"])[0]
-        fact = f"input {missing[0]} has no value" if missing else f"there is no input '{unknown[0]}'"
-        raise UsageError(
-            "AC033",
-            fact,
-            evidence=[f"inputs of {compiled.name}: {', '.join(compiled.inputs) or 'none'}"],
-            help=f"inputs={{'{wanted}': 0.0}}, or --input {wanted}=0; or bind it in the model",
-        )
-    u = np.zeros(len(compiled.inputs))
-    for k, name in enumerate(compiled.inputs):
-        try:
-            u[k] = given[name]
-        except (TypeError, ValueError):
-            u[k] = np.nan
-        if not np.isfinite(u[k]):
-            help = "an input is one constant; what varies is a source in the model, TimeTable for one"
-            raise UsageError("AC033", f"input {name} = {given[name]!r} is not a finite number", help=help)
-    return u
-
-
 @dataclass
 class Run:
     """The run while it is under way."""
@@ -309,15 +233,7 @@ class Run:
 
     def plain(self, solver: Solver) -> Callable[[Regime, Segment], Piece]:
         """The solver under any regime; RuntimeError when it cannot go on."""
-
-        def integrate(regime: Regime, segment: Segment) -> Piece:
-            try:
-                return solver.integrate(regime.problem, segment)
-            except RuntimeError:
-                self.interrupt.check()
-                raise
-
-        return integrate
+        return lambda regime, segment: self.patient(regime.problem, solver)(segment)
 
     def begun(self, m: Vector) -> Start:
         """Where the run starts: at the states it was given, or where the start conditions say."""
@@ -494,44 +410,15 @@ class Run:
         yield from np.array_split(times[few:], int(np.clip(12 * work, 12, 50)) if work > 1.0 else 1)
 
     def integrate(self, problem: Problem, solver: Solver, recorder: Recorder, segment: Segment, m: Vector) -> Piece:
+        integrate = self.patient(problem, solver)
         try:
-            return solver.integrate(problem, segment)
+            return integrate(segment)
         except RuntimeError as error:
-            self.interrupt.check()
             _log.debug("%s: %s", solver.name, error)
-            reached, last = self.salvage(problem, solver, recorder, segment, m)
+            reached, last = salvage(integrate, segment, lambda times, piece: recorder.add(times, piece, m))
             if last is not None:
                 return last  # in smaller pieces it went through
             raise integration_error(problem, solver.name, reached, str(error)) from None
-
-    def salvage(
-        self, problem: Problem, solver: Solver, recorder: Recorder, segment: Segment, m: Vector
-    ) -> tuple[Segment, Piece | None]:
-        """Record what can be computed before a failure, in ever smaller pieces.
-
-        Returns where it ends, and the last piece, unrecorded, when that is the end of the segment after all.
-        """
-        times = segment.times
-        count = max(1, len(times) // 2)
-        while len(times) and count >= 1:
-            part = replace(segment, times=times[:count], patience=PATIENCE)
-            try:
-                piece = solver.integrate(problem, part)
-            except RuntimeError:
-                self.interrupt.check()
-                if count > 1:
-                    count = max(1, count // 4)
-                    continue
-                reached, found = crawl(self.patient(problem, solver), part)
-                if found is None:
-                    return reached, None
-                piece = found
-            if count >= len(times):
-                return part, piece
-            piece = recorder.add(part.times, piece, m)
-            times = times[count:]
-            segment = replace(segment, start=float(part.times[-1]), x=piece.x[:, -1], z=piece.z[:, -1])
-        return segment, None
 
     def patient(self, problem: Problem, solver: Solver) -> Callable[[Segment], Piece]:
         """The solver on this problem; Ctrl-C is not taken for a failure of its."""

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from acausal.errors import AcausalError, InitializationError, IntegrationError
 from acausal.lower.compiled import CompiledModel
 from acausal.result import Result
+from acausal.simulate.arguments import input_vector, parameter_vector
 from acausal.simulate.options import options as run_options
-from acausal.simulate.run import Run, input_vector, parameter_vector, simulate
+from acausal.simulate.run import Run, simulate
 
 Vector = NDArray[np.float64]
 # Stretches between events that are looked into, and modes that are added to the points.

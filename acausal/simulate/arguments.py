@@ -1,0 +1,90 @@
+"""Values of parameters and inputs as a run is given them, by name, as the vectors that functions take."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.errors import UsageError, nearest
+from acausal.flatten.flat import suffixes
+from acausal.flatten.parameters import check_limit, check_values, entries
+from acausal.lower.compiled import CompiledModel
+
+Vector = NDArray[np.float64]
+
+
+def parameter_vector(compiled: CompiledModel, given: Mapping[str, float]) -> Vector:
+    """Values of the free parameters, some replaced.
+
+    Raises
+    ------
+    UsageError
+        AC020 for an unknown name, AC022 for a parameter that is bound to others in this compiled model, AC023 for a
+        value that is no number or has another shape.
+    DeclarationError
+        AC136 for a value outside its limits, AC139 for values that do not go together.
+    """
+    p = np.array(compiled.parameter_values, dtype=float)
+    index = {name: k for k, name in enumerate(compiled.parameters)}
+    declared = {f.path: f for f in compiled.flat.parameters}
+    for path, value in given.items():
+        base = declared.get(path)
+        names = [path + s for s in suffixes(base.declaration.shape)] if base is not None else [path]
+        fixed = [n for n in names if n in compiled.flat.frozen]
+        if fixed:
+            raise UsageError(
+                "AC022",
+                f"{fixed[0]} was frozen when this model was compiled",
+                help="compile anew without it in freeze, or with its new value",
+            )
+        if base is not None and not base.free:
+            raise UsageError(
+                "AC022",
+                f"{path} follows from other parameters in this compiled model",
+                help=f"set those, or compile anew: acausal.compile(model, parameters={{{path!r}: ...}})",
+            )
+        if names[0] not in index:
+            close = nearest(path, list(index))
+            raise UsageError(
+                "AC020",
+                f"there is no parameter '{path}'",
+                evidence=[f"did you mean {', '.join(close)}?"] if close else [],
+            )
+        numbers = entries(path, base.declaration.shape if base is not None else (), value)
+        whole = declared.get(path if base is not None else path.rpartition("[")[0])
+        for name, number in zip(names, numbers, strict=True):
+            if whole is not None:
+                check_limit(whole.path, name.removeprefix(whole.path), whole.declaration, number)
+            p[index[name]] = number
+    if given:
+        check_values(compiled.flat, p.tolist())
+    return p
+
+
+def input_vector(compiled: CompiledModel, given: Mapping[str, float]) -> Vector:
+    """Values of the model's inputs; UsageError AC033 when one is missing, unknown or no finite number."""
+    if not isinstance(given, Mapping):
+        raise UsageError("AC033", f"inputs is a {type(given).__name__}", help="a dictionary: inputs={'u': 0.0}")
+    unknown = [n for n in given if n not in compiled.inputs]
+    missing = [n for n in compiled.inputs if n not in given]
+    if unknown or missing:
+        wanted = (missing or [*compiled.inputs, "u"])[0]
+        fact = f"input {missing[0]} has no value" if missing else f"there is no input '{unknown[0]}'"
+        raise UsageError(
+            "AC033",
+            fact,
+            evidence=[f"inputs of {compiled.name}: {', '.join(compiled.inputs) or 'none'}"],
+            help=f"inputs={{'{wanted}': 0.0}}, or --input {wanted}=0; or bind it in the model",
+        )
+    u = np.zeros(len(compiled.inputs))
+    for k, name in enumerate(compiled.inputs):
+        try:
+            u[k] = given[name]
+        except (TypeError, ValueError):
+            u[k] = np.nan
+        if not np.isfinite(u[k]):
+            help = "an input is one constant; what varies is a source in the model, TimeTable for one"
+            raise UsageError("AC033", f"input {name} = {given[name]!r} is not a finite number", help=help)
+    return u
