@@ -116,6 +116,10 @@ def verdict(
     return Verdict(solver, kind, tuple(why), (*avoid, *own), tuple(findings))
 
 
+def _beyond_rounding(damping: float) -> float:
+    return abs(damping) if abs(damping) > 1e-9 else 0.0
+
+
 def _stiff(ch: Character, large: bool) -> list[str]:
     assert ch.fastest is not None
     names = ", ".join(ch.fastest.names[:3]) or "many states"
@@ -137,7 +141,7 @@ def _ringing(ch: Character) -> list[str]:
     assert ch.ringing is not None
     names = ", ".join(ch.ringing.names[:3]) or "many states"
     return [
-        f"{names} can oscillate at {ch.ringing.text} (damping ratio {abs(ch.ringing.damping):.2g}), "
+        f"{names} can oscillate at {ch.ringing.text} (damping ratio {_beyond_rounding(ch.ringing.damping):.2g}), "
         "but the solution does not follow it",
         "an L-stable one-step method damps it away and steps with the slow solution",
     ]
@@ -151,7 +155,7 @@ def _gentle(kind: str, ch: Character, facts: Facts) -> list[str]:
     if kind == "oscillating" and ch.oscillation is not None:
         text = [
             f"the solution is an oscillation of {', '.join(ch.oscillation.names[:3])} at {ch.oscillation.text}, "
-            f"{ch.periods:.3g} periods with damping ratio {abs(ch.oscillation.damping):.2g}",
+            f"{ch.periods:.3g} periods with damping ratio {_beyond_rounding(ch.oscillation.damping):.2g}",
             "order 5 keeps its amplitude where BDF damps or amplifies it",
         ]
     if facts.algebraic:
