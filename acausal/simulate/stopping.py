@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from acausal.simulate.native.equations import CONSTANTS
+from acausal.simulate.native.equations import parametric
 from acausal.simulate.native.flight import FlightProgram
 from acausal.simulate.native.policy import Library, StoppingEquations
 from acausal.simulate.regime import Regime
@@ -159,9 +159,8 @@ def stopping_equations(regime: Regime) -> StoppingEquations:
     m, d, shift = ca.vertsplit(numbers, [0, nm, nm + compiled.discretes, nm + compiled.discretes + 1])
     arguments = (t + shift, ca.vertcat(x * scale, ca.SX(nq, 1), d), z, u, p, m)
     ode, guards = ca.densify(compiled.rhs(*arguments)[0])[:n] / scale, ca.densify(regime.watch(*arguments))
-    (ode, guards), symbols, values = ca.extract_parametric([ode, guards], ca.vertcat(p, u), {"extract_trivial": True})
-    constants = ca.Function(CONSTANTS, [p, u], [ca.vertcat(*values) if values else ca.SX(0, 1)])
-    dae, transition = _stopped(t, x, z, ca.vertcat(ca.SX(0, 1), *symbols), numbers, ode, guards)
+    (ode, guards), symbols, constants = parametric([ode, guards], p, u)
+    dae, transition = _stopped(t, x, z, symbols, numbers, ode, guards)
     events = regime.watch, regime.rates.function, compiled.events.reactions
     return StoppingEquations(dae, transition, constants, events)
 

@@ -47,15 +47,23 @@ def equations(compiled: CompiledModel, zeros: Sequence[int] = ()) -> tuple[Any, 
     for k in zeros:
         some[k] = 0
     ode, alg = (ca.densify(e) for e in compiled.rhs(t + shift, full, z * scale_z, u, some, m))
-    (ode, alg), symbols, values = ca.extract_parametric(
-        [ode[:n] / scale_x, alg], ca.vertcat(p, u), {"extract_trivial": True}
-    )
+    (ode, alg), symbols, constants = parametric([ode[:n] / scale_x, alg], p, u)
     none = ca.SX(0, 1)
     dae = ca.Function(
         "dae",
-        [t, x, z, ca.vertcat(*symbols, m, d, shift), ca.SX.sym("none", 0)],
+        [t, x, z, ca.vertcat(symbols, m, d, shift), ca.SX.sym("none", 0)],
         [ode, alg, none, none],
         ["t", "x", "z", "p", "u"],
         ["ode", "alg", "quad", "zero"],
     )
-    return dae, ca.Function(CONSTANTS, [p, u], [ca.vertcat(*values) if values else none])
+    return dae, constants
+
+
+def parametric(expressions: Sequence[Any], p: Any, u: Any) -> tuple[list[Any], Any, Any]:
+    """Expressions in which symbols stand for what p and u alone determine; the symbols; and `(p, u) -> values`."""
+    rest, names, values = ca.extract_parametric(list(expressions), ca.vertcat(p, u), {"extract_trivial": True})
+    symbols, held = (ca.vertcat(*parts) if parts else ca.SX(0, 1) for parts in (names, values))
+    # What goes into a call may refer to what was extracted before.
+    while names and ca.depends_on(held, symbols):
+        held = ca.substitute(held, symbols, held)
+    return rest, symbols, ca.Function(CONSTANTS, [p, u], [held])
