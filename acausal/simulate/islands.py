@@ -71,7 +71,8 @@ def integrals(
         middle = (a + half)[short]
         a, b = np.concatenate([a[short], middle]), np.concatenate([middle, b[short]])
         stretch = np.concatenate([stretch[short], stretch[short]])
-    left, right, owner = (np.concatenate([f[k] for f in found]) for k in range(3))
+    left, right = np.concatenate([f[0] for f in found]), np.concatenate([f[1] for f in found])
+    owner = np.concatenate([f[2] for f in found])
     order = np.lexsort((left, owner))
     left, right, owner = left[order], right[order], owner[order]
     panels = np.concatenate([f[3] for f in found], axis=1)[:, order]
