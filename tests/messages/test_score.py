@@ -2,46 +2,31 @@
 
 from __future__ import annotations
 
+from importlib import import_module
+
 import pytest
 
 import acausal
-from tests.messages import (
-    test_circuits,
-    test_class_bodies,
-    test_dependent,
-    test_heat_and_tables,
-    test_loops,
-    test_mechanisms,
-    test_prescribed_flows,
-    test_prescribed_twice,
-    test_references,
-    test_signals,
-    test_special_values,
-    test_start_messages,
-    test_unbalanced,
-    test_wrong_starts,
-)
 from tests.messages.cases import Case, normalised
 
+_FILES = (
+    "circuits",
+    "class_bodies",
+    "dependent",
+    "heat_and_tables",
+    "loops",
+    "mechanisms",
+    "prescribed_flows",
+    "prescribed_twice",
+    "references",
+    "signals",
+    "special_values",
+    "start_messages",
+    "unbalanced",
+    "wrong_starts",
+)
 BROKEN_MODELS: list[Case] = [
-    case
-    for module in (
-        test_circuits,
-        test_class_bodies,
-        test_dependent,
-        test_heat_and_tables,
-        test_loops,
-        test_mechanisms,
-        test_prescribed_flows,
-        test_prescribed_twice,
-        test_references,
-        test_signals,
-        test_special_values,
-        test_start_messages,
-        test_unbalanced,
-        test_wrong_starts,
-    )
-    for case in module.corpus.cases
+    case for name in _FILES for case in import_module(f"tests.messages.test_{name}").corpus.cases
 ]
 
 
