@@ -131,11 +131,7 @@ class Hybrid:
         changed = moment.m.copy()
         changed[:timely] = course.modes[place.segment]
         samples = course.samples[place.segment]
-        is_new = samples.any() or (changed != moment.m).any() or changed[self.iteration.flags].any()
-        if place.segment == 0 and not is_new:
-            happened = Happened(moment)  # the start has settled already
-        else:
-            happened = self.iteration.settle(here, replace(moment, m=changed), moment.m, samples=samples)
+        happened = self.iteration.settle(here, replace(moment, m=changed), moment.m, samples=samples)
         self.passages.append(Passage(here, moment, None, happened))
         self._record_start(here, self._say(happened, here), happened)
         return replace(place, here=here, entered=True, fresh=True)
