@@ -71,22 +71,33 @@ def integrals(
         middle = (a + half)[short]
         a, b = np.concatenate([a[short], middle]), np.concatenate([middle, b[short]])
         stretch = np.concatenate([stretch[short], stretch[short]])
+    if len(found) == 1:  # no panel was halved: one for each stretch, in order
+        left, right, _, panels = found[0]
+        inside, before = stretches, np.zeros((len(panels), len(times)))
+    else:
+        left, right, inside, panels, before = _assembled(found, len(starts), times, stretches)
+    at = 2.0 * (times - left[inside]) / (right[inside] - left[inside]) - 1.0
+    rising = np.cos(np.arccos(np.clip(at, -1.0, 1.0))[:, None] * _DEGREES)
+    return np.asarray(before + np.einsum("qkc,kc->qk", panels[:, inside], rising))
+
+
+def _assembled(
+    found: list[tuple[Vector, Vector, Indices, Vector]], count: int, times: Vector, stretches: Indices
+) -> tuple[Vector, Vector, Indices, Vector, Vector]:
+    """Ends of all panels in order, the panel of each instant, the series, and what was gathered before each instant."""
     left, right = np.concatenate([f[0] for f in found]), np.concatenate([f[1] for f in found])
     owner = np.concatenate([f[2] for f in found])
     order = np.lexsort((left, owner))
     left, right, owner = left[order], right[order], owner[order]
     panels = np.concatenate([f[3] for f in found], axis=1)[:, order]
-    # what has been gathered before each panel, since its stretch began; polynomials of Chebyshev are 1 at the right end
+    # since its stretch began; polynomials of Chebyshev are 1 at the right end of a panel
     total = np.cumsum(panels.sum(axis=2), axis=1)
     before = np.hstack([np.zeros((len(total), 1)), total[:, :-1]])
-    first = np.searchsorted(owner, np.arange(len(starts)))
+    first = np.searchsorted(owner, np.arange(count))
     before -= before[:, first[owner]]
     inside = first[stretches]
     ends = np.append(first[1:], len(left))
     for k in np.flatnonzero(ends - first > 1).tolist():  # the last panel that begins before the instant
         here = slice(*np.searchsorted(stretches, [k, k + 1]))
         inside[here] += np.maximum(np.searchsorted(left[first[k] : ends[k]], times[here]) - 1, 0)
-    at = 2.0 * (times - left[inside]) / (right[inside] - left[inside]) - 1.0
-    rising = np.cos(np.arccos(np.clip(at, -1.0, 1.0))[:, None] * _DEGREES)
-    grown: Vector = before[:, inside] + np.einsum("qkc,kc->qk", panels[:, inside], rising)
-    return grown
+    return left, right, inside, panels, before[:, inside]
