@@ -31,6 +31,10 @@ def reduce(
         list[str] | None,
         typer.Option("--outputs", metavar="A,B", help="Wanted variables, with commas; repeatable.", show_default=False),
     ] = None,
+    more: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="NAME", help="More wanted variables: --outputs A B.", show_default=False),
+    ] = None,
     settings: SetOption = None,
     freeze: Annotated[
         list[str] | None,
@@ -63,8 +67,8 @@ def reduce(
     as_json: JsonOption = False,
 ) -> None:
     """Keep only what wanted outputs depend on, and what moves; report what was left out and why."""
-    names = _names(outputs)
-    if not names:
+    names = _names([*(outputs or ()), *(more or ())])
+    if not names or not outputs:
         raise UsageError(
             "AC018", "no outputs are asked for", help=f"acausal reduce {model} --outputs a,b; acausal info lists names"
         )

@@ -27,6 +27,14 @@ def test_json() -> None:
     assert content["error"] is None
 
 
+def test_outputs_may_stand_in_a_row() -> None:
+    """`--outputs A B`, `--outputs A,B` and `--outputs A --outputs B` are one request."""
+    found = run("reduce", MODEL, "--outputs", "drill.s", "drill.F_f", "--no-compare", "--json")
+    assert found.code == 0
+    assert found.json["outputs"] == ["drill.s", "drill.F_f"]
+    assert run("reduce", MODEL, "drill.s").code == 2
+
+
 def test_entries_of_arrays_hold_commas() -> None:
     found = run("reduce", MODEL, "--outputs", "body.frame_a.R[0,1],body.frame_a.r_0[2]", "--no-compare", "--json")
     assert found.code == 0
