@@ -91,6 +91,7 @@ if TYPE_CHECKING:
     from acausal.export.casadi_file import load_casadi as load_casadi
     from acausal.export.linearize import linearize as linearize
     from acausal.export.sensitivity import sensitivities as sensitivities
+    from acausal.export.step import step_function as step_function
     from acausal.flatten.flatten import flatten as flatten
     from acausal.lower.compile import compile as compile
     from acausal.result import Result as Result
@@ -109,6 +110,7 @@ _LAZY = {
     "linearize": "acausal.export.linearize",
     "sensitivities": "acausal.export.sensitivity",
     "load_casadi": "acausal.export.casadi_file",
+    "step_function": "acausal.export.step",
     "bench": "acausal.study.bench.bench",
     "reduce": "acausal.study.reduction.reduction",
     "stability": "acausal.study.stability.stability",
