@@ -17,9 +17,9 @@ from acausal import (
     der,
     fabs,
     fixed,
-    guess,
     initial,
     maximum,
+    minimum,
     no_event,
     parameter,
     part,
@@ -65,7 +65,6 @@ class OneAxisDrilling(Component):
     v: Real = variable(unit="m/s", doc="Rate of the depth")
     s_tar: Real = variable(unit="m", nominal=1e-3, default=fixed(0.0), doc="Ground of the hole")
     width: Real = variable(unit="m", doc="Difference of the diameters between which the edges cut")
-    line_force: Real = variable(unit="N/m", nominal=1e6, default=guess(0.0), doc="Contact force per engaged width")
     f_z: Real = variable(unit="m", doc="Feed per edge and revolution")
     k_c: Real = variable(unit="Pa", doc="Specific cutting force")
     F_c: Real = variable(unit="N", doc="Cutting force")
@@ -92,24 +91,31 @@ class OneAxisDrilling(Component):
 
         factor = sin(self.sigma)
         edges = factor * self.z_E / 2
-        yield self.f_z == self.feed(maximum(self.line_force, 0.0) / edges)
+        pressing = maximum(self.k * (self.s - self.s_tar) + self.d_c * self.v, 0.0)
+        yield self.f_z == self.feed_under(pressing, edges * maximum(self.width, self.w_min))
         yield self.k_c == self.k_c11 * (maximum(self.f_z * sin(self.sigma / 2), self.h_min) / self.h_1) ** (-self.z)
         yield self.F_c == self.z_E * self.width / 2 * self.f_z * self.k_c
         yield self.F_f == factor * self.F_c
 
-        v_tar = self.z_E * self.n * self.f_z
-        free = self.z_E * self.n * self.feed(maximum(-self.line_force, 0.0) / edges)
-        mirrored = self.width + 2 * slope * maximum(-self.s, 0.0)
-        contact = maximum(mirrored, self.w_min) * self.line_force
-        yield self.k * (self.s - self.s_tar) + self.d_c * (self.v - v_tar + free) == contact
         yield der(self.s) == self.v
         yield self.m * der(self.v) == self.F - self.F_f
         # The ground has nothing to gain from an exact instant of the touch, where the force grows from zero.
-        yield der(self.s_tar) == where(no_event(self.s > 0), v_tar, 0.0)
+        yield der(self.s_tar) == where(no_event(self.s > 0), self.z_E * self.n * self.f_z, 0.0)
         yield assert_(
             ~initial() | no_event((self.s < self.d / 100) | (self.k * self.s < edges * self.d * self.k_c11 * self.h_1)),
             "the drill starts inside of the material: move it back",
         )
+
+    def feed_under(self, force: Expr, edge: Expr) -> Expr:
+        """Feed per edge [m] at which edges and damper take up `force` [N]; see `DrillContactForce.feed_under`."""
+        slowest = self.h_min / sin(self.sigma / 2)
+        damper = self.d_c * self.z_E * self.n
+        f = minimum(self.feed(force / 2 / edge), force / 2 / maximum(damper, 1e-6))
+        for _ in range(5):
+            k_c = self.k_c11 * (maximum(f, slowest) * sin(self.sigma / 2) / self.h_1) ** (-self.z)
+            slope = edge * k_c * where(no_event(f > slowest), 1 - self.z, 1.0) + damper
+            f = maximum(f + (force - edge * k_c * f - damper * f) / slope, 0.0)
+        return f
 
     def feed(self, x: Expr) -> Expr:
         """Feed per edge [m] of `x = f_z k_c(f_z)` [N/m]; see `DrillContactForce.feed`."""

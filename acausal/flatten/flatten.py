@@ -83,12 +83,7 @@ def flatten(model: Component, parameters: Mapping[str, object] | None = None) ->
     check_assigned(builder.assignments, builder.whens, discrete, inputs)
     equations += builder.flow_equations(flow_sets(found, physical))
     equations += builder.residuals([physical[k] for k in sorted(tree.cut)])
-    initial = [
-        e
-        for i in found
-        if hasattr(type(i.component), "initial_equations")
-        for e in builder.direct(i, list(statements(i.component, "initial_equations")))
-    ]
+    initial = builder.initial_equations()
     starts, surplus = builder.starts()
     initial += surplus
     fill_starts(pool, starts, discrete)
@@ -338,6 +333,15 @@ class _Builder:
                         total = pool.add(total, node) if sign > 0 else pool.sub(total, node)
                     equations.append(FlatEquation(total, pool.zero, origin, component, text))
         return equations
+
+    def initial_equations(self) -> list[FlatEquation]:
+        """The start equations of all instances."""
+        return [
+            equation
+            for instance in self.found
+            if hasattr(type(instance.component), "initial_equations")
+            for equation in self.direct(instance, list(statements(instance.component, "initial_equations")))
+        ]
 
     def starts(self) -> tuple[dict[int, FlatStart], list[FlatEquation]]:
         """Declared starts by scalar; a fixed one wins over guesses of connected potentials.
