@@ -104,15 +104,16 @@ class Numbered:
 
     def integrator(self, plugin: str, dae: Any, grid: Vector, settings: dict[str, Any]) -> Any:
         """An integrator of `dae`, one of these equations in some form, from 0 over the times of `grid`."""
+        if self.n + self.nz > _LARGEST:
+            return ca.integrator("segment", plugin, dae, 0.0, grid.tolist(), settings)
         # a function has one memory that is its own: no two threads may share it
         key = plugin, dae.__hash__(), grid.tobytes(), repr(sorted(settings.items())), threading.get_ident()
         found = self._integrators.pop(key, None)
         if found is None:
             found = ca.integrator("segment", plugin, dae, 0.0, grid.tolist(), settings)
-        if self.n + self.nz <= _LARGEST:
-            self._integrators[key] = found
-            if len(self._integrators) > _INTEGRATORS:
-                self._integrators.popitem(last=False)
+        self._integrators[key] = found
+        if len(self._integrators) > _INTEGRATORS:
+            self._integrators.popitem(last=False)
         return found
 
 
