@@ -16,9 +16,11 @@ from acausal.errors import AcausalError as AcausalError
 from acausal.language.component import Component as Component
 from acausal.language.component import Connector as Connector
 from acausal.language.component import Equations as Equations
+from acausal.language.component import Record as Record
 from acausal.language.conditions import change as change
 from acausal.language.conditions import edge as edge
 from acausal.language.conditions import equals as equals
+from acausal.language.conditions import infinitesimal as infinitesimal
 from acausal.language.conditions import initial as initial
 from acausal.language.conditions import no_event as no_event
 from acausal.language.conditions import pre as pre
@@ -50,6 +52,7 @@ from acausal.language.experiment import Experiment as Experiment
 from acausal.language.expression import Expr as Expr
 from acausal.language.expression import as_expr as as_expr
 from acausal.language.external import External as External
+from acausal.language.freeing import free as free
 from acausal.language.functions import acos as acos
 from acausal.language.functions import asin as asin
 from acausal.language.functions import atan as atan
@@ -70,6 +73,7 @@ from acausal.language.functions import log as log
 from acausal.language.functions import maximum as maximum
 from acausal.language.functions import minimum as minimum
 from acausal.language.functions import norm as norm
+from acausal.language.functions import quantity as quantity
 from acausal.language.functions import sign as sign
 from acausal.language.functions import sin as sin
 from acausal.language.functions import sinh as sinh
@@ -78,8 +82,11 @@ from acausal.language.functions import sqrt as sqrt
 from acausal.language.functions import tan as tan
 from acausal.language.functions import tanh as tanh
 from acausal.language.functions import time as time
+from acausal.language.functions import unitless as unitless
 from acausal.language.functions import where as where
 from acausal.language.functions import zeros as zeros
+from acausal.language.lookup import lookup as lookup
+from acausal.language.outer import outer as outer
 from acausal.language.overconstrained import branch as branch
 from acausal.language.overconstrained import is_root as is_root
 from acausal.language.overconstrained import potential_root as potential_root
@@ -88,32 +95,54 @@ from acausal.language.overconstrained import rooted as rooted
 from acausal.panel import Panel as Panel
 
 if TYPE_CHECKING:
+    from acausal.animate.animate import animate as animate
+    from acausal.diagram.diagram import diagram as diagram
+    from acausal.explore.explore import explore as explore
     from acausal.export.casadi_file import load_casadi as load_casadi
     from acausal.export.linearize import linearize as linearize
+    from acausal.export.operating_point import operating_point as operating_point
     from acausal.export.sensitivity import sensitivities as sensitivities
     from acausal.export.step import step_function as step_function
     from acausal.flatten.flatten import flatten as flatten
     from acausal.lower.compile import compile as compile
     from acausal.result import Result as Result
     from acausal.result import load as load
+    from acausal.series import TimeSeries as TimeSeries
     from acausal.simulate.run import simulate as simulate
     from acausal.study.bench.bench import bench as bench
+    from acausal.study.fit.dataset import Dataset as Dataset
+    from acausal.study.fit.fit import fit as fit
     from acausal.study.reduction.reduction import reduce as reduce
     from acausal.study.stability.stability import stability as stability
+    from acausal.study.sweep.family import Sweep as Sweep
+    from acausal.study.sweep.family import load_sweep as load_sweep
+    from acausal.study.sweep.sweep import sweep as sweep
+    from acausal.study.sweep.vary import Range as Range
 
 _LAZY = {
+    "animate": "acausal.animate.animate",
+    "diagram": "acausal.diagram.diagram",
+    "explore": "acausal.explore.explore",
     "flatten": "acausal.flatten.flatten",
     "compile": "acausal.lower.compile",
     "simulate": "acausal.simulate.run",
+    "TimeSeries": "acausal.series",
     "Result": "acausal.result",
     "load": "acausal.result",
+    "Dataset": "acausal.study.fit.dataset",
+    "fit": "acausal.study.fit.fit",
     "linearize": "acausal.export.linearize",
+    "operating_point": "acausal.export.operating_point",
     "sensitivities": "acausal.export.sensitivity",
     "load_casadi": "acausal.export.casadi_file",
     "step_function": "acausal.export.step",
     "bench": "acausal.study.bench.bench",
     "reduce": "acausal.study.reduction.reduction",
     "stability": "acausal.study.stability.stability",
+    "sweep": "acausal.study.sweep.sweep",
+    "Sweep": "acausal.study.sweep.family",
+    "load_sweep": "acausal.study.sweep.family",
+    "Range": "acausal.study.sweep.vary",
 }
 
 

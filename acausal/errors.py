@@ -11,6 +11,7 @@
     |   |-- IntegrationError  AC4xx  the solver cannot go on
     |   `-- EventError        AC5xx  events do not settle, or an assertion is broken
     |-- ExportError           AC6xx
+    |-- OptimizationError     AC7xx  an optimal-control problem without an answer
     `-- InternalError         AC9xx  a defect of acausal itself
 
 A message says: what (one sentence), where (the user's source), evidence (the minimal subset), the
@@ -128,6 +129,10 @@ class AcausalError(Exception):
         self.cause = cause
         self.help = help
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """What workers fail of is told where the work was ordered; constructors of errors differ."""
+        return _error, (type(self), self.args), {**self.__dict__, "where": tuple(self.where)}
+
     def __str__(self) -> str:
         lines = [f"error[{self.code}]: {self.fact}"]
         for span in dict.fromkeys(self.where):
@@ -142,6 +147,10 @@ class AcausalError(Exception):
         if self.help:
             lines.append(f"  help    {self.help}")
         return "\n".join(lines)
+
+
+def _error(cls: type[AcausalError], args: tuple[object, ...]) -> AcausalError:
+    return cls.__new__(cls, *args)
 
 
 class UsageError(AcausalError):
@@ -203,6 +212,10 @@ class EventError(RunError):
 
 class ExportError(AcausalError):
     """The model cannot be exported in the wanted form."""
+
+
+class OptimizationError(AcausalError):
+    """No optimum was found: the demands contradict each other, bound nothing, or do not fit the model."""
 
 
 class InternalError(AcausalError):

@@ -22,7 +22,7 @@ import numpy as np
 
 from acausal.errors import Span, UsageError
 from acausal.matfile import doubled, read_mat, write_mat
-from acausal.signals import Event, Signal, Table
+from acausal.signals import Array, Event, Signal, Table
 
 
 def write(table: Table, path: Path) -> None:
@@ -48,12 +48,27 @@ def read(path: Path) -> Table:
     """
     reader = READERS[_suffix(path)]
     try:
-        return reader(path)
+        table = reader(path)
+        _check_times(table.time)
+        return table
     except OSError as error:
         raise UsageError("AC014", f"cannot read {path}: {error.strerror or error}") from error
     except Exception as error:
         # scipy, numpy and zipfile have a dozen ways, classes of their own among them, to say that bytes are no result.
         raise UsageError("AC014", f"cannot read {path} as a result", evidence=[str(error) or "empty file"]) from error
+
+
+def _check_times(time: Array) -> None:
+    """Refuse rows that are not in the order of time, and times that are no numbers."""
+    broken = np.flatnonzero(~np.isfinite(time))
+    if broken.size:
+        raise ValueError(f"the time of row {broken[0] + 1} is {time[broken[0]]:g}")
+    back = np.flatnonzero(np.diff(time) < 0.0)
+    if back.size:
+        k = int(back[0])
+        raise ValueError(
+            f"row {k + 2} goes back in time, from {time[k]:g} s to {time[k + 1]:g} s: sort the rows by time"
+        )
 
 
 def _suffix(path: Path) -> str:

@@ -9,6 +9,10 @@ from dataclasses import dataclass
 class Panel:
     """Signals that share one pair of axes.
 
+    Signals of one dimension share one vertical scale. Plain numbers share that of the quantity they stand beside, in
+    its SI unit, so that a set point without a unit can be compared with the value that follows it. A second quantity
+    has an axis at the right, and so says the legend.
+
     Parameters
     ----------
     signals

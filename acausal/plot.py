@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
@@ -16,11 +17,12 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from acausal.errors import UsageError
+from acausal.errors import UnitError, UsageError
 from acausal.files import atomic
 from acausal.panel import Panel
 from acausal.scale import Scale, readable, to_unit
 from acausal.signals import Array, Signal
+from acausal.units import Dimension, format_dimension, parse
 
 if TYPE_CHECKING:
     from acausal.result import Result
@@ -28,13 +30,13 @@ if TYPE_CHECKING:
 FORMATS = (".png", ".svg", ".pdf")
 
 # Okabe and Ito's palette, distinguishable for colour-blind readers, without its yellow.
-_COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")
-_STYLE: dict[Any, Any] = {
+COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")
+STYLE: dict[Any, Any] = {
     "font.size": 9.0,
     "axes.titlesize": 9.5,
     "axes.labelsize": 9.0,
     "legend.fontsize": 8.0,
-    "axes.prop_cycle": cycler(color=_COLORS),
+    "axes.prop_cycle": cycler(color=COLORS),
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.edgecolor": "0.4",
@@ -56,6 +58,19 @@ _LABEL_WIDTH = 26
 _PANEL_WIDTH = 80
 # Beyond this many, lines of events hide what they should explain.
 _MOST_EVENTS = 60
+
+
+class Drawing(Figure):
+    """A figure with a canvas of its own, which a notebook shows whether or not pyplot is loaded."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(**options)
+        FigureCanvasAgg(self)
+
+    def _repr_png_(self) -> bytes:
+        stream = BytesIO()
+        self.savefig(stream, format="png", dpi=110)
+        return stream.getvalue()
 
 
 @dataclass(frozen=True)
@@ -94,7 +109,7 @@ def plot(
     names
         Signals; an array draws one line per element.
     together
-        One panel for all, with a second vertical axis for a second unit.
+        One panel for all, with a second vertical axis for a second unit; plain numbers share the first.
     xlabel
         Text below the horizontal axis instead of the chosen one.
     file
@@ -133,9 +148,8 @@ def figure(
     rows = -(-len(panels) // columns)
     # Panels against the same signal scroll and zoom together and share the labels below.
     shared = len({panel.against for panel in panels}) == 1
-    with matplotlib.rc_context(_STYLE):
-        drawing = Figure(figsize=(7.4 if columns == 1 else 12.0, 1.0 + max(2.0 * rows, 3.2)), layout="constrained")
-        FigureCanvasAgg(drawing)
+    with matplotlib.rc_context(STYLE):
+        drawing = Drawing(figsize=(7.4 if columns == 1 else 12.0, 1.0 + max(2.0 * rows, 3.2)), layout="constrained")
         axes = drawing.subplots(rows, columns, sharex=shared, squeeze=False).T.ravel()
         for ax in axes[len(panels) :]:
             ax.remove()
@@ -196,31 +210,55 @@ def _magnitude(values: Array) -> float:
 
 
 def _groups(result: Result, panel: Panel) -> list[_Group]:
-    """The lines of a panel by unit, scaled; the first group goes left, the second right."""
-    lines: dict[str, list[tuple[Signal, Array]]] = {}
-    for name in panel.signals:
-        _, signals = result.elements(name)
-        for signal in signals:
-            lines.setdefault(panel.unit or signal.unit, []).append((signal, result[signal.name]))
-    if not lines:
+    """The lines of a panel by dimension, scaled; the first group goes left, the second right.
+
+    What has one dimension has one scale, and a plain number has that of the quantity beside it, in its SI unit, as in
+    an equation: a set point without a unit on an axis of its own would look missed by the value that follows it.
+    """
+    signals = [signal for name in panel.signals for signal in result.elements(name)[1]]
+    if not signals:
         raise UsageError("AC016", f"the panel '{panel.title}' names no signal")
+    units = [signal.unit for signal in signals if not _is_plain(signal)] or [signals[0].unit]
+    kinds = list(dict.fromkeys(map(_kind, units)))
+    lines: dict[Dimension | str, list[Signal]] = {kind: [] for kind in kinds}
+    for signal in signals:
+        joins = _is_plain(signal) and len(kinds) == 1
+        lines.setdefault(kinds[0] if joins else _kind(signal.unit), []).append(signal)
     if len(lines) > 2:
         raise UsageError(
             "AC016",
             f"one panel cannot show {len(lines)} units",
-            evidence=[f"{unit or '1'}  {', '.join(s.name for s, _ in members)}" for unit, members in lines.items()],
+            evidence=[f"{m[0].unit or '1'}  {', '.join(s.name for s in m)}" for m in lines.values()],
             help="a panel has two vertical axes; give the other signals a panel of their own",
         )
-    groups = []
-    for unit, members in lines.items():
-        if panel.unit is None:
-            scale = readable(unit, max(_magnitude(v) for _, v in members))
-            scaled = tuple(scale(v) for _, v in members)
-        else:
-            scale = Scale(panel.unit)
-            scaled = tuple(to_unit(s.unit, panel.unit)(v) for s, v in members)
-        groups.append(_Group(tuple(s for s, _ in members), scaled, scale))
-    return groups
+    return [_scaled(result, panel.unit, members) for members in lines.values()]
+
+
+def _is_plain(signal: Signal) -> bool:
+    return signal.unit in ("", "1")
+
+
+def _kind(unit: str) -> Dimension | str:
+    """The dimension of a unit; of one that a file of another program brought along and nobody knows, its name."""
+    try:
+        return parse(unit).dimension
+    except UnitError:
+        return unit
+
+
+def _scaled(result: Result, shown: str | None, members: Sequence[Signal]) -> _Group:
+    """Signals of one dimension, and plain numbers, on the scale of the first that is a quantity."""
+    declared = next((s.unit for s in members if not _is_plain(s)), members[0].unit)
+    values = [result[s.name] if s.unit == declared else _converted(s, declared)(result[s.name]) for s in members]
+    scale = readable(declared, max(map(_magnitude, values))) if shown is None else to_unit(declared, shown)
+    return _Group(tuple(members), tuple(map(scale, values)), scale)
+
+
+def _converted(signal: Signal, declared: str) -> Scale:
+    kind = _kind(declared)
+    if isinstance(kind, str):
+        return Scale(declared)
+    return to_unit(format_dimension(kind) if _is_plain(signal) else signal.unit, declared)
 
 
 def _draw(ax: Axes, result: Result, panel: Panel, groups: Sequence[_Group]) -> str:
@@ -235,9 +273,10 @@ def _draw(ax: Axes, result: Result, panel: Panel, groups: Sequence[_Group]) -> s
     for k, group in enumerate(groups):
         side = ax if k == 0 else ax.twinx()
         for signal, values in zip(group.signals, group.values, strict=True):
-            color = _COLORS[len(handles) % len(_COLORS)]
-            style = "-" if len(handles) < len(_COLORS) else "--"
-            handles += side.plot(x, values, style, color=color, label=signal.name)
+            beside = " [1]" if _is_plain(signal) and group.scale.label else " (right)" if k else ""
+            color = COLORS[len(handles) % len(COLORS)]
+            style = "-" if len(handles) < len(COLORS) else "--"
+            handles += side.plot(x, values, style, color=color, label=signal.name + beside)
         side.set_ylabel(group.label)
         _calm(side, group.values)
         if k:

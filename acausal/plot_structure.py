@@ -9,14 +9,13 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PatchCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 from numpy.typing import NDArray
 
 from acausal.lower.compiled import CompiledModel
-from acausal.plot import check_suffix, save
+from acausal.plot import Drawing, check_suffix, save
 
 # Okabe and Ito's palette, as for curves; one-by-one blocks are the rule and stay grey.
 _COLOR = {"explicit": "0.25", "linear": "#0072B2", "torn": "#D55E00", "dae": "#CC79A7"}
@@ -100,8 +99,7 @@ def spy(compiled: CompiledModel, file: str | Path | None = None, title: str | No
     check_suffix(file)
     found = pattern(compiled)
     with matplotlib.rc_context({"font.size": 9.0, "svg.hashsalt": "acausal"}):
-        drawing = Figure(figsize=(2 * _SIDE, _SIDE + 1.0), layout="constrained")
-        FigureCanvasAgg(drawing)
+        drawing = Drawing(figsize=(2 * _SIDE, _SIDE + 1.0), layout="constrained")
         before, after = drawing.subplots(1, 2)
         _panel(before, found.rows, found.columns, found.size)
         before.set_title(f"as composed: {found.size} equations, {len(found.rows)} entries", fontsize=9)

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Event", "Result", "Signal", "load"]
 
+# Columns that are computed one by one before all are.
+_MANY = 64
 _ELEMENT = re.compile(r"(?P<base>.+)\[(?P<index>\d+(?:, ?\d+)*)\]")
 
 
@@ -41,8 +43,11 @@ class Result:
     events, stats
         What happened, and how the run was made (solver, reason of its choice, counters, times).
     dense
-        A row of `trajectories` at any time of the run, accurate to the run's tolerance; None for results
-        read from a file.
+        Rows of `trajectories` at any times of the run, shape (n,) to (n, k), accurate to the run's tolerance, nan where
+        the solver does not get to; None for results read from a file.
+    some
+        Some columns of `trajectories`, shape (n, their number), at the cost of what these need; None where that is the
+        cost of all.
     """
 
     model: str
@@ -51,12 +56,17 @@ class Result:
     signals: Mapping[str, Signal]
     events: tuple[Event, ...] = ()
     stats: Mapping[str, object] = field(default_factory=dict)
-    dense: Callable[[float], Array] | None = None
+    dense: Callable[[Array], Array] | None = None
+    some: Callable[[Sequence[int]], Array] | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "time", np.asarray(self.time, dtype=float))
         if self.time.ndim != 1 or np.any(np.diff(self.time) < 0):
             raise InternalError("AC901", f"the time of a result of {self.model} does not increase")
+
+    def __reduce__(self) -> tuple[type[Result], tuple[object, ...]]:
+        """With all values computed, and without the integrators behind `at`: as a result that was read from a file."""
+        return Result, (self.model, self.time, self.matrix, dict(self.signals), self.events, dict(self.stats))
 
     @cached_property
     def matrix(self) -> Array:
@@ -68,6 +78,20 @@ class Result:
                 "AC902", f"a result of {self.model} has {len(self.time)} times and trajectories of shape {matrix.shape}"
             )
         return matrix
+
+    @cached_property
+    def _read(self) -> dict[int, Array]:
+        """Columns that were read one by one."""
+        return {}
+
+    def _columns(self, columns: Sequence[int]) -> Array:
+        """Some columns of the trajectories, shape (n, their number); all are computed where many were asked for."""
+        missing = [k for k in dict.fromkeys(columns) if k not in self._read]
+        if "matrix" in self.__dict__ or self.some is None or len(self._read) + len(missing) > _MANY:
+            return self.matrix[:, columns]
+        if missing:
+            self._read.update(zip(missing, self.some(missing).T, strict=True))
+        return np.stack([self._read[k] for k in columns], axis=1)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -122,7 +146,7 @@ class Result:
         if name == "time":
             return self.time.copy()
         shape, signals = self.elements(name)
-        return self._assemble(signals, shape, len(self.time), lambda columns: self.matrix[:, columns])
+        return self._assemble(signals, shape, len(self.time), self._columns)
 
     def unit(self, name: str) -> str:
         """Unit of a signal, or of the elements of an array, as declared."""
@@ -192,19 +216,20 @@ class Result:
         # units of rounding: 0.3 asks for the point that 3 * 0.1 stored.
         index = np.searchsorted(self.time, times + slack, side="right") - 1
         stored = np.abs(self.time[index] - times) <= slack
-        rows[stored] = self.matrix[index[stored]][:, columns]
+        known = self._columns(columns)
+        rows[stored] = known[index[stored]]
         between = np.flatnonzero(~stored)
-        if self.dense is not None:
-            for i in between:
-                rows[i] = self.dense(float(times[i]))[columns]
-            return rows
+        if self.dense is not None and between.size:
+            found = self.dense(times[between])[:, columns]
+            rows[between] = found
+            between = between[np.isnan(found).all(axis=1)]
         starts = np.flatnonzero(np.diff(self.time) == 0) + 1
         bounds = [0, *starts.tolist(), len(self.time)]
         segment = np.searchsorted(starts, index[between], side="right")
         for k in np.unique(segment):
             wanted = between[segment == k]
             piece = slice(bounds[k], bounds[k + 1])
-            rows[wanted] = _interpolate(self.time[piece], self.matrix[piece][:, columns], times[wanted])
+            rows[wanted] = _interpolate(self.time[piece], known[piece], times[wanted])
         return rows
 
     def table(self) -> Table:
@@ -230,20 +255,29 @@ class Result:
         return plot(self, *names, **options)
 
     def to_pandas(self) -> Any:
-        """A `pandas.DataFrame` with time as index and one column per signal."""
+        """A `pandas.DataFrame` with time as index and one column per signal; `attrs["units"]` holds units by name."""
         pandas = _extra("pandas")
+        _ = self.matrix  # at once, rather than column by column
         columns = {name: self[name] for name in self.names}
-        return pandas.DataFrame(columns, index=pandas.Index(self.time, name="time"))
+        frame = pandas.DataFrame(columns, index=pandas.Index(self.time, name="time"))
+        frame.attrs |= {"model": self.model, "units": {name: s.unit for name, s in self.signals.items()}}
+        return frame
 
     def to_xarray(self) -> Any:
         """An `xarray.Dataset` over `time`, with the attributes `units` and `long_name`."""
         xarray = _extra("xarray")
+        _ = self.matrix
         data = {
             name: ("time", self[name], {"units": signal.unit, "long_name": signal.doc})
             for name, signal in self.signals.items()
         }
         coordinates = {"time": ("time", self.time, {"units": "s", "long_name": "Time"})}
         return xarray.Dataset(data, coords=coordinates, attrs={"model": self.model})
+
+    def _repr_html_(self) -> str:
+        from acausal.notebook import result_html
+
+        return result_html(self)
 
     def __repr__(self) -> str:
         span = f"{self.time[0]:g} .. {self.time[-1]:g} s" if self.time.size else "no time"

@@ -127,6 +127,7 @@ _EXAMPLES = (
 )
 
 _SPELLING = "write units as in Modelica: N.m, kg/(m.s2), m/s2, 1/s, mm, kN, deg, degC"
+_ANGLES = re.compile(r"\b(deg|degree|degrees|rev|cycle|turn)\b")
 _SUPERSCRIPTS = str.maketrans(
     "\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079\u207b\u00b7\u22c5\u2212", "0123456789-..-"
 )
@@ -208,6 +209,34 @@ def parse(unit: str) -> Unit:
     return Unit(unit, dimension, float(scale), 0.0, scale if isinstance(scale, Fraction) else None)
 
 
+def declared(unit: str) -> Unit:
+    """The unit of a declaration, which is the coherent one of SI.
+
+    Raises
+    ------
+    UnitError
+        AC150 as `parse`, with advice that a declaration accepts, AC153 for a unit that has a factor or an offset.
+    """
+    try:
+        parsed = parse(unit)
+    except UnitError as error:
+        if error.help and error.help.endswith(_SPELLING):
+            close = [n for n in _candidates(unit.strip()) if ("." in n or _is_own(n)) and is_coherent(n)]
+            did_you_mean = f"did you mean {' or '.join(close)}? " if close else ""
+            error.help = did_you_mean + "declare in SI, as in Modelica: N.m, kg/(m.s2), m/s2, 1/s, rad, K"
+        raise
+    if math.isclose(parsed.factor, 1.0, rel_tol=1e-12) and not parsed.offset:
+        return parsed
+    angular = _ANGLES.sub("rad", unit.replace("rpm", "rad/s"))
+    coherent = angular if angular != unit and is_coherent(angular) else format_dimension(parsed.dimension)
+    zero = f"0 {unit} = {parsed.offset:g} {coherent}, " if parsed.offset else ""
+    raise UnitError(
+        "AC153",
+        f"declared unit '{unit}' is not of SI ({zero}1 {unit} = {parsed.factor + parsed.offset:g} {coherent})",
+        help=f'declare unit="{coherent}"; values given on the command line are converted: --set NAME=3{unit}',
+    )
+
+
 def is_coherent(unit: Unit | str) -> bool:
     """Whether the unit is the SI-coherent one of its dimension, so that values in it need no conversion."""
     unit = parse(unit) if isinstance(unit, str) else unit
@@ -247,11 +276,27 @@ def _converted(digits: str, suffix: str, unit: str) -> float:
             ],
             help=_accepted(unit),
         )
+    return _in(digits, source, target)
+
+
+def _in(digits: str, source: Unit, target: Unit) -> float:
     value = float(digits)
     moderate = 1e-150 < abs(value) < 1e150 and len(digits) < 100
     if moderate and source.exact and target.exact and not source.offset and not target.offset:
         return float(Fraction(digits) * source.exact / target.exact)
     return (source.factor * value + source.offset - target.offset) / target.factor
+
+
+def in_si(value: float, unit: str) -> float:
+    """`value` of `unit` in the coherent SI unit of its dimension: 16 of "mm" is 0.016, 20 of "degC" is 293.15.
+
+    Raises
+    ------
+    UnitError
+        AC150 for an unknown unit.
+    """
+    source = parse(unit)
+    return _in(repr(float(value)), source, Unit("", source.dimension, 1.0, 0.0, Fraction(1)))
 
 
 def format_dimension(dimension: Dimension) -> str:
@@ -440,12 +485,17 @@ def _from_pint(name: str, text: str) -> Unit:
     return Unit(text, dimension, factor, offset)
 
 
-def _unknown(name: str, text: str) -> UnitError:
+def _candidates(name: str) -> list[str]:
+    """Known names near an unknown one, the likeliest first."""
     names = [*_SI, *_WITH_PREFIX, *_WITHOUT_PREFIX, *_WITH_OFFSET]
     products = [f"{name[:i]}.{name[i:]}" for i in range(1, len(name)) if _is_own(name[:i]) and _is_own(name[i:])]
     prefixed = [p + n for p in _PREFIXES for n in (*_SI, *_WITH_PREFIX)]
     same_letters = [n for n in (*names, *prefixed) if n.lower() == name.lower()]
-    candidates = list(dict.fromkeys([*products, *same_letters, *nearest(name, names)]))[:4]
+    return list(dict.fromkeys([*products, *same_letters, *nearest(name, names)]))[:4]
+
+
+def _unknown(name: str, text: str) -> UnitError:
+    candidates = _candidates(name)
     where = "" if name == text.strip() else f' in "{text.strip()}"'
     did_you_mean = f"did you mean {' or '.join(candidates)}? " if candidates else ""
     return UnitError("AC150", f'unknown unit "{name}"{where}', help=did_you_mean + _SPELLING)

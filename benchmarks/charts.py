@@ -180,12 +180,12 @@ def page(everything: tuple[Scene, ...]) -> str:
 Written by `python benchmarks/charts.py`; do not edit. Each picture is what `acausal bench MODEL -o chart.png` draws.
 
 - Error: the largest mixed error |y - r| / (f + |r|) of all states at 200 points of the run, f as in
-  [devdocs/bench.md](devdocs/bench.md). The reference is made by two different solvers; digits that they do not share
-  are not trusted (grey).
+  [devdocs/bench.md](devdocs/bench.md). The reference is a run that converges when its tolerance is refined and that
+  another solver confirms; smaller errors than its own are drawn on grey.
 - Solve time: best of some runs, each in a process of its own after a warm-up; compiled to C where a solver can use it
   (`idas`, `cvodes`: right-hand sides; `rosenbrock`, `erk`, `rk2`: all). Making integrators and start values are apart.
 - Hollow squares are fixed steps, dashed lines `dae`, dotted lines `projected`; crosses on the upper edge are failures,
-  numbered as below the picture.
+  numbered as in the list beside the panels.
 - Times are from two cores that others use too: trust ratios. CasADi {casadi.CasadiMeta.version()}.
 
 """

@@ -93,7 +93,7 @@ def measured(family: str, n: int, solvers: list[str], repetitions: int, native: 
     import acausal
     from acausal.models.mass_chain import MassSpringDamperChain
     from acausal.models.rc_ladder import RCLadder
-    from acausal.simulate.numbered import Numbered
+    from acausal.simulate.equations.numbered import Numbered
 
     compiled = acausal.compile({"ladder": RCLadder, "chain": MassSpringDamperChain}[family](n=n), cache=False)
     p = np.array(compiled.parameter_values)

@@ -24,8 +24,8 @@ import numpy as np
 from measure import alternated, medians, report, rounded
 from scipy.spatial.transform import Rotation
 
-from acausal.library.contact.penetration import collision_function
-from acausal.library.contact.shapes import Box, Cone, Shape, Sphere
+from acausal.library.contact.collide.penetration import collision_function
+from acausal.library.contact.collide.shapes import Box, Cone, Shape, Sphere
 
 CALLS = 2000
 PLATE = Box((0.1, 0.1, 0.01))

@@ -56,7 +56,6 @@ class SpatialChain(Component):
                 I_11=INERTIA[0],
                 I_22=INERTIA[1],
                 I_33=INERTIA[2],
-                g_0=self.world.g_0,
             )
             for _ in range(self.n)
         ]

@@ -134,9 +134,9 @@ def by_hand(family: str, n: int, compiled: Any) -> Callable[[], float] | None:
     import casadi as ca
     import numpy as np
 
-    from acausal.simulate.direct import called
+    from acausal.simulate.equations.direct import called
     from acausal.simulate.options import options
-    from acausal.simulate.solvers.base import TOLERANCE_SHARE
+    from acausal.simulate.solvers.base import SMOOTH_SHARE
 
     if family == "pendulum":
         return None
@@ -151,8 +151,8 @@ def by_hand(family: str, n: int, compiled: Any) -> Callable[[], float] | None:
         results = [ode_of(x, parameters), none, none, none]
         dae = ca.Function("dae", arguments, results, ["t", "x", "z", "p", "u"], ["ode", "alg", "quad", "zero"])
         settings = {
-            "reltol": TOLERANCE_SHARE * opts.tolerance,
-            "abstol": TOLERANCE_SHARE * opts.tolerance * opts.absolute_factor,
+            "reltol": SMOOTH_SHARE * opts.tolerance,
+            "abstol": SMOOTH_SHARE * opts.tolerance * opts.absolute_factor,
             "calc_ic": False,
             "init_xdot": np.array(dae(0.0, x0, [], p, [])[0]).ravel().tolist(),
             "max_num_steps": 10**6,

@@ -164,7 +164,7 @@ def main() -> None:
     parser.add_argument("--tolerance", type=float, default=1e-8)
     parser.add_argument("--output-interval", type=float, default=0.1, help="seconds")
     args = parser.parse_args()
-    compiled, hand, interval = acausal.compile(ThickBlock(explicit=False)), by_hand(), args.output_interval
+    compiled, hand, interval = acausal.compile(ThickBlock()), by_hand(), args.output_interval
 
     def ours() -> Any:
         run = acausal.simulate(compiled, tolerance=args.tolerance, output_interval=interval)

@@ -5,7 +5,20 @@ from __future__ import annotations
 import math
 from typing import ClassVar
 
-from acausal import Component, Equations, Experiment, Expr, Panel, Real, connect, fixed, parameter, part, structural
+from acausal import (
+    Component,
+    Equations,
+    Experiment,
+    Expr,
+    Panel,
+    Real,
+    connect,
+    fixed,
+    parameter,
+    part,
+    quantity,
+    structural,
+)
 from acausal.library.blocks import TimeTable
 from acausal.library.contact import Box, ContactBody, ContactScene, Coulomb, HalfSpace, HuntCrossley, Surfaces
 from acausal.library.drilling import DrillBody, EnergyBalance, WorkpieceBody
@@ -49,14 +62,14 @@ class BoxStack(Component):
 
     def build(self) -> None:
         size, gap = 0.1, 1e-3
+        inertia = self.m * quantity(size**2 / 6, "m2")
         self.world = World(n=DOWN)
         self.boxes = [
             Body(
                 m=self.m,
-                I_11=self.m / 600,
-                I_22=self.m / 600,
-                I_33=self.m / 600,
-                g_0=self.world.g_0,
+                I_11=inertia,
+                I_22=inertia,
+                I_33=inertia,
                 r_0=fixed((2e-3 * (k % 2), 0.0, size / 2 + k * size + (k + 1) * gap)),
                 v_0=fixed((0.0, 0.0, 0.0)),
                 Q=fixed((0.0, 0.0, math.sin(0.05 * k), math.cos(0.05 * k))),
@@ -68,7 +81,7 @@ class BoxStack(Component):
         boxes = [ContactBody(name=f"box{k}", shape=Box((size, size, size))) for k in range(self.n)]
         surfaces = Surfaces(law=HuntCrossley(k=1e5, n=1.0, e=0.5, v_0=0.01), friction=Coulomb(mu=0.5))
         self.scene = ContactScene(bodies=(ground, *boxes), surfaces=surfaces, keep=2, skin=0.02)
-        moving = [b.v_0 @ b.v_0 + b.w_a @ b.w_a / 600 for b in self.boxes]
+        moving = [b.v_0 @ b.v_0 + b.w_a @ b.w_a * inertia / self.m for b in self.boxes]
         self.balance = EnergyBalance(
             P_source=self.m * _total([self.world.g_0 @ b.v_0 for b in self.boxes]),
             P_cutting=0.0,

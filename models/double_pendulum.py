@@ -39,4 +39,4 @@ class DoublePendulum(Component):
         yield connect(self.revolute2.frame_b, self.bar2.frame_a)
 
     def _bar(self) -> BodyBox:
-        return BodyBox(r=(self.length, 0.0, 0.0), width=self.width, width_direction=(0.0, 1.0, 0.0), g_0=self.world.g_0)
+        return BodyBox(r=(self.length, 0.0, 0.0), width=self.width, width_direction=(0.0, 1.0, 0.0))

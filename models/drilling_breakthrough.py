@@ -48,12 +48,11 @@ class ConstantForceDrilling(Component):
         self.world = World(g=0.0)
         self.slide = Prismatic(n=axis, s=fixed(self.depth_start), v=fixed(0.0))
         self.joint = Revolute(n=axis, phi=fixed(0.0))
-        self.body = Body(m=self.m, g_0=self.world.g_0)
+        self.body = Body(m=self.m)
         self.workpiece = Workpiece(t=self.t)
         self.drill = FullDrillingForce(
             level=PlateLevel("workpiece"),
             t=self.workpiece.t,
-            explicit=True,
             k=1e8,
             d_c=2e4,
             s_start=self.depth_start,

@@ -88,14 +88,13 @@ class ForceControlledDrilling(Component):
         self.world = World(g=0.0)
         self.slide = Prismatic(n=axis, s=fixed(-self.gap), v=fixed(0.0))
         self.joint = Revolute(n=axis, phi=fixed(0.0), w=fixed(2 * math.pi * self.n))
-        self.body = Body(m=self.m, g_0=self.world.g_0)
+        self.body = Body(m=self.m)
         below = self.t_1 + self.plate_gap
         self.plates = [Workpiece(t=self.t_1), Workpiece(t=self.t_2, r=(0.0, 0.0, below))]
         self.drills = [
             FullDrillingForce(
                 level=PlateLevel(f"plates[{k}]"),
                 t=plate.t,
-                explicit=True,
                 k=1e8,
                 d_c=2e4,
                 k_c11=self.k_c11,

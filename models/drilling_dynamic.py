@@ -50,7 +50,6 @@ class ThickBlock(Component):
     force_profile: Points = structural(default=FORCE, doc="Rows (time [s], force [N]), straight in between")
     speed_profile: Points = structural(default=SPEED, doc="Rows (time [s], rotational speed [1/s])")
     as_printed: bool = structural(default=False, doc="Contact force by equation (21) instead of (20)")
-    explicit: bool = structural(default=True, doc="Equation (20) solved inside the equations: no algebraic variable")
     m: Real = parameter(default=5.0, unit="kg", min=0.0, doc="Mass of the drill with its spindle")
     gap: Real = parameter(default=1e-3, unit="m", doc="Distance from the tip to the block at the start")
 
@@ -80,7 +79,7 @@ class ThickBlock(Component):
         self.world = World(g=0.0)
         self.slide = Prismatic(n=axis, s=fixed(-self.gap), v=fixed(0.0))
         self.spindle = Revolute(n=axis, phi=fixed(0.0))
-        self.body = Body(m=self.m, g_0=self.world.g_0)
+        self.body = Body(m=self.m)
         self.workpiece = Workpiece(t=0.05)
         self.drill = DrillingForce(
             level=PlateLevel("workpiece"),
@@ -89,7 +88,6 @@ class ThickBlock(Component):
             height=self.workpiece.height,
             axis_a=axis,
             as_printed=self.as_printed,
-            explicit=self.explicit,
             k=1e8,
             d_c=2e4,
         )

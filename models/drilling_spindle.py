@@ -48,7 +48,7 @@ class SpindleStall(Component):
         self.world = World(g=0.0)
         self.slide = Prismatic(n=axis, s=fixed(-self.gap), v=fixed(self.feed_rate))
         self.joint = Revolute(n=axis, phi=fixed(0.0), w=fixed(2 * math.pi * self.n))
-        self.body = Body(m=self.m, g_0=self.world.g_0)
+        self.body = Body(m=self.m)
         self.workpiece = Workpiece(t=0.05)
         self.drill = FullDrillingForce(
             level=PlateLevel("workpiece"),

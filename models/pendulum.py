@@ -29,7 +29,7 @@ class Pendulum(Component):
     def build(self) -> None:
         self.world = World()
         self.revolute = Revolute(n=(0.0, 0.0, 1.0), phi=fixed(0.0), w=fixed(0.0))
-        self.body = Body(m=self.m, r_CM=(self.length, 0.0, 0.0), g_0=self.world.g_0)
+        self.body = Body(m=self.m, r_CM=(self.length, 0.0, 0.0))
 
     def equations(self) -> Equations:
         yield connect(self.world.frame_b, self.revolute.frame_a)

@@ -33,7 +33,6 @@ class PendulumChain(Component):
                 I_11=0.001,
                 I_22=0.02,
                 I_33=0.02,
-                g_0=self.world.g_0,
             )
             for _ in range(self.n)
         ]

@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+from tests.known_failures import reason
+
 # Compiled libraries of the developer's own models are neither used nor added to.
 os.environ.setdefault("ACAUSAL_CACHE", str(Path(tempfile.gettempdir()) / "acausal-tests"))
 # Set here, before any test can import matplotlib.
@@ -19,6 +21,14 @@ settings.register_profile("acausal", deadline=None, derandomize="CI" in os.envir
 settings.load_profile("acausal")
 
 ROOT = Path(__file__).resolve().parents[1]
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Known failures are expected, and reported as soon as they are gone."""
+    for item in items:
+        why = reason(item.nodeid)
+        if why is not None:
+            item.add_marker(pytest.mark.xfail(strict=True, reason=why, run=not why.startswith("hangs")))
 
 
 @pytest.fixture(scope="session")

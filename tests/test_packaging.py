@@ -39,8 +39,8 @@ def wheel(source: Path) -> list[zipfile.ZipInfo]:
 
 def test_wheel_holds_only_the_package(wheel: list[zipfile.ZipInfo]) -> None:
     tops = {entry.filename.split("/")[0] for entry in wheel}
-    assert {top for top in tops if not top.endswith(".dist-info")} == {"acausal"}
-    assert len(tops) == 2
+    assert {top for top in tops if not top.endswith(".dist-info")} == {"acausal", "acausal_command.py"}
+    assert len(tops) == 3
 
 
 def test_wheel_holds_every_module(source: Path, wheel: list[zipfile.ZipInfo]) -> None:
@@ -51,6 +51,15 @@ def test_wheel_holds_every_module(source: Path, wheel: list[zipfile.ZipInfo]) ->
         expected |= {f"acausal/{path.relative_to(source).as_posix()}" for path in (source / folder).rglob("*.py")}
     assert expected <= names, f"not in the wheel: {sorted(expected - names)}"
     assert "acausal/py.typed" in names
+
+
+def test_wheel_holds_what_pages_embed(source: Path, wheel: list[zipfile.ZipInfo]) -> None:
+    """Scripts, styles, symbols and licences: pages are made without a network."""
+    names = {entry.filename for entry in wheel}
+    files = [p for folder in ("browser", "diagram") for p in (source / "acausal" / folder).iterdir() if p.is_file()]
+    expected = {f"acausal/{p.parent.name}/{p.name}" for p in files}
+    assert {"acausal/browser/LICENSES.md", "acausal/diagram/symbols.json"} < expected
+    assert expected <= names, f"not in the wheel: {sorted(expected - names)}"
 
 
 def test_wheel_holds_files_not_links(wheel: list[zipfile.ZipInfo]) -> None:
@@ -72,3 +81,56 @@ def test_one_name_per_module(name: str, monkeypatch: pytest.MonkeyPatch) -> None
     with pytest.raises(ImportError, match=rf"import acausal\.{name} instead of {name}"):
         importlib.import_module(name)
     assert importlib.import_module(f"acausal.{name}")
+
+
+@pytest.fixture(scope="module")
+def editable(source: Path) -> Path:
+    """Interpreter of an environment into which the copy is installed for editing."""
+    folder = source.parent / "editable"
+    folder.mkdir()
+    build = f"from setuptools import build_meta; build_meta.build_editable({str(folder)!r})"
+    made = subprocess.run([sys.executable, "-c", build], capture_output=True, text=True, check=False, cwd=source)
+    assert made.returncode == 0, made.stderr
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(folder / "venv")], check=True)
+    (packages,) = (folder / "venv").glob("lib/python3*/site-packages")
+    (path,) = folder.glob("acausal-*.whl")
+    with zipfile.ZipFile(path) as archive:
+        archive.extractall(packages)
+    return folder / "venv" / "bin" / "python"
+
+
+def test_an_editable_install_is_a_path(source: Path, editable: Path) -> None:
+    """Editors and type checkers read paths in .pth files; they do not run hooks of the import system."""
+    (packages,) = editable.parents[1].glob("lib/python3*/site-packages")
+    lines = [line for file in packages.glob("*acausal*.pth") for line in file.read_text().splitlines()]
+    assert [Path(line).resolve() for line in lines] == [source.resolve()]
+
+
+USER = """\
+from typing import assert_type
+from acausal import Expr
+from acausal.library.translational import Spring
+from acausal.models.oscillator import Oscillator
+assert_type(Spring(c=1.0).c, Expr)
+assert_type(Oscillator().spring, Spring)
+Spring(k=1.0)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("checker", ["mypy", "pyright"])
+def test_checkers_find_an_editable_install_from_outside(editable: Path, tmp_path: Path, checker: str) -> None:
+    """From a folder that has nothing to do with it: types of library and models, and the one wrong call."""
+    pytest.importorskip(checker)
+    (tmp_path / "user.py").write_text(USER)
+    option = {"mypy": "--python-executable", "pyright": "--pythonpath"}[checker]
+    outside = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "MYPYPATH")}
+    command = [sys.executable, "-m", checker, option, str(editable), "user.py"]
+    run = subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path, env=outside)
+    lines = {line.split(":")[1] for line in run.stdout.splitlines() if "error:" in line or " - error" in line}
+    assert lines == {"7"}, run.stdout + run.stderr
+
+
+def test_the_package_runs_as_a_program() -> None:
+    run = subprocess.run([sys.executable, "-m", "acausal", "--version"], capture_output=True, text=True, check=False)
+    assert run.stdout.startswith("acausal ")

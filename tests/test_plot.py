@@ -71,10 +71,62 @@ def test_together_uses_a_second_axis(result: Result) -> None:
     assert right.get_ylabel() == "Feed force [kN]"
     legend = left.get_legend()
     assert legend is not None
-    assert [text.get_text() for text in legend.get_texts()] == ["drill.s", "drill.F_f"]
+    assert [text.get_text() for text in legend.get_texts()] == ["drill.s", "drill.F_f (right)"]
     with pytest.raises(UsageError, match="one panel cannot show 3 units") as caught:
         plot(result, "drill.s", "drill.F_f", "T", together=True)
     assert caught.value.code == "AC016"
+
+
+def following(unit: str, other: str) -> Result:
+    """A value that has settled on its set point, 25 at last, beside a torque."""
+    signals = (
+        Signal("setpoint", unit, "Set point", 0),
+        Signal("motor.w", other, "Speed", 1),
+        Signal("motor.tau", "N.m", "Torque", 2),
+    )
+    trajectories = np.column_stack([25.0 + 0.0 * TIME, 25.0 * (1.0 - np.exp(-9.0 * TIME)), 10.0 - TIME])
+    return Result("Servo", TIME, trajectories, {s.name: s for s in signals})
+
+
+@pytest.mark.parametrize(
+    ("unit", "other"), [("", "rad/s"), ("1", "rad/s"), ("rad/s", ""), ("1/s", "rad/s"), ("1", "1/s")]
+)
+@pytest.mark.parametrize("together", [True, False])
+def test_a_settled_value_meets_its_set_point(unit: str, other: str, together: bool) -> None:
+    result = following(unit, other)
+    names = ("setpoint", "motor.w")
+    drawing = plot(result, *names, together=True) if together else figure(result, [Panel(names)])
+    (ax,) = drawing.axes  # one scale
+    first, second = (np.asarray(line.get_ydata()) for line in ax.get_lines())
+    assert first[-1] == pytest.approx(second[-1], rel=1e-12)
+    assert ax.get_ylabel().endswith("s]")
+
+
+def test_a_plain_number_is_converted_with_what_it_stands_beside() -> None:
+    result = following("1", "rad/s")
+    (ax,) = figure(result, [Panel(("setpoint", "motor.w"), unit="rpm")]).axes
+    # 25 rad/s are 25 * 60 / (2 pi) revolutions in a minute
+    assert lines(ax)["setpoint [1]"][-1] == pytest.approx(238.732414637843, rel=1e-12)
+    assert lines(ax)["motor.w"][-1] == pytest.approx(238.732414637843, rel=1e-12)
+    assert "rpm" in ax.get_ylabel()
+
+
+def test_a_plain_number_beside_two_quantities_is_refused() -> None:
+    with pytest.raises(UsageError) as caught:
+        figure(following("", "rad/s"), [Panel(("setpoint", "motor.w", "motor.tau"))])
+    assert caught.value.code == "AC016"
+
+
+def test_prefixes_hold_for_all_of_a_scale() -> None:
+    result = Result(
+        "Press",
+        TIME,
+        np.column_stack([2e4 + 0.0 * TIME, 2e4 + 0.0 * TIME]),
+        {s.name: s for s in (Signal("set", "", "", 0), Signal("f", "N", "Force", 1))},
+    )
+    (ax,) = plot(result, "set", "f", together=True).axes
+    assert lines(ax)["set [1]"][0] == pytest.approx(20.0)
+    assert lines(ax)["f"][0] == pytest.approx(20.0)
 
 
 def test_against_another_signal(result: Result) -> None:

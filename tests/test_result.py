@@ -13,7 +13,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+import acausal
 from acausal.errors import InternalError, UsageError
+from acausal.models.bouncing_ball import BouncingBall
 from acausal.result import Event, Result, Signal
 from acausal.signals import Array
 
@@ -153,9 +155,9 @@ def test_the_cubic_never_overshoots() -> None:
 def test_dense_output_serves_times_between_points_only() -> None:
     asked: list[float] = []
 
-    def dense(t: float) -> Array:
-        asked.append(t)
-        return motion(np.array([t]), np.array([t >= 2.0])).ravel()
+    def dense(t: Array) -> Array:
+        asked.extend(t.tolist())
+        return motion(t, t >= 2.0)
 
     r = make(dense=dense)
     values = np.asarray(r.at([[0.3, 1.0], [2.0, 3.5]], "body.r_0"))
@@ -213,3 +215,10 @@ def test_reading_results_loads_neither_scipy_nor_matplotlib() -> None:
     code = "import sys, acausal.result, acausal.files, acausal.panel; print(*{m.split('.')[0] for m in sys.modules})"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
     assert not {"scipy", "matplotlib", "casadi", "pandas"} & set(loaded)
+
+
+def test_several_times_between_two_rows_of_a_run_with_events() -> None:
+    """Free fall from 1 m: h = 1 - 9.81 t**2/2 until 0.45 s."""
+    run = acausal.simulate(BouncingBall(), stop_time=1.0, output_interval=0.1)
+    t = np.array([0.12, 0.15, 0.17])
+    np.testing.assert_allclose(run.at(t, "h"), 1.0 - 9.81 * t**2 / 2, rtol=1e-9)

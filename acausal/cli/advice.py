@@ -7,6 +7,7 @@ import re
 import sys
 from types import FrameType, ModuleType
 
+from acausal.cli.catalogue import library_parts, near_parts
 from acausal.errors import nearest
 from acausal.language.component import Component
 
@@ -22,7 +23,9 @@ def advice(error: Exception, frame: FrameType) -> str | None:
         return _unknown_attribute(str(getattr(error, "name", "")), getattr(error, "obj", None))
     if isinstance(error, ImportError) and not isinstance(error, ModuleNotFoundError):
         wanted = re.search(r"cannot import name '(\w+)'", str(error))
-        return _unknown_attribute(wanted[1], sys.modules.get(error.name or "")) if wanted else None
+        if wanted is None:
+            return None
+        return _unknown_attribute(wanted[1], sys.modules.get(error.name or "")) or _elsewhere(wanted[1])
     return _declaration(str(error)) if isinstance(error, TypeError) else None
 
 
@@ -30,14 +33,12 @@ def _unknown_name(name: str, frame: FrameType) -> str | None:
     owner = frame.f_locals.get("self")
     if isinstance(owner, Component) and (name in owner._declarations or hasattr(type(owner), name)):
         return f"write self.{name}"
-    return _did_you_mean(name, [*frame.f_locals, *frame.f_globals])
+    return _did_you_mean(name, [*frame.f_locals, *frame.f_globals]) or _elsewhere(name)
 
 
 def _unknown_attribute(name: str, owner: object) -> str | None:
     if isinstance(owner, ModuleType):
         return _did_you_mean(name, [n for n in dir(owner) if not n.startswith("_")])
-    if isinstance(owner, list) and owner and isinstance(owner[0], Component):
-        return f"it is a list of {len(owner)}: take one of them, [0].{name}, or go through them with `for`"
     return None
 
 
@@ -53,6 +54,15 @@ def _declaration(text: str) -> str | None:
     if len(found.groups()) > 1 and found[2] in ("start", "value", "init", "initial", "fixed") and "default" in names:
         return f"write default=fixed(...) or default=guess(...); {found[1]} takes {', '.join(names)}"
     return f"{found[1]} takes by keyword: {', '.join(names)}"
+
+
+def _elsewhere(name: str) -> str | None:
+    """Which libraries have a component of this name, or nearly so."""
+    exact = [f"from acausal.library.{p.family} import {name}" for p in library_parts() if p.name == name]
+    if exact:
+        return ", or ".join(exact)
+    close = near_parts(name)
+    return f"did you mean {', '.join(close)} of acausal.library?" if close else None
 
 
 def _did_you_mean(name: str, names: list[str]) -> str | None:

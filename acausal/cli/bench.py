@@ -9,21 +9,23 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from acausal.cli.completion import complete_solver
 from acausal.cli.options import (
+    DetailsOption,
     InputsOption,
     JsonOption,
     ModelArgument,
     RepeatOption,
     SetOption,
+    SignalsOption,
     StartTimeOption,
     StopTimeOption,
 )
 from acausal.cli.outputs import check_picture, check_writable
 from acausal.cli.reference import find_model
 from acausal.cli.report import record, remark, say, seconds, table
-from acausal.cli.settings import numbers_of, prepare, seconds_of
+from acausal.cli.settings import listed, numbers_of, prepare, seconds_of
 from acausal.errors import UsageError
-from acausal.language.experiment import Experiment
 
 if TYPE_CHECKING:
     from acausal.study.bench.recommend import Recommendation
@@ -32,7 +34,7 @@ if TYPE_CHECKING:
 
 SolversOption = Annotated[
     list[str] | None,
-    typer.Option("--solver", help="Try only this one; repeatable.", show_default=False),
+    typer.Option("--solver", help="Try only this one; repeatable.", show_default=False, autocompletion=complete_solver),
 ]
 TolerancesOption = Annotated[
     list[float] | None,
@@ -55,18 +57,14 @@ ReferenceOption = Annotated[
     Path | None,
     typer.Option(
         "--reference",
-        help="Result file, or JSON with end values. Default: two solvers that agree.",
+        help="Result file, or JSON with end values. Default: runs that converge.",
         show_default=False,
     ),
-]
-VariablesOption = Annotated[
-    list[str] | None,
-    typer.Option("--variable", metavar="VAR", help="Count its error, * for any text; repeatable. Default: all states."),
 ]
 ChartsOption = Annotated[
     list[Path] | None,
     typer.Option(
-        "--output",
+        "--output-file",
         "-o",
         help="Chart (.png, .svg, .pdf) or data (.json); repeatable. Default: no file.",
         show_default=False,
@@ -85,7 +83,7 @@ def bench(
     start_time: StartTimeOption = None,
     stop_time: StopTimeOption = None,
     reference: ReferenceOption = None,
-    variable: VariablesOption = None,
+    signals: SignalsOption = None,
     repeat: RepeatOption = 5,
     time_limit: Annotated[float, typer.Option("--time-limit", help="Seconds that a single run may take.")] = 20.0,
     native: Annotated[
@@ -102,17 +100,20 @@ def bench(
     ] = None,
     output: ChartsOption = None,
     as_json: JsonOption = False,
+    details: DetailsOption = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress on stderr.")] = False,
 ) -> None:
     """Chart speed against accuracy: solvers, tolerances, forms of the equations, fixed steps.
 
     Every case runs in a process of its own and is ended at the time limit; what fails is shown with its reason.
+
+    Example: acausal bench Oscillator --recommend --accuracy 1e-6
     """
     if accuracy is not None and not 0 < accuracy < 1:
         raise UsageError("AC041", f"--accuracy {accuracy:g} is not between 0 and 1")
     prepared = prepare(find_model(model), settings or ())
     if recommend and accuracy is None:
-        accuracy = getattr(type(prepared.model), "experiment", Experiment()).tolerance
+        accuracy = type(prepared.model).experiment.tolerance
     for file in output or ():
         check_writable(file) if file.suffix.lower() == ".json" else check_picture(file)
     from acausal.study.bench.bench import bench as made_by
@@ -125,7 +126,7 @@ def bench(
         # with tolerances alone, nothing was asked about fixed steps
         steps=[seconds_of("step", text) or 0.0 for text in step] if step else [] if tolerance else None,
         reference=reference,
-        variables=variable,
+        variables=listed(signals) or None,
         parameters=prepared.parameters,
         inputs=numbers_of("--input", inputs, prepared.model),
         repeat=repeat,
@@ -143,7 +144,7 @@ def bench(
         return
     again = [model, *_repeated("--set", settings), *_repeated("--input", inputs)]
     again += [*_repeated("--start-time", [start_time]), *_repeated("--stop-time", [stop_time])]
-    _summary(found, advice, shlex.join(again), recommend)
+    _summary(found, advice, shlex.join(again), recommend, details)
     for file in output or ():
         remark(f"wrote {file}")
 
@@ -165,16 +166,17 @@ def _repeated(flag: str, values: Sequence[str | None] | None) -> list[str]:
     return [part for value in values or () if value is not None for part in (flag, value)]
 
 
-def _summary(found: Bench, advice: Recommendation | None, model: str, brief: bool) -> None:
-    say(f"{found.model}: {found.start_time:g} ... {found.stop_time:g} s")
-    say(f"  reference  {found.reference.source}: {found.reference.trusted_digits:.1f} digits trusted")
-    parts = [f"{name} {seconds(t)}" for name, t in found.times.items() if t == t]
+def _summary(found: Bench, advice: Recommendation | None, model: str, brief: bool, details: bool) -> None:
     if not brief:
+        for line in found.lines():
+            say(line)
+    if details:
         head, *rows = found.rows()
         table(rows, head, indent="  ")
         for name, (seen, own) in found.orders.items():
             lost = ": order reduction, by stiffness, kinks or events" if seen < 0.7 * own else ""
             say(f"  order      {name}: observed {seen:.1f} of {own}{lost}")
+        parts = [f"{name} {seconds(t)}" for name, t in found.times.items() if t == t]
         say(f"  apart      {', '.join(parts)}")
     for note in found.notes:
         remark(f"note: {note}")

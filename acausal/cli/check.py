@@ -12,11 +12,14 @@ from acausal.cli.settings import prepare
 
 if TYPE_CHECKING:
     from acausal.lower.compiled import CompiledModel
-    from acausal.simulate.initialize import Start
+    from acausal.simulate.start.initialize import Start
 
 
 def check(model: ModelArgument, settings: SetOption = None, as_json: JsonOption = False) -> None:
-    """Check a model without running it, up to its start."""
+    """Check a model without running it, up to its start.
+
+    Example: acausal check oscillator.py
+    """
     from acausal.lower.compile import compile
 
     prepared = prepare(find_model(model), settings or ())
@@ -31,7 +34,8 @@ def check(model: ModelArgument, settings: SetOption = None, as_json: JsonOption 
         "redundant": len(structure.reduced.redundant),
         "differentiated": len(structure.integral),
         "stabilised": len(structure.invariants),
-        "states": len(compiled.states),
+        "states": len(compiled.continuous),
+        "discrete": compiled.discretes,
         "algebraic": len(compiled.algebraic),
         "inputs": list(compiled.inputs),
         "start": _conditions(compiled, start),
@@ -43,6 +47,7 @@ def check(model: ModelArgument, settings: SetOption = None, as_json: JsonOption 
     say(
         f"{compiled.name}: {plural(content['equations'], 'equation')}, {plural(content['unknowns'], 'unknown')}, "
         f"{plural(content['states'], 'state')}"
+        + (f", {plural(content['discrete'], 'discrete variable')}" if content["discrete"] else "")
     )
     if content["redundant"]:
         say(f"  {plural(content['redundant'], 'equation')} following from others")
@@ -61,11 +66,11 @@ def check(model: ModelArgument, settings: SetOption = None, as_json: JsonOption 
 
 
 def start_values(compiled: CompiledModel) -> Start:
-    """Consistent values at the start of the model's experiment; its own inputs are taken as zero."""
+    """Consistent values at the start of the model's experiment; its own inputs have their defaults."""
     import numpy as np
 
-    from acausal.simulate.arguments import parameter_vector
-    from acausal.simulate.initialize import initialize
+    from acausal.simulate.arguments import declared_input, parameter_vector
+    from acausal.simulate.start.initialize import initialize
 
     experiment = compiled.flat.experiment
     t = experiment.start_time
@@ -73,7 +78,8 @@ def start_values(compiled: CompiledModel) -> Start:
     later = [x for x in np.array(compiled.instants(p)).ravel().tolist() if x > t]
     # Time events exactly at the start have happened.
     modes = np.array(compiled.modes(0.5 * (t + min([*later, experiment.stop_time])), p)).ravel()
-    return initialize(compiled, t, p, np.zeros(len(compiled.inputs)), modes)
+    u = np.array([declared_input(compiled, scalar) for scalar in compiled.flat.inputs])
+    return initialize(compiled, t, p, u, modes)
 
 
 def _conditions(compiled: CompiledModel, start: Start) -> list[dict[str, Any]]:
@@ -96,4 +102,4 @@ def _conditions(compiled: CompiledModel, start: Start) -> list[dict[str, Any]]:
 def _input_notes(compiled: CompiledModel) -> list[str]:
     if not compiled.inputs:
         return []
-    return [f"{plural(len(compiled.inputs), 'input')} taken as 0 here: {', '.join(compiled.inputs[:6])}"]
+    return [f"{plural(len(compiled.inputs), 'input')} with the default here, or 0: {', '.join(compiled.inputs[:6])}"]

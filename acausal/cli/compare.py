@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from acausal.cli.failure import OUT_OF_TOLERANCE
-from acausal.cli.options import JsonOption
+from acausal.cli.options import JsonOption, SignalsOption
 from acausal.cli.report import plural, record, say, table
+from acausal.cli.settings import listed
 from acausal.errors import UsageError
 
 if TYPE_CHECKING:
@@ -37,20 +38,20 @@ def compare(
     floor: Annotated[
         float, typer.Option("--floor", help="Ranges below this count as this, so that rounding is no deviation.")
     ] = 1e-9,
-    signals: Annotated[
-        list[str] | None, typer.Option("--signal", metavar="VAR", help="Compare only this one; repeatable.")
-    ] = None,
+    signals: SignalsOption = None,
     count: Annotated[int, typer.Option("--count", help="Number of signals to list, the worst first.")] = 10,
     as_json: JsonOption = False,
 ) -> None:
     """Compare two result files; exit 3 when out of tolerance.
 
     Values are compared at the times of the file with fewer rows, away from events: there, rounding in time is a jump.
+
+    Example: acausal compare old.mat new.mat --signals "mass.*" --tolerance 1e-6
     """
     from acausal.result import load
 
     a, b = load(first), load(second)
-    found = deviations(a, b, signals or [], floor)
+    found = deviations(a, b, listed(signals), floor)
     bad = [d for d in found if not d.relative <= tolerance]
     if as_json:
         record(
@@ -85,7 +86,10 @@ def deviations(a: Result, b: Result, wanted: list[str], floor: float) -> list[De
     """
     import numpy as np
 
-    elements = [s.name for name in wanted for r in (b, a) for s in r.elements(name)[1] if r is a]
+    from acausal.reduce.outputs import fitting
+
+    names = [fit for name in wanted for fit in fitting(name, a.names) or [name]]
+    elements = [s.name for name in names for r in (b, a) for s in r.elements(name)[1] if r is a]
     common = elements or [n for n in a.names if n in b.signals]
     times = _times(a, b)
     if not common or not times.size:

@@ -41,6 +41,8 @@ def doctor(as_json: JsonOption = False) -> None:
 
     Versions, the solvers on a small model against its closed form, a C compiler, the folder of
     compiled models, optional packages.
+
+    Example: acausal doctor
     """
     findings = list(_findings())
     healthy = all(f.status != "broken" for f in findings)

@@ -14,11 +14,11 @@ from acausal.cli.report import place, plural, record, say
 from acausal.cli.settings import prepare
 
 if TYPE_CHECKING:
+    from acausal.analyse.analyse import Structure
+    from acausal.analyse.blocks.solve import Solution
     from acausal.flatten.flat import FlatAssignment, FlatEquation, FlatSystem, FlatWhen
     from acausal.flatten.pool import Pool
-    from acausal.lower.analyse import Structure
-    from acausal.lower.reduce import ReducedSystem
-    from acausal.lower.solve import Solution
+    from acausal.flatten.reduced import ReducedSystem
     from acausal.structure import Choice
 
 _COLUMN = 64
@@ -40,11 +40,14 @@ def equations(
     settings: SetOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Print the equations of a model at a stage of the compiler."""
+    """Print the equations of a model at a stage of the compiler.
+
+    Example: acausal equations Pendulum --stage blt
+    """
+    from acausal.analyse.aliases import reduce
     from acausal.errors import StructureError
     from acausal.flatten.flatten import flatten
     from acausal.lower.compile import solved
-    from acausal.lower.reduce import reduce
 
     prepared = prepare(find_model(model), settings or ())
     flat = flatten(prepared.model, prepared.parameters)
@@ -99,7 +102,7 @@ def _entry(text: str, equation: FlatEquation | FlatAssignment | FlatWhen | None)
 
 
 def _equality(pool: Pool, left: int, right: int, names: Any) -> str:
-    from acausal.lower.text import to_text
+    from acausal.flatten.text import to_text
 
     return f"{to_text(pool, left, names)} == {to_text(pool, right, names)}"
 
@@ -114,7 +117,7 @@ def _residual(pool: Pool, node: int, names: Any) -> str:
 
 def reduced_sections(reduced: ReducedSystem) -> Sections:
     """Remaining equations, aliases by representative, eliminated constants, and equations that follow from others."""
-    from acausal.lower.text import to_text
+    from acausal.flatten.text import to_text
 
     flat, pool, names = reduced.flat, reduced.pool, reduced_names(reduced)
     remaining = [
@@ -205,7 +208,7 @@ def _listed(reduced: ReducedSystem, variables: tuple[int, ...], limit: int = 12)
 
 def block_sections(solution: Solution) -> Sections:
     """Blocks in the order they are solved."""
-    from acausal.lower.text import to_text
+    from acausal.flatten.text import to_text
 
     structure = solution.structure
     reduced = structure.reduced

@@ -7,11 +7,11 @@ from typing import Annotated
 
 import typer
 
-from acausal.cli.options import JsonOption, ModelArgument, OutputsOption, SetOption
+from acausal.cli.options import FreeOption, JsonOption, ModelArgument, OutputsOption, SetOption
 from acausal.cli.outputs import check_writable
 from acausal.cli.reference import find_model
 from acausal.cli.report import quantity, record, remark, say, table
-from acausal.cli.settings import prepare, seconds_of
+from acausal.cli.settings import listed, prepare, seconds_of
 
 export = typer.Typer(help="Write a model in another form.", no_args_is_help=True)
 
@@ -30,19 +30,22 @@ def casadi(
     ] = None,
     outputs: OutputsOption = None,
     settings: SetOption = None,
+    freed: FreeOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Write the functions dae, ode and init for optimal control.
 
     The file holds them with names, units, start, nominal, min and max of every entry; acausal.export reads it.
+
+    Example: acausal export casadi Pendulum -o pendulum.casadi
     """
     cls = find_model(model)
-    prepared = prepare(cls, settings or ())
+    prepared = prepare(cls, settings or (), freed or ())
     target = output_file or Path(f"{cls.__name__}.casadi")
     check_writable(target)
     from acausal.lower.compile import compile
 
-    made = compile(prepared.model, parameters=prepared.parameters).casadi(outputs)
+    made = compile(prepared.model, parameters=prepared.parameters).casadi(listed(outputs) or None)
     made.save(target)
     functions = {name: str(getattr(made, name)) for name in ("dae", "ode", "init")}
     vectors = {name: [vars(port) for port in getattr(made, name)] for name in ("x", "z", "u", "p", "y")}
@@ -73,11 +76,15 @@ def step(
     ] = None,
     outputs: OutputsOption = None,
     settings: SetOption = None,
+    freed: FreeOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Write step(x, u, p) -> x, y as C for real time: no allocation, no loops, the same work in every call."""
+    """Write step(x, u, p) -> x, y as C for real time: no allocation, no loops, the same work in every call.
+
+    Example: acausal export step Pendulum --step 1ms
+    """
     cls = find_model(model)
-    prepared = prepare(cls, settings or ())
+    prepared = prepare(cls, settings or (), freed or ())
     seconds = seconds_of("step", size) or 0.0
     target = output_file or Path(f"{cls.__name__}_step.c")
     check_writable(target)

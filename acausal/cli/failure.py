@@ -5,19 +5,23 @@
 2    the request cannot be understood
 3    a comparison is out of tolerance
 130  interrupted
+143  asked to end (SIGTERM)
 """
 
 from __future__ import annotations
 
+import signal
 import sysconfig
+import threading
 import traceback
 from pathlib import Path
 from types import FrameType, TracebackType
 
 from acausal.cli.advice import advice
 from acausal.errors import AcausalError, InternalError, Span, UsageError
+from acausal.simulate.interrupt import terminate, was_terminated
 
-FAILED, USAGE, OUT_OF_TOLERANCE, INTERRUPTED = 1, 2, 3, 130
+FAILED, USAGE, OUT_OF_TOLERANCE, INTERRUPTED, TERMINATED = 1, 2, 3, 130, 143
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 _OPEN = tuple(_PACKAGE / name for name in ("library", "models"))
@@ -58,9 +62,21 @@ def as_error(error: Exception) -> AcausalError:
 
 
 def interruption(stop: KeyboardInterrupt) -> AcausalError:
-    """The message for Ctrl-C; a run leaves what it has computed on the exception."""
+    """The message for Ctrl-C and SIGTERM; a run leaves what it has computed on the exception."""
     result = getattr(stop, "result", None)
-    return AcausalError("AC490", "interrupted" + (f" at t = {result.time[-1]:.6g} s" if result is not None else ""))
+    what = "terminated" if interrupted_code(stop) == TERMINATED else "interrupted"
+    return AcausalError("AC490", what + (f" at t = {result.time[-1]:.6g} s" if result is not None else ""))
+
+
+def interrupted_code(stop: KeyboardInterrupt) -> int:
+    """The exit code of a process that was asked to end."""
+    return TERMINATED if was_terminated(stop) else INTERRUPTED
+
+
+def heed_termination() -> None:
+    """Let SIGTERM end a verb as Ctrl-C does: what a run has computed is kept. Not where somebody else handles it."""
+    if threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
+        signal.signal(signal.SIGTERM, terminate)
 
 
 def _syntax_span(error: SyntaxError) -> Span:

@@ -10,29 +10,29 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from acausal.cli.component import show_part
 from acausal.cli.names import flat_names, unit_of
-from acausal.cli.options import JsonOption, ModelArgument, SetOption
+from acausal.cli.options import ComponentArgument, JsonOption, SetOption
 from acausal.cli.outputs import check_picture
-from acausal.cli.reference import find_model
+from acausal.cli.reference import find_component
 from acausal.cli.report import place, plural, quantity, record, remark, say, seconds, table
 from acausal.cli.settings import prepare
 from acausal.errors import AcausalError, Span
 from acausal.flatten.instances import instances
 from acausal.language.component import Component
 from acausal.language.declare import Declaration, Kind
-from acausal.language.experiment import Experiment
 
 if TYPE_CHECKING:
     from acausal.flatten.flat import FlatParameter, FlatSystem
+    from acausal.flatten.reduced import ReducedSystem
     from acausal.lower.compiled import CompiledModel
-    from acausal.lower.reduce import ReducedSystem
     from acausal.lower.report import StructureReport
 
 _MOST_BLOCKS = 12
 
 
 def info(
-    model: ModelArgument,
+    model: ComponentArgument,
     settings: SetOption = None,
     stats: Annotated[
         bool, typer.Option("--stats", help="What each stage of the compiler made, and how long it took.")
@@ -47,13 +47,19 @@ def info(
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Show a model: text, parameters, states, signals."""
+    """Show a model: text, parameters, states, signals. A component of the library: connectors, equations, where used.
+
+    Examples: acausal info ThickBlock; acausal info Resistor; acausal info Modelica.Electrical.Analog.Basic.Resistor
+    """
     from acausal.flatten.flatten import flatten
     from acausal.lower.compile import compile
 
     if spy is not None:
         check_picture(spy)
-    cls = find_model(model)
+    cls, part = find_component(model)
+    if part is not None:
+        show_part(part, cls, as_json)
+        return
     prepared = prepare(cls, settings or ())
     compiled, flat, failure = None, None, None
     try:
@@ -71,7 +77,7 @@ def info(
         "reference": model,
         "source": place(_source(cls)),
         "doc": inspect.cleandoc(cls.__doc__ or ""),
-        "experiment": _experiment(cls),
+        "experiment": dict(vars(cls.experiment)),
         "structural": _structural(prepared.model),
         "parameters": _parameters(flat) if flat else _declared_parameters(prepared.model),
         "states": _states(compiled) if compiled else [],
@@ -106,11 +112,6 @@ def _source(cls: type[Component]) -> Span | None:
         return None
 
 
-def _experiment(cls: type[Component]) -> dict[str, Any]:
-    experiment = getattr(cls, "experiment", None)
-    return dict(vars(experiment if isinstance(experiment, Experiment) else Experiment()))
-
-
 def _structural(model: Component) -> list[dict[str, Any]]:
     return [
         {"name": name, "value": getattr(model, name), "doc": d.doc}
@@ -130,8 +131,8 @@ def _parameters(flat: FlatSystem) -> list[dict[str, Any]]:
 def _value(flat: FlatSystem, p: FlatParameter) -> dict[str, Any]:
     """Numbers of all entries, and what the parameter is bound to when the model computes it from others."""
     from acausal.flatten.flat import suffixes
-    from acausal.lower.evaluate import values
-    from acausal.lower.text import to_text
+    from acausal.flatten.text import to_text
+    from acausal.numeric.evaluate import values
 
     leaves = {"par": flat.parameter_values.__getitem__, "time": lambda _: 0.0}
     known = values(flat.pool, p.nodes, leaves)

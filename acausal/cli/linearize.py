@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from acausal.cli.options import InputsOption, JsonOption, ModelArgument, SetOption
+from acausal.cli.options import FreeOption, InputsOption, JsonOption, ModelArgument, OutputsOption, SetOption
 from acausal.cli.reference import find_model
-from acausal.cli.report import plural, record, say, table
-from acausal.cli.settings import numbers_of, prepare, seconds_of
+from acausal.cli.report import plural, record, remark, say, table
+from acausal.cli.settings import listed, numbers_of, prepare, seconds_of
 from acausal.errors import UsageError
 
 if TYPE_CHECKING:
@@ -31,17 +31,17 @@ def linearize(
         typer.Option("--state", metavar="NAME=VALUE", help="Value of a state, in SI; repeatable.", show_default=False),
     ] = None,
     inputs: InputsOption = None,
-    outputs: Annotated[
-        list[str] | None,
-        typer.Option("--output", metavar="NAME", help="Variable for y; repeatable.", show_default=False),
-    ] = None,
+    freed: FreeOption = None,
+    outputs: OutputsOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Linearize a model: x' = A x + B u, y = C x + D u, in deviations, with the eigenvalues of A.
 
     Without --at the point is the start; with it the model is simulated up to that time first.
+
+    Example: acausal linearize Pendulum --at 0.5
     """
-    prepared = prepare(find_model(model), settings or ())
+    prepared = prepare(find_model(model), settings or (), freed or ())
     time = seconds_of("at", at)
     x, u = numbers_of("--state", states), numbers_of("--input", inputs, prepared.model)
     from acausal.export.linearize import linearize as linearized
@@ -55,7 +55,7 @@ def linearize(
     result = None
     if time is not None and time > start:
         result = simulate(compiled, stop_time=time, output_interval=time - start, inputs=u)
-    found = linearized(compiled, time, x, result=result, inputs=u, outputs=outputs)
+    found = linearized(compiled, time, x, result=result, inputs=u, outputs=listed(outputs) or None)
     if as_json:
         record(_content(found))
     else:
@@ -68,6 +68,7 @@ def _content(found: Linearization) -> dict[str, Any]:
         "time": found.t,
         **{name: getattr(found, name) for name in ("states", "inputs", "outputs", *"ABCDxuy", "rates")},
         "eigenvalues": [_mode(complex(e)) for e in found.eigenvalues],
+        "notes": list(found.notes),
     }
 
 
@@ -102,6 +103,8 @@ def _print(found: Linearization) -> None:
             table([[f"{v + 0.0:.6g}" for v in row] for row in matrix.tolist()], indent="  ")
         elif matrix.size:
             say(f"{name}   {matrix.shape[0]} x {matrix.shape[1]}: --json prints it")
+    for note in found.notes:
+        remark(f"note: {note}")
 
 
 def _mode_row(m: dict[str, float]) -> tuple[str, str, str]:

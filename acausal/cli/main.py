@@ -12,21 +12,27 @@ import typer
 from typer.core import TyperGroup
 
 from acausal.cli import clock as _clock  # noqa: F401  (the clock starts when it is loaded)
+from acausal.cli.animate import animate
 from acausal.cli.bench import bench
 from acausal.cli.check import check
 from acausal.cli.compare import compare
+from acausal.cli.diagram import diagram
 from acausal.cli.doctor import doctor
 from acausal.cli.equations import equations
+from acausal.cli.explore import explore
 from acausal.cli.export import export
-from acausal.cli.failure import INTERRUPTED, as_error, exit_code, interruption
+from acausal.cli.failure import as_error, exit_code, heed_termination, interrupted_code, interruption
+from acausal.cli.fit import fit
 from acausal.cli.info import info
 from acausal.cli.linearize import linearize
 from acausal.cli.list import list_models
+from acausal.cli.new import new
 from acausal.cli.plot import plot
 from acausal.cli.reduce import reduce
-from acausal.cli.report import say, show_error
+from acausal.cli.report import record_error, say, show_error
 from acausal.cli.simulate import simulate
 from acausal.cli.stability import stability
+from acausal.cli.sweep import sweep
 
 
 class _Verbs(TyperGroup):
@@ -35,26 +41,28 @@ class _Verbs(TyperGroup):
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         # `acausal check M --debug` is what people type after `acausal check M` has failed.
         own = args[: args.index("--")] if "--" in args else args
+        ctx.meta["json"] = "--json" in own
         if "--debug" in own[1:]:
             args = ["--debug", *[a for a in own if a != "--debug"], *args[len(own) :]]
         return super().parse_args(ctx, args)
 
     def invoke(self, ctx: Any) -> Any:
         """Run a verb."""
+        heed_termination()
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt as stop:
             show_error(interruption(stop))
-            raise typer.Exit(INTERRUPTED) from None
+            raise typer.Exit(interrupted_code(stop)) from None
         except (RuntimeError, OSError) as error:
             # typer's own: Exit and Abort are RuntimeErrors, a closed pipe is no defect.
             if isinstance(error, typer.Exit | typer.Abort | BrokenPipeError):
                 raise
-            raise _ended(error, ctx.params["debug"]) from error
+            raise _ended(error, ctx) from error
         except Exception as error:
             if _is_usage_error(error):
                 raise
-            raise _ended(error, ctx.params["debug"]) from error
+            raise _ended(error, ctx) from error
 
 
 def _is_usage_error(error: Exception) -> bool:
@@ -62,12 +70,14 @@ def _is_usage_error(error: Exception) -> bool:
     return hasattr(error, "exit_code") and hasattr(error, "format_message")
 
 
-def _ended(error: Exception, debug: bool) -> typer.Exit:
+def _ended(error: Exception, ctx: Any) -> typer.Exit:
     shown = as_error(error)
-    if debug:
+    if ctx.params["debug"]:
         import traceback
 
         traceback.print_exception(error, file=sys.stderr)
+    if ctx.meta.get("json"):
+        record_error(shown)
     show_error(shown)
     return typer.Exit(exit_code(shown))
 
@@ -108,12 +118,18 @@ def main(
 
 app.command(name="list")(list_models)
 app.command()(info)
+app.command()(new)
 app.command()(check)
 app.command()(simulate)
 app.command()(plot)
+app.command()(animate)
+app.command()(diagram)
+app.command()(explore)
 app.command()(equations)
 app.command()(bench)
+app.command()(sweep)
 app.command()(reduce)
+app.command()(fit)
 app.command()(linearize)
 app.command()(stability)
 app.add_typer(export, name="export")

@@ -8,8 +8,8 @@ from acausal.units import divide, format_dimension, parse
 
 if TYPE_CHECKING:
     from acausal.flatten.flat import FlatSystem
-    from acausal.lower.reduce import ReducedSystem
-    from acausal.lower.text import NameOf
+    from acausal.flatten.reduced import ReducedSystem
+    from acausal.flatten.text import NameOf
 
 
 def flat_names(flat: FlatSystem) -> NameOf:

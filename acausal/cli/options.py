@@ -7,12 +7,24 @@ from typing import Annotated
 
 import typer
 
+from acausal.cli.completion import complete_component, complete_model, complete_parameter, complete_result
+
 ModelArgument = Annotated[
     str,
     typer.Argument(
         metavar="MODEL",
         help="Name of a shipped model, path/file.py[:Class], or package.module:Class.",
         show_default=False,
+        autocompletion=complete_model,
+    ),
+]
+ComponentArgument = Annotated[
+    str,
+    typer.Argument(
+        metavar="MODEL",
+        help="A model as everywhere, or a component of the library: Resistor, electrical.Resistor, its Modelica name.",
+        show_default=False,
+        autocompletion=complete_component,
     ),
 ]
 SetOption = Annotated[
@@ -22,20 +34,48 @@ SetOption = Annotated[
         metavar="PATH=VALUE",
         help="Value of a parameter, with or without unit, or of a structural argument of the model; repeatable.",
         show_default=False,
+        autocompletion=complete_parameter,
     ),
 ]
+DetailsOption = Annotated[bool, typer.Option("--details", help="All that was found, not the ten lines that matter.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
 ResultArgument = Annotated[
-    Path, typer.Argument(metavar="RESULT", help="A .mat, .csv or .npz file.", show_default=False)
+    Path,
+    typer.Argument(
+        metavar="RESULT", help="A .mat, .csv or .npz file.", show_default=False, autocompletion=complete_result
+    ),
 ]
 InputsOption = Annotated[
     list[str] | None,
     typer.Option(
         "--input",
         metavar="NAME=VALUE",
-        help="Constant of a free input, with or without unit; repeatable.",
+        help="Input of the model: a number with or without unit; simulate takes FILE:COLUMN too (.csv with units in "
+        "its first row, .mat, .npz). Repeatable.",
         show_default=False,
     ),
+]
+FreeOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--free",
+        metavar="PATH",
+        help="Cut what drives this signal input, which becomes an input of the model: force.u; repeatable.",
+        show_default=False,
+    ),
+]
+StartOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--start",
+        metavar="PATH=VALUE",
+        help="Start value of a variable instead of the declared one, with or without unit; repeatable.",
+        show_default=False,
+    ),
+]
+InterpolationOption = Annotated[
+    str,
+    typer.Option("--interpolation", help="Between the rows of a file: linear, hold (the last row), smooth (a spline)."),
 ]
 StartTimeOption = Annotated[
     str | None,
@@ -56,5 +96,23 @@ QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors o
 RepeatOption = Annotated[int, typer.Option("--repeat", help="Time is the best of so many runs after a warm-up.")]
 OutputsOption = Annotated[
     list[str] | None,
-    typer.Option("--output", metavar="VAR", help="What y holds; repeatable. Default: the model's own variables."),
+    typer.Option(
+        "--outputs",
+        metavar="A,B",
+        help="Variables that y holds, with commas; repeatable. Default: the model's own.",
+        show_default=False,
+    ),
+]
+SignalsOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--signals",
+        metavar="A,B",
+        help="Only these, with commas, * for any text; repeatable.",
+        show_default=False,
+    ),
+]
+PlotOption = Annotated[bool, typer.Option("--plot", help="Draw a figure, to MODEL.png.")]
+PlotFileOption = Annotated[
+    Path | None, typer.Option("--plot-file", help="Draw it to this file: .png, .svg or .pdf.", show_default=False)
 ]

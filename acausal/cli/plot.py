@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from acausal.cli.completion import complete_signal
 from acausal.cli.options import ResultArgument
 from acausal.cli.report import remark, say
 
@@ -14,20 +15,34 @@ from acausal.cli.report import remark, say
 def plot(
     result: ResultArgument,
     signals: Annotated[
-        list[str] | None, typer.Argument(metavar="VAR...", help="Signals; without any, their names are listed.")
+        list[str] | None,
+        typer.Argument(
+            metavar="VAR...",
+            help="Signals, * for any text; without any they are listed.",
+            autocompletion=complete_signal,
+        ),
     ] = None,
     file: Annotated[
         Path | None,
-        typer.Option("--file", "-o", help=".png, .svg or .pdf to write. Default: RESULT.png.", show_default=False),
+        typer.Option("--output-file", "-o", help=".png, .svg or .pdf. Default: RESULT.png.", show_default=False),
     ] = None,
     together: Annotated[bool, typer.Option("--together", help="One panel for all, with up to two axes.")] = False,
     against: Annotated[
-        str | None, typer.Option("--against", metavar="VAR", help="Signal on the horizontal axis instead of time.")
+        str | None,
+        typer.Option(
+            "--against",
+            metavar="VAR",
+            help="Signal on the horizontal axis instead of time.",
+            autocompletion=complete_signal,
+        ),
     ] = None,
     title: Annotated[str | None, typer.Option("--title", help="Text above the figure.", show_default=False)] = None,
     window: Annotated[bool, typer.Option("--show", help="Open a window too.")] = False,
 ) -> None:
-    """Draw signals of a result file, one panel per unit."""
+    """Draw signals of a result file, one panel per unit.
+
+    Example: acausal plot ThickBlock.mat drill.s "drill.F_*"
+    """
     from acausal.result import load
 
     loaded = load(result)
@@ -35,13 +50,16 @@ def plot(
         for name, signal in loaded.signals.items():
             say(f"{name} [{signal.unit}]" if signal.unit else name)
         return
+    from acausal.reduce.outputs import fitting
+
+    names = [fit for name in signals for fit in fitting(name, loaded.names) or [name]]
     # matplotlib only when the file is there and something is to be drawn.
     from acausal.plot import plot as draw
     from acausal.plot import show
 
     # The default never lands on the result itself: its suffix is another one.
     target = file or result.with_suffix(".png")
-    drawing = draw(loaded, *signals, file=target, together=together, against=against, title=title)
+    drawing = draw(loaded, *names, file=target, together=together, against=against, title=title)
     remark(f"wrote {target}")
     if window:
         show(drawing)

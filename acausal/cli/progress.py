@@ -1,4 +1,4 @@
-"""A bar on the terminal for runs that take longer than a second."""
+"""A bar on the terminal for what takes longer than a second."""
 
 from __future__ import annotations
 
@@ -26,10 +26,14 @@ class ProgressBar:
         return self
 
     def __call__(self, fraction: float, reached: float) -> None:
+        self.show(fraction, f"{reached:.6g} s")
+
+    def show(self, fraction: float, reached: str) -> None:
+        """Draw how much is done, and where that is, in words."""
         if not self._shown or (self._bar is None and time.perf_counter() - self._began < _PATIENCE):
             return
         self._bar = self._bar or self._started()
-        self._bar.update(self._task, completed=fraction, reached=f"{reached:.6g} s")
+        self._bar.update(self._task, completed=fraction, reached=reached)
 
     def _started(self) -> Any:
         from rich.console import Console

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import re
 from typing import Annotated, Any
 
 import typer
 
+from acausal.cli.completion import complete_solver
 from acausal.cli.options import (
     InputsOption,
     JsonOption,
@@ -18,11 +18,8 @@ from acausal.cli.options import (
 )
 from acausal.cli.reference import find_model
 from acausal.cli.report import record, say
-from acausal.cli.settings import numbers_of, prepare, seconds_of
+from acausal.cli.settings import listed, numbers_of, prepare, seconds_of
 from acausal.errors import UsageError
-
-# Commas between names, not those of R[0,1].
-_COMMA = re.compile(r",(?![^\[]*\])")
 
 
 def reduce(
@@ -58,7 +55,10 @@ def reduce(
     stop_time: StopTimeOption = None,
     tolerance: ToleranceOption = None,
     solver: Annotated[
-        str | None, typer.Option("--solver", help="Solver of the compared runs.", show_default=False)
+        str | None,
+        typer.Option(
+            "--solver", help="Solver of the compared runs.", show_default=False, autocompletion=complete_solver
+        ),
     ] = None,
     repeat: RepeatOption = 5,
     compare: Annotated[
@@ -66,8 +66,11 @@ def reduce(
     ] = True,
     as_json: JsonOption = False,
 ) -> None:
-    """Keep only what wanted outputs depend on, and what moves; report what was left out and why."""
-    names = _names([*(outputs or ()), *(more or ())])
+    """Keep only what wanted outputs depend on, and what moves; report what was left out and why.
+
+    Example: acausal reduce ThickBlock --outputs drill.s,drill.F_f
+    """
+    names = listed([*(outputs or ()), *(more or ())])
     if not names or not outputs:
         raise UsageError(
             "AC018", "no outputs are asked for", help=f"acausal reduce {model} --outputs a,b; acausal info lists names"
@@ -84,8 +87,8 @@ def reduce(
     found = reduced(
         prepared.model,
         names,
-        freeze=_names(freeze),
-        quasi_static=_names(quasi_static),
+        freeze=listed(freeze),
+        quasi_static=listed(quasi_static),
         parameters=prepared.parameters,
         compare=compare,
         repeat=repeat,
@@ -96,7 +99,3 @@ def reduce(
     else:
         for line in found.lines():
             say(line)
-
-
-def _names(texts: list[str] | None) -> list[str]:
-    return [name.strip() for text in texts or () for name in _COMMA.split(text) if name.strip()]

@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 from types import ModuleType
 
+from acausal.cli.catalogue import Part, find_part, near_parts
 from acausal.cli.failure import as_error
 from acausal.cli.shipped import shipped_models
 from acausal.errors import UsageError, nearest
@@ -40,16 +41,42 @@ def find_model(reference: str) -> type[Component]:
     raise _unknown(reference)
 
 
+def find_component(reference: str) -> tuple[type[Component], Part | None]:
+    """The class that a reference names, and its entry in the catalogue when it is a component of the library.
+
+    Raises
+    ------
+    UsageError
+        As `find_model`, and AC004 when several libraries have a component of this name.
+    """
+    if _is_plain(reference) and reference not in {m.name for m in shipped_models()}:
+        part = find_part(reference)
+        if part is not None:
+            return getattr(_import(part.module), part.name), part
+    cls = find_model(reference)
+    own = find_part(f"{cls.__module__.removeprefix('acausal.library.').partition('.')[0]}.{cls.__name__}")
+    return cls, own if own is not None and own.module == cls.__module__ else None
+
+
+def _is_plain(reference: str) -> bool:
+    """Whether a reference is neither a file nor a module with a class."""
+    return not _FILE.fullmatch(reference) and ":" not in reference
+
+
 def _unknown(reference: str) -> UsageError:
     names = [m.name for m in shipped_models()]
     wanted = reference.lower()
     # Letter case, or a beginning, are the commonest slips.
     close = [n for n in names if wanted and n.lower().startswith(wanted)] or nearest(reference, names)
+    parts = near_parts(reference)
+    evidence = [f"did you mean {', '.join(close)}?"] if close else []
+    if parts:
+        evidence.append(f"components of the library: {', '.join(parts)}")
     return UsageError(
         "AC001",
         f"there is no model '{reference}'",
-        evidence=[f"did you mean {', '.join(close)}?" if close else f"shipped are {', '.join(names)}"],
-        help=f"give {_FORMS}",
+        evidence=evidence or [f"shipped are {', '.join(names)}"],
+        help=f"give {_FORMS}" + (f"; acausal info {parts[0]} shows a component" if parts else ""),
     )
 
 
@@ -77,6 +104,8 @@ def _load(path: Path) -> ModuleType:
         spec.loader.exec_module(module)
     except Exception as error:
         del sys.modules[name]
+        if isinstance(error, SyntaxError) and not error.filename:  # of a file with NUL bytes Python does not say which
+            error.filename, error.lineno = str(file), 1
         raise as_error(error) from error
     return module
 

@@ -4,17 +4,31 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from acausal.errors import AcausalError, Span
+from acausal.errors import AcausalError, Span, UsageError
 
 
 def say(text: str = "") -> None:
-    """A line of the result, on stdout."""
-    print(text)
+    """A line of the result, on stdout.
+
+    Raises
+    ------
+    UsageError
+        AC012 when it cannot be written: a full disk.
+    """
+    try:
+        # At once: what is lost at the end of the process is lost without a word.
+        print(text, flush=True)
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115  (what is in the buffer has no place)
+        raise UsageError("AC012", f"cannot write to standard output: {error.strerror or error}") from error
 
 
 def remark(text: str) -> None:
@@ -55,6 +69,13 @@ def plain(value: Any) -> Any:
     if isinstance(value, float) and not math.isfinite(value):
         return None if math.isnan(value) else ("inf" if value > 0 else "-inf")
     return value if isinstance(value, str | int | float | bool | None) else str(value)
+
+
+def record_error(error: AcausalError) -> None:
+    """The message as one JSON object on stdout, for who has asked for --json."""
+    places = [{"file": span.file, "line": span.line} for span in error.where]
+    told = {"code": error.code, "fact": error.fact, "where": places, "evidence": list(error.evidence)}
+    record({"error": {**told, "cause": error.cause, "help": error.help}})
 
 
 def show_error(error: AcausalError) -> None:

@@ -99,12 +99,18 @@ class Session:
                 found.append((name, float(matrix[-1, column]) * signal.sign + 0.0, unit_of(reduced, v)))
         return found
 
-    def reports(self) -> list[tuple[str, str]]:
-        """What components have to say about themselves, such as the pairs of a contact scene; by path."""
-        from acausal.flatten.instances import instances
+    def reports(self, result: Result) -> list[tuple[str, str]]:
+        """What components have to say about themselves, such as the pairs of a contact scene; by path.
 
-        found: list[tuple[str, Any]] = [(i.path, i.component) for i in instances(self.model)]
-        return [(path, repr(c.report())) for path, c in found if hasattr(type(c), "report")]
+        Of a model whose structure changed it is what they had to say at the end.
+        """
+        from acausal.flatten.instances import instances
+        from acausal.language.choices import is_reporting
+
+        last: Any = result.stats.get("reports", {})
+        found = [(i.path, i.component) for i in instances(self.model)]
+        own = {path: repr(c.report()) for path, c in found if is_reporting(c)}
+        return list({**own, **last}.items())
 
     def content(self, result: Result) -> dict[str, Any]:
         """Everything, for JSON."""
@@ -128,7 +134,10 @@ class Session:
         stats = dict(result.stats)
         timings = self.timings(result)
         say(f"{self.compiled.name}: {result.time[0]:g} ... {result.time[-1]:g} s, {plural(len(result.time), 'row')}")
-        counts = [plural(len(self.compiled.states), "state"), plural(len(self.compiled.algebraic), "iterated unknown")]
+        counts = [
+            plural(len(self.compiled.continuous), "state"),
+            plural(len(self.compiled.algebraic), "iterated unknown"),
+        ]
         events = f", {plural(len(result.events), 'event')}" if result.events else ""
         say(f"  solver   {stats['solver']} ({stats['reason']}), tolerance {stats['tolerance']:g}")
         say(f"  size     {len(self.compiled.flat.equations)} equations, {', '.join(counts)}{events}")
@@ -137,7 +146,7 @@ class Session:
         if everything:
             say("  compile  " + ", ".join(f"{k} {seconds(timings[k])}" for k in _COMPILATION if k in timings))
             known = ("solver", "reason", "tolerance", "notes", "time")
-            for component, report in self.reports():
+            for component, report in self.reports(result):
                 say(f"  {component}: " + report.replace("\n", "\n    "))
             say("  counts   " + ", ".join(f"{k} {v:g}" for k, v in stats.items() if k not in known and _is_number(v)))
         final = self.final(result)

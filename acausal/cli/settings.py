@@ -6,18 +6,22 @@ import ast
 import inspect
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from acausal.errors import AcausalError, Span, UsageError
-from acausal.flatten.instances import Instance, instances
+from acausal.flatten.around import placed
+from acausal.flatten.instances import Instance
 from acausal.flatten.parameters import check_limits, check_overrides
 from acausal.language.component import Component
 from acausal.language.declare import Declaration, Kind
+from acausal.language.freeing import free
 from acausal.language.origin import Origin
 from acausal.units import convert
 
+# Commas between names, not those of R[0,1].
+_COMMA = re.compile(r",(?![^\[]*\])")
 _ELEMENT = re.compile(r"(?P<path>.+?)\[(?P<index>\d+(?:\s*,\s*\d+)*)\]")
 
 
@@ -30,8 +34,8 @@ class Prepared:
     structural: dict[str, object]
 
 
-def prepare(cls: type[Component], assignments: Sequence[str] = ()) -> Prepared:
-    """An instance of `cls` with the wanted structural arguments, and the other values by path.
+def prepare(cls: type[Component], assignments: Sequence[str] = (), freed: Sequence[str] = ()) -> Prepared:
+    """An instance of `cls` with the wanted structural arguments, and the other values by path; `freed` are inputs.
 
     Raises
     ------
@@ -40,7 +44,7 @@ def prepare(cls: type[Component], assignments: Sequence[str] = ()) -> Prepared:
         structural argument without value, AC020 and AC021 for a wrong path, AC136 for a value outside its limits,
         AC150 to AC152 for its unit.
     """
-    given = dict(map(_split, assignments))
+    given = _once("--set", map(_split, assignments))
     declared = cls._declarations
     structural = {
         path: _structural(path, text, declared[path])
@@ -58,6 +62,7 @@ def prepare(cls: type[Component], assignments: Sequence[str] = ()) -> Prepared:
     model = cls(**structural)
     # Made here, it would say so in messages; its place is the class.
     model.__dict__["_origin"] = _Definition(prepare.__code__, 0, cls)
+    model = free(model, *freed) if freed else model
     numeric = {path: text for path, text in given.items() if path not in structural}
     return Prepared(model, _values(model, numeric) if numeric else {}, structural)
 
@@ -66,19 +71,31 @@ def numbers_of(flag: str, given: Sequence[str] | None, model: Component | None =
     """Numbers by name, from texts NAME=VALUE, in SI; with a unit where `model` declares one. Errors name `flag`."""
     found = {}
     for text in given or ():
-        name, sign, value = (part.strip() for part in text.partition("="))
-        if not sign:
+        if "=" not in text:
             raise UsageError("AC009", f"{flag} {text}: write NAME=VALUE")
+    pairs = ([part.strip() for part in text.split("=", 1)] for text in given or ())
+    for name, value in _once(flag, ((name, value) for name, value in pairs)).items():
+        text = f"{name}={value}"
         declared = type(model)._declarations.get(name.partition("[")[0]) if model is not None else None
-        try:
-            found[name] = convert(value, declared.unit) if declared is not None and declared.unit else float(value)
-        except ValueError as error:
-            raise UsageError("AC009", f"{flag} {text}: no number") from error
-        except AcausalError as error:
-            raise UsageError(
-                error.code, f"{flag} {text}: {error.fact}", evidence=error.evidence, help=error.help
-            ) from error
+        found[name] = number_in(flag, text, value, declared)
     return found
+
+
+def number_in(flag: str, text: str, value: str, declared: Declaration | None) -> float:
+    """The number in `value`, in the declared unit where there is one; errors show `flag` and `text`."""
+    try:
+        return convert(value, declared.unit) if declared is not None and declared.unit else float(value)
+    except ValueError as error:
+        raise UsageError("AC009", f"{flag} {text}: no number") from error
+    except AcausalError as error:
+        raise UsageError(
+            error.code, f"{flag} {text}: {error.fact}", evidence=error.evidence, help=error.help
+        ) from error
+
+
+def listed(texts: Sequence[str] | None) -> list[str]:
+    """Names in texts `A,B`, which may stand several times; commas inside of `R[0,1]` part nothing."""
+    return [name.strip() for text in texts or () for name in _COMMA.split(text) if name.strip()]
 
 
 def seconds_of(name: str, text: str | None) -> float | None:
@@ -106,6 +123,18 @@ class _Definition(Origin):
             return Span(inspect.getsourcefile(self.cls) or "", inspect.getsourcelines(self.cls)[1])
         except (OSError, TypeError):
             return Span(self.cls.__module__, 1)
+
+
+def _once(flag: str, pairs: Iterable[tuple[str, str]]) -> dict[str, str]:
+    """Values by name, none of them twice: which one was meant, nobody knows (AC003)."""
+    found: dict[str, str] = {}
+    for name, value in pairs:
+        if name in found:
+            raise UsageError(
+                "AC003", f"{flag} gives {name} twice: {found[name]} and {value}", help="leave one of them out"
+            )
+        found[name] = value
+    return found
 
 
 def _split(text: str) -> tuple[str, str]:
@@ -144,7 +173,7 @@ def _fits(value: object, default: object) -> bool:
 
 
 def _values(model: Component, given: dict[str, str]) -> dict[str, object]:
-    found = instances(model)
+    found, _ = placed(model)
     declared = {
         instance.prefix + name: (instance, d)
         for instance in found

@@ -10,13 +10,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from acausal.cli.clock import Clock
+from acausal.cli.completion import complete_solver
+from acausal.cli.inputs import inputs_of, starts_of
 from acausal.cli.options import (
+    FreeOption,
     InputsOption,
+    InterpolationOption,
     JsonOption,
     ModelArgument,
     NativeOption,
     QuietOption,
     SetOption,
+    StartOption,
     StartTimeOption,
     StopTimeOption,
     ToleranceOption,
@@ -27,7 +32,7 @@ from acausal.cli.real_time import paces, say_paces
 from acausal.cli.reference import find_model
 from acausal.cli.report import record
 from acausal.cli.session import Session
-from acausal.cli.settings import numbers_of, prepare, seconds_of
+from acausal.cli.settings import prepare, seconds_of
 from acausal.errors import AcausalError, UsageError
 
 if TYPE_CHECKING:
@@ -56,7 +61,12 @@ AccuracyOption = Annotated[
 ]
 SolverOption = Annotated[
     str | None,
-    typer.Option("--solver", help="auto, idas, rosenbrock, cvodes, erk, collocation, rk, rk2.", show_default=False),
+    typer.Option(
+        "--solver",
+        help="auto, idas, rosenbrock, cvodes, erk, collocation, rk, rk2.",
+        show_default=False,
+        autocompletion=complete_solver,
+    ),
 ]
 
 
@@ -77,9 +87,12 @@ def simulate(
     formulation: FormulationOption = "torn",
     native: NativeOption = None,
     force: Annotated[
-        bool, typer.Option("--force", help="Run a fixed step that is too large to be stable too.")
+        bool, typer.Option("--force", help="Run even where the fixed step is too large to be stable.")
     ] = False,
     inputs: InputsOption = None,
+    interpolation: InterpolationOption = "linear",
+    freed: FreeOption = None,
+    start: StartOption = None,
     output_file: OutputFileOption = None,
     no_output: Annotated[bool, typer.Option("--no-output", help="Write no result file.")] = False,
     plot: Annotated[bool, typer.Option("--plot", help="Draw the model's figure to MODEL.png.")] = False,
@@ -98,25 +111,26 @@ def simulate(
     """Simulate a model.
 
     The defaults of times, tolerance, solver and step are those of the model's experiment: see acausal info MODEL.
+
+    Example: acausal simulate ThickBlock --set m=8kg --stop-time 20 --plot
     """
     clock = Clock()
     cls = find_model(model)
-    prepared = prepare(cls, settings or ())
+    prepared = prepare(cls, settings or (), freed or ())
     result_file, picture = _files(cls.__name__, no_output, output_file, plot, plot_file)
-    times = {
-        "start_time": seconds_of("start_time", start_time),
-        "stop_time": seconds_of("stop_time", stop_time),
-        "output_interval": seconds_of("output_interval", output_interval),
-        "step": seconds_of("step", step),
-    }
-    constants = numbers_of("--input", inputs, prepared.model)
+    asked = {"start_time": start_time, "stop_time": stop_time, "output_interval": output_interval, "step": step}
+    times = {name: seconds_of(name, time) for name, time in asked.items()}
+    given = inputs_of(prepared.model, inputs, interpolation)
+    starts = starts_of(prepared.model, start)
+    if real_time_factor and any(not isinstance(v, float) for v in given.values()):
+        raise UsageError("AC009", "--real-time-factor takes constant inputs only")
     from acausal.lower.compile import compile
-    from acausal.simulate.restructure import shrink
+    from acausal.simulate.restructure import opening
     from acausal.simulate.run import simulate as _  # noqa: F401  (its import belongs to the first stage)
 
     clock.lap("import")
-    changing = shrink(prepared.model)
-    compiled = compile(prepared.model, parameters=prepared.parameters, formulation=formulation)
+    choices = opening(prepared.model)
+    compiled = compile(prepared.model, parameters=prepared.parameters, formulation=formulation, choices=choices or None)
     clock.lap("compile")
     session = Session(model, prepared.model, compiled, result_file, picture, clock)
     result = _run(
@@ -124,17 +138,16 @@ def simulate(
         quiet,
         {
             **times,
-            "tolerance": tolerance,
-            "accuracy": accuracy,
-            "solver": solver,
-            "native": native,
-            "force": force,
-            "inputs": constants,
             # a model of changing structure is compiled again and again during its run
-            **({"model": prepared.model, "parameters": prepared.parameters} if changing else {"model": compiled}),
+            **({"model": prepared.model, "parameters": prepared.parameters} if choices else {"model": compiled}),
+            **{"tolerance": tolerance, "accuracy": accuracy, "solver": solver, "native": native, "force": force},
+            **{"inputs": given, "start": starts},
         },
     )
-    paced = paces(compiled, result, times["step"], constants) if real_time_factor else {}
+    if choices and real_time_factor:
+        whole = compile(prepared.model, parameters=prepared.parameters, formulation=formulation)
+        compiled = whole.unchanging("a compiled fixed step")
+    paced = paces(compiled, result, times["step"], given) if real_time_factor else {}
     if as_json:
         record({**session.content(result), **({"real_time": paced} if paced else {})})
     elif not quiet:

@@ -7,7 +7,9 @@ from typing import Annotated
 
 import typer
 
+from acausal.cli.completion import complete_solver
 from acausal.cli.options import (
+    DetailsOption,
     InputsOption,
     JsonOption,
     ModelArgument,
@@ -29,7 +31,12 @@ def stability(
     points: Annotated[int, typer.Option("--points", help="How many points of the run to linearise at.")] = 20,
     solver: Annotated[
         str | None,
-        typer.Option("--solver", help="Solver of the run: idas, rosenbrock, cvodes, erk.", show_default=False),
+        typer.Option(
+            "--solver",
+            help="Solver of the run: idas, rosenbrock, cvodes, erk.",
+            show_default=False,
+            autocompletion=complete_solver,
+        ),
     ] = None,
     tolerance: ToleranceOption = None,
     start_time: StartTimeOption = None,
@@ -41,11 +48,15 @@ def stability(
     check: Annotated[bool, typer.Option("--check/--no-check", help="Try the largest steps by runs.")] = True,
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", help="Picture: .png, .svg or .pdf. Default: none.", show_default=False),
+        typer.Option("--output-file", "-o", help="Picture: .png, .svg or .pdf. Default: none.", show_default=False),
     ] = None,
     as_json: JsonOption = False,
+    details: DetailsOption = False,
 ) -> None:
-    """Eigenvalues along a run, largest stable steps, and a verdict: which solver, why, what to avoid."""
+    """Which solver to take, why, what to avoid: from eigenvalues, largest steps and growth of errors along a run.
+
+    Example: acausal stability ThickBlock -o ThickBlock.png
+    """
     cls = find_model(model)
     prepared = prepare(cls, settings or ())
     if output is not None:
@@ -69,7 +80,7 @@ def stability(
     if as_json:
         record(found.content())
     else:
-        for line in found.lines():
+        for line in found.lines(details):
             say(line)
     if output is not None:
         remark(f"wrote {output}")

@@ -5,19 +5,27 @@ A zip archive of two members:
 - `functions.casadi`: what CasADi's StringSerializer makes of dae, ode, init, instants, in this order. CasADi reads
   files of its own and of older versions; rootfinders, with their derivatives, are among what it can write.
 - `metadata.json`: format and version numbers, name, start time, notes, and for each of x, z, u, p, y the list of its
-  entries with name, unit, doc, start, nominal, min, max; null stands for no limit (and for a start that is not known).
+  entries with name, unit, doc, start, nominal, min, max; null stands for no limit (and for a start that is not known);
+  a checksum of all of this and of the functions.
+
+CasADi's format can name shared libraries and compilers, which CasADi opens and runs as it reads: such files are refused
+before CasADi sees them (`docs/security.md`).
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
+import re
+import struct
 import zipfile
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import casadi as ca
+import numpy as np
 
 from acausal.errors import ExportError, UsageError
 from acausal.export.casadi_model import CasadiModel, Port, Ports
@@ -42,7 +50,9 @@ def save_casadi(model: CasadiModel, path: str | Path) -> None:
     serializer = ca.StringSerializer()
     for name in _FUNCTIONS:
         serializer.pack(getattr(model, name))
-    members = {"metadata.json": json.dumps(_described(model), indent=1), "functions.casadi": serializer.encode()}
+    functions, described = serializer.encode(), _described(model)
+    described["checksum"] = _checksum(described, functions)
+    members = {"metadata.json": json.dumps(described, indent=1), "functions.casadi": functions}
     with atomic(Path(path)) as file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, text in members.items():
             archive.writestr(zipfile.ZipInfo(name, _DATE), text, zipfile.ZIP_DEFLATED)
@@ -56,7 +66,8 @@ def load_casadi(path: str | Path) -> CasadiModel:
     UsageError
         AC014 when the file cannot be opened.
     ExportError
-        AC601 when it is no such file or is damaged, AC602 when a newer acausal or CasADi wrote it.
+        AC601 when it is no such file or is damaged, AC602 when a newer acausal or CasADi wrote it, AC609 when it would
+        have code of others run.
     """
     path = Path(path)
     try:
@@ -67,16 +78,79 @@ def load_casadi(path: str | Path) -> CasadiModel:
             raise ValueError(f"its format is {described.get('format')!r}")
     except OSError as error:
         raise UsageError("AC014", f"cannot read {path}: {error.strerror or error}") from error
-    except (zipfile.BadZipFile, KeyError, ValueError, AttributeError) as error:
+    except Exception as error:
+        # zipfile, zlib and json have a dozen ways to say that bytes are none of theirs.
         raise ExportError(
             "AC601",
             f"{path} is not a saved CasADi model",
             evidence=[str(error)],
             help="write one with compiled.casadi().save(path)",
         ) from error
-    if described["version"] > VERSION:
-        raise _too_new(path, f"format {described['version']}", f"format {VERSION}")
+    version, casadi = described.get("version"), str(described.get("casadi", "?"))
+    if not isinstance(version, int) or version > VERSION:
+        raise _too_new(path, f"format {version}", f"format {VERSION}")
+    if _numbers(casadi) > _numbers(ca.CasadiMeta.version()):
+        raise _too_new(path, f"CasADi {casadi}", f"CasADi {ca.CasadiMeta.version()}")
+    if described.get("checksum") != _checksum(described, functions):
+        raise ExportError("AC601", f"{path} is damaged", evidence=["its checksum is that of other contents"])
+    try:
+        found = _foreign_code(functions)
+    except ValueError as error:
+        raise ExportError("AC601", f"{path} is damaged", evidence=[str(error)]) from error
+    if found:
+        raise ExportError(
+            "AC609",
+            f"{path} would have code run that is not in it",
+            evidence=[f"it names {', '.join(found)}"],
+            help="have it saved again without external functions and without jit",
+        )
     return _restored(path, described, functions)
+
+
+def _checksum(described: dict[str, Any], functions: str) -> str:
+    rest = {k: v for k, v in described.items() if k != "checksum"}
+    return hashlib.sha256(f"{json.dumps(rest, sort_keys=True)}\0{functions}".encode()).hexdigest()
+
+
+# Classes of CasADi that open libraries or start compilers, and options that say which.
+_FOREIGN = (
+    *("External", "GenericExternal", "DllLibrary", "ImporterInternal", "Importer", "ShellCompiler", "ClangCompiler"),
+    *(
+        "dll",
+        "clang",
+        "compiler",
+        "compiler_setup",
+        "compiler_flags",
+        "linker",
+        "linker_setup",
+        "linker_flags",
+        "flags",
+    ),
+)
+
+
+def _foreign_code(text: str) -> list[str]:
+    """What in a stream of CasADi's names code outside of it: strings are stored with their length before them.
+
+    Plugins are libraries found by name: a name with a separator would lead elsewhere.
+    """
+    # Two letters are a byte, the low half first.
+    halves = np.frombuffer(text.encode("ascii"), dtype=np.uint8) - np.uint8(ord("a"))
+    if len(halves) % 2 or (halves > 15).any():
+        raise ValueError("not CasADi's encoding")
+    stream = (halves[::2] | (halves[1::2] << 4)).tobytes()
+    found = [word for word in _FOREIGN if struct.pack("<i", len(word)) + word.encode() in stream]
+    for start in re.finditer(rb"(?=(.)(.)\x00\x00[ -~]{3})", stream, re.DOTALL):
+        length = start[1][0] + 256 * start[2][0]
+        word = stream[start.start() + 4 : start.start() + 4 + length]
+        if (
+            3 < length == len(word)
+            and word.isascii()
+            and word.decode().isprintable()
+            and (b"/" in word or b"\\" in word)
+        ):
+            found.append(repr(word.decode()))
+    return found
 
 
 def _described(model: CasadiModel) -> dict[str, Any]:
@@ -114,10 +188,7 @@ def _restored(path: Path, described: dict[str, Any], text: str) -> CasadiModel:
             start_time=described["start_time"],
             notes=tuple(described["notes"]),
         )
-    except (RuntimeError, KeyError, TypeError) as error:
-        written, here = str(described.get("casadi", "?")), ca.CasadiMeta.version()
-        if _numbers(written) > _numbers(here):
-            raise _too_new(path, f"CasADi {written}", f"CasADi {here}") from error
+    except (RuntimeError, KeyError, TypeError, ValueError) as error:
         raise ExportError(
             "AC601", f"{path} is damaged", evidence=[str(error).strip().splitlines()[-1] if str(error) else ""]
         ) from error

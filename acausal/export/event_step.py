@@ -1,42 +1,34 @@
-"""The event iteration of a step as expressions: what `acausal.simulate.iteration` does, with a fixed number of rounds.
+"""The event iteration within a step of bounded work: the compiled round, a fixed number of times.
 
-In each round discrete equations are evaluated in the order of their dependence; then relations that do not hold flip;
-where none had to, `when` clauses whose conditions have become true act, and `pre` remembers. A round in which nothing
-has to happen changes nothing, so that modes which need fewer rounds lose nothing by the others; what is not settled
-after the last one goes on at the next event.
+A turn solves for the algebraic variables and then does one thing: it evaluates discrete equations, or flips relations
+that do not hold, or goes on with the round (`acausal.lower.event_round`), as `acausal.simulate.events.iteration` does.
+Turns follow one another as long as anything changes, which the code of the step asks before each: turns that are not
+needed cost nothing. Whether all was settled when the last one ended is handed on.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import casadi as ca
-import numpy as np
-from scipy.sparse import csr_matrix
-from scipy.sparse.csgraph import connected_components
 
 from acausal.export.methods import Method
 from acausal.lower.compiled import CompiledModel, Symbols
+from acausal.lower.event_round import Round
 
-ROUNDS = 8
 # States are taken to be known to this share of their values or nominal magnitudes where relations are judged.
 _KNOWN = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class Settling:
-    """The event iteration of one model; `u` and `p` are the symbols of its inputs and parameters.
-
-    `method` solves for the algebraic variables; its rates take `(t, x, z, u, p, m)`.
-    """
+    """The event iteration of one model; `method` solves for the algebraic variables."""
 
     compiled: CompiledModel
     method: Method
-    u: Any
-    p: Any
 
     @property
     def samples(self) -> slice:
@@ -56,72 +48,95 @@ class Settling:
         last = self.compiled.n_modes
         return slice(last - len(self.compiled.state_events.relations), last)
 
-    def settled(self, t: Any, x: Any, z: Any, m: Any, before: Any, samples: Any) -> tuple[Any, Any, Any]:
-        """States, algebraic variables and modes after an event, from modes `m` that have changed already.
+    @property
+    def turns(self) -> int:
+        """How many turns there are: a few for everything that can happen at one instant."""
+        events = self.compiled.state_events
+        return 8 + 4 * (len(events.conditions) + len(events.relations) + len(events.assignments) + len(events.memories))
 
-        `before` are the modes that held before it; `samples` says which samples are true now.
+    @cached_property
+    def settled(self) -> Any:
+        """`(t, x, z, u, p, m, before, samples, skip) -> (x, z, m, settled)`, from modes `m` that have changed already.
+
+        `before` are the modes that held before the event; `samples` says which samples are true now; nothing is done
+        where `skip` says so. An MX function: its turns are a loop, of which only those that are needed are run.
         """
-        was = self._reactions(t, x, z, before)[2]
-        m = ca.SX(m)
+        s, size = Symbols(self.compiled), len(self.compiled.state_events.conditions)
+        before = ca.SX.sym("before", self.compiled.n_modes)
+        samples, skip = ca.SX.sym("samples", self.samples.stop - self.samples.start), ca.SX.sym("skip")
+        none = ca.SX(size, 1)
+        was = Round(*self.compiled.events.round(s.t, s.x, s.z, s.u, s.p, before, none, none, 0)).conditions
+        m = ca.SX(s.m)
         m[self.samples] = samples
-        for _ in range(ROUNDS):
-            x, z, m, was = self._round(t, x, z, self.u, self.p, m, was)
+        walk = ca.densify(ca.vertcat(s.x, s.z, m, was, none, 0, skip, s.t, s.u, s.p))
+        first = ca.Function("first", [*s.inputs, before, samples, skip], [walk])
+        symbols = [ca.MX.sym(first.name_in(k), first.sparsity_in(k)) for k in range(first.n_in())]
+        walked = self._turn.fold(self.turns)(first(*symbols))
+        return ca.Function("settled", symbols, self._last(walked))
+
+    @property
+    def _sizes(self) -> list[int]:
+        """What a walk holds: x, z, m, was, decided, level, settled, t, u, p."""
+        c = self.compiled
+        size = len(c.state_events.conditions)
+        fixed = 1, len(c.inputs), len(c.parameters)
+        return [len(c.states), len(c.algebraic), c.n_modes, size, size, 1, 1, *fixed]
+
+    def _parts(self, walk: Any) -> list[Any]:
+        ends = [0]
+        for size in self._sizes:
+            ends.append(ends[-1] + size)
+        return list(ca.vertsplit(walk, ends))
+
+    @cached_property
+    def _turn(self) -> Any:
+        """`walk -> walk`, nothing where all is settled."""
+        walk = ca.SX.sym("walk", sum(self._sizes))
+        x, z, m, was, decided, level, _, t, u, p = self._parts(walk)
+        z = self.method.algebraic(t, x, z, [u, p, m])
+        here = [t, x, z, u, p, m]
+        found = Round(*self.compiled.events.round(*here, was, decided, level))
+        places = [a.position for a in self.compiled.state_events.assignments]
+        stale = any_of(found.assigned[k] != x[place] for k, place in enumerate(places))
+        fresh = ca.logic_not(any_of(found.remembered[k] != m[j] for k, j in enumerate(_places(self.memories))))
+        wrong = self._wrong(here, fresh)
+        moves = ca.logic_or(stale, any_of(wrong))
+        assigned, flipped = ca.SX(x), ca.SX(m)
+        for k, place in enumerate(places):
+            assigned[place] = ca.if_else(stale, found.assigned[k], x[place])
+        for k, j in enumerate(_places(self.relations)):
+            flipped[j] = ca.if_else(ca.logic_and(ca.logic_not(stale), wrong[k]), 1 - m[j], m[j])
+        after = [
+            ca.if_else(moves, a, b)
+            for a, b in (
+                (assigned, found.x),
+                (z, z),
+                (flipped, found.m),
+                (was, found.was),
+                (decided, found.decided),
+                (level, found.level),
+                (0, found.settled),
+            )
+        ]
+        go = ca.Function("go", [walk], [ca.cse(ca.densify(ca.vertcat(*after, t, u, p)))])
+        stay = ca.Function("stay", [walk], [walk])
+        choice = ca.Function.if_else("choice", stay, go)
+        held = ca.MX.sym("walk", walk.numel())
+        return ca.Function("turn", [held], [choice(self._parts(held)[6], held)])
+
+    @cached_property
+    def _last(self) -> Any:
+        """`walk -> (x, z, m, settled)`: the instant is over, samples are false again, also to what remembers them."""
+        walk = ca.SX.sym("walk", sum(self._sizes))
+        x, z, m, was, decided, level, settled, t, u, p = self._parts(walk)
         m = ca.SX(m)
         m[self.samples] = 0
         if self.samples.stop > self.samples.start and self.memories.stop > self.memories.start:
-            m[self.memories] = self._reactions(t, x, z, m)[4]
-        return x, z, m
+            found = Round(*self.compiled.events.round(t, x, z, u, p, m, was, decided, level))
+            m[self.memories] = found.remembered
+        return ca.Function("last", [walk], [ca.densify(v) for v in (x, z, m, settled)])
 
-    def _reactions(self, t: Any, x: Any, z: Any, m: Any) -> Any:
-        return self.compiled.events.reactions(t, x, z, self.u, self.p, m)
-
-    @cached_property
-    def _round(self) -> Any:
-        """`(t, x, z, u, p, m, was) -> (x, z, m, was)`."""
-        s, events = Symbols(self.compiled), self.compiled.state_events
-        was = ca.SX.sym("was", len(events.clauses))
-        held = [s.u, s.p, s.m]
-        z = self.method.algebraic(s.t, s.x, s.z, held)
-        x = self._assigned(s, z)
-        if events.assignments:
-            z = self.method.algebraic(s.t, x, z, held)
-        here = [s.t, x, z, *held]
-        _, _, conditions, values, remembered, _ = self.compiled.events.reactions(*here)
-        conditions = conditions > 0.5
-        fresh = ca.logic_not(_any(remembered[k] != s.m[j] for k, j in enumerate(_places(self.memories))))
-        wrong = self._wrong(here, fresh)
-        still = ca.logic_not(_any(wrong))
-        m, new = ca.SX(s.m), ca.SX(x)
-        for k, j in enumerate(_places(self.relations)):
-            m[j] = ca.if_else(wrong[k], 1 - s.m[j], s.m[j])
-        for k, j in enumerate(_places(self.memories)):
-            m[j] = ca.if_else(still, remembered[k], s.m[j])
-        place = 0
-        for k, clause in enumerate(events.clauses):
-            acts = ca.logic_and(still, ca.logic_and(conditions[k], was[k] < 0.5))
-            for position, _ in clause.actions:
-                new[position] = ca.if_else(acts, values[place], new[position])
-                place += 1
-        became = ca.if_else(still, conditions, was) if events.clauses else was
-        outputs: Any = ca.cse([ca.densify(v) for v in (new, z, m, became)])
-        return ca.Function("round", [*s.inputs, was], outputs)
-
-    def _assigned(self, s: Any, z: Any) -> Any:
-        """States with the discrete equations evaluated, each after those it depends on."""
-        positions = [a.position for a in self.compiled.state_events.assignments]
-        x = ca.SX(s.x)
-        if not positions:
-            return x
-        assigned = ca.Function("assigned", s.inputs, [self.compiled.events.reactions(*s.inputs)[1]])
-        needs = np.array(ca.DM(assigned.jac_sparsity(0, 1), 1.0))[:, positions] != 0
-        for group in _in_order(needs):
-            found = assigned(s.t, x, z, s.u, s.p, s.m)
-            x = ca.SX(x)
-            for k in group:
-                x[positions[k]] = found[k]
-        return x
-
-    def _wrong(self, here: Sequence[Any], fresh: Any) -> list[Any]:
+    def _wrong(self, here: list[Any], fresh: Any) -> list[Any]:
         """Relations that do not hold, or are at their guard and about not to; the latter once `pre` is up to date."""
         g = self.compiled.events.watch(*here)
         rate, noise = self.rates(*here)
@@ -145,24 +160,9 @@ def _places(part: slice) -> range:
     return range(part.start, part.stop)
 
 
-def _any(conditions: Any) -> Any:
+def any_of(conditions: Iterable[Any]) -> Any:
+    """Whether one of these holds."""
     found: Any = ca.SX(0)
     for condition in conditions:
         found = ca.logic_or(found, condition)
-    return found
-
-
-def _in_order(needs: Any) -> list[list[int]]:
-    """Rows of a square matrix of dependences in groups, each after those it needs; rows in a circle come repeatedly."""
-    count, label = connected_components(csr_matrix(needs), connection="strong")
-    level = np.zeros(count, dtype=int)
-    for _ in range(count):  # longest paths; the graph of the components has no circle
-        for i, j in zip(*np.nonzero(needs), strict=True):
-            if label[i] != label[j]:
-                level[label[i]] = max(level[label[i]], level[label[j]] + 1)
-    found: list[list[int]] = []
-    for here in range(int(level.max()) + 1):
-        group = [int(k) for k in np.flatnonzero(level[label] == here)]
-        longest = max(int((label == label[k]).sum()) for k in group)
-        found += [group] * longest
     return found

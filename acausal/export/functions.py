@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from acausal.errors import ExportError, InitializationError
 from acausal.export.casadi_model import CasadiModel
+from acausal.export.forms import FUNCTIONS, check
 from acausal.export.ports import Output, named_outputs, output_ports, parameter_ports, variable_ports
 from acausal.lower.compiled import CompiledModel, Symbols
-from acausal.lower.delays import PADE, refuse_delays
-from acausal.lower.evaluate import values
-from acausal.simulate.initialize import initialize
+from acausal.numeric.evaluate import values
+from acausal.simulate.start.initialize import initialize
 
 Vector = NDArray[np.float64]
 
@@ -38,10 +38,11 @@ def casadi_model(compiled: CompiledModel, outputs: Sequence[str] | None = None) 
     UsageError
         AC010 for an unknown output.
     ExportError
-        AC603 when the start conditions do not determine as many values as are open.
+        AC603 when the start conditions do not determine as many values as are open, AC608 when events change what the
+        functions depend on.
     """
-    refuse_delays(compiled.flat, "an export as functions of one instant", PADE)
     wanted = named_outputs(compiled, outputs)
+    left_out = check(compiled, FUNCTIONS, wanted)
     begin = begin_of(compiled)
     dae = dae_function(compiled, wanted)
     y = np.array(dae(begin.t, begin.x, begin.z, begin.u, begin.p)[2]).ravel() + 0.0  # no -0.0
@@ -50,7 +51,7 @@ def casadi_model(compiled: CompiledModel, outputs: Sequence[str] | None = None) 
         name=compiled.name,
         dae=dae,
         ode=_ode(compiled, dae, begin),
-        init=_init(compiled, begin),
+        init=init_function(compiled, begin),
         instants=compiled.instants,
         x=variable_ports(compiled, compiled.state_variables, begin.x),
         z=variable_ports(compiled, compiled.solution.algebraic, begin.z),
@@ -58,7 +59,7 @@ def casadi_model(compiled: CompiledModel, outputs: Sequence[str] | None = None) 
         p=parameter_ports(compiled),
         y=output_ports(wanted, y),
         start_time=begin.t,
-        notes=(*compiled.flat.notes, *begin.notes),
+        notes=(*compiled.flat.notes, *begin.notes, *left_out),
     )
 
 
@@ -75,10 +76,13 @@ class Begin:
     notes: tuple[str, ...]
 
 
-def begin_of(compiled: CompiledModel) -> Begin:
-    """Solve the start problem; where it has no solution (an input may have to differ from 0), take its guesses."""
+def begin_of(compiled: CompiledModel, p: Vector | None = None) -> Begin:
+    """Solve the start problem; where it has no solution (an input may have to differ from 0), take its guesses.
+
+    `p` are the parameters, shape (np,), as declared by default.
+    """
     t = compiled.flat.experiment.start_time
-    p = np.array(compiled.parameter_values, dtype=float)
+    p = np.array(compiled.parameter_values, dtype=float) if p is None else p
     u = np.array([input_start(compiled, scalar, p) for scalar in compiled.flat.inputs])
     m = np.array(compiled.modes(t, p)).ravel()
     try:
@@ -152,7 +156,7 @@ def _ode(compiled: CompiledModel, dae: Any, begin: Begin) -> Any:
     return ca.Function("ode", [t, x, u, p], [ode, y], names, results)
 
 
-def _init(compiled: CompiledModel, begin: Begin) -> Any:
+def init_function(compiled: CompiledModel, begin: Begin) -> Any:
     """`(p) -> (x0, z0)`."""
     n, nz = len(compiled.states), len(compiled.algebraic)
     given = {*compiled.start.direct, *compiled.start.defaulted}

@@ -5,18 +5,20 @@ of the false position of N. Anderson and A. Bjorck, BIT 13 (1973) 253-264, on th
 iteration runs there, and a second, shorter step goes on to the end. There the event iteration runs once more, for time
 events, samples, and relations that were passed after the first. So an event costs no order where it is the only one in
 its step (order two with implicit methods, between whose steps states are interpolated by straight lines); a second one
-is taken at the end of the step, an error of the length of the step. A relation that is passed twice within a step,
-there and back, is not seen.
+is taken at the end of the step, an error of the length of the step, and a relation that is passed twice within a step,
+there and back, not at all. Both are looked for, and said by a flag: guards behind zero at the end of the second part,
+and guards that fall at one end of a part and rise at the other and are below zero in between.
 
-Impacts that follow one another within a step end at rest, as in `acausal.simulate.rest`: the state that the `when`
-resets, and what it drives, are put on the guard. Both parts are computed in every call; that is the price of a time
-that does not depend on what happens.
+Impacts that follow one another within a step end at rest, as in `acausal.simulate.events.rest`, but elastic ones too:
+the state that the `when` resets, and what it drives, are put on the guard. A note says so. Both parts are computed in
+every call; that is the price of a time that does not depend on what happens.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import casadi as ca
@@ -25,27 +27,23 @@ from numpy.typing import NDArray
 
 from acausal.errors import ExportError
 from acausal.export.casadi_model import Port
-from acausal.export.event_step import Settling
+from acausal.export.event_step import Settling, any_of
 from acausal.export.functions import Begin, begin_of
 from acausal.export.methods import IMPLICIT, Method
+from acausal.flatten.text import to_text
 from acausal.lower.compiled import CompiledModel, Symbols
-from acausal.lower.text import to_text
-from acausal.simulate.guards import Guards, Moment, Tolerances
-from acausal.simulate.iteration import Iteration
-from acausal.simulate.problem import Problem
-from acausal.simulate.regime import Hold, Regime
-from acausal.simulate.sampling import clocks, due, users
+from acausal.simulate.equations.kept import kept
+from acausal.simulate.equations.problem import Problem
+from acausal.simulate.events.guards import Guards, Moment, Tolerances
+from acausal.simulate.events.held import Hold
+from acausal.simulate.events.iteration import Iteration
+from acausal.simulate.events.regime import Regime
+from acausal.simulate.events.sampling import clocks, due, users
 
 Vector = NDArray[np.float64]
 _LOCATING = 6
 # A clock counts as ticking at an instant to this share of its interval, and of the step.
 TICK = 1e-9
-
-
-def has_memory(compiled: CompiledModel) -> bool:
-    """Whether a model keeps more from event to event than its equations at a point say."""
-    events = compiled.state_events
-    return bool(events.clauses or events.assignments or events.samples or events.memories or events.flags)
 
 
 @dataclass(frozen=True)
@@ -59,7 +57,7 @@ class _Impact:
 
 @dataclass(frozen=True, eq=False)
 class HybridStep:
-    """The step of `compiled` by `method`; symbols `u` and `p` are those of the step function."""
+    """The step of `compiled` by `method`; `u` and `p` are the MX symbols of the step function."""
 
     compiled: CompiledModel
     method: Method
@@ -73,10 +71,10 @@ class HybridStep:
             if interval < self.h * (1 - TICK):
                 raise _too_fast(self.compiled, k, interval, self.h)
 
-    @property
+    @cached_property
     def settling(self) -> Settling:
         """The event iteration."""
-        return Settling(self.compiled, self.method, self.u, self.p)
+        return Settling(self.compiled, self.method)
 
     @property
     def kept(self) -> list[int]:
@@ -103,6 +101,7 @@ class HybridStep:
         """The start after its events."""
         begin = begin_of(self.compiled)
         problem = Problem(self.compiled, begin.p, begin.u)
+        _refuse_shares(self.compiled, begin)
         span = max(self.compiled.flat.experiment.stop_time - begin.t, self.h)
         iteration = Iteration(problem, Guards(problem, Tolerances(1e-10, 1e-10), span))
         m = begin.m.copy()
@@ -119,60 +118,135 @@ class HybridStep:
 
     def modes(self, t: Any, kept: Any) -> Any:
         """All modes from those in x, at the start of a step."""
+        return self._modes(t, kept, self.p)
+
+    @cached_property
+    def _modes(self) -> Any:
+        t, kept, p = ca.SX.sym("t"), ca.SX.sym("kept", len(self.kept)), ca.SX.sym("p", self.p.numel())
         m = ca.SX(self.compiled.n_modes, 1)
         if self.compiled.n_timely:
-            m[: self.compiled.n_timely] = self.timely(t, self.p)
+            m[: self.compiled.n_timely] = self.timely(t, p)
         for k, j in enumerate(self.kept):
             m[j] = kept[k]
-        return ca.densify(m)
+        return ca.Function("modes", [t, kept, p], [ca.densify(m)])
 
-    def step(self, t: Any, x: Any, z: Any, m: Any) -> tuple[Any, Any, Any]:
-        """States, algebraic variables and modes at the end of a step."""
-        settling = self.settling
+    @property
+    def is_timed(self) -> bool:
+        """Whether a step depends on the time at which it begins."""
+        events = self.compiled.events
+        places = [(self.compiled.rhs, 0), (self.compiled.rhs, 1), (events.watch, 0)]
+        places += [(events.round, k) for k in range(events.round.n_out())]
+        known = self.compiled.n_timely or self.compiled.state_events.samples
+        return bool(known) or any(f.jac_sparsity(k, 0).nnz() for f, k in places)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """The limits of steps of this size."""
+        texts = self.compiled.events.texts
+        return (
+            f"the events of a step settle in {self.settling.turns} turns; step.unsettled in y is 1 when they did not",
+            *[
+                f"one event is located in a step of {self.h:g} s; step.unlocated in y is 1 when another relation was "
+                "passed behind it, or one there and back: take a smaller step"
+            ][: len(self.compiled.state_events.relations)],
+            *(
+                f"impacts of {texts[i.relation]} that follow one another within a step of {self.h:g} s end at rest, "
+                "elastic ones too"
+                for i in self._impacts
+            ),
+        )
+
+    def step(self, t: Any, x: Any, z: Any, m: Any) -> tuple[Any, Any, Any, Any, Any]:
+        """States, algebraic variables and modes at the end of a step; whether its events have settled, all located."""
+        held = [self.u, self.p]
+        settled: Any = 1
+        located: Any = 1
         if self.compiled.state_events.relations:
-            x, z, m = self._passed(t, x, z, m)
+            x1, z1, theta, at, xe, ze, flipped, marks, seen = self._reached(t, x, z, *held, m)
+            nothing = ca.MX(self.settling.samples.stop - self.settling.samples.start, 1)
+            xe, ze, me, settled = self.settling.settled(at, xe, ze, *held, flipped, m, nothing, theta >= 1)
+            x, z, m_end, later = self._rest_of_step(t, x, z, *held, m, x1, z1, theta, at, xe, ze, me, marks)
+            located = ca.logic_and(seen, later)
         else:
-            x, z = self.method.step(t, self.h, x, z, [self.u, self.p, m])
+            x, z = self._whole(t, x, z, *held, m)
+            m_end = m
         end = t + self.h
+        after, due = self._at_end(end, m_end, self.p), self._due(end)
+        x, z, m, also = self.settling.settled(end, x, z, *held, after, m_end, due, 0)
+        return x, z, m, ca.logic_and(settled, also), located
+
+    @cached_property
+    def _whole(self) -> Any:
+        """`(t, x, z, u, p, m) -> (x, z)`: a step with the modes it begins with."""
+        s = Symbols(self.compiled)
+        return ca.Function("whole", s.inputs, self.method.step(s.t, self.h, s.x, s.z, [s.u, s.p, s.m]))
+
+    @cached_property
+    def _at_end(self) -> Any:
+        """`(t, m, p) -> m`: relations of time as they hold just after an instant."""
+        t, p, m = ca.SX.sym("t"), ca.SX.sym("p", self.p.numel()), ca.SX.sym("m", self.compiled.n_modes)
         after = ca.SX(m)
         if self.compiled.n_timely:
-            after[: self.compiled.n_timely] = self.timely(end, self.p)
-        return settling.settled(end, x, z, after, m, self._due(end))
+            after[: self.compiled.n_timely] = self.timely(t, p)
+        return ca.Function("at_end", [t, m, p], [after])
 
-    def _passed(self, t: Any, x: Any, z: Any, m: Any) -> tuple[Any, Any, Any]:
-        """The end of a step before its own event, the first relation that was passed being done."""
-        settling, watch = self.settling, self.compiled.events.watch
-        held = [self.u, self.p, m]
+    @cached_property
+    def _reached(self) -> Any:
+        """`(t, x, z, u, p, m) -> (x, z after the whole step, share, instant, x, z there, m flipped, marks, seen)`.
+
+        The first relation that is passed, at `share` of the step (1: none). `marks` has for each relation: whether it
+        is that one, whether it rests on its guard, its distance and its rate at the start. `seen` says that none was
+        passed there and back before.
+        """
+        s, settling, watch = Symbols(self.compiled), self.settling, self.compiled.events.watch
+        t, x, z, u, p, m = s.inputs
+        held = [u, p, m]
         x1, z1 = self.method.step(t, self.h, x, z, held)
         g0, g1 = watch(t, x, z, *held), watch(t + self.h, x1, z1, *held)
-        impacts = self._impacts()
         # what lies on its guard and is drawn into it does not bounce again
         rate, noise = settling.rates(t, x, z, *held)
-        resting = {
-            i.relation: ca.logic_and(
-                ca.fabs(g0[i.relation]) <= noise[i.relation], rate[i.relation] <= noise[i.relation]
-            )
-            for i in impacts
-        }
-        passed = [ca.logic_and(g0[k] > 0, g1[k] < 0) for k in range(g0.numel())]
-        for k, rests in resting.items():
-            passed[k] = ca.logic_and(passed[k], ca.logic_not(rests))
-        theta, chosen = self._located(t, x, z, x1, z1, m, g0, g1, passed)
-        found = theta < 1
+        impacts = {i.relation for i in self._impacts}
+        resting = [
+            ca.logic_and(ca.fabs(g0[k]) <= noise[k], rate[k] <= noise[k]) if k in impacts else ca.SX(0)
+            for k in range(g0.numel())
+        ]
+        passed = [ca.logic_and(ca.logic_and(g0[k] > 0, g1[k] < 0), ca.logic_not(resting[k])) for k in range(g0.numel())]
+        theta, chosen = self._located(s, x1, z1, g0, g1, passed)
         at = t + theta * self.h
-        xe, ze = self._between(t, x, z, x1, z1, m, theta)
+        xe, ze = self._between(t, x, z, x1, z1, held, theta)
         flipped = ca.SX(m)
         for k, j in enumerate(range(settling.relations.start, settling.relations.stop)):
             flipped[j] = ca.if_else(chosen[k], 1 - m[j], m[j])
-        xe, ze, me = settling.settled(at, xe, ze, flipped, m, 0)
+        marks = ca.vertcat(*chosen, *resting, g0, rate)
+        seen = ca.logic_not(self._dips(t, self.h, x, z, x1, z1, held, theta))
+        found = [ca.densify(v) for v in (x1, z1, theta, at, xe, ze, flipped, marks, seen)]
+        outputs: list[Any] = ca.cse(found)
+        return ca.Function("reached", s.inputs, outputs)
+
+    @cached_property
+    def _rest_of_step(self) -> Any:
+        """`(t, x, z, u, p, m, *reached with its event done) -> (x, z, m, seen)` at its end, whose own event follows."""
+        s, settling, watch = Symbols(self.compiled), self.settling, self.compiled.events.watch
+        t, x, z, u, p, m = s.inputs
+        held = [u, p, m]
+        count = len(self.compiled.state_events.relations)
+        like = [x, z, ca.SX(1, 1), ca.SX(1, 1), x, z, m, ca.SX(4 * count, 1)]
+        given = [ca.SX.sym(f"a{k}", v.numel()) for k, v in enumerate(like)]
+        x1, z1, theta, at, xe, ze, me, marks = given
+        chosen, resting, g0, rate = ca.vertsplit(marks, count) if count else [marks] * 4
         rest = ca.fmax(1 - theta, TICK) * self.h  # never zero: implicit methods divide by it
-        x2, z2 = self.method.step(at, rest, xe, ze, [self.u, self.p, me])
-        away = watch(at, xe, ze, *held), settling.rates(at, xe, ze, *held)[0]
-        x, z, new = (ca.if_else(found, a, b) for a, b in ((x2, x1), (z2, z1), (me, m)))
-        for impact in impacts:
+        x2, z2 = self.method.step(at, rest, xe, ze, [u, p, me])
+        away = settling.rates(at, xe, ze, *held)[0]
+        behind = watch(t + self.h, x2, z2, u, p, me) < 0
+        passed = any_of(ca.logic_and(behind[k], ca.logic_not(resting[k])) for k in range(count))
+        passed = ca.logic_or(passed, self._dips(at, rest, xe, ze, x2, z2, [u, p, me], 1))
+        seen = ca.logic_not(ca.logic_and(theta < 1, passed))
+        x, z, new = (ca.if_else(theta < 1, a, b) for a, b in ((x2, x1), (z2, z1), (me, m)))
+        new = ca.SX(new)
+        for impact in self._impacts:
             k = impact.relation
             g = watch(t + self.h, x, z, *held)[k]
-            fired = ca.logic_and(chosen[k], away[1][k] >= -1e-6 * ca.fabs(rate[k]))
+            fired = ca.logic_and(chosen[k], away[k] >= -1e-6 * ca.fabs(rate[k]))
             rests = ca.logic_and(ca.logic_or(resting[k], fired), g < 0)
             onto, still = impact.onto(t + self.h, x, z, *held)
             # one that comes second in its step is put back onto its guard before it bounces
@@ -180,26 +254,46 @@ class HybridStep:
             x = ca.if_else(rests, still, ca.if_else(second, onto, x))
             j = settling.relations.start + k
             new[j] = ca.if_else(rests, m[j], new[j])
-        return x, z, new
+        return ca.Function("rest_of_step", [*s.inputs, *given], ca.cse([ca.densify(v) for v in (x, z, new, seen)]))
 
-    def _located(
-        self, t: Any, x: Any, z: Any, x1: Any, z1: Any, m: Any, g0: Any, g1: Any, passed: Sequence[Any]
-    ) -> tuple[Any, list[Any]]:
+    def _dips(self, t: Any, h: Any, x: Any, z: Any, x1: Any, z1: Any, held: Sequence[Any], share: Any) -> Any:
+        """Whether a guard that is positive at both ends of a part of a step may be passed there and back up to `share`.
+
+        As in `acausal.simulate.events.bracketing`, but for the points that are integrated there: the cubic through both
+        ends is looked at where its slope would vanish if that were linear, and the guard itself where the tangents at
+        both ends meet, which is where a kink is.
+        """
+        watch, rates = self.compiled.events.watch, self.settling.rates
+        g0, g1 = watch(t, x, z, *held), watch(t + h, x1, z1, *held)
+        (rate0, noise), rate1 = rates(t, x, z, *held), rates(t + h, x1, z1, *held)[0]
+        found = []
+        for k in range(g0.numel()):
+            a, b = h * rate0[k], h * rate1[k]
+            turns = ca.logic_and(ca.logic_and(a < 0, b > 0), ca.logic_and(g0[k] > noise[k], g1[k] >= 0))
+            rise, fall = g1[k] - g0[k], ca.if_else(turns, a - b, 1)
+            meet, low = (rise - b) / fall, a / fall
+            cubic = g0[k] + low * (a + low * (3 * rise - 2 * a - b + low * (a + b - 2 * rise)))
+            there = watch(t + meet * h, *self._course(t, h, x, z, x1, z1, held, meet), *held)[k]
+            kink = ca.logic_and(meet <= share, there < 0)
+            found.append(ca.logic_and(turns, ca.logic_or(kink, ca.logic_and(low <= share, cubic < 0))))
+        return any_of(found)
+
+    def _located(self, s: Symbols, x1: Any, z1: Any, g0: Any, g1: Any, passed: Sequence[Any]) -> tuple[Any, list[Any]]:
         """The share of the step at which the first of the passed guards is reached, 1 if none; and which it is."""
         first: Any = ca.SX(1)
         secants = [ca.if_else(passed[k], g0[k] / (g0[k] - g1[k]), 2) for k in range(g0.numel())]
         for secant in secants:
             first = ca.fmin(first, secant)
         chosen = [ca.logic_and(passed[k], secants[k] <= first) for k in range(g0.numel())]
-        share = ca.SX.sym("share")
-        given = [t, x, z, x1, z1, m, ca.vertcat(*chosen)]
-        at = [ca.SX.sym(f"a{k}", v.numel()) for k, v in enumerate(given)]
-        between = self._between(at[0], at[1], at[2], at[3], at[4], at[5], share)
-        g = self.compiled.events.watch(at[0] + share * self.h, *between, self.u, self.p, at[5])
-        here = ca.Function("here", [share, *at, self.u, self.p], [ca.dot(g, at[6])])
-        given += [self.u, self.p]
+        share, which = ca.SX.sym("share"), ca.SX.sym("which", len(chosen))
+        xb, zb = ca.SX.sym("x1", x1.numel()), ca.SX.sym("z1", z1.numel())
+        held = [s.u, s.p, s.m]
+        between = self._between(s.t, s.x, s.z, xb, zb, held, share)
+        g = self.compiled.events.watch(s.t + share * self.h, *between, *held)
+        here = ca.Function("here", [share, *s.inputs, xb, zb, which], [ca.dot(g, which)])
+        given = [*s.inputs, x1, z1, ca.vertcat(*chosen)]
         a, b = ca.SX(0), ca.SX(1)
-        fa, fb = (ca.dot(v, given[6]) for v in (g0, g1))
+        fa, fb = (ca.dot(v, given[-1]) for v in (g0, g1))
         for _ in range(_LOCATING):
             c = (a * fb - b * fa) / ca.if_else(fb == fa, 1, fb - fa)
             fc = here(c, *given)
@@ -210,34 +304,45 @@ class HybridStep:
         # the side on which the relation has changed: on the other it would change back at once
         return ca.if_else(first < 1, ca.fmin(b, 1 - TICK), 1), chosen
 
-    def _between(self, t: Any, x: Any, z: Any, x1: Any, z1: Any, m: Any, share: Any) -> tuple[Any, Any]:
-        """States within a step: cubic, or straight where rates at its ends may belong to what dies out at once."""
-        w = z + share * (z1 - z)
-        straight = x + share * (x1 - x)
-        if self.method.name in IMPLICIT:
-            return straight, w
-        f0 = self.method.rates(t, x, z, self.u, self.p, m)[0]
-        f1 = self.method.rates(t + self.h, x1, z1, self.u, self.p, m)[0]
-        bend = (1 - 2 * share) * (x1 - x) + (share - 1) * self.h * f0 + share * self.h * f1
-        return straight + share * (share - 1) * bend, w
+    def _between(self, t: Any, x: Any, z: Any, x1: Any, z1: Any, held: Sequence[Any], share: Any) -> tuple[Any, Any]:
+        """States within a step: cubic, or straight where rates at its ends may belong to what dies out at once.
+
+        Algebraic variables follow from them: between their ends they bend, and an instant that is located on a straight
+        line is none at which the relation has changed.
+        """
+        x_between, w = self._course(t, self.h, x, z, x1, z1, held, share)
+        return x_between, self.method.algebraic(t + share * self.h, x_between, w, held)
+
+    def _course(
+        self, t: Any, h: Any, x: Any, z: Any, x1: Any, z1: Any, held: Sequence[Any], share: Any
+    ) -> tuple[Any, Any]:
+        """The same without algebraic equations."""
+        x_between, w = x + share * (x1 - x), z + share * (z1 - z)
+        if self.method.name not in IMPLICIT:
+            f0 = self.method.rates(t, x, z, *held)[0]
+            f1 = self.method.rates(t + h, x1, z1, *held)[0]
+            bend = (1 - 2 * share) * (x1 - x) + (share - 1) * h * f0 + share * h * f1
+            x_between = x_between + share * (share - 1) * bend
+        return x_between, w
 
     def _due(self, t: Any) -> Any:
         """Which samples are true: those whose clock has ticked within the step that ends here."""
+        return self._ticks(t, self.p)
+
+    @cached_property
+    def _ticks(self) -> Any:
         compiled = self.compiled
-        events = compiled.state_events
-        if not events.samples:
-            return 0
         pool, s = compiled.solution.structure.reduced.pool, Symbols(compiled)
         builder = s.builder(compiled)
         found = []
-        for number in events.samples:
+        for number in compiled.state_events.samples:
             _, a, b = pool.nodes[number]
             first, interval = builder.lower([a, b])
-            clock = ca.Function("clock", [s.p], [first, interval])(self.p)
-            turns = [ca.floor((at - clock[0]) / clock[1] + TICK) for at in (t - self.h, t)]
+            turns = [ca.floor((at - first) / interval + TICK) for at in (s.t - self.h, s.t)]
             found.append(ca.logic_and(turns[1] > turns[0], turns[1] >= 0))
-        return ca.vertcat(*found)
+        return ca.Function("ticks", [s.t, s.p], [ca.densify(ca.vertcat(ca.SX(0, 1), *found))])
 
+    @cached_property
     def _impacts(self) -> list[_Impact]:
         """Relations that alone make a `when` act which resets a state, where rest on the guard is possible."""
         compiled = self.compiled
@@ -247,9 +352,9 @@ class HybridStep:
         m = np.zeros(compiled.n_modes)
         found: dict[int, _Impact] = {}
         for clause in compiled.state_events.clauses:
-            if clause.condition not in relations:
+            if len(clause.conditions) != 1 or clause.conditions[0] not in relations:
                 continue
-            k = relations.index(clause.condition)
+            k = relations.index(clause.conditions[0])
             for target, _ in clause.actions:
                 if k in found or target >= compiled.n_dynamic:
                     continue
@@ -283,6 +388,29 @@ def _onto(compiled: CompiledModel, relation: int, target: int) -> Any:
     still = s.x - ways @ ca.solve(ca.densify(slope @ ways), ca.vertcat(distance, approach))
     onto = s.x - driven * (distance / ca.densify(slope[0, :] @ driven))
     return ca.Function("onto", s.inputs, [ca.densify(onto), ca.densify(still)])
+
+
+def _refuse_shares(compiled: CompiledModel, begin: Begin) -> None:
+    """Refuse friction that can stick more often than there are motions: a step has one set of equations for all modes.
+
+    What depends on what shows with all of it stuck.
+    """
+    shares = kept(compiled).shares
+    if shares is None:
+        return
+    reduced = compiled.solution.structure.reduced
+    x = begin.x.copy()
+    declared = [reduced.flat.declaration(reduced.scalar[v]) for v in compiled.state_variables]
+    x[[d.boolean for d in declared]] = 1.0
+    at = begin.t, x, begin.z, begin.u, begin.p, begin.m
+    if shares.border(compiled, *at) is not None:
+        names = " and ".join(shares.open(*at))
+        raise ExportError(
+            "AC610",
+            f"a step does not take {compiled.name}: nothing determines how {names} share their load when stuck",
+            cause="there are more friction elements than motions that they can stop",
+            help="replace those that act on one motion by one element with the sum of their limits",
+        )
 
 
 def _too_fast(compiled: CompiledModel, sample: int, interval: float, step: float) -> ExportError:

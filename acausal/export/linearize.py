@@ -4,20 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from acausal.errors import ExportError, UsageError, nearest
+from acausal.export.forms import LINEAR, check
 from acausal.export.functions import dae_function, input_start
-from acausal.export.ports import named_outputs
+from acausal.export.manifold import minimal, on_constraints
+from acausal.export.ports import Output, named_outputs
 from acausal.language.component import Component
 from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
-from acausal.lower.delays import PADE, refuse_delays
 from acausal.result import Result
 from acausal.simulate.arguments import input_vector, parameter_vector
-from acausal.simulate.initialize import Start, consistent, initialize
+from acausal.simulate.start.initialize import Start, consistent, initialize
 
 Vector = NDArray[np.float64]
 
@@ -38,6 +40,8 @@ class Linearization:
         Values at the point; the matrices act on deviations from them.
     rates
         x' at the point: all zero at an equilibrium.
+    notes
+        Sentences about what was left out.
     """
 
     name: str
@@ -53,6 +57,7 @@ class Linearization:
     u: Vector
     y: Vector
     rates: Vector
+    notes: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         sizes = f"{len(self.states)} states, {len(self.inputs)} inputs, {len(self.outputs)} outputs"
@@ -62,6 +67,23 @@ class Linearization:
     def matrices(self) -> tuple[Vector, Vector, Vector, Vector]:
         """(A, B, C, D), as `scipy.signal.StateSpace(*matrices)` and python-control's `ss(*matrices)` take them."""
         return self.A, self.B, self.C, self.D
+
+    def to_control(self) -> Any:
+        """A `control.StateSpace` of python-control with the names of states, inputs and outputs.
+
+        Raises
+        ------
+        UsageError
+            AC015 without the package control.
+        """
+        try:
+            import control
+        except ModuleNotFoundError as error:
+            raise UsageError(
+                "AC015", "this needs the package control, which is not installed", help="pip install control"
+            ) from error
+        names = {"states": list(self.states), "inputs": list(self.inputs), "outputs": list(self.outputs)}
+        return control.ss(*self.matrices, **names)
 
     @property
     def eigenvalues(self) -> NDArray[np.complex128]:
@@ -78,11 +100,13 @@ def linearize(
     result: Result | None = None,
     inputs: Mapping[str, float] | None = None,
     outputs: Sequence[str] | None = None,
-    parameters: Mapping[str, float] | None = None,
+    parameters: Mapping[str, object] | None = None,
 ) -> Linearization:
     """Linearize a model at its start, at given states, or at a time of a run.
 
-    Algebraic variables are eliminated: they follow the states and inputs by the implicit function theorem.
+    Algebraic variables are eliminated: they follow the states and inputs by the implicit function theorem. So do states
+    that stabilised constraints bind (closed loops of joints): the states of the result are as many of the model's own
+    as are independent, those that determine the others best at the point.
 
     Parameters
     ----------
@@ -91,7 +115,8 @@ def linearize(
     t
         Time [s]; None: the start of the model's experiment, or the end of `result`. At a switch of a source: after it.
     x
-        Values of states by name; states not named keep those of the start or of `result`.
+        Values of states by name; states not named keep those of the start or of `result`, or are the nearest to these
+        on the constraints.
     result
         A run of this model: states, inputs and parameters are taken from it at time `t`.
     inputs
@@ -108,43 +133,47 @@ def linearize(
     InitializationError
         The model has no consistent point there.
     ExportError
-        AC604 when the algebraic variables are not determined there to first order.
+        AC604 when the algebraic variables, or bound states, are not determined there to first order, AC608 when events
+        change what the rates or outputs depend on, AC609 when `x` does not lie on the constraints.
     """
     compiled = model if isinstance(model, CompiledModel) else compile(model, parameters=parameters)
-    refuse_delays(compiled.flat, "linearize", PADE)
     wanted = named_outputs(compiled, outputs)
+    notes = check(compiled, LINEAR, wanted)
     if t is None:
         t = compiled.flat.experiment.start_time if result is None else float(result.time[-1])
     given = parameters if isinstance(model, CompiledModel) else None
     p = parameter_vector(compiled, {**_recorded(compiled, result), **(given or {})})
     u = _inputs(compiled, t, p, result, inputs or {})
     start = _point(compiled, t, p, u, result, x or {})
-    dae = dae_function(compiled, wanted)
-    names = ["x", "z", "u"]
-    values = dict(zip(["t", "x", "z", "u", "p"], (t, start.x, start.z, u, p), strict=True))
-    jacobian = dae.factory(
-        "jacobian",
-        ["t", "x", "z", "u", "p"],
-        ["ode", "y", *(f"jac:{f}:{v}" for f in ("ode", "alg", "y") for v in names)],
-    )
-    found = {name: np.array(m) for name, m in zip(jacobian.name_out(), jacobian(*values.values()), strict=True)}
+    least = minimal(compiled, t, start, u, p, np.array(compiled.modes(t, p)).ravel())
+    places = list(least.places)
+    found = _derivatives(compiled, wanted, (t, start.x, start.z, u, p))
     slope = _algebraic_slopes(compiled, t, found)
     A, B, C, D = (found[f"jac_{f}_{v}"] + found[f"jac_{f}_z"] @ slope[v] for f in ("ode", "y") for v in ("x", "u"))
+    follow, driven = least.of_coordinates, least.of_inputs
     return Linearization(
         compiled.name,
         t,
-        compiled.states,
+        tuple(compiled.states[k] for k in places),
         compiled.inputs,
         tuple(output.name for output in wanted),
-        A,
-        B,
-        C,
-        D,
-        start.x,
+        (A @ follow)[places],
+        (B + A @ driven)[places],
+        C @ follow,
+        D + C @ driven,
+        start.x[places],
         u,
         found["y"].ravel(),
-        found["ode"].ravel(),
+        found["ode"].ravel()[places],
+        notes,
     )
+
+
+def _derivatives(compiled: CompiledModel, wanted: Sequence[Output], at: tuple[Any, ...]) -> dict[str, Vector]:
+    """Rates, outputs and all partial derivatives at `(t, x, z, u, p)`, by CasADi's names: `jac_ode_x`."""
+    partial = [f"jac:{f}:{v}" for f in ("ode", "alg", "y") for v in ("x", "z", "u")]
+    jacobian = dae_function(compiled, wanted).factory("jacobian", ["t", "x", "z", "u", "p"], ["ode", "y", *partial])
+    return {name: np.array(m) for name, m in zip(jacobian.name_out(), jacobian(*at), strict=True)}
 
 
 def _recorded(compiled: CompiledModel, result: Result | None) -> dict[str, float]:
@@ -160,7 +189,7 @@ def _inputs(compiled: CompiledModel, t: float, p: Vector, result: Result | None,
         known = {n: input_start(compiled, s, p) for n, s in zip(compiled.inputs, compiled.flat.inputs, strict=True)}
     else:
         known = {n: float(result.at(t, n)) for n in compiled.inputs}
-    return input_vector(compiled, {**known, **given})
+    return input_vector(compiled, {**known, **given}, unchecked=known.keys() - given.keys())
 
 
 def _point(
@@ -183,6 +212,7 @@ def _point(
                 help=f"states: {', '.join(compiled.states)}",
             )
         start.x[compiled.states.index(name)] = value
+    start = on_constraints(compiled, t, start, u, p, m, [compiled.states.index(name) for name in given])
     return consistent(compiled, t, start, p, u, m)
 
 

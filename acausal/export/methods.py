@@ -50,6 +50,33 @@ class Method:
     rates: Any
 
     @property
+    def limit(self) -> float | None:
+        """The largest product of step and eigenvalue at which an explicit method is stable, on the negative real axis.
+
+        None for implicit methods. Source: E. Hairer and G. Wanner, Solving Ordinary Differential Equations II, IV.2.
+        """
+        return {"rk2": 2.0, "rk4": 2.785}.get(self.name)
+
+    def stiffness(self, t: Any, h: Any, x: Any, z: Any, held: Sequence[Any], nominal: Any) -> Any:
+        """The product of the step and the largest eigenvalue, by the difference of two stages at one time.
+
+        Source: Hairer and Wanner, IV.2, stiffness detection: |f(a) - f(b)| / |a - b| is a lower bound of it that is met
+        when the difference of the stages has had time to turn into the fastest mode.
+        """
+        z1 = self.algebraic(t, x, z, held)
+        k1 = self.rates(t, x, z1, *held)[0]
+        reach = h if self.name == "rk2" else h / 2
+        a = x + reach * k1
+        za = self.algebraic(t + reach, a, z1, held)
+        ka = self.rates(t + reach, a, za, *held)[0]
+        b = x + h / 2 * (k1 + ka) if self.name == "rk2" else x + reach * ka
+        kb = self.rates(t + reach, b, self.algebraic(t + reach, b, za, held), *held)[0]
+        apart = ca.sumsqr((b - a) / nominal)
+        # differences of rounding say nothing
+        known = apart > 1e-24 * (1 + ca.sumsqr(x / nominal))
+        return ca.if_else(known, h * ca.sqrt(ca.sumsqr((kb - ka) / nominal) / ca.if_else(known, apart, 1)), 0)
+
+    @property
     def _nx(self) -> int:
         return int(self.rates.numel_in(1))
 

@@ -28,8 +28,11 @@ def named_outputs(compiled: CompiledModel, names: Sequence[str] | None) -> tuple
     Raises
     ------
     UsageError
-        AC010 for a name that is no variable of the model.
+        AC010 for a name that is no variable of the model, AC028 for what is no compiled model.
     """
+    if not isinstance(compiled, CompiledModel):
+        shown = f"the class {compiled.__name__}" if isinstance(compiled, type) else type(compiled).__name__
+        raise UsageError("AC028", f"{shown} is no compiled model", help="compile it first: acausal.compile(model)")
     entries: dict[str, list[Output]] = {}
     for v in compiled.flat.variables:
         d = v.declaration

@@ -11,7 +11,7 @@ systems, Applied Numerical Mathematics 31 (1999); the adjoint form is its transp
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal
@@ -21,20 +21,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.errors import UsageError, nearest
+from acausal.export.forms import SENSITIVITIES, check
 from acausal.export.functions import observed_function
 from acausal.export.ports import Output, named_outputs
 from acausal.language.component import Component
 from acausal.lower.build import Builder
 from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
-from acausal.lower.delays import PADE, refuse_delays
 from acausal.result import Result
 from acausal.simulate.arguments import input_vector, parameter_vector
-from acausal.simulate.hybrid import Passage
+from acausal.simulate.driver.hybrid import Passage
+from acausal.simulate.driver.run import Run
+from acausal.simulate.events.regime import Regime
+from acausal.simulate.events.sampling import due
+from acausal.simulate.inputs.given import Inputs
 from acausal.simulate.options import options
-from acausal.simulate.regime import Regime
-from acausal.simulate.run import Run
-from acausal.simulate.sampling import due
 
 Vector = NDArray[np.float64]
 
@@ -97,14 +98,18 @@ def sensitivities(
     Raises
     ------
     UsageError
-        AC020 for an unknown parameter, AC010 for an unknown output, AC025 for an unknown method.
+        AC020 for an unknown parameter or none at all, AC010 for an unknown output, AC025 for an unknown method.
     AcausalError
         What the run itself raises.
     """
     if method not in ("forward", "adjoint"):
         raise UsageError("AC025", f"there is no method '{method}'", help="methods: forward, adjoint")
     compiled = model if isinstance(model, CompiledModel) else compile(model, parameters=values)
-    refuse_delays(compiled.flat, "sensitivities", PADE)
+    wanted = named_outputs(compiled, outputs)
+    check(compiled, SENSITIVITIES, wanted)
+    if not parameters:
+        free = ", ".join(compiled.parameters[:6]) or "none"
+        raise UsageError("AC020", "there is no parameter to differentiate for", evidence=[f"parameters: {free}"])
     for name in parameters:
         if name not in compiled.parameters:
             close = nearest(name, list(compiled.parameters))
@@ -114,11 +119,10 @@ def sensitivities(
         compiled.flat.experiment, start_time=start_time, stop_time=stop_time, tolerance=tolerance, solver=solver
     )
     p = parameter_vector(compiled, (values or {}) if isinstance(model, CompiledModel) else {})
-    run = Run(compiled, opts, p, input_vector(compiled, inputs or {}), None, traced=True)
+    run = Run(compiled, opts, p, Inputs(input_vector(compiled, inputs or {})), None, traced=True)
     result = run.result()
     chosen = [compiled.parameters.index(name) for name in parameters]
-    wanted = named_outputs(compiled, outputs)
-    chain = _Chain(run, chosen, wanted, tolerance)
+    chain = Chain(run, chosen, wanted, tolerance)
     final, of_times = chain.forward() if method == "forward" else chain.adjoint()
     located = [k for k, passage in enumerate(chain.passages) if passage.guard is not None]
     return Sensitivities(
@@ -132,7 +136,7 @@ def sensitivities(
     )
 
 
-class _Chain:
+class Chain:
     """The linear maps of a run, stretch by stretch and event by event."""
 
     def __init__(self, run: Run, chosen: list[int], wanted: Sequence[Output], tolerance: float) -> None:
@@ -144,7 +148,6 @@ class _Chain:
         self.last = run.hybrid.moment
         self.stop = run.hybrid.recorder.time
         self.nx, self.count = len(self.compiled.states), len(chosen)
-        self._stretches: dict[tuple[Any, ...], _Stretch] = {}
 
     def forward(self) -> tuple[Vector, Vector]:
         """(d outputs, d event times) / d parameters; states are carried along."""
@@ -178,11 +181,11 @@ class _Chain:
             rows = rows @ events[k][0]
         return np.asarray(total + rows @ self.start())
 
-    def stretch(self, k: int) -> _Stretch:
+    def stretch(self, k: int) -> Stretch:
         """The linear map from just after event k to the next one, or to the end."""
         moment = self.passages[k].happened.moment
         until = self.passages[k + 1].time if k + 1 < len(self.passages) else self.stop
-        return _Stretch(self, moment.regime, moment.x, moment.z, moment.m, self.passages[k].time, until)
+        return Stretch(self, moment.regime, moment.x, moment.z, moment.m, self.passages[k].time, until)
 
     @cached_property
     def flows(self) -> dict[Any, Any]:
@@ -234,11 +237,14 @@ class _Chain:
         x = np.eye(self.nx, columns)  # variations of the states by the states before, the parameters, and the time
         past = self._after(left.regime, 4, None, t, left, x, np.zeros((len(self._memories), columns)))
         past[:, -1] = 0.0  # what is remembered does not change until the event
-        for moment, acts in passage.happened.jumps:
+        for jump in passage.happened.jumps:
+            moment = jump.moment
             x = self._set(self._assigned, self._after(moment.regime, 1, None, t, moment, x, past), x)
-            places, rows = self._actions(acts)
-            acted = self._set(places, self._after(moment.regime, 3, rows, t, moment, x, past), x)
-            past, x = self._after(moment.regime, 4, None, t, moment, x, past), acted
+            rows = np.flatnonzero(jump.applied).tolist()
+            places = [self._places[k] for k in rows]
+            x = self._set(places, self._after(moment.regime, 3, rows, t, moment, x, past), x)
+            if jump.advances:
+                past = self._after(moment.regime, 4, None, t, moment, x, past)
         x = self._set(self._assigned, self._after(right.regime, 1, None, t, right, x, past), x)
         by_x, by_p, by_t = x[:, : self.nx], x[:, self.nx : -1], x[:, -1]
         shift = by_x @ f_left + by_t - f_right
@@ -288,16 +294,10 @@ class _Chain:
         """Places of the variables of discrete equations."""
         return [a.position for a in self.compiled.state_events.assignments]
 
-    def _actions(self, acts: Any) -> tuple[list[int], list[int]]:
-        """Places that the acting clauses set, and the rows of their new values."""
-        places, rows, k = [], [], 0
-        for clause, act in zip(self.compiled.state_events.clauses, acts, strict=True):
-            for position, _ in clause.actions:
-                if act:
-                    places.append(position)
-                    rows.append(k)
-                k += 1
-        return places, rows
+    @cached_property
+    def _places(self) -> list[int]:
+        """The state that each action sets."""
+        return [position for clause in self.compiled.state_events.clauses for position, _ in clause.actions]
 
     @staticmethod
     def _set(places: list[int], values: Vector, x: Vector) -> Vector:
@@ -372,10 +372,10 @@ class _Chain:
 
 
 @dataclass(frozen=True, eq=False)
-class _Stretch:
+class Stretch:
     """One stretch without events."""
 
-    chain: _Chain
+    chain: Chain
     regime: Regime
     x: Vector
     z: Vector
@@ -390,18 +390,36 @@ class _Stretch:
         return x, z, np.concatenate([c.p, self.m, [self.start, self.end - self.start]])
 
     def forward(self, x: Vector) -> Vector:
-        """Variations of the states at the end from those at the start."""
+        """Variations of the states at the end from those at the start, and from the parameters."""
         c = self.chain
         if self.end <= self.start:
             return x
-        flow, scale = c.flow(self.regime), c.compiled.nominal_x
-        x0, z0, p = self._arguments
-        nominal = flow(x0=x0, z0=z0, p=p)
-        along = np.zeros((len(p), c.count))
+        along = np.zeros((len(c.p) + len(self.m) + 2, c.count))
         along[c.chosen, range(c.count)] = 1.0
-        seeds = {"fwd_x0": x / scale[:, None], "fwd_p": along}
-        known = {"x0": x0, "z0": z0, "p": p, "out_xf": nominal["xf"], "out_zf": nominal["zf"]}
-        return np.array(flow.forward(c.count)(**known, **seeds)["fwd_xf"]).reshape(c.nx, -1) * scale[:, None]
+        _, onward = next(self.parts(np.array([self.end])))
+        return onward(x, along)
+
+    def parts(self, ends: Vector) -> Iterator[tuple[float, Callable[..., Vector]]]:
+        """For each part of the stretch its end, and the map of variations of the states over it.
+
+        The map takes variations of shape (states, k) at the start of the part, and of `[p, m, start, length]` if these
+        vary too.
+        """
+        c = self.chain
+        flow, scale = c.flow(self.regime), c.compiled.nominal_x[:, None]
+        x0, z0, _ = self._arguments
+        begin = self.start
+        for end in ends:
+            p = np.concatenate([c.p, self.m, [begin, end - begin]])
+            nominal = flow(x0=x0, z0=z0, p=p)
+            known = {"x0": x0, "z0": z0, "p": p, "out_xf": nominal["xf"], "out_zf": nominal["zf"]}
+
+            def onward(x: Vector, along: Vector | float = 0.0, known: Mapping[str, Any] = known) -> Vector:
+                seeds = {"fwd_x0": x / scale, "fwd_p": along}
+                return np.array(flow.forward(x.shape[1])(**known, **seeds)["fwd_xf"]).reshape(x.shape) * scale
+
+            yield float(end), onward
+            begin, x0, z0 = end, np.array(nominal["xf"]).ravel(), np.array(nominal["zf"]).ravel()
 
     def adjoint(self, rows: Vector) -> tuple[Vector, Vector]:
         """Derivatives with respect to the states at the start, and to the parameters, of what has `rows` at the end."""

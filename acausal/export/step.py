@@ -1,9 +1,11 @@
 """One step of a fixed-step method as a function `step(x, u, p) -> (x, y)`, for loops in real time.
 
-Every call does the same operations in the same order: no step control, no iteration until convergence, no memory but
-the arguments. The C of it is straight-line code. The methods are those of `acausal.export.methods`; models with `when`
-clauses, samples or discrete variables go by `acausal.export.hybrid_step`, their modes being part of x. Relations of
-time hold from the first multiple of the step that is not before them: on the grid that is exact.
+The work of a call is bounded: no step control, no iteration until convergence, no memory but the arguments. The C of
+it is straight-line code, but for the turns of an event iteration. The methods are those of `acausal.export.methods`;
+models with events go by `acausal.export.hybrid_step`, their modes being part of x. Relations of time hold from the
+first multiple of the step that is not before them: on the grid that is exact.
+
+What a step of bounded work cannot promise it reports: y ends with flags, 0 as long as all is well.
 """
 
 from __future__ import annotations
@@ -18,12 +20,12 @@ import numpy as np
 
 from acausal.errors import ExportError, UsageError
 from acausal.export.casadi_model import Port, Ports
+from acausal.export.forms import STEP, check
 from acausal.export.functions import begin_of, observed_function
-from acausal.export.hybrid_step import HybridStep, has_memory, timely
+from acausal.export.hybrid_step import HybridStep, timely
 from acausal.export.methods import IMPLICIT, METHODS, Method
-from acausal.export.ports import named_outputs, output_ports, parameter_ports, variable_ports
+from acausal.export.ports import Output, named_outputs, output_ports, parameter_ports, variable_ports
 from acausal.lower.compiled import CompiledModel, Symbols
-from acausal.lower.delays import PADE, refuse_delays
 
 # Unrolled factorisations grow with the cube of this.
 _MOST_UNKNOWNS = 60
@@ -35,6 +37,10 @@ class StepFunction:
 
     x holds the states, discrete ones among them, then the algebraic variables, then the modes of a model with events,
     then the time where the equations depend on it. y belongs to the new x. u is constant during the `step` [s].
+
+    y ends with the flags of the step, 0 or 1: `step.unsettled`, its events had not settled when its turns were used up;
+    `step.unlocated`, more relations were passed than the one that is located, or one there and back;
+    `step.too_large`, an explicit method is not stable at this step, so that what it computes means nothing.
     """
 
     name: str
@@ -88,7 +94,8 @@ def step_function(
         raise UsageError("AC034", f"there is no method '{method}'", help=f"methods: {', '.join(METHODS)}")
     if not 0 < step < float("inf"):
         raise UsageError("AC030", f"step {step:g} s is not positive")
-    refuse_delays(compiled.flat, "a step as a function of states", PADE)
+    wanted = named_outputs(compiled, outputs)
+    left_out = check(compiled, STEP, wanted)
     dynamic = compiled.n_dynamic if method in IMPLICIT else 0
     size = dynamic + len(compiled.algebraic) if method == "sdirk" else max(dynamic, len(compiled.algebraic))
     if size > _MOST_UNKNOWNS:
@@ -98,37 +105,42 @@ def step_function(
             f"{_MOST_UNKNOWNS}",
             help="reduce the model, or take an explicit method" if method in IMPLICIT else "reduce the model",
         )
-    return _Made(compiled, step, method, outputs).result()
+    return _Made(compiled, step, method, wanted, left_out).result()
 
 
 class _Made:
     """The symbols of one step function."""
 
-    def __init__(self, compiled: CompiledModel, step: float, method: str, outputs: Sequence[str] | None) -> None:
-        self.compiled, self.h = compiled, step
-        self.wanted = named_outputs(compiled, outputs)
-        self.u, self.p = ca.SX.sym("u", len(compiled.inputs)), ca.SX.sym("p", len(compiled.parameters))
-        s, remembers = Symbols(compiled), has_memory(compiled)
-        # without memory relations are whatever holds at a point; those of time are known for the whole step
-        ends = [0, compiled.n_timely, compiled.n_modes]  # a slice of a scalar that leaves nothing would be a row
-        here = ca.vertsplit(compiled.all_modes(s.t, s.x, s.z, s.u, s.p), ends)[1]
-        m = s.m if remembers else ca.vertcat(ca.vertsplit(s.m, ends)[0], here)
-        observed = observed_function(compiled, self.wanted)(s.t, s.x, s.z, s.u, s.p, m)
-        rates = compiled.rhs(s.t, s.x, s.z, s.u, s.p, m)
+    def __init__(
+        self, compiled: CompiledModel, step: float, method: str, wanted: Sequence[Output], left_out: tuple[str, ...]
+    ) -> None:
+        self.compiled, self.h, self.wanted, self.left_out = compiled, step, wanted, left_out
+        events = bool(compiled.state_events)
+        # events are settled in turns, as many as are needed: a loop, which only MX has
+        self.kind: Any = ca.MX if events else ca.SX
+        self.u: Any = self.kind.sym("u", len(compiled.inputs))
+        self.p: Any = self.kind.sym("p", len(compiled.parameters))
+        s = Symbols(compiled)
+        observed = observed_function(compiled, self.wanted)(*s.inputs)
+        rates = compiled.rhs(*s.inputs)
         self.y = ca.Function("y", s.inputs, [ca.densify(observed)])
         self.method = Method(method, ca.Function("rates", s.inputs, [ca.densify(v) for v in rates]))
-        self.hybrid = HybridStep(compiled, self.method, self.u, self.p, step) if remembers else None
+        if self.method.limit is not None:
+            size = self.method.stiffness(s.t, step, s.x, s.z, [s.u, s.p, s.m], ca.DM(compiled.nominal_x))
+            self.stiffness = ca.Function("stiffness", s.inputs, [ca.densify(size)])
+        self.hybrid = HybridStep(compiled, self.method, self.u, self.p, step) if events else None
 
     def result(self) -> StepFunction:
         compiled, hybrid = self.compiled, self.hybrid
         begin = hybrid.begin() if hybrid else begin_of(compiled)
         modes = hybrid.ports(begin.m) if hybrid else []
-        x = ca.SX.sym("x", len(compiled.states) + len(compiled.algebraic) + len(modes))
-        clock = ca.SX.sym("time")
+        x = self.kind.sym("x", len(compiled.states) + len(compiled.algebraic) + len(modes))
+        clock = self.kind.sym("time")
         x_next, y, end = self._next(x, clock, begin.t)
-        timed = ca.depends_on(ca.vertcat(x_next, y), clock)
+        # turns carry the time along, whether or not the equations read it
+        timed = hybrid.is_timed or self._shows_time if hybrid else ca.depends_on(ca.vertcat(x_next, y), clock)
         step = ca.Function("step", [x, clock, self.u, self.p], [ca.vertcat(x_next, end) if timed else x_next, y])
-        whole = ca.SX.sym("x", x.numel() + timed)
+        whole = self.kind.sym("x", x.numel() + timed)
         new: Any = step(whole[: x.numel()], whole[-1] if timed else begin.t, self.u, self.p)
         new = ca.cse([ca.densify(v) for v in new])
         ports = [
@@ -145,8 +157,8 @@ class _Made:
             x=Ports(ports),
             u=variable_ports(compiled, compiled.solution.structure.reduced.inputs, begin.u),
             p=parameter_ports(compiled),
-            y=output_ports(self.wanted, np.zeros(len(self.wanted))),
-            notes=(*compiled.flat.notes, *begin.notes, *_notes(compiled)),
+            y=Ports([*output_ports(self.wanted, np.zeros(len(self.wanted))), *self.flags]),
+            notes=(*compiled.flat.notes, *begin.notes, *self.left_out, *(hybrid.notes if hybrid else ())),
         )
 
     def _next(self, stored: Any, clock: Any, start: float) -> tuple[Any, Any, Any]:
@@ -158,24 +170,33 @@ class _Made:
         turn = ca.floor((clock - start) / h + 0.5)
         on_grid = ca.fabs(start + turn * h - clock) < 1e-6 * h
         t, end = ca.if_else(on_grid, start + turn * h, clock), ca.if_else(on_grid, start + (turn + 1) * h, clock + h)
+        before = hybrid.modes(t, kept) if hybrid else self._timely(t)
+        limit = self.method.limit
+        flags = [] if limit is None else [self.stiffness(t, x, z, self.u, self.p, before) > limit]
         if hybrid:
-            x, z, m = hybrid.step(t, x, z, hybrid.modes(t, kept))
-            kept = ca.vertcat(ca.SX(0, 1), *(m[k] for k in hybrid.kept))
+            x, z, m, settled, located = hybrid.step(t, x, z, before)
+            kept = m[hybrid.kept] if hybrid.kept else ca.MX(0, 1)
+            flags = [ca.logic_not(settled), ca.logic_not(located), *flags]
         else:
-            x, z = self.method.step(t, h, x, z, [self.u, self.p, self._timely(t)])
+            x, z = self.method.step(t, h, x, z, [self.u, self.p, before])
             m = self._timely(end)
             if compiled.n_timely:
                 z = self.method.algebraic(end, x, z, [self.u, self.p, m])
-        return ca.vertcat(x, z, kept), self.y(end, x, z, self.u, self.p, m), end
+        return ca.vertcat(x, z, kept), ca.vertcat(self.y(end, x, z, self.u, self.p, m), *flags), end
+
+    @property
+    def _shows_time(self) -> bool:
+        return bool(self.y.jac_sparsity(0, 0).nnz())
+
+    @property
+    def flags(self) -> list[Port]:
+        """Descriptions of the flags behind the outputs."""
+        unsettled = Port("step.unsettled", "", "1 when the events of the step did not settle in its turns", 0.0)
+        missed = Port("step.unlocated", "", "1 when more was passed in the step than the event it locates", 0.0)
+        large = Port("step.too_large", "", "1 when the explicit method is not stable at this step", 0.0)
+        return [unsettled, missed] * bool(self.hybrid) + [large] * (self.method.limit is not None)
 
     def _timely(self, t: Any) -> Any:
         """Modes just after an instant; those of variables are not looked at."""
         compiled = self.compiled
         return ca.vertcat(timely(compiled, t, self.h, self.p), ca.SX.zeros(compiled.n_modes - compiled.n_timely, 1))
-
-
-def _notes(compiled: CompiledModel) -> tuple[str, ...]:
-    """What a step does not do."""
-    events = compiled.state_events
-    ends = [f"a step does not end the run: {c.text} ({c.where})" for c in events.clauses if c.terminate is not None]
-    return (*ends, *(f"a step does not look at the assertion: {a.message} ({a.where})" for a in events.asserts))

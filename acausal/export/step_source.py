@@ -5,13 +5,15 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
+import casadi as ca
+
 from acausal.export.casadi_model import Ports
 from acausal.simulate.native.source import functions
 
 if TYPE_CHECKING:
     from acausal.export.step import StepFunction
 
-_HEAD = """/* {name}: one step of {method}, {step!r} s. Written by acausal; no allocation, no loops, no state outside x.
+_HEAD = """/* {name}: one step of {method}, {step!r} s. By acausal: bounded work, no allocation, no state outside x.
 
    {identifier}_step(x, u, p, x_next, y): x at a time, u held during the step, x_next and y at its end.
    x_next may not be x. The start is {identifier}_x0; declared parameters are {identifier}_p0.
@@ -47,7 +49,10 @@ def source(made: StepFunction) -> str:
     """The whole file."""
     own = identifier(made.name)
     # not "step": the C library has an old function of that name, which a shared library would call instead
-    function = made.function.expand(f"{own}_casadi")
+    arguments = [ca.MX.sym(name, made.function.sparsity_in(name)) for name in made.function.name_in()]
+    function = ca.Function(f"{own}_casadi", arguments, made.function.call(arguments))
+    if made.function.is_a("SXFunction"):
+        function = function.expand(f"{own}_casadi")
     code = functions(function)
     ports = zip("xupy", (made.x, made.u, made.p, made.y), strict=True)
     tables = "\n".join(_table(letter, entries) for letter, entries in ports)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from acausal.errors import DeclarationError
+from acausal.errors import DeclarationError, StructureError
 from acausal.flatten.instances import Instance
 from acausal.language.component import Component, Connector
-from acausal.language.connect import Connection
+from acausal.language.connect import Connection, is_element
 from acausal.language.declare import Kind
 from acausal.language.expression import Symbol
 from acausal.language.origin import Origin
@@ -63,18 +63,21 @@ def joints(
     physical: list[Joint] = []
     signals: list[SignalJoint] = []
     for by, connection, origin in connections:
+        if any(is_element(end) for end in connection.ends):
+            continue  # acausal.flatten.elements
         first = connection.ends[0]
         for other in connection.ends[1:]:
             if isinstance(first, Symbol) and isinstance(other, Symbol):
-                a = (_number(first.owner, number_of, origin), first.name)
-                signals.append(SignalJoint(a, (_number(other.owner, number_of, origin), other.name), by, origin))
+                a = (number_of_end(first.owner, number_of, origin), first.name)
+                signals.append(SignalJoint(a, (number_of_end(other.owner, number_of, origin), other.name), by, origin))
             elif isinstance(first, Connector) and isinstance(other, Connector):
-                a_number = _number(first, number_of, origin)
-                physical.append(Joint(a_number, _number(other, number_of, origin), by, origin))
+                a_number = number_of_end(first, number_of, origin)
+                physical.append(Joint(a_number, number_of_end(other, number_of, origin), by, origin))
     return physical, signals
 
 
-def _number(component: Component, number_of: dict[int, int], origin: Origin) -> int:
+def number_of_end(component: Component, number_of: dict[int, int], origin: Origin) -> int:
+    """Number of the component at an end; AC131 when it is no part of the model."""
     number = number_of.get(id(component))
     if number is None:
         owner = component.__dict__["_owner"]
@@ -128,6 +131,24 @@ def flow_sets(all_instances: Sequence[Instance], physical: Sequence[Joint]) -> l
     return [FlowSet(tuple(m), origin.get(r)) for r, m in members.items()]
 
 
+def refuse_open(all_instances: Sequence[Instance], sets: Sequence[FlowSet]) -> None:
+    """Refuse open connectors of components that cannot do without what is connected there (AC212)."""
+    for flow_set in sets:
+        first = all_instances[flow_set.members[0][0]]
+        owner = first.owner
+        name = first.path.rpartition(".")[2]
+        if len(flow_set.members) > 1 or owner is None or name not in type(owner.component)._to_be_connected:
+            continue
+        hints = [d.hint for d in first.component._declarations.values() if d.hint and d.kind is Kind.VARIABLE]
+        raise StructureError(
+            "AC212",
+            f"{type(all_instances[0].component).__name__}: {first.path} is not connected",
+            where=(owner.origin.span(),),
+            cause=hints[0] if hints else "an open connector carries no flow, and here the component states that flow",
+            help=f"connect {first.path}",
+        )
+
+
 def check_signals(all_instances: Sequence[Instance], signals: Sequence[SignalJoint]) -> None:
     """Refuse a signal driven by two sources (AC132).
 
@@ -156,5 +177,5 @@ def check_signals(all_instances: Sequence[Instance], signals: Sequence[SignalJoi
                     "AC132",
                     f"two sources drive one signal: {previous[0]} and {name}",
                     where=(previous[1].span(), joint.origin.span()),
-                    help="connect each input to one output",
+                    help=f"connect each input to one output; to invert a model state `{previous[0]} == {name}`",
                 )

@@ -30,7 +30,7 @@ def delays(
     if not pool.delays:
         return ()
     holders: list[_Holder] = [((e.left, e.right), e.origin, e.component) for e in equations]
-    holders += [((w.condition, *(n for _, n in w.actions)), w.origin, w.component) for w in whens]
+    holders += [((*w.conditions, *w.earlier, *(n for _, n in w.actions)), w.origin, w.component) for w in whens]
     holders += [((a.node,), a.origin, a.component) for a in assignments]
     holders += [((a.condition,), a.origin, a.component) for a in asserts]
     found: list[FlatDelay] = []

@@ -13,7 +13,7 @@ from acausal.flatten.pool import LEAVES, RELATIONS, Pool
 from acausal.language.delay import Delayed
 from acausal.language.external import Call
 
-_CONSTANT = frozenset(("pre", "initial", "terminal", "sample", "not", "and", "or", *RELATIONS))
+_CONSTANT = frozenset(("pre", "initial", "infinitesimal", "terminal", "sample", "not", "and", "or", *RELATIONS))
 """Operations whose values are kept between events."""
 
 
@@ -44,6 +44,19 @@ def differentiate(pool: Pool, root: int) -> int:
             done[number] = _RULES[node[0]](pool, number, *node[1:]) if node[0] in _RULES else _refuse(pool, node[0])
         stack.pop()
     return done[root]
+
+
+def partial(pool: Pool, root: int, variable: int) -> int:
+    """The node of the partial derivative of `root` by one variable, by the same rules."""
+    kept, pool._slopes = pool._slopes, {}
+    try:
+        for number in pool.reachable([root]):
+            node = pool.nodes[number]
+            if node[0] in LEAVES:
+                pool._slopes[number] = pool.one if node == ("var", variable) else pool.zero
+        return differentiate(pool, root)
+    finally:
+        pool._slopes = kept
 
 
 def _needed(node: tuple[object, ...]) -> tuple[int, ...]:
@@ -82,8 +95,10 @@ def _rate_of_delay(op: Delayed) -> DeclarationError:
 
 def _call(p: Pool, op: Call, operands: tuple[int, ...]) -> int:
     """By the partial derivatives of the function: linear in the derivatives, as the symbolic solution wants it."""
-    partials, first = op.external.partials, op.entry * op.external.size
     slopes = [(k, p._slopes[a]) for k, a in enumerate(operands) if p._slopes[a] != p.zero]
+    if not slopes:
+        return p.zero
+    partials, first = op.external.partials, op.entry * op.external.size
     return p.sum(p.mul(p.make(Call(partials, first + k), *operands), slope) for k, slope in slopes)
 
 

@@ -40,18 +40,6 @@ def asserts(pool: Pool, instance: Instance, items: Sequence[Statement], resolve:
     ]
 
 
-_VARYING = {"var", "time", "sample", "pre", "initial", "terminal"}
-
-
-def is_constant(pool: Pool, condition: int) -> bool:
-    """True for a condition on parameters alone, whose value can be told before the run."""
-    return not any(
-        pool.nodes[n][0] in ("var", "time", "sample", "pre", "initial", "terminal")
-        or not isinstance(pool.nodes[n][0], str)
-        for n in pool.reachable([condition])
-    )
-
-
 def places(found: Iterable[Instance], inputs: Iterable[int]) -> dict[int, Place]:
     """Every discrete scalar but those that are inputs of the model, with its first declaration."""
     outside = set(inputs)

@@ -75,12 +75,14 @@ class FlatLoop(NamedTuple):
 
 
 class FlatWhen(NamedTuple):
-    """Actions `(scalar, node of its new value)` at the instants at which the node `condition` becomes true.
+    """Actions `(scalar, node of its new value)` at the instants at which any of the nodes `conditions` becomes true.
 
-    The run ends there when `terminate` is a message.
+    Not if one of the conditions `earlier` does too: those of the branches before it. The run ends there when
+    `terminate` is a message.
     """
 
-    condition: int
+    conditions: tuple[int, ...]
+    earlier: tuple[int, ...]
     actions: tuple[tuple[int, int], ...]
     origin: Origin
     component: str
@@ -162,7 +164,7 @@ class FlatSystem:
     notes
         Facts the user should see, for example connections cut in closed loops.
     frozen
-        Names of parameter scalars that were made numbers (`acausal.lower.freeze`).
+        Names of parameter scalars that were made numbers (`acausal.reduce.freeze`).
     nominals
         Magnitude of each scalar before that: frozen zeros join variables, which must not change the tolerances.
     delays

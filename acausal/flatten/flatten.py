@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 from acausal.errors import DeclarationError
 from acausal.flatten.allocate import allocate
+from acausal.flatten.around import placed
 from acausal.flatten.bound_units import check_bound
-from acausal.flatten.connections import FlowSet, Joint, check_signals, flow_sets, joints
+from acausal.flatten.connections import FlowSet, Joint, SignalJoint, check_signals, flow_sets, joints, refuse_open
 from acausal.flatten.delays import delays
-from acausal.flatten.discrete import asserts, assignments, check_assigned, constancy, fill_starts, is_constant, places
+from acausal.flatten.discrete import asserts, assignments, check_assigned, constancy, fill_starts, places
+from acausal.flatten.elements import ElementJoint, Entry, element_equations, element_joints
 from acausal.flatten.flat import (
     FlatAssert,
     FlatAssignment,
@@ -21,23 +23,28 @@ from acausal.flatten.flat import (
     FlatSystem,
     FlatWhen,
 )
-from acausal.flatten.instances import Instance, instances
+from acausal.flatten.freeing import Signal, cut_elements, cut_equations, cut_joints, freed, input_scalars, open_inputs
+from acausal.flatten.instances import Instance, numbers
 from acausal.flatten.orientation import spanning_tree
 from acausal.flatten.parameters import ParameterTable, check_overrides, check_values, foreign, refuse_time
 from acausal.flatten.pool import Pool
 from acausal.flatten.scalarise import Scalars, scalars
-from acausal.flatten.statements import Statement, run, statements
+from acausal.flatten.statements import Statement, refuse_unstated, run, statements
 from acausal.flatten.templates import Template, make_template, replay, sides, template_key
-from acausal.language.component import Component
+from acausal.language.choices import Choice
+from acausal.language.component import Component, Connector
 from acausal.language.connect import Connection
 from acausal.language.declare import Fixed, Guess, Kind
 from acausal.language.events import When
-from acausal.language.experiment import Experiment
 from acausal.language.expression import Equation, Expr, Symbol, assigned
 from acausal.language.origin import Origin
 
 
-def flatten(model: Component, parameters: Mapping[str, object] | None = None) -> FlatSystem:
+def flatten(
+    model: Component,
+    parameters: Mapping[str, object] | None = None,
+    choices: Mapping[str, Choice] | None = None,
+) -> FlatSystem:
     """The flat system of a model.
 
     Parameters
@@ -46,77 +53,87 @@ def flatten(model: Component, parameters: Mapping[str, object] | None = None) ->
         The outermost component.
     parameters
         Values by path, in SI; they replace what the model says, also where it binds a parameter to another.
+    choices
+        Structures of components that can have several, by path; without one a component has all it may ever need.
 
     Raises
     ------
     DeclarationError, UnitError, UsageError, StructureError
         With the path of the offending thing and its place in the source; AC028 for what is no component.
     """
-    overrides = dict(parameters or {})
-    found = instances(model)
+    overrides, (found, added) = dict(parameters or {}), placed(model, choices)
     check_overrides(overrides, found)
-    number_of = {id(i.component): i.number for i in found}
+    number_of = numbers(found)
     composites = {i.number: list(statements(i.component)) for i in found if not i.is_leaf}
     leaves = _LeafStatements(found)
-    connected = [
-        (number, item, origin)
-        for number, items in {**composites, **leaves.connecting()}.items()
-        for item, origin in items
-        if isinstance(item, Connection)
-    ]
+    connected = _connections({**composites, **leaves.connecting()})
     physical, signals = joints(connected, number_of)
     check_signals(found, signals)
+    elements = element_joints(found, connected, signals, number_of)
+    cut = freed(model, found)
+    signals, elements = cut_joints(signals, cut), cut_elements(elements, cut)
     tree = spanning_tree(found, physical, number_of)
     pool = Pool()
     variables = allocate(pool, found, physical, signals, tree.cut)
-    builder = _Builder(pool, found, number_of, ParameterTable(pool, found, number_of, overrides))
-    builder.slopes()
-    n_scalars = pool.n_variables
-    table = builder.table.table()
+    free = ParameterTable(pool, found, number_of, overrides)
+    builder = _Builder(pool, found, number_of, free, open_inputs(found[0], cut))
+    builder.slopes()  # the last unknowns
+    n_scalars, table = pool.n_variables, tuple(free.table())
     equations = builder.leaf_equations(leaves)
-    for number, items in composites.items():
-        equations += builder.all(found[number], items)
-    inputs = builder.free_inputs(found[0])
+    equations += [e for number, items in composites.items() for e in builder.all(found[number], items)]
+    equations = cut_equations(pool, found, equations, cut)
+    inputs = input_scalars(found, builder.open)
     discrete = places(found, inputs)
     equations += constancy(pool, discrete)
-    equations += builder.bindings({end for j in signals for end in (j.a, j.b) if end[0] != j.by})
+    equations += builder.inputs(signals, elements)
     check_assigned(builder.assignments, builder.whens, discrete, inputs)
-    equations += builder.flow_equations(flow_sets(found, physical))
+    junctions = flow_sets(found, physical)
+    refuse_open(found, junctions)
+    equations += builder.flow_equations(junctions)
     equations += builder.residuals([physical[k] for k in sorted(tree.cut)])
-    initial = builder.initial_equations()
     starts, surplus = builder.starts()
-    initial += surplus
+    initial = builder.initial_equations() + surplus
     fill_starts(pool, starts, discrete)
-    experiment = getattr(type(model), "experiment", None)
-    demands = [a for a in builder.asserts if a.level == "error" and is_constant(pool, a.condition)]
-    asserts_ = [a for a in builder.asserts if a not in demands]
+    demands = [a for a in builder.asserts if a.level == "error" and pool.is_constant(a.condition)]
     flat = FlatSystem(
         name=type(model).__name__,
         pool=pool,
         n_scalars=n_scalars,
         variables=tuple(variables),
-        parameters=tuple(table),
+        parameters=table,
         equations=tuple(equations),
         initial_equations=tuple(initial),
         whens=tuple(builder.whens),
         assignments=tuple(builder.assignments),
-        asserts=tuple(asserts_),
+        asserts=tuple(a for a in builder.asserts if a not in demands),
         demands=tuple(demands),
         inputs=inputs,
-        parameter_values=tuple(builder.table.values),
+        parameter_values=tuple(free.values),
         starts=starts,
         delays=delays(pool, [*equations, *initial], builder.whens, builder.assignments, builder.asserts),
         undelayed=tuple(pool.undelayed),
-        experiment=experiment if isinstance(experiment, Experiment) else Experiment(),
+        experiment=type(model).experiment,
         components={i.path: FlatComponent(type(i.component), i.origin) for i in found},
         loops=tree.loops,
-        notes=tuple(
-            f"loop of frames cut between {found[physical[k].a].path} and {found[physical[k].b].path}"
-            for k in sorted(tree.cut)
-        ),
+        notes=(*added, *_cuts(found, [physical[k] for k in sorted(tree.cut)])),
     )
     check_values(flat, flat.parameter_values)
+    refuse_unstated(i.component for i in found)
     return flat
+
+
+def _connections(stated: Mapping[int, Sequence[Statement]]) -> list[tuple[int, Connection, Origin]]:
+    """All connections with the number of the component that makes them."""
+    return [
+        (number, item, origin)
+        for number, items in stated.items()
+        for item, origin in items
+        if isinstance(item, Connection)
+    ]
+
+
+def _cuts(found: Sequence[Instance], cut: Sequence[Joint]) -> list[str]:
+    return [f"loop of frames cut between {found[j.a].path} and {found[j.b].path}" for j in cut]
 
 
 class _LeafStatements:
@@ -179,6 +196,7 @@ class _Builder:
     found: Sequence[Instance]
     number_of: dict[int, int]
     table: ParameterTable
+    open: frozenset[Signal] = frozenset()
     whens: list[FlatWhen] = field(default_factory=list)
     assignments: list[FlatAssignment] = field(default_factory=list)
     asserts: list[FlatAssert] = field(default_factory=list)
@@ -219,10 +237,10 @@ class _Builder:
         """What the component does at events."""
         done: dict[int, Scalars] = {}
         found = []
-        guarded = [(item.guarded(), origin) for item, origin in items if isinstance(item, When)]  # alive while done is
-        for branches, origin in guarded:
-            for acts, branch in branches:
-                condition = scalars(self.pool, acts, self.resolve, done)[0]
+        for item, origin in ((item, origin) for item, origin in items if isinstance(item, When)):
+            earlier: tuple[int, ...] = ()
+            for branch in (item, *item.branches):
+                conditions = tuple(scalars(self.pool, c, self.resolve, done)[0] for c in branch.conditions)
                 actions = tuple(
                     (
                         int(self.pool.nodes[self.resolve(a.target)[0]][1]),
@@ -230,7 +248,9 @@ class _Builder:
                     )
                     for a in branch.actions
                 )
-                found.append(FlatWhen(condition, actions, origin, instance.path, branch, branch.terminate))
+                source = replace(branch, branches=())
+                found.append(FlatWhen(conditions, earlier, actions, origin, instance.path, source, branch.terminate))
+                earlier += conditions
         return found
 
     def leaf_equations(self, leaves: _LeafStatements) -> list[FlatEquation]:
@@ -245,14 +265,16 @@ class _Builder:
             if template is None:
                 equations += self.all(leaf, leaves.of(leaf))
             else:
-                equations += replay(template, leaf, self.pool, self.table)
+                stated, demanded = replay(template, leaf, self.pool, self.table)
+                equations += stated
+                self.asserts += demanded
         return equations
 
     def slopes(self) -> None:
         """Rules for the derivatives of overconstrained variables, once per set of connected frames."""
         for instance in self.found:
             rates = getattr(type(instance.component), "rates", None)
-            if rates is None:
+            if rates is None or not isinstance(instance.component, Connector):
                 continue
             for equation, _ in run(instance.component, type(instance.component).__name__, "rates", rates):
                 variable = equation.left.args[0]
@@ -275,10 +297,19 @@ class _Builder:
                     equations.append(FlatEquation(left, right, joint.origin, self.found[joint.by].path, item))
         return equations
 
-    def bindings(self, connected: set[tuple[int, str]]) -> list[FlatEquation]:
+    def inputs(self, signals: Sequence[SignalJoint], joints: Sequence[ElementJoint]) -> list[FlatEquation]:
+        """Bindings, and connections of elements of signals; what they assign at events is collected."""
+        driven = {end for j in signals for end in (j.a, j.b) if end[0] != j.by}
+        bound = self.bindings(driven, {j.sink for j in joints})
+        equations, assigned = element_equations(self.pool, self.found, joints)
+        self.assignments += assigned
+        return bound + equations
+
+    def bindings(self, connected: set[tuple[int, str]], elements: set[Entry]) -> list[FlatEquation]:
         """Equations from expressions given to variables and inputs in constructors; discrete ones are collected.
 
-        `connected` holds the signals that their owners connect; what a component connects its own input to reads it.
+        `connected` holds the signals that their owners connect, `elements` the single entries; what a component
+        connects its own input to reads it.
         """
         equations: list[FlatEquation] = []
         for instance in self.found:
@@ -286,9 +317,14 @@ class _Builder:
                 declaration = instance.component._declarations[name]
                 if declaration.kind is Kind.PARAMETER or isinstance(value, Fixed | Guess):
                     continue
-                if (instance.number, name) in connected and declaration.kind is Kind.INPUT:
-                    if name not in instance.component.__dict__["_given"]:
-                        continue  # a declared default gives way to the connection
+                if (instance.number, name) in self.open:
+                    continue
+                own = {k for k in range(_count(declaration.shape)) if (instance.number, name, k) in elements}
+                is_driven = (instance.number, name) in connected or bool(own)
+                is_given = name in instance.component.__dict__["_given"]
+                if is_driven and declaration.kind is Kind.INPUT and not is_given and not own:
+                    continue  # a declared default gives way to the connection
+                if is_driven and declaration.kind is Kind.INPUT and is_given:
                     raise DeclarationError(
                         "AC137",
                         f"input {instance.prefix}{name} is both bound to `{value}` and connected",
@@ -299,6 +335,8 @@ class _Builder:
                 right = scalars(self.pool, value, self.resolve, {})
                 text = f"{instance.prefix}{name} == {value}"
                 for k, node in enumerate(right):
+                    if k in own:
+                        continue
                     scalar = instance.first[name] + k
                     if declaration.discrete:
                         self.assignments.append(FlatAssignment(scalar, node, instance.origin, instance.path, text))
@@ -351,7 +389,10 @@ class _Builder:
         starts: dict[int, FlatStart] = {}
         surplus: list[FlatEquation] = []
         for instance in self.found:
-            for name, value in instance.component.__dict__["_values"].items():
+            for name, given in instance.component.__dict__["_values"].items():
+                # the default of an input of the model is what it has when nothing is given
+                is_default = (instance.number, name) in self.open and isinstance(given, Expr) and given.op == "const"
+                value = Guess(given) if is_default else given
                 if not isinstance(value, Fixed | Guess):
                     continue
                 expr: Expr = value.value
@@ -370,19 +411,6 @@ class _Builder:
                     elif other is None or start.is_fixed:
                         starts[scalar] = start
         return starts, surplus
-
-    def free_inputs(self, model: Instance) -> tuple[int, ...]:
-        """Scalars of the model's own inputs that nothing binds."""
-        values = model.component.__dict__["_values"]
-        return tuple(
-            model.first[name] + k
-            for name, d in model.component._declarations.items()
-            if d.kind is Kind.INPUT and isinstance(values.get(name, _FREE), Fixed | Guess)
-            for k in range(max(1, _count(d.shape)))
-        )
-
-
-_FREE = Guess(0.0)
 
 
 def _count(shape: tuple[int, ...]) -> int:

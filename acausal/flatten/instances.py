@@ -2,25 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 from acausal.errors import DeclarationError, UsageError
-from acausal.language.component import Component, Connector
+from acausal.language.choices import Choice
+from acausal.language.component import STATING, Component, Connector
 from acausal.language.declare import Kind
-from acausal.language.misuse import Declared, own_constructor
+from acausal.language.misuse import Declared, own_constructor, refuse_misnamed
 from acausal.language.origin import Origin
 
 
 @dataclass(eq=False, slots=True)
 class Instance:
-    """One component in its place. `first` maps declared names to scalar numbers once they are allocated."""
+    """One component in its place. `first` maps declared names to scalar numbers once they are allocated.
+
+    `component` may be a view of what the model holds: the recipe is not touched by what is found out here. `faces` are
+    the other components that are this instance where expressions name it: the recipe, and stand-ins of outer ones.
+    """
 
     component: Component
     path: str
     number: int
     owner: Instance | None
     parts: list[Instance] = field(default_factory=list)
+    faces: list[Component] = field(default_factory=list)
     first: dict[str, int] = field(default_factory=dict)
 
     @property
@@ -39,25 +45,48 @@ class Instance:
         origin: Origin = self.component.__dict__["_origin"]
         return origin
 
+    def seen_as(self, component: Component) -> None:
+        """Go on with another view."""
+        self.faces.append(self.component)
+        self.component = component
+
     def said(self, name: str) -> Origin | Declared:
         """Where the value of a field stands: in the call that made the component, else in the class body."""
         is_given = name in self.component.__dict__["_given"]
         return self.origin if is_given else Declared(type(self.component), name, self.origin)
 
 
-def instances(model: Component) -> list[Instance]:
-    """All instances of a model; the model itself is the first, with an empty path. UsageError AC028 if it is none."""
+def numbers(found: Iterable[Instance]) -> dict[int, int]:
+    """The number of each instance by the `id` of every component that stands for it."""
+    return {id(c): i.number for i in found for c in (i.component, *i.faces)}
+
+
+def instances(model: Component, choices: Mapping[str, Choice] | None = None) -> list[Instance]:
+    """All instances of a model; the model itself is the first, with an empty path. UsageError AC028 if it is none.
+
+    `choices` are structures of components by path.
+    """
     if not isinstance(model, Component):
         is_class = isinstance(model, type)
         fact = f"the class {model.__name__} is not a model yet" if is_class else f"{model!r} is not a model"
         raise UsageError("AC028", fact, help=f"make one: {model.__name__}()" if is_class else "give a component")
     found: list[Instance] = []
+    grow(found, model, "", None, choices or {})
+    return found
+
+
+def grow(
+    found: list[Instance], model: Component, path: str, owner: Instance | None, choices: Mapping[str, Choice]
+) -> Instance:
+    """Add a component and all it holds; the instance of the component itself."""
+    first = len(found)
     seen: dict[int, str] = {}
-    stack: list[tuple[Component, str, Instance | None]] = [(model, "", None)]
+    stack: list[tuple[Component, str, Instance | None]] = [(model, path, owner)]
     while stack:
         component, path, owner = stack.pop()
         if "_origin" not in component.__dict__:
             raise own_constructor(type(component)) or TypeError(component)
+        refuse_misnamed(type(component), STATING)
         if id(component) in seen:
             raise DeclarationError(
                 "AC117",
@@ -67,11 +96,14 @@ def instances(model: Component) -> list[Instance]:
             )
         seen[id(component)] = path
         instance = Instance(component, path, len(found), owner)
+        if path in choices:
+            instance.seen_as(choices[path].applied())
+            component = instance.component
         found.append(instance)
-        if owner is not None:
+        if owner is not None and len(found) > first + 1:
             owner.parts.append(instance)
         stack.extend((c, p, instance) for p, c in reversed(list(_parts(component, instance.prefix))))
-    return found
+    return found[first]
 
 
 def _parts(component: Component, prefix: str) -> Iterator[tuple[str, Component]]:

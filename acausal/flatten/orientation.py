@@ -13,9 +13,9 @@ from dataclasses import dataclass
 from acausal.errors import DeclarationError, StructureError
 from acausal.flatten.connections import Joint, UnionFind
 from acausal.flatten.flat import FlatLoop
-from acausal.flatten.instances import Instance
+from acausal.flatten.instances import Instance, numbers
 from acausal.flatten.statements import statements
-from acausal.language.component import Connector
+from acausal.language.component import Component, Connector
 from acausal.language.origin import Origin
 from acausal.language.overconstrained import Branch, PotentialRoot, Root
 
@@ -31,19 +31,32 @@ class SpanningTree:
     loops: tuple[FlatLoop, ...] = ()
 
 
+_LAST = 2**31
+"""Priority behind that of every potential root."""
+
+
 def is_overconstrained(connector: Connector) -> bool:
     """True for a frame-like connector."""
     return any(d.overconstrained for d in connector._declarations.values())
 
 
 def spanning_tree(
-    all_instances: Sequence[Instance], physical: Sequence[Joint], number_of: dict[int, int]
+    all_instances: Sequence[Instance],
+    physical: Sequence[Joint],
+    number_of: dict[int, int],
+    assumed: Sequence[int] = (),
 ) -> SpanningTree:
-    """Cut the loops and tell every frame its role (read by `rooted` and `is_root`)."""
+    """Cut the loops and tell every frame its role (read by `rooted` and `is_root`).
+
+    The roles are told to views of the frames, and these to views of the components that own them: they enter
+    `number_of`. The frames of the recipe stay as they are, so that it can be flattened in two ways at a time.
+    `assumed` frames are roots where nothing else is: those of a component that is looked at by itself.
+    """
     frames = [i.number for i in all_instances if isinstance(i.component, Connector) and is_overconstrained(i.component)]
     if not frames:
         return SpanningTree(frozenset())
     branches, roots, potential = _ties(all_instances, number_of)
+    potential = [*potential, *((_LAST, number) for number in assumed)]
     n = len(all_instances)
     sets = UnionFind(n + 1)  # node n stands for the world: all declared roots are one
     for number in roots:
@@ -69,6 +82,7 @@ def spanning_tree(
     joined = {end for joint in physical for end in (joint.a, joint.b) if owners.get(end) != joint.by}
     chosen = _choose_roots(sets, n, frames, roots, potential, all_instances, joined)
     _tell_roles(all_instances, frames, neighbours, chosen, branches)
+    number_of |= numbers(all_instances)
     loops = tuple(_loop(all_instances, physical[k], neighbours, n, roots) for k in sorted(cut))
     return SpanningTree(frozenset(cut), loops)
 
@@ -153,18 +167,40 @@ def _choose_roots(
             chosen.append(number)
     for number in frames:
         if sets.find(number) not in has_root:
-            instance = all_instances[number]
-            members = [f for f in frames if sets.find(f) == sets.find(number)]
-            loose = [all_instances[f].path for f in members if f not in joined]
-            raise StructureError(
-                "AC203",
-                f"{type(all_instances[0].component).__name__}: nothing fixes the orientation of {instance.path}",
-                where=(instance.owner.origin.span(),) if instance.owner else (),
-                evidence=[f"not connected: {', '.join(loose[:6])}"] if loose else [],
-                cause="no World, Fixed or Body is in this island of frames",
-                help=f"connect {' or '.join(loose[:2]) or 'one of them'} to World.frame_b, Fixed.frame_b or a Body",
-            )
+            members = [all_instances[f] for f in frames if sets.find(f) == sets.find(number)]
+            beyond = {all_instances[f].owner for f in frames if sets.find(f) != sets.find(number)}
+            raise _unoriented(all_instances, members, beyond, joined)
     return chosen
+
+
+def _unoriented(
+    all_instances: Sequence[Instance], island: list[Instance], beyond: set[Instance | None], joined: set[int]
+) -> StructureError:
+    """AC203 for frames that nothing orients; `beyond` have a frame in another island, `joined` are connected."""
+    first = island[0]
+    loose = [f.path for f in island if f.number not in joined]
+    owners = {f.owner.number: f.owner for f in island if f.owner is not None}
+    alone = [o.path for o in owners.values() if o.path and not any(f.owner is o and f.number in joined for f in island)]
+    acting = [o.path for o in owners.values() if o in beyond]
+    cause = "no World, Fixed or Body is in this island of frames"
+    help = f"connect {' or '.join(loose[:2]) or 'one of them'} to World.frame_b, Fixed.frame_b or a Body"
+    why = ""
+    if len(alone) == len(owners):
+        why = f": {', '.join(alone)} is connected to nothing"
+        help = f"connect {' or '.join(loose[:2])}, or leave it out"
+    elif acting:
+        first = next((f for f in island if f.owner not in beyond), first)
+        why = f": what {' and '.join(acting[:3])} {'moves' if len(acting) == 1 else 'move'} has no mass"
+        cause = "a frame that is not fixed moves by the mass of a Body; there is none in this island of frames"
+        help = f"connect a Body to {first.path}; World or Fixed only where it is to stand still"
+    return StructureError(
+        "AC203",
+        f"{type(all_instances[0].component).__name__}: nothing fixes the orientation of {first.path}{why}",
+        where=(first.owner.origin.span(),) if first.owner else (),
+        evidence=[f"not connected: {', '.join(loose[:6])}"] if loose else [],
+        cause=cause,
+        help=help,
+    )
 
 
 def _tell_roles(
@@ -187,5 +223,16 @@ def _tell_roles(
     for a, b in branches:
         nearer[a] = depth[a] <= depth[b]
         nearer[b] = not nearer[a]
+    owners: dict[int, Instance] = {}
     for number in frames:
-        all_instances[number].component.__dict__["_roles"] = {"is_root": number in roots, "rooted": nearer[number]}
+        frame = all_instances[number]
+        frame.seen_as(frame.component._view({"_roles": {"is_root": number in roots, "rooted": nearer[number]}}))
+        if frame.owner is not None:
+            owners[frame.owner.number] = frame.owner
+    for owner in owners.values():
+        views: dict[int, Component] = {id(face): p.component for p in owner.parts for face in p.faces}
+        parts = {
+            name: [views.get(id(m), m) for m in held] if isinstance(held, list) else views.get(id(held), held)
+            for name, held in owner.component._parts.items()
+        }
+        owner.seen_as(owner.component._view(parts=parts))

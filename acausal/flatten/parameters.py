@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
-from acausal.errors import DeclarationError, Span, UsageError, nearest
+from acausal.errors import DeclarationError, Span, UnitError, UsageError, nearest
 from acausal.flatten.bound_units import check_bound
 from acausal.flatten.flat import FlatAssert, FlatParameter, FlatSystem, suffixes
 from acausal.flatten.instances import Instance
@@ -18,6 +18,7 @@ from acausal.language.declare import Declaration, Kind
 from acausal.language.expression import Expr, Shape, Symbol
 from acausal.language.misuse import Declared, declared_at
 from acausal.language.origin import Origin
+from acausal.units import convert
 
 _TINY = 1e-50
 """A `min` of at most this and more than 0 says that the value is positive, as `Modelica.Constants.small` does."""
@@ -70,7 +71,9 @@ class ParameterTable:
         path = instance.prefix + name
         declaration = instance.component._declarations[name]
         if path in self.overrides:
-            return self._free(path, declaration, entries(path, declaration.shape, self.overrides[path]))
+            return self._free(
+                path, declaration, entries(path, declaration.shape, self.overrides[path], declaration.unit)
+            )
         value: Expr | None = instance.component.__dict__["_values"].get(name)
         if value is None:
             raise _missing([(instance, name, declaration)])
@@ -267,10 +270,20 @@ def refuse_time(user: str, value: Expr, said: Origin | Declared) -> None:
                 stack.append(a)
 
 
-def entries(path: str, shape: Shape, value: object) -> tuple[float, ...]:
-    """Numbers of a parameter's entries, row-major; one number fills a vector or a matrix. AC023 for anything else."""
+def entries(path: str, shape: Shape, value: object, unit: str) -> tuple[float, ...]:
+    """Numbers of a variable's entries, row-major, from numbers in `unit` and texts with a unit: 2.5, "25 mm".
+
+    One number fills a vector or a matrix.
+
+    Raises
+    ------
+    UsageError
+        AC023 for anything else.
+    UnitError
+        AC150 to AC152 for the unit of a text.
+    """
     try:
-        given = _numbers(value)
+        given = _numbers(path, value, unit)
     except (TypeError, ValueError):
         raise UsageError("AC023", f"{path} cannot be {value!r}", help=f"give {_wanted(shape)}") from None
     size = math.prod(shape)
@@ -279,13 +292,19 @@ def entries(path: str, shape: Shape, value: object) -> tuple[float, ...]:
     raise UsageError("AC023", f"{path} takes {_wanted(shape)}, {len(given)} were given")
 
 
-def _numbers(value: Any) -> tuple[float, ...]:
+def _numbers(path: str, value: Any, unit: str) -> tuple[float, ...]:
     if hasattr(value, "tolist"):
         value = value.tolist()
     if isinstance(value, list | tuple):
-        return tuple(x for v in value for x in _numbers(v))
+        return tuple(x for v in value for x in _numbers(path, v, unit))
     if isinstance(value, int | float):
         return (float(value),)
+    if isinstance(value, str):
+        try:
+            return (convert(value, unit),)
+        except UnitError as error:
+            fact = error.fact if error.fact.startswith(path) else f"{path} = {value!r}: {error.fact}"
+            raise UnitError(error.code, fact, evidence=error.evidence, cause=error.cause, help=error.help) from None
     raise TypeError
 
 

@@ -53,7 +53,7 @@ _BINARY: dict[str, Callable[[float, float], float]] = {
 }
 LEAVES = frozenset(("const", "var", "par", "time"))
 RELATIONS = frozenset(("lt", "le", "gt", "ge"))
-_KEPT = frozenset(("sample", "pre", "initial", "terminal"))  # what they are depends on the run
+_KEPT = frozenset(("sample", "pre", "initial", "infinitesimal", "terminal"))  # what they are depends on the run
 _MANY = 16  # roots are many when there are more than one in so many nodes
 
 
@@ -144,6 +144,13 @@ class Pool:
             else:
                 known[number] = math.nan
         return known[root]
+
+    def is_constant(self, root: int) -> bool:
+        """True for an expression of parameters alone, whose value can be told before the run."""
+        return not any(
+            self.nodes[n][0] in ("var", "time", "sample", "pre", "initial", "infinitesimal", "terminal")
+            for n in self.reachable([root])
+        )
 
     def make(self, op: str, *args: int) -> int:
         """The node `op(args)`, simplified where that is exact for every value of the operands."""

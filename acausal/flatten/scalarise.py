@@ -45,6 +45,8 @@ def _entries(pool: Pool, e: Expr, resolve: Resolve, args: list[Scalars]) -> Scal
         return tuple(pool.const(v) for v in values)
     if op == "time":
         return (pool.time,)
+    if op in ("quantity", "unitless"):
+        return args[0]
     if op == "neg":
         return tuple(pool.neg(a) for a in args[0])
     if op == "der":

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from typing import Any
 
 from acausal.errors import DeclarationError, Span
-from acausal.language.component import Component
+from acausal.language.component import STATING, Component
 from acausal.language.connect import Connection
 from acausal.language.declare import Kind, check_discrete
 from acausal.language.dimensions import check_dimensions
@@ -14,6 +14,7 @@ from acausal.language.events import Assertion, When
 from acausal.language.expression import Equation, Expr, Symbol, assigned, is_discrete
 from acausal.language.misuse import called
 from acausal.language.origin import Origin, origin_of
+from acausal.language.statement import Ledger, refuse_lost, refuse_unheard, stepped
 
 Statement = tuple[Any, Origin]
 
@@ -24,6 +25,16 @@ def statements(component: Component, method: str = "equations") -> Iterator[Stat
         function = cls.__dict__.get(method)
         if function is not None:
             yield from run(component, cls.__name__, method, function)
+
+
+def refuse_unstated(components: Iterable[Component]) -> None:
+    """Refuse what `build` states when none of the component's generators yields it (AC186)."""
+    for component in components:
+        lost = Ledger(component.__dict__["_stated"])
+        for method in STATING if lost else ():
+            for item, _ in statements(component, method):
+                lost.pop(id(item), None)
+        refuse_lost(f"{type(component).__name__}.build", lost)
 
 
 def run(component: Component, cls: str, method: str, function: Callable[..., Any], *args: Any) -> Iterator[Statement]:
@@ -38,7 +49,9 @@ def run(component: Component, cls: str, method: str, function: Callable[..., Any
             where=(Span(function.__code__.co_filename, function.__code__.co_firstlineno),),
             help="every equation needs a `yield`: yield left == right",
         )
-    for item in _named(component, generator):
+    refuse_unheard(type(component), f"{cls}.{method}", function)
+    ledger = Ledger()
+    for item in _named(component, stepped(generator, ledger)):
         origin = origin_of(generator)
         if isinstance(item, Equation) and method != "ties":
             check_dimensions(item, _Where(origin))  # type: ignore[arg-type]
@@ -47,7 +60,8 @@ def run(component: Component, cls: str, method: str, function: Callable[..., Any
             for branch in (item, *item.branches) if isinstance(item, When) else (item,):
                 for action in branch.actions if isinstance(branch, When) else ():
                     check_dimensions(Equation(action.target, action.value), _Where(origin))  # type: ignore[arg-type]
-                check_dimensions(Equation(branch.condition, branch.condition), _Where(origin))  # type: ignore[arg-type]
+                for condition in branch.conditions if isinstance(branch, When) else (branch.condition,):
+                    check_dimensions(Equation(condition, condition), _Where(origin))  # type: ignore[arg-type]
         elif method != "ties" and not (isinstance(item, Connection) and method == "equations"):
             raise DeclarationError(
                 "AC130",
@@ -60,12 +74,13 @@ def run(component: Component, cls: str, method: str, function: Callable[..., Any
                 + (", connect(a, b), when(...) or assert_(...)" if method == "equations" else ""),
             )
         yield item, origin
+    refuse_lost(f"{cls}.{method}", ledger)
 
 
-def _named(component: Component, generator: Generator[Any, None, None]) -> Iterator[Any]:
+def _named(component: Component, items: Iterator[Any]) -> Iterator[Any]:
     """What the generator yields; a function of the library that refuses does not know for which component."""
     try:
-        yield from generator
+        yield from items
     except DeclarationError as error:
         path = component._path_to("")[:-1]
         if error.attribute_to(f"{path} ({type(component).__name__})" if path else type(component).__name__):

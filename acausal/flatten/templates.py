@@ -14,13 +14,14 @@ from typing import Any
 from acausal.errors import DeclarationError
 from acausal.flatten.allocate import layout
 from acausal.flatten.differentiate import differentiate
-from acausal.flatten.flat import FlatEquation
-from acausal.flatten.instances import Instance
+from acausal.flatten.flat import FlatAssert, FlatEquation
+from acausal.flatten.instances import Instance, numbers
 from acausal.flatten.parameters import ParameterTable
 from acausal.flatten.pool import Pool
 from acausal.flatten.scalarise import Scalars, scalars
 from acausal.flatten.statements import Statement
 from acausal.language.declare import Kind
+from acausal.language.events import Assertion
 from acausal.language.expression import Equation, Symbol, assigned, symbols_in
 from acausal.language.origin import Origin
 
@@ -33,6 +34,7 @@ class Template:
     n_local: int
     parameters: tuple[str, ...]
     equations: tuple[tuple[int, int, Origin, Equation], ...]
+    demands: tuple[tuple[int, Origin, Assertion], ...]
 
 
 def template_key(instance: Instance) -> object:
@@ -43,7 +45,8 @@ def template_key(instance: Instance) -> object:
     parts = [p.component for p in instance.parts]
     roles = tuple([tuple(p.__dict__["_roles"].items()) for p in parts if "_roles" in p.__dict__])
     lengths = tuple([len(p) for p in component._parts.values() if isinstance(p, list)])
-    key = (type(component), given, roles, tuple([type(p) for p in parts]), lengths)
+    around = tuple([id(values[n]) for n in type(component)._outers])
+    key = (type(component), given, roles, tuple([type(p) for p in parts]), lengths, around)
     try:
         hash(key)
     except TypeError:
@@ -60,22 +63,22 @@ _structural: Callable[..., tuple[str, ...]] = cache(_structural_names)
 
 
 def make_template(instance: Instance, found: Sequence[Statement]) -> Template | None:
-    """The template of a leaf component from the statements of one instance.
+    """The template of a leaf component from the statements of one instance: equations, and demands on parameters.
 
     None when they act at events, are discrete equations, delay something, or hold what belongs to another component: a
     function given as structural value may close over the parameters of the owner.
     """
-    own = {id(part.component) for part in (instance, *instance.parts)}
+    number_of = numbers((instance, *instance.parts))
     for item, _ in found:
         if not isinstance(item, Equation) or assigned(item) is not None:
             return None
-        if any(id(s.owner) not in own for s in symbols_in(item.left, item.right)):
+        if any(id(s.owner) not in number_of for s in symbols_in(item.left, item.right)):
             return None
     pool = Pool()
     first: dict[tuple[int, str], int] = {}
     for part in (instance, *instance.parts):
         for name, _, size in layout(type(part.component)):
-            first[id(part.component), name] = pool.new_variables(size)
+            first[part.number, name] = pool.new_variables(size)
     n_local = pool.n_variables
     parameters: list[str] = []
     position: dict[str, Scalars] = {}
@@ -83,7 +86,7 @@ def make_template(instance: Instance, found: Sequence[Statement]) -> Template | 
 
     def resolve(symbol: Symbol) -> Scalars:
         nonlocal count
-        start = first.get((id(symbol.owner), symbol.name))
+        start = first.get((number_of[id(symbol.owner)], symbol.name))
         if start is not None:
             size = max(1, _size(symbol))
             return tuple(pool.var(start + k) for k in range(size))
@@ -100,9 +103,14 @@ def make_template(instance: Instance, found: Sequence[Statement]) -> Template | 
         if isinstance(item, Equation)
         for left, right in sides(pool, item, resolve, done, origin)
     ]
-    if pool.delays or pool.undelayed:
+    demands = [
+        (scalars(pool, item.condition, resolve, done)[0], origin, item)
+        for item, origin in found
+        if isinstance(item, Assertion)
+    ]
+    if pool.delays or pool.undelayed or not all(pool.is_constant(condition) for condition, *_ in demands):
         return None
-    return Template(pool, n_local, tuple(parameters), tuple(equations))
+    return Template(pool, n_local, tuple(parameters), tuple(equations), tuple(demands))
 
 
 def _size(symbol: Symbol) -> int:
@@ -133,8 +141,10 @@ def sides(
     return list(zip(left, right, strict=True))
 
 
-def replay(template: Template, instance: Instance, pool: Pool, table: ParameterTable) -> list[FlatEquation]:
-    """The equations of `instance` in the pool of the model."""
+def replay(
+    template: Template, instance: Instance, pool: Pool, table: ParameterTable
+) -> tuple[list[FlatEquation], list[FlatAssert]]:
+    """The equations and the demands of `instance` in the pool of the model."""
     var = pool.var
     variables = []
     for part in (instance, *instance.parts):
@@ -158,4 +168,5 @@ def replay(template: Template, instance: Instance, pool: Pool, table: ParameterT
         else:
             image.append(make(op, *[image[c] for c in node[1:]]))
     path = instance.path
-    return [FlatEquation(image[a], image[b], origin, path, source) for a, b, origin, source in template.equations]
+    demands = [FlatAssert(image[c], a.message, a.level, origin, path, a) for c, origin, a in template.demands]
+    return [FlatEquation(image[a], image[b], origin, path, e) for a, b, origin, e in template.equations], demands

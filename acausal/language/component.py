@@ -9,13 +9,15 @@ from __future__ import annotations
 import inspect
 import math
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Self, dataclass_transform
 
 from acausal.errors import DeclarationError, UnknownFieldError, calling_span, nearest
 from acausal.language.declare import Declaration, Kind, Real, checked_value, parameter, structural
+from acausal.language.experiment import Experiment
 from acausal.language.expression import Expr, Symbol
 from acausal.language.misuse import (
+    assignment,
     called,
     checked_structural,
     declared_at,
@@ -26,14 +28,23 @@ from acausal.language.misuse import (
     refuse_hiding,
 )
 from acausal.language.origin import Origin
+from acausal.language.outer import Outer, outer
+from acausal.language.parts import Parts
+from acausal.language.statement import Ledger, Statement, recorded, refuse_lost, refuse_unheard
 
-Equations = Iterator[Any]
+if TYPE_CHECKING:
+    from acausal.diagram.diagram import Diagram
+
+Equations = Iterator[Statement]
 """Return type of `equations`, `initial_equations` and `ties`."""
 
-_RESERVED = {"build", "equations", "initial_equations", "ties"}
+STATING = ("equations", "initial_equations", "ties")
+"""Generators in which a component states what holds."""
+
+_RESERVED = {"build", *STATING}
 
 
-@dataclass_transform(kw_only_default=True, field_specifiers=(parameter, structural))
+@dataclass_transform(kw_only_default=True, field_specifiers=(parameter, structural, outer))
 class Component:
     """Base of everything a modeller writes.
 
@@ -41,19 +52,27 @@ class Component:
     `ties(self)`. Equations of all classes in the MRO add up, base first, without `super()`.
     """
 
+    experiment: ClassVar[Experiment] = Experiment()
+    """The run that the model is meant for."""
     _declarations: ClassVar[dict[str, Declaration]] = {}
     _prototypes: ClassVar[dict[str, Component]] = {}
+    _outers: ClassVar[dict[str, Outer]] = {}
+    _to_be_connected: ClassVar[tuple[str, ...]] = ()
+    """Connectors that cannot stay open: an open one carries no flow, which here would rule what flows elsewhere."""
     _classes: ClassVar[dict[str, type[Component] | None]]
+    _is_named_right: ClassVar[bool]
     _parts: dict[str, Component | list[Any]]
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
         declarations: dict[str, Declaration] = {}
         prototypes: dict[str, Component] = {}
+        outers: dict[str, Outer] = {}
         for base in reversed(cls.__bases__):
             declarations |= getattr(base, "_declarations", {})
             prototypes |= getattr(base, "_prototypes", {})
-        refuse_hiding(cls, declarations)
+            outers |= getattr(base, "_outers", {})
+        refuse_hiding(cls, {**declarations, **outers})
         annotated = inspect.get_annotations(cls)
         for name, annotation in annotated.items():
             if name not in cls.__dict__ and not name.startswith("_") and "ClassVar" not in str(annotation):
@@ -66,7 +85,7 @@ class Component:
                     help=f"{made}, or ClassVar[...] for what is no field",
                 )
         for name, value in list(cls.__dict__.items()):
-            if isinstance(value, Declaration | Component):
+            if isinstance(value, Declaration | Component | Outer):
                 if name not in annotated:
                     raise DeclarationError(
                         "AC112",
@@ -74,10 +93,13 @@ class Component:
                         where=field_span(cls, name),
                         help=f"{name}: {_annotation_for(value)} = ...",
                     )
-                _check_name(cls, name)
+                _check_name(cls, name, value)
             if isinstance(value, Component):
                 prototypes[name] = value
                 declarations[name] = Declaration(Kind.PART, doc=(type(value).__doc__ or "").split("\n")[0])
+                delattr(cls, name)
+            elif isinstance(value, Outer):
+                outers[name] = value
                 delattr(cls, name)
             elif isinstance(value, Declaration):
                 declarations[name] = value
@@ -86,8 +108,11 @@ class Component:
                     delattr(cls, name)
                 else:
                     setattr(cls, name, Real(name, value))
+        for name in annotated.keys() & declarations.keys():
+            declarations[name].belongs_to(cls, name)
         cls._declarations = declarations
         cls._prototypes = prototypes
+        cls._outers = outers
 
     def __init__(self, /, *nameless: Any, **given: Any) -> None:
         if nameless:
@@ -110,6 +135,8 @@ class Component:
         for name in given:
             if name not in self._declarations:
                 raise _unknown_field(cls, name)
+        for name, around in self._outers.items():
+            own[name] = around.cls._stand_in(self, name)
         for name, declaration in self._declarations.items():
             if name in given:
                 self._give(name, declaration, given[name])
@@ -127,15 +154,7 @@ class Component:
             elif declaration.kind is not Kind.PART and declaration.default is not None:
                 own["_values"][name] = self._declared(name, declaration)
         own["_building"] = True
-        build = getattr(self, "build", None)
-        if build is not None:
-            try:
-                called(f"{cls.__name__}.build", "def build(self) -> None", build)
-            except RecursionError as error:
-                raise endless(self) or error from None
-            except DeclarationError as error:
-                error.attribute_to(cls.__name__)
-                raise
+        self._build()
         for name, parts in own["_parts"].items():
             if isinstance(parts, list):
                 self._adopt(name, parts)  # again: build may have appended to it
@@ -148,6 +167,34 @@ class Component:
                     where=(*calling_span(), *declared_at(cls, name)),
                     help=f"make it in `build`: self.{name} = {_annotation_of(cls, name)}",
                 )
+
+    def _build(self) -> None:
+        """Run `build`; what it states must be yielded later, from where `_stated` keeps it."""
+        cls, ledger = type(self), Ledger()
+        self.__dict__["_stated"] = ledger
+        build = getattr(self, "build", None)
+        if build is None:
+            return
+        where = f"{cls.__name__}.build"
+        try:
+            with recorded(ledger):
+                returned = called(where, "def build(self) -> None", build)
+            refuse_unheard(cls, where, build)
+            if inspect.isgenerator(returned):
+                raise DeclarationError(
+                    "AC129",
+                    f"{where} yields",
+                    where=declared_at(cls, "build"),
+                    cause="`build` makes the parts; what is stated about them is yielded by `equations`",
+                    help="move what is yielded into `def equations(self) -> Equations`",
+                )
+            if not any(hasattr(cls, name) for name in STATING):
+                refuse_lost(where, ledger)
+        except RecursionError as error:
+            raise endless(self) or error from None
+        except DeclarationError as error:
+            error.attribute_to(cls.__name__)
+            raise
 
     def _declared(self, name: str, declaration: Declaration) -> Any:
         """The value that the class body gives; what is wrong with it is wrong there."""
@@ -176,7 +223,9 @@ class Component:
             self.__dict__["_values"][name] = checked_value(type(self).__name__, name, declaration, value)
 
     def _adopt(self, name: str, value: Any) -> None:
-        members = value if isinstance(value, list | tuple) else [value]
+        if isinstance(value, list | tuple):
+            value = list(value)
+        members = value if isinstance(value, list) else [value]
         for k, member in enumerate(members):
             if not isinstance(member, Component):
                 raise DeclarationError(
@@ -184,6 +233,14 @@ class Component:
                     f"{type(self).__name__}: part '{name}' cannot be {member!r} ({type(member).__name__})",
                     help=f"it takes {_annotation_of(type(self), name)}",
                 )
+            member._refuse_unmade()
+            owner = member.__dict__["_owner"]
+            if isinstance(member, Record) and owner is not None and owner[0] is not self:
+                member = member._reference()
+                if value is members:
+                    members[k] = member
+                else:
+                    value = member
             prototype = self._prototypes.get(name)
             if isinstance(prototype, Connector) and type(member) is not type(prototype):
                 raise DeclarationError(
@@ -192,7 +249,7 @@ class Component:
                     f"not a {type(member).__name__}",
                     help="a connector is declared in the class; it need not be given",
                 )
-            wanted = None if prototype is not None else declared_class(type(self), name)
+            wanted = declared_class(type(self), name)
             if wanted is not None and members is value and _annotation_of(type(self), name)[0] != "[":
                 raise DeclarationError(
                     "AC116",
@@ -206,7 +263,9 @@ class Component:
                     f"{type(self).__name__}: part '{name}' is declared as {wanted.__name__}, "
                     f"{type(member).__name__} is none",
                     where=(*calling_span(), *declared_at(type(self), name)),
-                    help=f"make {_annotation_of(type(self), name)}, or declare a class that both derive from",
+                    help=f"make {_annotation_of(type(self), name)}, or declare a class that both derive from"
+                    if prototype is None
+                    else f"a part is replaced by one of its declared class: {_annotation_of(type(self), name)}",
                 )
             if member.__dict__["_owner"] is not None and member.__dict__["_owner"][0] is not self:
                 owner, its_name = member.__dict__["_owner"]
@@ -218,18 +277,15 @@ class Component:
                     help="make one component per place: call its class in `build`",
                 )
             member.__dict__["_owner"] = (self, f"{name}[{k}]" if isinstance(value, list | tuple) else name)
-        self._parts[name] = list(members) if isinstance(value, list | tuple) else value
+        self._parts[name] = Parts(members, self, name) if isinstance(value, list | tuple) else value
 
     def __setattr__(self, name: str, value: Any) -> None:
         cls = type(self)
         if not self.__dict__.get("_building", False):
-            raise own_constructor(cls) or DeclarationError(
-                "AC118",
-                f"{cls.__name__}.{name} cannot be set after construction",
-                help=f"a value is given where it is made: {cls.__name__}({name}=...); "
-                f"an equation is yielded: yield self.{name} == ...",
-            )
+            raise own_constructor(cls) or assignment(self, name, STATING)
         declaration = self._declarations.get(name)
+        if declaration is not None and declaration.kind is Kind.PART and name in self.__dict__["_given"]:
+            return  # what was given replaces what `build` would make
         if declaration is not None:
             self._give(name, declaration, value)
         elif isinstance(value, Component) or (isinstance(value, list) and value and isinstance(value[0], Component)):
@@ -247,23 +303,74 @@ class Component:
             parts = self.__dict__.get("_parts")
             if parts is not None and name in parts:
                 return parts[name]
+            if parts is None and not name.startswith("_"):
+                self._refuse_unmade()
             if name.startswith("__") or parts is None:
                 raise AttributeError(name)
             if name in _RESERVED:
                 raise AttributeError(name)
+            if "_stands_in" in self.__dict__:
+                return self._seen_through(name)
             if name in self._declarations:  # a part: `__init__` has declared it and `build` has not run yet
                 raise _not_made_yet(type(self), name)
             raise _unknown_field(type(self), name)
 
+    def _refuse_unmade(self) -> None:
+        """Refuse what a constructor of its own has left without all that a component is (AC109)."""
+        if "_origin" not in self.__dict__:
+            wrong = own_constructor(type(self))
+            if wrong is not None:
+                raise wrong
+
     def _copy(self) -> Self:
         """A fresh instance of the same recipe."""
+        self._refuse_unmade()
         given = {
             k: v._copy() if isinstance(v, Component) else [m._copy() for m in v] if _is_parts(v) else v
             for k, v in self.__dict__["_given"].items()
         }
         twin = type(self)(**given)
-        twin.__dict__["_origin"] = self.__dict__["_origin"]
+        twin.__dict__.update(self._marks())
         return twin
+
+    def _marks(self) -> dict[str, Any]:
+        """What a copy has besides its recipe: where it was made, and which signals `free` has cut."""
+        return {name: self.__dict__[name] for name in ("_origin", "_freed") if name in self.__dict__}
+
+    @classmethod
+    def _stand_in(cls, owner: Component, name: str) -> Self:
+        """What stands for an outer component of `owner`, or a part of one, until it is known: its quantities."""
+        made = object.__new__(cls)
+        made.__dict__.update(_owner=(owner, name), _origin=owner.__dict__["_origin"], _stands_in=True, _building=False)
+        made.__dict__.update({held: {} for held in ("_values", "_symbols", "_parts", "_given", "_stated")})
+        for own_name, around in cls._outers.items():
+            made.__dict__[own_name] = around.cls._stand_in(made, own_name)
+        return made
+
+    def _seen_through(self, name: str) -> Component:
+        """A part of a stand-in; AC187 for what is no quantity."""
+        prototype = self._prototypes.get(name)
+        if prototype is None:
+            path = self._path_to(name)
+            raise DeclarationError(
+                "AC187",
+                f"`{path}` is not known yet: what is around a component is known when the model is flattened",
+                help=f"in `build` and in defaults take quantities of `{path.rpartition('.')[0]}` only; `equations` may "
+                "read everything",
+            )
+        made = self._parts[name] = type(prototype)._stand_in(self, name)
+        return made
+
+    def _view(self, own: Mapping[str, Any] | None = None, parts: Mapping[str, Any] | None = None) -> Self:
+        """This component with some other attributes and parts; all else is shared with it, and it stays as it is."""
+        twin = object.__new__(type(self))
+        twin.__dict__.update(self.__dict__)
+        twin.__dict__.update(own or {}, _symbols={}, _parts={**self._parts, **(parts or {})})
+        return twin
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """A pickled component is its recipe, as a copy is: what `build` has made may hold functions."""
+        return _again, (type(self), self.__dict__["_given"], self._marks())
 
     def _path_to(self, name: str) -> str:
         """Path of a field as seen from the outermost owner, for messages."""
@@ -277,6 +384,59 @@ class Component:
     def __repr__(self) -> str:
         given = ", ".join(f"{k}={_shown(v)}" for k, v in self.__dict__["_given"].items())
         return f"{type(self).__name__}({given})"
+
+    def diagram(self, *, depth: int = 1, opened: Sequence[str] = ()) -> Diagram:
+        """The connection diagram; see `acausal.diagram`."""
+        from acausal.diagram.diagram import diagram
+
+        return diagram(self, depth=depth, opened=opened)
+
+    def _repr_html_(self) -> str:
+        from acausal.notebook import component_html
+
+        return component_html(self)
+
+
+class Record(Component):
+    """A set of parameters with a name of its own, as Modelica's records: a material, a tool.
+
+    A component declares a record as a part, `material: Material = Material()`, and reads `self.material.rho`. One
+    record may be given to many components, `Rod(material=self.steel)`: each then has its own, bound to that one, so
+    that setting a value of the one sets it everywhere.
+
+    Raises
+    ------
+    DeclarationError
+        AC190 when a subclass declares anything but parameters, structural values and records, or states equations.
+    """
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        held = {n: d.kind for n, d in cls._declarations.items()}
+        parts = {n: type(p) for n, p in cls._prototypes.items()}
+        wrong = [n for n, k in held.items() if k not in (Kind.PARAMETER, Kind.STRUCTURAL, Kind.PART)]
+        wrong += [n for n in STATING if hasattr(cls, n)]
+        wrong += [n for n, k in held.items() if k is Kind.PART and not issubclass(parts.get(n, Component), Record)]
+        if wrong:
+            raise DeclarationError(
+                "AC190",
+                f"record {cls.__name__}: '{wrong[0]}' is no parameter",
+                where=field_span(cls, wrong[0]),
+                help="a record holds parameter(...), structural(...) and records; a Component holds everything",
+            )
+
+    def _reference(self) -> Self:
+        """A record whose values are bound to those of this one."""
+        twin = type(self)(**{name: getattr(self, name) for name in self._declarations})
+        twin.__dict__["_origin"] = self.__dict__["_origin"]
+        return twin
+
+
+def _again(cls: type[Component], given: dict[str, Any], marks: dict[str, Any]) -> Component:
+    """The component that was pickled; its place is still where it was made first."""
+    found = cls(**given)
+    found.__dict__.update(marks)
+    return found
 
 
 class Connector(Component):
@@ -323,8 +483,10 @@ def _type_text(value: Any) -> str:
     return f"list[{type(value[0]).__name__}]" if isinstance(value, list) else type(value).__name__
 
 
-def _annotation_for(value: Declaration | Component) -> str:
+def _annotation_for(value: Declaration | Component | Outer) -> str:
     """The annotation that a declaration needs, as far as it can be told."""
+    if isinstance(value, Outer):
+        return value.cls.__name__
     if isinstance(value, Component):
         return type(value).__name__
     return {Kind.PART: "...", Kind.STRUCTURAL: "int"}.get(value.kind, "Real")
@@ -353,7 +515,7 @@ def _shown(value: Any) -> str:
     return repr(value)
 
 
-def _check_name(cls: type[Component], name: str) -> None:
+def _check_name(cls: type[Component], name: str, value: Declaration | Component | Outer) -> None:
     if name.startswith("_") or name in _RESERVED:
         raise DeclarationError(
             "AC125",
@@ -363,13 +525,23 @@ def _check_name(cls: type[Component], name: str) -> None:
             help="choose another name",
         )
     for base in cls.__mro__[1:]:
-        if issubclass(base, Component) and name in base._declarations:
+        if issubclass(base, Component) and (name in base._declarations or name in base._outers):
+            if _replaces(base, name, value):
+                continue
             raise DeclarationError(
                 "AC126",
                 f"{cls.__name__}.{name} is declared again: {base.__name__} has it already",
                 where=field_span(cls, name),
                 help=f"choose another name; a value is given where a part is made: {cls.__name__}({name}=...)",
             )
+
+
+def _replaces(base: type[Component], name: str, value: object) -> bool:
+    """Whether a class body replaces an inherited part by one of the class that the base declares."""
+    inherited = base._prototypes.get(name)
+    if inherited is None or isinstance(inherited, Connector) or not isinstance(value, Component):
+        return False
+    return isinstance(value, declared_class(base, name) or type(inherited))
 
 
 def _not_made_yet(cls: type[Component], name: str) -> DeclarationError:

@@ -98,6 +98,16 @@ def initial() -> Expr:
     return Operation("initial", (), ())
 
 
+def infinitesimal() -> Expr:
+    """A positive number smaller than any other: zero, except where the equations leave something open because of it.
+
+    What they leave open is then its limit from above. `a == where(locked, infinitesimal() * tau, ...)` keeps an element
+    of dry friction at rest, and says how several of them share a load that each could bear alone: with the least sum of
+    squares, as surfaces do that creep in proportion to their load. The factor of it must oppose what it is added to.
+    """
+    return Operation("infinitesimal", (), ())
+
+
 def terminal() -> Expr:
     """True at the end of a run that succeeds."""
     return Operation("terminal", (), ())

@@ -9,20 +9,27 @@ from acausal.errors import DeclarationError, UnitError
 from acausal.language.component import Component, Connector
 from acausal.language.declare import Kind
 from acausal.language.expression import Expr, Symbol, shape_text
+from acausal.language.statement import Statement, made
 from acausal.units import parse
 
 Connectable = TypeVar("Connectable", bound=Connector | Expr)
 
 
 @dataclass(frozen=True)
-class Connection:
+class Connection(Statement):
     """What `connect` makes; yield it like an equation."""
 
-    ends: tuple[Connector, ...] | tuple[Symbol, ...]
+    ends: tuple[Connector, ...] | tuple[Expr, ...]
+
+    def __post_init__(self) -> None:
+        made(self)
+
+    def __str__(self) -> str:
+        return f"connect({', '.join(_name(end) for end in self.ends)})"
 
 
 def connect(first: Connectable, second: Connectable, *more: Connectable) -> Connection:
-    """Join connectors of one type, or one signal output with signal inputs.
+    """Join connectors of one type, or one signal output with signal inputs; elements of vectors too: `self.u[2]`.
 
     Raises
     ------
@@ -33,7 +40,7 @@ def connect(first: Connectable, second: Connectable, *more: Connectable) -> Conn
     """
     ends = (first, second, *more)
     for end in ends:
-        if not isinstance(end, Connector | Symbol):
+        if not isinstance(end, Connector | Symbol) and not is_element(end):
             shown = _component_name(end) if isinstance(end, Component) else f"`{end}`"
             has = _connectors_of(end)
             raise DeclarationError(
@@ -41,7 +48,7 @@ def connect(first: Connectable, second: Connectable, *more: Connectable) -> Conn
                 f"{shown} is neither a connector nor a signal",
                 help=f"connect one of its connectors: {has}" if has else "connect flanges, frames, pins or signals",
             )
-    kinds: set[type] = {type(end) for end in ends}
+    kinds: set[type] = {Symbol if is_element(end) else type(end) for end in ends}
     if len(kinds) > 1:
         shown = " and ".join(f"{_name(e)} ({_type_name(e, kinds)})" for e in ends)
         raise DeclarationError(
@@ -50,18 +57,34 @@ def connect(first: Connectable, second: Connectable, *more: Connectable) -> Conn
             cause="a connection joins connectors of one type",
             help="look for a component that has both connectors and put it between",
         )
-    if isinstance(first, Symbol):
+    if isinstance(first, Expr):
         _check_signals(ends)  # type: ignore[arg-type]
     return Connection(ends)  # type: ignore[arg-type]
 
 
-def _check_signals(ends: tuple[Symbol, ...]) -> None:
-    first = ends[0]
+def is_element(end: object) -> bool:
+    """Whether an end of a connection is an element of a signal that is a vector or a matrix."""
+    return isinstance(end, Expr) and end.op == "index" and isinstance(end.args[0], Symbol)
+
+
+def signal_of(end: Expr) -> Symbol:
+    """The signal that an end of a connection is, or is an element of."""
+    found = end.args[0] if is_element(end) else end
+    assert isinstance(found, Symbol), "connect has looked at it"
+    return found
+
+
+def _check_signals(ends: tuple[Expr, ...]) -> None:
+    first, declared = ends[0], signal_of(ends[0]).declaration
     for end in ends:
-        if end.declaration.kind not in (Kind.INPUT, Kind.OUTPUT):
+        own = signal_of(end).declaration
+        if own.kind not in (Kind.INPUT, Kind.OUTPUT):
+            owner = signal_of(end).owner
+            signals = [n for n, d in type(owner)._declarations.items() if d.kind in (Kind.INPUT, Kind.OUTPUT)]
             raise DeclarationError(
                 "AC121",
-                f"`{end}` is a {end.declaration.kind.value}, not a signal",
+                f"`{end}` is a {own.kind.value}, not a signal",
+                evidence=[f"signals of {type(owner).__name__}: {', '.join(signals[:6])}"] if signals else [],
                 help="only signal_input and signal_output are connected; write an equation for anything else",
             )
         if end.shape != first.shape:
@@ -70,14 +93,14 @@ def _check_signals(ends: tuple[Symbol, ...]) -> None:
                 f"`{first}` ({shape_text(first.shape)}) and `{end}` ({shape_text(end.shape)}) cannot be connected",
                 help="signals that are connected have one shape",
             )
-        if end.declaration.boolean != first.declaration.boolean:
-            on, number = (first, end) if first.declaration.boolean else (end, first)
+        if own.boolean != declared.boolean:
+            on, number = (first, end) if declared.boolean else (end, first)
             raise DeclarationError(
                 "AC147",
                 f"`{on}` is true or false, `{number}` is a number: they cannot be connected",
                 help="put a BooleanToReal or a GreaterThreshold of acausal.library.blocks between them",
             )
-        a, b = first.declaration.unit, end.declaration.unit
+        a, b = declared.unit, own.unit
         if a and b and parse(a).dimension != parse(b).dimension:
             raise UnitError(
                 "AC154",

@@ -19,7 +19,7 @@ from acausal.language.expression import (
     is_truth,
     shape_text,
 )
-from acausal.units import parse
+from acausal.units import declared, format_dimension, parse
 
 if TYPE_CHECKING:
     from acausal.language.component import Component
@@ -70,8 +70,10 @@ class Declaration:
 
     `default` is a number, a nested tuple, a function of the instance (`lambda self: sin(self.sigma)`), a
     `Fixed` or a `Guess`, or None. `prefer_state` ranks candidates for states: True before undeclared before False.
-    `hint` is printed when the compiler cannot determine the variable. A `discrete` variable keeps its value between
-    events; of these, `boolean` ones are true or false and `integer` ones count.
+    `hint` is printed when the compiler cannot determine the variable. `monotone_above` is a value from which on the
+    equations rise or fall steadily with the variable, along a curve that bends to one side: where they are nonlinear in
+    it, the compiler solves them inside the equations instead of leaving an algebraic variable. A `discrete` variable
+    keeps its value between events; of these, `boolean` ones are true or false and `integer` ones count.
     """
 
     kind: Kind
@@ -84,21 +86,28 @@ class Declaration:
     max: float = math.inf
     prefer_state: bool | None = None
     hint: str = ""
+    monotone_above: float | None = None
     overconstrained: bool = False
     discrete: bool = False
     boolean: bool = False
     integer: bool = False
 
+    def belongs_to(self, cls: type[Component], name: str) -> None:
+        """Remember the class whose body this stands in: as a class, a declaration is pickled by its name."""
+        object.__setattr__(self, "_home", (cls, name))
+
+    def __reduce__(self) -> Any:
+        home = self.__dict__.get("_home")
+        return super().__reduce_ex__(2) if home is None else (_declaration_of, home)
+
+
+def _declaration_of(cls: type[Component], name: str) -> Declaration:
+    return cls._declarations[name]
+
 
 def _declare(kind: Kind, *, unit: str, shape: Shape | int = (), **rest: Any) -> Any:
     if unit:
-        parsed = parse(unit)
-        if not math.isclose(parsed.factor, 1.0, rel_tol=1e-12) or parsed.offset:
-            raise UnitError(
-                "AC153",
-                f"declared unit '{unit}' is not coherent (1 {unit} = {parsed.factor:g} SI units)",
-                help="declare in SI; values given on the command line are converted: --set length=16mm",
-            )
+        declared(unit)
     low, high, nominal = rest.get("min", -math.inf), rest.get("max", math.inf), rest.get("nominal", 1.0)
     if not low <= high:
         raise DeclarationError(
@@ -122,6 +131,7 @@ def variable(
     max: float = math.inf,
     prefer_state: bool | None = None,
     hint: str = "",
+    monotone_above: float | None = None,
     overconstrained: bool = False,
 ) -> Any:
     """An unknown of the model; in a connector, a potential: equal in all connected connectors."""
@@ -136,6 +146,7 @@ def variable(
         max=max,
         prefer_state=prefer_state,
         hint=hint,
+        monotone_above=monotone_above,
         overconstrained=overconstrained,
     )
 
@@ -200,14 +211,37 @@ def flow(*, unit: str = "", doc: str = "", shape: Shape | int = (), nominal: flo
     return _declare(Kind.FLOW, unit=unit, doc=doc, shape=shape, nominal=nominal, hint=hint)
 
 
-def signal_input(*, unit: str = "", doc: str = "", shape: Shape | int = (), default: Any = None, hint: str = "") -> Any:
-    """A signal the component reads; connect it to a `signal_output`, or bind it in the constructor."""
-    return _declare(Kind.INPUT, unit=unit, doc=doc, shape=shape, default=default, hint=hint)
+def signal_input(
+    *,
+    unit: str = "",
+    doc: str = "",
+    shape: Shape | int = (),
+    default: Any = None,
+    nominal: float = 1.0,
+    min: float = -math.inf,
+    max: float = math.inf,
+    hint: str = "",
+) -> Any:
+    """A signal the component reads; connect it to a `signal_output`, or bind it in the constructor.
+
+    Of the outermost component it is an input of the model: `simulate(inputs={...})`. There a number as `default` is
+    its value when nothing is given, values outside `min ... max` are refused, and optimal control has these bounds.
+    """
+    return _declare(
+        Kind.INPUT, unit=unit, doc=doc, shape=shape, default=default, nominal=nominal, min=min, max=max, hint=hint
+    )
 
 
-def signal_output(*, unit: str = "", doc: str = "", shape: Shape | int = (), nominal: float = 1.0) -> Any:
+def signal_output(
+    *,
+    unit: str = "",
+    doc: str = "",
+    shape: Shape | int = (),
+    nominal: float = 1.0,
+    monotone_above: float | None = None,
+) -> Any:
     """A signal the component computes."""
-    return _declare(Kind.OUTPUT, unit=unit, doc=doc, shape=shape, nominal=nominal)
+    return _declare(Kind.OUTPUT, unit=unit, doc=doc, shape=shape, nominal=nominal, monotone_above=monotone_above)
 
 
 def parameter(
@@ -233,7 +267,7 @@ def structural(*, default: Any = None, doc: str = "") -> Any:
 
 
 def part(*, doc: str = "") -> Any:
-    """A component, or a list of components, that `build` creates."""
+    """A component, or a list of components, that `build` creates; one that is given to the constructor replaces it."""
     return Declaration(Kind.PART, doc=doc)
 
 
@@ -251,6 +285,8 @@ class Real:
     def __get__(self, instance: Component | None, owner: type[Any]) -> Declaration | Expr:
         if instance is None:
             return self.declaration
+        if "_symbols" not in instance.__dict__:
+            instance._refuse_unmade()
         symbols: dict[str, Symbol] = instance.__dict__["_symbols"]
         found = symbols.get(self.name)
         if found is None:
@@ -283,13 +319,16 @@ def checked_value(owner: str, name: str, declaration: Declaration, value: Any) -
             + ("; values with units are for the command line" if isinstance(value, str) else ""),
         )
     expr = _fitting(owner, name, declaration, value)
-    if kind in (Kind.VARIABLE, Kind.FLOW, Kind.OUTPUT) and not isinstance(value, Expr) and expr.op == "const":
+    is_number = not isinstance(value, Expr) or value.op == "quantity"
+    if kind in (Kind.VARIABLE, Kind.FLOW, Kind.OUTPUT) and is_number and expr.op == "const":
         return Fixed(expr)
     return expr
 
 
 def _fitting(owner: str, name: str, declaration: Declaration, value: Any) -> Expr:
     expr = as_expr(value)
+    if expr.op == "quantity":
+        expr = _in_unit(owner, name, declaration, expr)
     if expr.shape != declaration.shape:
         if expr.op == "const" and expr.shape == ():
             size = math.prod(declaration.shape)
@@ -301,6 +340,18 @@ def _fitting(owner: str, name: str, declaration: Declaration, value: Any) -> Exp
         )
     check_discrete(f"{owner}: '{name}'", declaration, expr)
     return expr
+
+
+def _in_unit(owner: str, name: str, declaration: Declaration, given: Expr) -> Expr:
+    """The number of a `quantity`, checked against the declared unit."""
+    dimension = parse(given.payload[1]).dimension
+    if declaration.unit and dimension != parse(declaration.unit).dimension:
+        raise UnitError(
+            "AC151",
+            f"{owner}: '{name}' is in {declaration.unit}, `{given}` in {format_dimension(dimension)}",
+            help=f"give a number in {declaration.unit}, or a quantity of its dimension",
+        )
+    return given.args[0]
 
 
 def check_discrete(name: str, declaration: Declaration, value: Expr) -> None:

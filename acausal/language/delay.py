@@ -58,3 +58,6 @@ class Delayed(str):
         made.number = number
         made.label = label if len(label) <= _LONGEST else label[: _LONGEST - 4] + " ..."
         return made
+
+    def __reduce__(self) -> tuple[type[Delayed], tuple[int, str]]:
+        return Delayed, (self.number, self.label)

@@ -11,7 +11,8 @@ from dataclasses import dataclass, replace
 
 from acausal.errors import DeclarationError
 from acausal.language.declare import check_discrete
-from acausal.language.expression import Expr, Operand, Operation, Symbol, as_expr, checked_condition
+from acausal.language.expression import Expr, Operand, Symbol, as_expr, checked_condition
+from acausal.language.statement import Statement, made, used
 
 
 @dataclass(frozen=True)
@@ -21,6 +22,12 @@ class Reset:
     target: Symbol
     value: Expr
 
+    def __post_init__(self) -> None:
+        made(self)
+
+    def __str__(self) -> str:
+        return f"reset({self.target}, {self.value})"
+
 
 @dataclass(frozen=True)
 class Terminate:
@@ -28,26 +35,38 @@ class Terminate:
 
     message: str
 
+    def __post_init__(self) -> None:
+        made(self)
+
+    def __str__(self) -> str:
+        return f'terminate("{self.message}")'
+
 
 @dataclass(frozen=True)
-class When:
+class When(Statement):
     """Actions at the instants at which a condition becomes true; yield it like an equation.
 
-    `branches` are its `elsewhen`s in the order of their priority. Each of them is a `When` without branches, whose
-    `keyword` is "elsewhen".
+    It acts when any of its `conditions` becomes true. `branches` are its `elsewhen`s in the order of their priority.
+    Each of them is a `When` without branches, whose `keyword` is "elsewhen".
     """
 
-    condition: Expr
+    conditions: tuple[Expr, ...]
     actions: tuple[Reset, ...]
     terminate: str | None = None
     branches: tuple[When, ...] = ()
     keyword: str = "when"
 
+    def __post_init__(self) -> None:
+        used(self.branches)
+        made(self)
+
     def __str__(self) -> str:
-        actions = [f"reset({a.target}, {a.value})" for a in self.actions]
+        actions = [str(a) for a in self.actions]
         if self.terminate is not None:
             actions.append(f'terminate("{self.terminate}")')
-        own = f"{self.keyword}({', '.join([str(self.condition), *actions])})"
+        asked = ", ".join(map(str, self.conditions))
+        asked = f"({asked})" if len(self.conditions) > 1 else asked
+        own = f"{self.keyword}({', '.join([asked, *actions])})"
         return ".".join([own, *map(str, self.branches)])
 
     def elsewhen(self, condition: Expr | Sequence[Expr], *actions: Reset | Terminate) -> When:
@@ -61,28 +80,20 @@ class When:
         DeclarationError
             AC108 when `condition` is no condition, AC140 when an action is neither a `reset` nor a `terminate`.
         """
+        used((self,))
         return replace(self, branches=(*self.branches, _made(condition, actions, "elsewhen")))
-
-    def guarded(self) -> list[tuple[Expr, When]]:
-        """Every branch with the condition under which it acts: its own becomes true, and none before it does."""
-        if not self.branches:
-            return [(self.condition, self)]
-        found: list[tuple[Expr, When]] = []
-        earlier: Expr | None = None
-        for branch in (replace(self, branches=()), *self.branches):
-            rises: Expr = Operation("edge", (branch.condition,), ())
-            found.append((rises if earlier is None else rises & ~earlier, branch))
-            earlier = rises if earlier is None else earlier | rises
-        return found
 
 
 @dataclass(frozen=True)
-class Assertion:
+class Assertion(Statement):
     """A condition that must hold; made by `assert_`."""
 
     condition: Expr
     message: str
     level: str
+
+    def __post_init__(self) -> None:
+        made(self)
 
     def __str__(self) -> str:
         return f'assert_({self.condition}, "{self.message}")'
@@ -109,22 +120,16 @@ def _made(condition: Expr | Sequence[Expr], actions: Sequence[object], keyword: 
                 f"`{action}` is not an action",
                 help=f'write {keyword}(condition, reset(x, value)) or {keyword}(condition, terminate("why"))',
             )
+    used(actions)
     resets = tuple(a for a in actions if isinstance(a, Reset))
     ends = [a.message for a in actions if isinstance(a, Terminate)]
-    return When(_any_of(condition), resets, "; ".join(ends) if ends else None, keyword=keyword)
+    return When(_conditions(condition), resets, "; ".join(ends) if ends else None, keyword=keyword)
 
 
-def _any_of(condition: Expr | Sequence[Expr]) -> Expr:
-    if not isinstance(condition, tuple | list) or not condition:
-        return checked_condition(condition)
-    if len(condition) == 1:
-        return checked_condition(condition[0])
-    # The edges, not the conditions: one that holds already must not hide that another becomes true.
-    found = [Operation("edge", (checked_condition(c),), ()) for c in condition]
-    total: Expr = found[0]
-    for c in found[1:]:
-        total = total | c
-    return total
+def _conditions(condition: Expr | Sequence[Expr]) -> tuple[Expr, ...]:
+    if isinstance(condition, tuple | list) and condition:
+        return tuple(checked_condition(c) for c in condition)
+    return (checked_condition(condition),)
 
 
 def reset(x: Expr, value: Operand) -> Reset:

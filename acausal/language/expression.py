@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from acausal.errors import DeclarationError
+from acausal.language.statement import Statement, made
 
 if TYPE_CHECKING:
     from acausal.language.declare import Declaration
@@ -172,6 +173,16 @@ class Expr:
             )
         return Operation("index", (self,), (), tuple(i % n for i, n in zip(key, self.shape, strict=True)))
 
+    if not TYPE_CHECKING:  # else `x[0] = 1.0` would pass a type checker
+
+        def __setitem__(self, index: Any, value: Any) -> NoReturn:
+            shown = ", ".join(str(k) for k in index) if isinstance(index, tuple) else index
+            raise DeclarationError(
+                "AC118",
+                f"`{self}[{shown}]` is assigned: write `yield self.{self}[{shown}] == ...`",
+                cause="an assignment states no equation",
+            )
+
     def __iter__(self) -> Iterator[Expr]:
         if len(self.shape) != 1:
             raise DeclarationError(
@@ -248,7 +259,7 @@ class Symbol(Expr):
         self.declaration = declaration
 
 
-class Equation:
+class Equation(Statement):
     """`left == right`, elementwise. It has no truth value."""
 
     __slots__ = ("left", "right")
@@ -264,6 +275,7 @@ class Equation:
             )
         self.left = left
         self.right = right
+        made(self)
 
     def __bool__(self) -> NoReturn:
         raise _no_truth(
@@ -287,8 +299,8 @@ def constant(value: Any, shape: Shape = ()) -> Expr:
 
 
 def is_literal(e: Expr) -> bool:
-    """True for a scalar literal number, which adapts to any shape in a sum or an equation."""
-    return e.op == "const" and e.shape == ()
+    """True for a scalar literal number, with a unit or without; it adapts to any shape in a sum or an equation."""
+    return e.op in ("const", "quantity") and e.shape == ()
 
 
 def as_expr(value: Any) -> Expr:
@@ -524,6 +536,9 @@ def to_text(e: Expr, depth: int = 0, *, name_of: Callable[[Symbol], str] | None 
         return f"{parts[0]}.T"
     if e.op == "stack":
         return f"({', '.join(parts)})"
+    if e.op == "quantity":
+        value, unit = e.payload
+        return f'quantity({_numbers(value, e.shape) if e.shape else f"{value:g}"}, "{unit}")'
     if e.op == "call":
         external, output = e.payload
         return f"{external.name}({', '.join(parts)})" + (f"[{output}]" if len(external.outputs) > 1 else "")

@@ -118,6 +118,9 @@ class Call(str):
         made.entry = entry
         return made
 
+    def __reduce__(self) -> tuple[type[Call], tuple[External, int]]:
+        return Call, (self.external, self.entry)
+
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Call) and self.external is other.external and self.entry == other.entry
 

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from typing import Any
 
 from acausal.errors import DeclarationError
 from acausal.language.expression import Expr, Operand, Operation, as_expr, checked_condition, is_literal, shape_error
+from acausal.units import in_si
 
 time = Operation("time", (), ())
 """The independent variable [s]."""
@@ -19,7 +22,7 @@ def _unary(op: str, x: Operand) -> Expr:
     e = as_expr(x)
     if e.shape:
         raise shape_error(op, e)
-    if is_literal(e) and op in _CONSTANT_FOLDING:
+    if e.op == "const" and op in _CONSTANT_FOLDING:
         try:
             return as_expr(float(_CONSTANT_FOLDING[op](e.payload)))
         except ValueError as error:
@@ -159,6 +162,41 @@ def homotopy(actual: Operand, simplified: Operand) -> Expr:
     if a.shape != s.shape and not (is_literal(a) or is_literal(s)):
         raise shape_error("homotopy", a, s)
     return Operation("homotopy", (a, s), a.shape or s.shape)
+
+
+def quantity(value: float | Sequence[Any], unit: str) -> Expr:
+    """A number with a unit, or a vector or matrix of such numbers, converted to SI: `quantity(9.81, "m/s2")`.
+
+    Literal numbers are dimensionless in sums and products; this one has the dimension of `unit`. A temperature scale
+    means a temperature: `quantity(20, "degC")` is 293.15 K; a difference is given in K.
+
+    Raises
+    ------
+    DeclarationError
+        AC106 when `value` is no number.
+    UnitError
+        AC150 for an unknown unit.
+    """
+    given = as_expr(value)
+    if given.op != "const":
+        raise DeclarationError(
+            "AC106",
+            f"quantity(`{given}`, {unit!r}): `{given}` is no number",
+            help=f"multiply what varies by a unit: {given} * quantity(1, {unit!r})",
+        )
+    numbers = given.payload if given.shape else (given.payload,)
+    si = tuple(in_si(v, unit) for v in numbers)
+    number = Operation("const", (), given.shape, si if given.shape else si[0])
+    return Operation("quantity", (number,), given.shape, (given.payload, unit))
+
+
+def unitless(x: Operand) -> Expr:
+    """The value of `x` in SI units as a plain number, of any shape: from here on it has no unit.
+
+    For what is one number in a program and two quantities in physics, such as the parameter of a characteristic.
+    """
+    e = as_expr(x)
+    return Operation("unitless", (e,), e.shape)
 
 
 def der(x: Operand) -> Expr:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import inspect
 import linecache
 import re
@@ -14,21 +15,26 @@ from typing import TYPE_CHECKING, Any
 from acausal.errors import DeclarationError, Span, calling_span
 from acausal.language.declare import Declaration
 from acausal.language.origin import Origin
+from acausal.language.outer import Outer
 
 if TYPE_CHECKING:
     from acausal.language.component import Component
 
 
-def refuse_hiding(cls: type[Component], inherited: dict[str, Declaration]) -> None:
+def refuse_hiding(cls: type[Component], inherited: dict[str, Declaration | Outer]) -> None:
     """Refuse attributes that take the name of an inherited field (AC126)."""
     for name in inherited.keys() & cls.__dict__.keys():
-        if not isinstance(cls.__dict__[name], Declaration) and not hasattr(cls.__dict__[name], "_declarations"):
+        if not isinstance(cls.__dict__[name], Declaration | Outer) and not hasattr(cls.__dict__[name], "_declarations"):
             raise DeclarationError(
                 "AC126",
-                f"{cls.__name__}.{name} hides the {inherited[name].kind.value} {name} that it inherits",
+                f"{cls.__name__}.{name} hides the {_kind(inherited[name])} {name} that it inherits",
                 where=field_span(cls, name),
                 help=f"give the value where it is made: {cls.__name__}({name}=...), or in `build`: self.{name} = ...",
             )
+
+
+def _kind(inherited: Declaration | Outer) -> str:
+    return "outer" if isinstance(inherited, Outer) else inherited.kind.value
 
 
 def own_constructor(cls: type[Component]) -> DeclarationError | None:
@@ -40,10 +46,72 @@ def own_constructor(cls: type[Component]) -> DeclarationError | None:
     return DeclarationError(
         "AC109",
         f"{base.__name__} defines __init__",
-        where=() if code is None else (Span(code.co_filename, code.co_firstlineno),),
+        where=()
+        if code is None or code.co_filename.startswith("<")
+        else (Span(code.co_filename, code.co_firstlineno),),
         cause="fields are given to the constructor by name; it is made by acausal",
         help="declare the arguments as parameter(...) or structural(...), and make parts in `build`",
     )
+
+
+def assignment(component: Component, name: str, stating: tuple[str, ...]) -> DeclarationError:
+    """AC118 for `self.f = ...` after construction, in the words of where it stands.
+
+    `stating` are the names of the generators in which an equation was meant.
+    """
+    cls = type(component)
+    declared = component._declarations.get(name)
+    frame: FrameType | None = sys._getframe(1)
+    while frame is not None and not (frame.f_code.co_name in stating and "self" in frame.f_locals):
+        frame = frame.f_back
+    if frame is None:
+        return DeclarationError(
+            "AC118",
+            f"{cls.__name__}.{name} cannot be set after construction",
+            help=f"a value is given where it is made: {cls.__name__}({name}=...); "
+            f"an equation is yielded: yield self.{name} == ...",
+        )
+    asker = frame.f_locals["self"]
+    whole, around = component._path_to(name), asker._path_to("") if hasattr(asker, "_path_to") else ""
+    path = whole.removeprefix(around)
+    what = f"{type(asker).__name__}.{frame.f_code.co_name} assigns self.{path}"
+    if declared is None:
+        return DeclarationError(
+            "AC118",
+            f"{what}, which is not declared",
+            help=f"write {name} = ... for a mere abbreviation; or declare {name}, and yield self.{path} == ...",
+        )
+    if declared.kind.value in ("variable", "flow", "input", "output"):
+        return DeclarationError(
+            "AC118",
+            f"{what}: write `yield self.{path} == ...`",
+            cause="an assignment states no equation",
+            help=f"yield self.{path} == ...",
+        )
+    return DeclarationError(
+        "AC118",
+        f"{what}, a {declared.kind.value}, which is fixed by then",
+        help=f"give it where the component is made: {cls.__name__}({name}=...), or set it in `build`",
+    )
+
+
+def refuse_misnamed(cls: type[Component], stating: tuple[str, ...]) -> None:
+    """Refuse generators that nobody calls and whose names are nearly those of `stating` (AC129): nothing runs them."""
+    if "_is_named_right" in cls.__dict__:
+        return
+    members = {n: m for base in reversed(cls.__mro__) for n, m in base.__dict__.items() if inspect.isfunction(m)}
+    called_names = {n for m in members.values() for n in m.__code__.co_names}
+    for name, member in members.items():
+        meant = difflib.get_close_matches(name.lower(), stating, n=1, cutoff=0.85)
+        if name not in stating and meant and inspect.isgeneratorfunction(member) and name not in called_names:
+            raise DeclarationError(
+                "AC129",
+                f"{cls.__name__}.{name} is called by nobody: the method is `{meant[0]}`",
+                where=(Span(member.__code__.co_filename, member.__code__.co_firstlineno),),
+                cause="what it states would be lost",
+                help=f"def {meant[0]}(self) -> Equations",
+            )
+    cls._is_named_right = True
 
 
 def called(what: str, form: str, function: Callable[..., Any], *args: Any) -> Any:

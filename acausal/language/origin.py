@@ -15,11 +15,25 @@ from acausal.errors import Span
 
 
 @dataclass(frozen=True, slots=True)
+class Located:
+    """A place that has been looked up: what an `Origin` becomes when it leaves its process, where no code goes."""
+
+    place: Span
+
+    def span(self) -> Span:
+        """File, line and columns."""
+        return self.place
+
+
+@dataclass(frozen=True, slots=True)
 class Origin:
     """A place in a code object; `span()` resolves it."""
 
     code: CodeType
     lasti: int
+
+    def __reduce__(self) -> tuple[type[Located], tuple[Span]]:
+        return Located, (self.span(),)
 
     def span(self) -> Span:
         """File, line and columns of the instruction."""

@@ -11,10 +11,19 @@ from dataclasses import dataclass
 
 from acausal.errors import DeclarationError
 from acausal.language.component import Connector
+from acausal.language.statement import Statement, made
 
 
 @dataclass(frozen=True)
-class Branch:
+class Tie(Statement):
+    """What `ties` yields."""
+
+    def __post_init__(self) -> None:
+        made(self)
+
+
+@dataclass(frozen=True)
+class Branch(Tie):
     """Between these two connectors of one component a unique relation holds; never cut."""
 
     a: Connector
@@ -22,21 +31,18 @@ class Branch:
 
 
 @dataclass(frozen=True)
-class Root:
+class Root(Tie):
     """The connector's orientation is known absolutely."""
 
     a: Connector
 
 
 @dataclass(frozen=True)
-class PotentialRoot:
+class PotentialRoot(Tie):
     """The connector becomes a root when its island has none; the smallest priority number first."""
 
     a: Connector
     priority: int = 0
-
-
-Tie = Branch | Root | PotentialRoot
 
 
 def branch(a: Connector, b: Connector) -> Branch:

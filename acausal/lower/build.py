@@ -16,8 +16,8 @@ from acausal.flatten.pool import LEAVES, Pool
 from acausal.language.delay import Delayed
 from acausal.language.external import Call, External
 from acausal.language.functions import UNARY
-from acausal.lower.chebyshev import delayed
-from acausal.lower.external import call
+from acausal.lower.chebyshev import polynomial
+from acausal.numeric.external import call
 
 BUILD: dict[str, Callable[..., Any]] = {
     "add": lambda a, b: a + b,
@@ -41,12 +41,13 @@ BUILD: dict[str, Callable[..., Any]] = {
     "sample": lambda start, interval: ca.SX(0),  # true at instants only: the run sets its mode there
     "pre": lambda a: a,
     "initial": lambda: ca.SX(0),
+    "infinitesimal": lambda: ca.SX(0),
     "terminal": lambda: ca.SX(0),
     **{n: getattr(ca, n) for n in UNARY},
 }
 
 _LOGIC = frozenset(("where", "and", "or", "not"))
-_ONE_BY_ONE = frozenset((*_LOGIC, "homotopy", "sample", "initial", "terminal"))
+_ONE_BY_ONE = frozenset((*_LOGIC, "homotopy", "sample", "initial", "infinitesimal", "terminal"))
 
 # Equal operations on one level from which a column is cheaper than scalars.
 _FEW = 6
@@ -110,7 +111,7 @@ class Builder:
                 self._leaves(op, members)
             elif isinstance(op, Delayed):
                 for number in members:
-                    self.done[number] = delayed(self.windows[op.number], self._scalar(operands[number][0]))
+                    self.done[number] = polynomial(self.windows[op.number], self._scalar(operands[number][0]))
             elif isinstance(op, Call):
                 for number in members:
                     self.done[number] = self._external(op, tuple(operands[number]))

@@ -17,14 +17,14 @@ from typing import Any
 
 import numpy as np
 
+from acausal.analyse.analyse import Structure
+from acausal.analyse.blocks.pivots import keeps_sign
+from acausal.analyse.start import start_problem
 from acausal.flatten.flat import FlatSystem
 from acausal.language.declare import Declaration
-from acausal.lower.analyse import Structure
 from acausal.lower.compiled import CompiledModel
-from acausal.lower.evaluate import gradients
-from acausal.lower.pivots import keeps_sign
-from acausal.lower.samples import COUNT, SamplePoints
-from acausal.lower.start import start_problem
+from acausal.numeric.evaluate import gradients
+from acausal.numeric.samples import COUNT, FAR, SamplePoints
 
 Signature = tuple[Any, ...]
 
@@ -120,7 +120,7 @@ def recall(key: Signature, flat: FlatSystem) -> CompiledModel | None:
         return None
     if entry.compiled.selection is not None:
         # its flat system is a part of this one, and its values are the same
-        recalled: CompiledModel = _replaced(entry.compiled, timings={})
+        recalled: CompiledModel = replaced(entry.compiled, timings={})
         return recalled
     found = _with_values(entry.compiled, flat)
     points = found.solution.structure.points
@@ -147,17 +147,17 @@ def _with_values(compiled: CompiledModel, flat: FlatSystem) -> CompiledModel:
     """A compiled model for another flat system of the same structure; functions made so far are shared."""
     old = compiled.solution.structure
     # compiling has put derivatives into the old pool, which otherwise equals the new one
-    reduced = _replaced(old.reduced, flat=replace(flat, pool=old.reduced.flat.pool))
-    structure = replace(old, reduced=reduced, points=SamplePoints(reduced))
+    reduced = replaced(old.reduced, flat=replace(flat, pool=old.reduced.flat.pool))
+    structure = replace(old, reduced=reduced, points=SamplePoints(reduced, old.points.visited))
     solution = replace(compiled.solution, structure=structure)
     start = compiled.start
     if start.conditions or start.surplus:
         start = start_problem(solution)  # for the places in its messages
-    recalled: CompiledModel = _replaced(compiled, solution=solution, start=start, timings={})
+    recalled: CompiledModel = replaced(compiled, solution=solution, start=start, timings={})
     return recalled
 
 
-def _replaced(old: Any, **changes: Any) -> Any:
+def replaced(old: Any, **changes: Any) -> Any:
     """As `dataclasses.replace`; properties computed already are kept, because none depends on parameters' values."""
     new = replace(old, **changes)
     for name in {n for cls in type(old).__mro__ for n, v in vars(cls).items() if isinstance(v, cached_property)}:
@@ -171,6 +171,16 @@ def _safe(points: SamplePoints, nodes: Sequence[int]) -> Iterator[int]:
     return (n for n in nodes if keeps_sign(points.certainly(n)))
 
 
+def choices_stand_for(compiled: CompiledModel, values: Sequence[float]) -> bool:
+    """Whether the states that were chosen are good for other values of the free parameters, too."""
+    structure = compiled.solution.structure
+    if not any(choice.varies for choice in structure.choices):
+        return True
+    flat = replace(compiled.flat, parameter_values=tuple(values[: len(compiled.flat.parameter_values)]))
+    reduced = replaced(structure.reduced, flat=flat)
+    return _choices_stand(replace(structure, reduced=reduced, points=SamplePoints(reduced, structure.points.visited)))
+
+
 def _choices_stand(structure: Structure) -> bool:
     """Whether the constraints still determine what was left to them, with pivots as large as was asked for."""
     pool = structure.reduced.pool
@@ -180,8 +190,11 @@ def _choices_stand(structure: Structure) -> bool:
         place = {pool.integral_of[v]: k for k, v in enumerate(choice.dummies)}
         if choice.deficient or len(rows) > _LARGEST_CHOICE or len(rows) != len(place):
             return False
-        jacobian = np.zeros((COUNT, len(rows), len(rows)))
-        for i, gradient in enumerate(gradients(pool, rows, place, structure.points.leaves)):
+        # a choice that holds wherever the run may go was judged there
+        everywhere = choice.varies and all(v < len(structure.reduced.scalar) for v in choice.dummies)
+        leaves = structure.points.leaves_anywhere if everywhere else structure.points.leaves
+        jacobian = np.zeros((COUNT + FAR if everywhere else COUNT, len(rows), len(rows)))
+        for i, gradient in enumerate(gradients(pool, rows, place, leaves)):
             for v, g in gradient.items():
                 jacobian[:, i, place[v]] = g
         if not np.isfinite(jacobian).all():

@@ -4,32 +4,33 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from contextlib import nullcontext
 from dataclasses import replace
 from typing import Any
 
 import casadi as ca
 
+from acausal.analyse.aliases import reduce
+from acausal.analyse.analyse import analyse
+from acausal.analyse.blocks.solve import Solution, solve
+from acausal.analyse.delays import find_delays, refuse_delays
+from acausal.analyse.hidden import HiddenConstraint
+from acausal.analyse.invariants import use_invariants
+from acausal.analyse.start import Reach, start_problem
+from acausal.analyse.state_events import discrete_variables, find_state_events
+from acausal.analyse.time_events import TimeEvents, find_time_events
 from acausal.errors import InternalError, StructureError, UsageError
 from acausal.flatten.flat import FlatSystem
 from acausal.flatten.flatten import flatten
+from acausal.language.choices import Choice
 from acausal.language.component import Component
-from acausal.lower.analyse import analyse
 from acausal.lower.build import Builder
 from acausal.lower.cache import recall, remember, signature
 from acausal.lower.collector import collector_paused
-from acausal.lower.compiled import CompiledModel, Symbols, _column
-from acausal.lower.confine import confined
-from acausal.lower.delays import find_delays, refuse_delays
-from acausal.lower.freeze import freeze as fold_parameters
-from acausal.lower.hidden import HiddenConstraint
-from acausal.lower.invariants import use_invariants
-from acausal.lower.reduce import reduce
-from acausal.lower.select import select
-from acausal.lower.solve import Solution, solve
-from acausal.lower.start import Reach, start_problem
-from acausal.lower.state_events import discrete_variables, find_state_events
-from acausal.lower.time_events import TimeEvents, find_time_events
+from acausal.lower.compiled import CompiledModel, Recipe, Symbols, _column
+from acausal.numeric.samples import Visited
+from acausal.reduce.confine import changing, confined
+from acausal.reduce.freeze import freeze as fold_parameters
+from acausal.reduce.select import Left, select
 
 _MOST_ROUNDS = 20
 
@@ -43,6 +44,7 @@ def compile(
     outputs: Sequence[str] | None = None,
     freeze: Sequence[str] = (),
     quasi_static: Sequence[str] = (),
+    choices: Mapping[str, Choice] | None = None,
 ) -> CompiledModel:
     """The compiled model of a component.
 
@@ -53,9 +55,9 @@ def compile(
     parameters
         Values by path in SI; here they may also replace parameters that the model binds to others.
     formulation
-        "torn" (default) or "dae": see `acausal.lower.solve.solve`. "projected" is torn, and no states are chosen:
-        every constraint of higher index keeps all its variables as states and is stabilised, and recorded points are
-        projected onto it, as it is otherwise done only where no choice is safe.
+        "torn" (default) or "dae": see `acausal.analyse.blocks.solve.solve`. "projected" is torn, and no states are
+        chosen: every constraint of higher index keeps all its variables as states and is stabilised, and recorded
+        points are projected onto it, as it is otherwise done only where no choice is safe.
     cache
         Take what this process has compiled already of a model with the same structure and other values of parameters;
         `timings` then has an entry "recall". A model made smaller is taken again for the same wishes and values.
@@ -68,6 +70,9 @@ def compile(
     quasi_static
         States, or components with all their states, that follow all others at once: stiff modes without their own
         motion. An approximation, other than everything else here; `acausal.reduce` estimates and measures its error.
+    choices
+        Structures of components that can have several, by path, as in `acausal.flatten`. Without them the model has
+        all contacts that may ever come about; `simulate` then chooses among them while it runs.
 
     Raises
     ------
@@ -79,22 +84,35 @@ def compile(
     """
     if formulation not in ("torn", "dae", "projected"):
         raise UsageError("AC024", f"there is no formulation '{formulation}'", help="formulations: torn, dae, projected")
+    frozen, quasi = tuple(_names("freeze", freeze)), tuple(_names("quasi_static", quasi_static))
+    recipe = Recipe(model, dict(parameters or {}), formulation, frozen, quasi, cache)
+    compiled = _compiled(recipe, outputs, choices)
+    is_changing = choices is None and outputs is None and bool(changing(model))
+    return replace(compiled, recipe=recipe) if is_changing else compiled
+
+
+def _compiled(recipe: Recipe, outputs: Sequence[str] | None, choices: Mapping[str, Choice] | None) -> CompiledModel:
+    """The compiled model, from the cache where it is there."""
+    model, parameters, formulation = recipe.model, recipe.parameters, recipe.formulation
+    freeze, quasi_static = recipe.freeze, recipe.quasi_static
     clock = _Clock()
 
-    def needed(poses: Sequence[str]) -> Solution:
-        flat = fold_parameters(flatten(model, parameters), freeze)
+    def needed(poses: Sequence[str], chosen: Mapping[str, Choice]) -> Solution:
+        flat = fold_parameters(flatten(model, parameters, chosen), freeze)
         return select(solved(flat, formulation), poses, (), formulation)[0]
 
-    with collector_paused(), confined(model, needed) if outputs is not None else nullcontext(()) as apart:
-        if outputs is not None:
+    with collector_paused():
+        apart: tuple[Left, ...] = ()
+        if outputs is not None and choices is None:
+            choices, apart = confined(model, needed)
             clock.lap("confine")
-        flat = fold_parameters(flatten(model, parameters), _names("freeze", freeze))
+        flat = fold_parameters(flatten(model, parameters, choices), freeze)
         clock.lap("flatten")
         selecting = outputs is not None or bool(freeze) or bool(quasi_static)
         if selecting:
             refuse_delays(flat, "a reduced model", "compile it whole: without outputs, freeze and quasi_static")
-        wishes = (_tuple(outputs), tuple(freeze), tuple(quasi_static)) if selecting else None
-        key = signature(flat, formulation, wishes) if cache else None
+        wishes = (_tuple(outputs), freeze, quasi_static) if selecting else None
+        key = signature(flat, formulation, wishes) if recipe.cache else None
         known = recall(key, flat) if key is not None else None
         if known is not None:
             clock.lap("recall")
@@ -104,7 +122,7 @@ def compile(
         selection = None
         if selecting:
             wanted = None if outputs is None else _names("outputs", outputs)
-            solution, selection = select(solution, wanted, _names("quasi_static", quasi_static), formulation)
+            solution, selection = select(solution, wanted, quasi_static, formulation)
             selection = replace(selection, left=(*apart, *selection.left))
             clock.lap("select")
         compiled = replace(lower(solution), selection=selection)
@@ -125,8 +143,20 @@ def _names(option: str, names: Sequence[str]) -> Sequence[str]:
     return names
 
 
+def refined(compiled: CompiledModel, visited: Visited) -> CompiledModel:
+    """The same model with all that is judged by numbers judged at points of a run too: what it divides by may change.
+
+    For models that nothing was left out of.
+    """
+    return lower(solved(compiled.flat, compiled.solution.formulation, visited=visited))
+
+
 def solved(
-    flat: FlatSystem, formulation: str = "torn", hidden: dict[int, int] | None = None, clock: _Clock | None = None
+    flat: FlatSystem,
+    formulation: str = "torn",
+    hidden: dict[int, int] | None = None,
+    clock: _Clock | None = None,
+    visited: Visited | None = None,
 ) -> Solution:
     """Reduce, analyse and solve; again with each constraint that only then comes to light.
 
@@ -139,7 +169,7 @@ def solved(
         try:
             reduced = use_invariants(reduce(flat, hidden))
             clock.lap("reduce")
-            structure = analyse(reduced, keep_constraints=formulation == "projected")
+            structure = analyse(reduced, formulation == "projected", visited)
             clock.lap("analyse")
             solution = solve(structure, formulation)
             clock.lap("solve")
@@ -152,8 +182,12 @@ def solved(
     raise first or InternalError("AC906", f"{flat.name}: constraints come to light without end")
 
 
-def lower(solution: Solution) -> CompiledModel:
-    """The CasADi functions of a solution; observed variables are lowered when they are first asked for."""
+def lower(solution: Solution, driven: tuple[int, ...] = (), watched: tuple[int, ...] = ()) -> CompiledModel:
+    """The CasADi functions of a solution; observed variables are lowered when they are first asked for.
+
+    `driven` are the places of inputs that are functions of time; `watched` are relations that are
+    modes beside those of the equations.
+    """
     reduced = solution.structure.reduced
     delays = find_delays(solution)
     roots = [n for _, n in solution.definitions] + list(solution.residuals) + delays.roots
@@ -162,7 +196,9 @@ def lower(solution: Solution) -> CompiledModel:
     shell = CompiledModel(
         reduced.flat.name, solution, states, quadratures, discretes, start_problem(solution), events, None, None, None
     )
-    shell = replace(shell, state_events=find_state_events(solution, states, events), delays=delays)
+    shell = replace(
+        shell, state_events=find_state_events(solution, states, events, watched), delays=delays, driven=driven
+    )
     symbols = Symbols(shell)
     builder = symbols.builder(shell)
     builder.define([d for d in solution.definitions if d[0] in solution.needed], shell.rewritten)
@@ -184,7 +220,7 @@ def _sort_states(solution: Solution) -> tuple[tuple[int, ...], int, int]:
     """
     reach = Reach(solution)
     reduced = solution.structure.reduced
-    clauses = [n for c, values in reduced.whens for n in (c, *values)]
+    clauses = [n for w in reduced.whens for n in (*w.guards, *w.values)]
     clauses += [*reduced.assignments, *reduced.asserts, *(n for d in reduced.delays for n in d[:2])]
     followed = [n for v, n in solution.definitions if v in solution.needed]
     acting = reach.pool.variables_in(*followed, *solution.residuals, *clauses)

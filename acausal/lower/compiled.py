@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -11,18 +11,21 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from acausal.analyse.blocks.solve import Solution
+from acausal.analyse.delays import PADE, WIDTH, Delays, refuse_delays
+from acausal.analyse.start import StartProblem
+from acausal.analyse.state_events import StateEvents
+from acausal.analyse.time_events import TimeEvents
 from acausal.flatten.flat import FlatSystem
+from acausal.flatten.reduced import nominal
+from acausal.language.component import Component
 from acausal.lower.build import Builder
-from acausal.lower.delays import PADE, Delays, refuse_delays, signals, windows
+from acausal.lower.chebyshev import INPUT_WIDTH, polynomial
+from acausal.lower.columns.mapped import Mapped, mapped
 from acausal.lower.event_functions import EventFunctions
-from acausal.lower.mapped import Mapped, mapped
-from acausal.lower.reduce import nominal
-from acausal.lower.samples import STABILISATION_RATE
-from acausal.lower.select import Selection
-from acausal.lower.solve import Solution
-from acausal.lower.start import StartProblem
-from acausal.lower.state_events import StateEvents
-from acausal.lower.time_events import TimeEvents
+from acausal.numeric.samples import STABILISATION_RATE
+from acausal.reduce.confine import changing, refuse_unsteady
+from acausal.reduce.select import Selection
 
 if TYPE_CHECKING:
     from acausal.export.casadi_model import CasadiModel
@@ -31,12 +34,24 @@ Vector = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
+class Recipe:
+    """What a model was compiled from, for one whose structure changes while it runs."""
+
+    model: Component
+    parameters: Mapping[str, object]
+    formulation: str = "torn"
+    freeze: tuple[str, ...] = ()
+    quasi_static: tuple[str, ...] = ()
+    cache: bool = True
+
+
+@dataclass(frozen=True, eq=False)
 class CompiledModel:
     """A model ready to run; made by `acausal.compile`, never changed.
 
     Sizes: `nx` states (`n_dynamic` of the coupled system, then `quadratures` integrals of time that act on nothing,
-    then `discretes` variables that change at events only), `nz` algebraic
-    variables, `nu` inputs, `np` free parameters, `nm` modes of events; the numbers of delayed signals are among them.
+    then `discretes` variables that change at events only), `nz` algebraic variables, `nu` inputs, `np` free parameters,
+    `nm` modes of events; the numbers of delayed signals and of inputs over time are among them.
 
     Attributes
     ----------
@@ -52,6 +67,13 @@ class CompiledModel:
         What was left out of the model, and why; None for the full model.
     timings
         Seconds per stage of the compilation.
+    driven
+        Places in u of the inputs that are functions of time: polynomials in each stretch of a run, whose numbers are
+        modes. What u holds there is not used (`acausal.lower.driven`).
+    recipe
+        What `simulate` compiles again and again while the structure of the model changes; None where it never does.
+    varied
+        Whether `rhs` says something else than `solution`: a regime (`simulate/events/regime.py`).
     """
 
     name: str
@@ -67,13 +89,39 @@ class CompiledModel:
     state_events: StateEvents = field(default_factory=StateEvents)
     delays: Delays = field(default_factory=Delays)
     selection: Selection | None = None
+    recipe: Recipe | None = None
+    driven: tuple[int, ...] = ()
     timings: dict[str, float] = field(default_factory=dict)
+    varied: bool = False
 
     def __repr__(self) -> str:
         return (
-            f"CompiledModel({self.name}: {len(self.states)} states, {len(self.algebraic)} algebraic, "
+            f"CompiledModel({self.name}: {len(self.continuous)} states, {len(self.algebraic)} algebraic, "
             f"{len(self.parameters)} parameters, {len(self.flat.equations)} flat equations)"
         )
+
+    def _repr_html_(self) -> str:
+        from acausal.notebook import compiled_html
+
+        return compiled_html(self)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The fields: functions that were made from them are made again where they are asked for."""
+        return {f.name: self.__dict__[f.name] for f in fields(self)}
+
+    def unchanging(self, what: str) -> CompiledModel:
+        """The model with all that may ever be in its equations, for `what` needs equations that stay.
+
+        Raises
+        ------
+        UsageError
+            AC027 when no such equations hold for a whole run: drills that leave several holes.
+        """
+        if self.recipe is None:
+            return self
+        whole = {path: part.whole() for path, part in changing(self.recipe.model).items()}
+        refuse_unsteady(self.name, whole, f"{what} needs equations that stay")
+        return replace(self, recipe=None)
 
     @property
     def flat(self) -> FlatSystem:
@@ -99,6 +147,11 @@ class CompiledModel:
     def inputs(self) -> tuple[str, ...]:
         """Names of the inputs, in the order of u."""
         return tuple(map(self.flat.scalar_name, self.flat.inputs))
+
+    @property
+    def continuous(self) -> tuple[str, ...]:
+        """Names of the states that vary between events: discrete variables, the last of x, are none of them."""
+        return self.states[: len(self.states) - self.discretes]
 
     @property
     def n_dynamic(self) -> int:
@@ -228,19 +281,19 @@ class CompiledModel:
 
     @property
     def mode_places(self) -> tuple[int, ...]:
-        """Places of `mode_nodes` in m; the numbers of the delays come behind the relations of time."""
-        timely, gap = len(self.time_events.relations), self.delays.size
+        """Places of `mode_nodes` in m; the numbers of inputs and delays come behind the relations of time."""
+        timely, gap = len(self.time_events.relations), len(self.driven) * INPUT_WIDTH + self.delays.size
         return tuple(k if k < timely else k + gap for k in range(len(self.mode_nodes)))
 
     @property
     def n_timely(self) -> int:
-        """Number of modes that are known before a stretch: relations of time, and delays."""
-        return len(self.time_events.relations) + self.delays.size
+        """Number of modes that are known before a stretch: relations of time, inputs over time, and delays."""
+        return len(self.time_events.relations) + len(self.driven) * INPUT_WIDTH + self.delays.size
 
     @property
     def n_modes(self) -> int:
         """Number of modes."""
-        return len(self.mode_nodes) + self.delays.size
+        return len(self.mode_nodes) + len(self.driven) * INPUT_WIDTH + self.delays.size
 
     @cached_property
     def all_modes(self) -> Any:
@@ -268,13 +321,21 @@ class CompiledModel:
 
     @cached_property
     def delay_signals(self) -> Any:
-        """`(t, x, z, u, p, m) -> [sources, delays]`; see `acausal.lower.delays.signals`."""
-        return signals(self, blend=False)
+        """`(t, x, z, u, p, m) -> [sources, delays]`: what is to be remembered, how long ago each delay reads [s]."""
+        return self._delay_signals(blend=False)
 
     @cached_property
     def blended_delay_signals(self) -> Any:
-        """The same for modes between 0 and 1."""
-        return signals(self, blend=True)
+        """The same for modes between 0 and 1, of sliding modes."""
+        return self._delay_signals(blend=True)
+
+    def _delay_signals(self, blend: bool) -> Any:
+        symbols = Symbols(self)
+        builder = symbols.builder(self)
+        builder.blend = blend
+        builder.define(self.solution.definitions, self.rewritten)
+        column = ca.vertcat(*builder.lower([builder.replaced(n) for n in self.delays.roots]))
+        return ca.Function("signals", symbols.inputs, [ca.densify(column)], ["t", "x", "z", "u", "p", "m"], ["y"])
 
     @cached_property
     def homotopy(self) -> Any:
@@ -363,14 +424,22 @@ class Symbols:
         solution = compiled.solution
         modes = {n: self.m[k] for k, n in zip(compiled.mode_places, compiled.mode_nodes, strict=True)}
         builder = DefiningBuilder(solution.structure.reduced.pool, self.t, self.p, modes)
-        builder.windows = windows(compiled, self.m)
+        first, delays = compiled.n_timely - compiled.delays.size, range(len(compiled.delays.items))
+        builder.windows = [self.m[first + WIDTH * k : first + WIDTH * (k + 1)] for k in delays]
         for symbols, variables in (
             (self.x, compiled.state_variables),
             (self.z, solution.algebraic),
-            (self.u, solution.structure.reduced.inputs),
+            (self.given(compiled), solution.structure.reduced.inputs),
         ):
             builder.know(variables, symbols)
         return builder
+
+    def given(self, compiled: CompiledModel) -> Any:
+        """Inputs as the equations see them: constants of u, and polynomials in time."""
+        u, first = ca.SX(self.u), len(compiled.time_events.relations)
+        for k, place in enumerate(compiled.driven):
+            u[place] = polynomial(self.m[first + k * INPUT_WIDTH : first + (k + 1) * INPUT_WIDTH], self.t)
+        return u
 
 
 class DefiningBuilder(Builder):

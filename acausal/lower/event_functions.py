@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 
+from acausal.analyse.state_events import origins
 from acausal.errors import Span
-from acausal.lower.state_events import origins
-from acausal.lower.text import to_text
+from acausal.flatten.text import to_text
+from acausal.lower.event_round import round_of
 
 if TYPE_CHECKING:
     from acausal.lower.compiled import CompiledModel
@@ -31,14 +32,14 @@ class EventFunctions:
         """`-> (distance, assigned, conditions, values, remembered, asserts)` under given modes.
 
         `distance` is positive where a relation holds, one per relation; `assigned` are the values of the discrete
-        equations; `conditions` the truth of the `when` clauses and `values` those of their actions in order;
+        equations; `conditions` the truth of `StateEvents.conditions` and `values` those of their actions in order;
         `remembered` what each `pre` will remember; `asserts` the truth of the assertions.
         """
         symbols, builder = self._defined()
         events = self.compiled.state_events
         groups = (
             [a.node for a in events.assignments],
-            [c.condition for c in events.clauses],
+            events.conditions,
             [n for c in events.clauses for _, n in c.actions],
             [self._pool.nodes[n][1] for n in events.memories],
             [a.condition for a in events.asserts],
@@ -47,6 +48,13 @@ class EventFunctions:
         outputs += [_column(builder.lower([builder.replaced(n) for n in group])) for group in groups]
         names = ["distance", "assigned", "conditions", "values", "remembered", "asserts"]
         return ca.Function("reactions", symbols.inputs, outputs, _INPUTS, names)
+
+    @cached_property
+    def round(self) -> Any:
+        """One round of the event iteration: see `acausal.lower.event_round.Round`."""
+        from acausal.lower.compiled import Symbols
+
+        return round_of(self.compiled, self.reactions, Symbols(self.compiled))
 
     @cached_property
     def distances(self) -> Any:
@@ -81,7 +89,8 @@ class EventFunctions:
     @cached_property
     def places(self) -> tuple[tuple[Span | None, str], ...]:
         """Place and component of the first statement that holds each relation."""
-        return tuple(origins(self.compiled))
+        compiled = self.compiled
+        return tuple(origins(compiled.solution, compiled.state_events, compiled.delays, compiled.rewritten))
 
     def _defined(self) -> Any:
         from acausal.lower.compiled import Symbols

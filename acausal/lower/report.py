@@ -6,10 +6,10 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from acausal.lower.analyse import Structure
+from acausal.analyse.analyse import Structure
+from acausal.flatten.reduced import ReducedSystem
+from acausal.flatten.text import to_text
 from acausal.lower.compiled import CompiledModel
-from acausal.lower.reduce import ReducedSystem
-from acausal.lower.text import to_text
 
 
 @dataclass(frozen=True)

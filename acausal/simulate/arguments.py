@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,11 +11,12 @@ from acausal.errors import UsageError, nearest
 from acausal.flatten.flat import suffixes
 from acausal.flatten.parameters import check_limit, check_values, entries
 from acausal.lower.compiled import CompiledModel
+from acausal.numeric.evaluate import values
 
 Vector = NDArray[np.float64]
 
 
-def parameter_vector(compiled: CompiledModel, given: Mapping[str, float]) -> Vector:
+def parameter_vector(compiled: CompiledModel, given: Mapping[str, object]) -> Vector:
     """Values of the free parameters, some replaced.
 
     Raises
@@ -52,8 +53,9 @@ def parameter_vector(compiled: CompiledModel, given: Mapping[str, float]) -> Vec
                 f"there is no parameter '{path}'",
                 evidence=[f"did you mean {', '.join(close)}?"] if close else [],
             )
-        numbers = entries(path, base.declaration.shape if base is not None else (), value)
         whole = declared.get(path if base is not None else path.rpartition("[")[0])
+        shape, unit = base.declaration.shape if base is not None else (), whole.declaration.unit if whole else ""
+        numbers = entries(path, shape, value, unit)
         for name, number in zip(names, numbers, strict=True):
             if whole is not None:
                 check_limit(whole.path, name.removeprefix(whole.path), whole.declaration, number)
@@ -63,12 +65,23 @@ def parameter_vector(compiled: CompiledModel, given: Mapping[str, float]) -> Vec
     return p
 
 
-def input_vector(compiled: CompiledModel, given: Mapping[str, float]) -> Vector:
-    """Values of the model's inputs; UsageError AC033 when one is missing, unknown or no finite number."""
+def input_vector(compiled: CompiledModel, given: Mapping[str, float], unchecked: Collection[str] = ()) -> Vector:
+    """Values of the model's inputs; what is missing has its declared default.
+
+    `unchecked` are inputs whose numbers here are only placeholders.
+
+    Raises
+    ------
+    UsageError
+        AC033 when one is missing, unknown or no finite number.
+    DeclarationError
+        AC136 for a value outside the limits of its input.
+    """
     if not isinstance(given, Mapping):
         raise UsageError("AC033", f"inputs is a {type(given).__name__}", help="a dictionary: inputs={'u': 0.0}")
     unknown = [n for n in given if n not in compiled.inputs]
-    missing = [n for n in compiled.inputs if n not in given]
+    scalars = dict(zip(compiled.inputs, compiled.flat.inputs, strict=True))
+    missing = [n for n in compiled.inputs if n not in given and scalars[n] not in compiled.flat.starts]
     if unknown or missing:
         wanted = (missing or [*compiled.inputs, "u"])[0]
         fact = f"input {missing[0]} has no value" if missing else f"there is no input '{unknown[0]}'"
@@ -81,10 +94,21 @@ def input_vector(compiled: CompiledModel, given: Mapping[str, float]) -> Vector:
     u = np.zeros(len(compiled.inputs))
     for k, name in enumerate(compiled.inputs):
         try:
-            u[k] = given[name]
+            u[k] = given[name] if name in given else declared_input(compiled, scalars[name])
         except (TypeError, ValueError):
             u[k] = np.nan
         if not np.isfinite(u[k]):
-            help = "an input is one constant; what varies is a source in the model, TimeTable for one"
+            help = "one constant here; functions of time and data go with simulate(tolerance=...)"
             raise UsageError("AC033", f"input {name} = {given[name]!r} is not a finite number", help=help)
+        if name not in unchecked:
+            check_limit(name, "", compiled.flat.declaration(scalars[name]), float(u[k]))
     return u
+
+
+def declared_input(compiled: CompiledModel, scalar: int) -> float:
+    """Declared default of an input with the declared parameters; 0 where there is none."""
+    start = compiled.flat.starts.get(scalar)
+    if start is None:
+        return 0.0
+    leaves = {"par": compiled.parameter_values.__getitem__, "time": lambda _: compiled.flat.experiment.start_time}
+    return float(values(compiled.flat.pool, [start.node], leaves)[start.node])

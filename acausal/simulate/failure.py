@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from acausal.diagnose.words import component_of, line, lines, listed, made_at, places
 from acausal.errors import IntegrationError, Span
 from acausal.flatten.flat import span_of
 from acausal.lower.compiled import CompiledModel
-from acausal.lower.diagnosis.words import component_of, line, lines, made_at
-from acausal.simulate.finite import UNDEFINED, Undefined, first_undefined
-from acausal.simulate.problem import Problem
+from acausal.simulate.equations.problem import Problem
+from acausal.simulate.record.project import constraints
 from acausal.simulate.solvers.base import Segment
+from acausal.simulate.start.finite import UNDEFINED, Undefined, first_undefined
 
 Vector = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -28,6 +29,7 @@ _SHORT = 1e-4  # share of the run within which something doubles that grows with
 _SINGULAR = 1e-2  # smallest singular value of the algebraic equations, by what it is around that point
 _AROUND = 7  # points around it
 _MOST_ALGEBRAIC = 300
+_DEPENDENT = 1e-3  # smallest singular value of unit slopes at which constraints are taken to depend on each other
 
 
 @dataclass(frozen=True)
@@ -58,6 +60,7 @@ def integration_error(problem: Problem, solver: str, reached: Segment, text: str
     code, fact = next(((c, f) for key, c, f in _KNOWN if key in text), ("AC400", "the solver gave up"))
     finding = (
         _undefined(problem, reached, ode)
+        or _stretched(problem, reached, ode)
         or _unbounded(compiled, reached, ode)
         or _singular(problem, reached)
         or _Finding(
@@ -109,6 +112,38 @@ def _of_undefined(compiled: CompiledModel, found: Undefined, ahead: float) -> _F
         ),
         found.reason or UNDEFINED,
         "state the equation so that it holds there too, or end the run before",
+    )
+
+
+def _stretched(problem: Problem, reached: Segment, ode: Vector) -> _Finding | None:
+    """Stabilised constraints whose slopes depend on each other while a state that they hold runs away."""
+    compiled = problem.compiled
+    structure = compiled.solution.structure
+    running = (np.abs(reached.x) > 1e3 * compiled.nominal_x) & (reached.x * ode > 0.0)
+    if not structure.invariants or not running.any():
+        return None
+    point = np.array([reached.start]), reached.x[:, None], reached.z[:, None]
+    slope = constraints(compiled, *point, problem.u, problem.p, reached.p)[1][0] * compiled.nominal_x
+    size = np.linalg.norm(slope, axis=1)
+    if not (np.isfinite(slope).all() and size.all() and slope[:, running].any()):
+        return None
+    left, sizes, _ = np.linalg.svd(slope / size[:, None])
+    if len(slope) > slope.shape[1] or sizes[-1] > _DEPENDENT:
+        return None
+    node = structure.invariants[int(np.argmax(np.abs(left[:, -1])))][1]
+    condition = next(c for c in (*compiled.start.conditions, *compiled.start.surplus) if c.node == node)
+    text = (
+        condition.text.removeprefix("d/dt (").removesuffix(")") if condition.text.startswith("d/dt") else condition.text
+    )
+    stated = [e for e in compiled.flat.equations if compiled.flat.text(e) == text]
+    names = [compiled.states[k] for k in np.flatnonzero(running).tolist()]
+    return _Finding(
+        "AC402",
+        f"the constraint `{text}` can hardly be followed: {listed(names, 3)} would have to be infinite",
+        tuple(places(compiled.flat, stated[:1])) or condition.where,
+        (),
+        "a mechanism is stretched out or folded up there, and what drives it goes on",
+        "drive it less far, or change its lengths",
     )
 
 

@@ -1,14 +1,45 @@
-"""Ctrl-C while a solver runs."""
+"""Ctrl-C, or a request to end, while a solver runs."""
 
 from __future__ import annotations
 
 import signal
 import threading
 from types import FrameType, TracebackType
+from typing import TYPE_CHECKING, Any, NoReturn
+
+if TYPE_CHECKING:  # the command line starts without NumPy
+    import numpy as np
+    from numpy.typing import NDArray
+
+
+class Terminated(KeyboardInterrupt):
+    """SIGTERM: a batch system, or a service manager, asks for the end."""
+
+
+class Interrupted(KeyboardInterrupt):
+    """A call that was ended on its way.
+
+    `rows` are its outputs as far as it had come, one row an output time; `got` is what the solver has made of them;
+    `signal` is the number of the signal.
+    """
+
+    def __init__(self, *rows: NDArray[np.float64]) -> None:
+        super().__init__()
+        self.rows = rows
+        self.signal = _pressed()
+        self.got: Any = None
+
+
+def terminate(number: int, frame: FrameType | None) -> NoReturn:
+    """Handler for SIGTERM of a program that wants its runs to keep what they have computed."""
+    raise Terminated
+
+
+_KNOWN = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: terminate}
 
 
 class Interruptible:
-    """Remembers Ctrl-C inside the `with` block.
+    """Remembers Ctrl-C, and SIGTERM where `terminate` is its handler, inside the `with` block.
 
     CasADi raises KeyboardInterrupt inside the solver's callbacks, the solver takes it for a failure of the model and
     fails with a RuntimeError: only who remembers the signal can tell the two apart. A handler of the caller's own is
@@ -16,29 +47,44 @@ class Interruptible:
     """
 
     def __init__(self) -> None:
-        self.pressed = False
-        self._installed = False
+        self.pressed: int | None = None
+        self._installed: list[signal.Signals] = []
 
     def __enter__(self) -> Interruptible:
-        self._installed = (
-            threading.current_thread() is threading.main_thread()
-            and signal.getsignal(signal.SIGINT) is signal.default_int_handler
-        )
-        if self._installed:
-            signal.signal(signal.SIGINT, self._note)
+        if threading.current_thread() is threading.main_thread():
+            self._installed = [number for number, usual in _KNOWN.items() if signal.getsignal(number) is usual]
+            for number in self._installed:
+                signal.signal(number, self._note)
         return self
 
     def _note(self, number: int, frame: FrameType | None) -> None:
-        self.pressed = True
-        raise KeyboardInterrupt
+        self.pressed = number
+        self.check()
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if self._installed:
-            signal.signal(signal.SIGINT, signal.default_int_handler)
+        for number in self._installed:
+            signal.signal(number, _KNOWN[number])
 
     def check(self) -> None:
-        """Raise KeyboardInterrupt when Ctrl-C was pressed."""
-        if self.pressed:
-            raise KeyboardInterrupt
+        """Raise KeyboardInterrupt when Ctrl-C was pressed, Terminated after SIGTERM."""
+        if self.pressed is not None:
+            raise Terminated if self.pressed == signal.SIGTERM else KeyboardInterrupt
+
+
+def is_interrupted() -> bool:
+    """Whether the run of this thread was asked to end: then the failure of a call is that of nothing else."""
+    return _pressed() is not None
+
+
+def was_terminated(stop: KeyboardInterrupt) -> bool:
+    """Whether it was SIGTERM rather than Ctrl-C."""
+    return isinstance(stop, Terminated) or (isinstance(stop, Interrupted) and stop.signal == signal.SIGTERM)
+
+
+def _pressed() -> int | None:
+    if threading.current_thread() is not threading.main_thread():
+        return None
+    owners = (getattr(signal.getsignal(number), "__self__", None) for number in _KNOWN)
+    return next((o.pressed for o in owners if isinstance(o, Interruptible) and o.pressed is not None), None)

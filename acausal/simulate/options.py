@@ -15,6 +15,8 @@ from acausal.language.experiment import Experiment
 _FINEST = 1e-14
 # Solvers without step control, or whose choice depends on whether there is a step.
 _FIXED = ("auto", "rk", "rk2", "collocation")
+# Solvers that always choose their steps themselves.
+_FREE = ("idas", "cvodes")
 
 
 @dataclass(frozen=True)
@@ -66,12 +68,12 @@ def options(
     Raises
     ------
     UsageError
-        AC030 when times, tolerance or step make no sense.
+        AC030 when times, tolerance or step make no sense, AC038 for a step given to a solver that chooses its own.
     """
     start = experiment.start_time if start_time is None else _number("start_time", start_time)
     stop = experiment.stop_time if stop_time is None else _number("stop_time", stop_time)
-    # a tolerance asked of a method that controls its steps means that it shall do so
-    adaptive = tolerance is not None and solver is not None and solver not in _FIXED
+    # a tolerance asked of a method that controls its steps means that it shall do so, and so does a method that must
+    adaptive = solver in _FREE or (tolerance is not None and solver is not None and solver not in _FIXED)
     own_step = None if adaptive else experiment.step
     interval = output_interval if output_interval is not None else experiment.output_interval
     name = experiment.solver if solver is None else solver
@@ -110,6 +112,12 @@ def options(
     for holds, fact in checks:
         if not holds:
             raise UsageError("AC030", fact)
+    if chosen.solver in _FREE and chosen.step is not None:
+        raise UsageError(
+            "AC038",
+            f"solver '{chosen.solver}' chooses its steps itself: a step of {chosen.step:g} s would change nothing",
+            help="leave the step out and give a tolerance; rk2, rk, collocation, erk and rosenbrock take fixed steps",
+        )
     return chosen
 
 

@@ -1,27 +1,20 @@
 """Runs of models whose structure follows their state: contacts that are in the equations only while they can touch.
 
-A component takes part when its class has these methods (`library/contact/scene.py` is the example):
+What takes part are components with a choice of structures (`acausal.language.choices`), such as
+`library/contact/scene/scene.py`. The model itself stays as it is: a run goes from one frozen choice to the next, and
+compiles the model with it.
 
-- `is_variable()`: whether this instance changes at all.
-- `watched()`: names of its own signals that it decides by, relative to its path; scalars or arrays.
-- `restructure(seen)`: make the structure for these values; True when it differs from the one before. None asks for the
-  smallest structure, from which the first values are computed.
-- `moved(before, after)`: for values at the instant of the choice and at n instants later (first axis), how far the
-  choice is used up, 1 where it may begin to be wrong.
-- `remarks(largest)`, or no such method: what to note after the run; `largest` gives the largest value of a signal.
-- `labels()`: pairs of a path relative to the component, as it is now, and one that stays the same in all structures.
-
-The run goes in pieces. Each is integrated a little further than before, and looked at afterwards: as long as nothing is
-used up, the structure stays; where something is, the rows beyond are thrown away and the structure is chosen anew. This
-is the neighbour list of molecular dynamics (L. Verlet, Physical Review 159 (1967) 98-103): the skin pays for steps, and
-no bound of the velocity has to be known. States keep their values by name over all structures, also while they are
-not in the equations.
+A run of one structure has the contacts as a source of stops: it is looked at what has been recorded, less and less
+often; as long as nothing is used up, the run goes on. Where something is, the rows beyond are cut, the run ends, and
+the next one begins there with a structure chosen anew. This is the neighbour list of molecular dynamics (L. Verlet,
+Physical Review 159 (1967) 98-103): the skin pays for steps, and no bound of the velocity has to be known. States keep
+their values by name over all structures, also while they are not in the equations.
 """
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -29,67 +22,152 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.errors import IntegrationError, RunError
-from acausal.flatten.instances import instances
+from acausal.flatten.around import placed
+from acausal.flatten.parameters import check_overrides
+from acausal.language.choices import Choice, is_reporting
 from acausal.language.component import Component
 from acausal.lower.compile import compile
-from acausal.lower.compiled import CompiledModel
+from acausal.lower.compiled import CompiledModel, Recipe
+from acausal.reduce.confine import changing
 from acausal.result import Event, Result, Signal
-from acausal.simulate.initialize import Start
+from acausal.simulate.driver.agenda import Source
+from acausal.simulate.driver.run import Progress
+from acausal.simulate.events.guards import Cause, Moment
 from acausal.simulate.options import Options
+from acausal.simulate.record.record import Recorder
+from acausal.simulate.start.initialize import Start
 
 Array = NDArray[np.float64]
-RunPiece = Callable[[CompiledModel, Options, "Start | None", Array, bool], Result]
-"""One run: `(compiled, options, start, output times, whether initial() is true at its start) -> result`."""
+RunPiece = Callable[
+    [CompiledModel, Options, "Start | None", Array, bool, "tuple[Source, ...]", Progress | None], Result
+]
+"""One run: `(compiled, options, start, outputs, whether initial() is true at its start, sources, progress)`."""
 _log = logging.getLogger(__name__)
 _FIRST = 0.05
 _MOST_USED = 0.5
+# From so much on the structure is chosen anew at a look.
+_WORN = 0.25
+# The next look is where so much of what is left will have been used, as fast as it was until now.
+_MOST_FORESEEN = 0.3
 _SHORTEST = 1e-9
-
-
-def variable_parts(model: Component) -> dict[str, Any]:
-    """Components whose structure changes during a run, by path."""
-    found: dict[str, Any] = {i.path: i.component for i in instances(model)}
-    return {path: c for path, c in found.items() if hasattr(type(c), "restructure") and c.is_variable()}
 
 
 def lasting_names(model: Component) -> dict[str, str]:
     """Beginnings of paths as they are in a model with all it may ever need, and as they are in results of its runs."""
+    return _labels({path: part.whole() for path, part in changing(model).items()})
+
+
+def opening(model: Component) -> dict[str, Choice]:
+    """The choices that a run begins with, by path; empty for a model whose structure never changes."""
+    return {path: part.least(False) for path, part in changing(model).items()}
+
+
+def _labels(choices: Mapping[str, Choice]) -> dict[str, str]:
+    """Beginnings of paths as they are with these choices, and as they are in results."""
+    return {_named(path, own): _named(path, kept) for path, c in choices.items() for own, kept in c.labels()}
+
+
+def _named(path: str, name: str) -> str:
+    return f"{path}.{name}" if path else name
+
+
+@dataclass
+class Skin:
+    """The contacts of one structure, as a source of stops.
+
+    `length` is the time to the next look [s], `before` what the components watched when their structures were chosen.
+    """
+
+    choices: dict[str, Choice]
+    before: Mapping[str, Mapping[str, Array]]
+    length: float
+    stop: float
+    _from: float = -np.inf
+    _rows: int = 0
+
+    def limit(self, here: float, until: float, moment: Moment) -> tuple[float, tuple[Cause, ...]]:
+        """The next look; nothing happens at it."""
+        self._from = here
+        end = until if here + 1.2 * self.length >= self.stop else here + self.length
+        return min(end, until), ()
+
+    def prepare(self, modes: Array) -> None:
+        """Contacts have no modes of time."""
+
+    def passed(self, record: Recorder, events: Sequence[float], complete: bool) -> bool:
+        """Whether the structure still holds; rows from where it did not are cut."""
+        first, self._rows = self._rows, record.count
+        seen = record.since(first)
+        used = self._used(seen)
+        # between two rows that are far from each other there may have been more
+        wrong = (used > 1.0) | (np.diff(used, prepend=used[0]) > _MOST_USED)
+        span = record.time - self._from
+        if wrong.any():
+            good = _apart(seen.time, max(int(np.argmax(wrong)) - 1, 0))
+            # the row before the stop, if there is one: what has happened there happens again
+            record.cut(first + good if good > 0 else max(first - 1, 0))
+            self.length = max(record.time - self._from, self.length / 4)
+            return False
+        last = float(used[-1])
+        holds = last <= _WORN or self._chosen_anew(seen)
+        left = 1.0 - last if last <= _WORN else 1.0
+        pace = max(last - float(used[0]), 1e-9) / span
+        self.length = min(2.0 * max(self.length, span), _MOST_FORESEEN * left / pace)
+        return holds
+
+    def _chosen_anew(self, seen: Result) -> bool:
+        """Choose for the last row; whether the equations are the same."""
+        now = watched(self.choices, seen, -1)
+        following = {path: c.following(now[path]) for path, c in self.choices.items()}
+        if not all(c.same_structure(self.choices[path]) for path, c in following.items()):
+            return False
+        self.choices, self.before = following, now
+        return True
+
+    def _used(self, seen: Result) -> Array:
+        """How far the choices are used up at each row."""
+        used = np.zeros(len(seen.time))
+        for path, choice in self.choices.items():
+            after = {n: seen[_named(path, n)] for n in choice.watched()}
+            used = np.maximum(used, choice.moved(self.before[path], after))
+        return used
+
+
+def _apart(times: Array, row: int) -> int:
+    """The last row up to this one that is no side of an event."""
+    while row > 0 and times[row] in (times[row - 1], times[row + 1]):
+        row -= 1
+    return row
+
+
+def watched(choices: Mapping[str, Choice], result: Result, row: int) -> dict[str, dict[str, Array]]:
+    """What the components watch, at one row."""
     return {
-        f"{path}.{own}" if path else own: f"{path}.{lasting}" if path else lasting
-        for path, part in variable_parts(model).items()
-        for own, lasting in part.labels()
+        path: {n: np.asarray(result[_named(path, n)][row]) for n in choice.watched()}
+        for path, choice in choices.items()
     }
 
 
-def shrink(model: Component) -> bool:
-    """Give a model the structure its run begins with; False when its structure never changes."""
-    parts = variable_parts(model)
-    for part in parts.values():
-        part.restructure(None)
-    return bool(parts)
-
-
 @dataclass(frozen=True, eq=False)
-class _Rows:
-    """The rows of one piece that count."""
+class _Piece:
+    """The run of one structure, and its names in results."""
 
     result: Result
-    rows: slice
     names: Mapping[str, str]
 
 
 @dataclass
 class Pieces:
-    """A run in pieces."""
+    """A run of one structure after the other."""
 
-    model: Component
+    recipe: Recipe
     options: Options
-    parameters: Mapping[str, object] | None
+    parameters: Mapping[str, object]
     run: RunPiece
-    progress: Callable[[float, float], None] | None = None
-    parts: dict[str, Any] = field(default_factory=dict)
+    progress: Progress | None = None
+    choices: dict[str, Choice] = field(default_factory=dict)
     memory: dict[str, float] = field(default_factory=dict)
-    pieces: list[_Rows] = field(default_factory=list)
+    pieces: list[_Piece] = field(default_factory=list)
     changes: list[Event] = field(default_factory=list)
     compiled: CompiledModel | None = None
     compilations: int = 0
@@ -98,49 +176,46 @@ class Pieces:
     def result(self) -> Result:
         """Run, and put the pieces together."""
         opts = self.options
-        self.parts = variable_parts(self.model)
-        shrink(self.model)
+        self.choices = opening(self.recipe.model)
+        whole = {kept: own for own, kept in lasting_names(self.recipe.model).items()}
+        check_overrides({renamed(p, whole): v for p, v in self.parameters.items()}, placed(self.recipe.model)[0])
         self.compile()
         t, stop = opts.start_time, opts.stop_time
         # The poses at the start come from the start problem of the model without contacts.
-        first = self.run(
-            self._compiled, replace(opts, stop_time=t + _SHORTEST * (stop - t)), None, np.array([t]), False
-        )
-        seen = self.seen(first, 0)
+        first = self.run(self._compiled, opts, None, np.zeros(0), False, (), None)
         self.keep(first, 0)
-        grid, length = opts.grid(), _FIRST * (stop - t)
-        before, fresh = seen, True
+        seen, grid, length = watched(self.choices, first, 0), opts.grid(), _FIRST * opts.span
+        report = None if self.progress is None else self._report
         while t < stop:
-            if fresh:
-                before = seen
-                if self.restructure(seen, t):
-                    self.compile()
-            end = stop if t + 1.2 * length >= stop else t + length
-            times = np.append(grid[(grid > t) & (grid < end)], end)
+            if self.choose(seen, t):
+                self.compile()
+            skin = Skin(self.choices, seen, length, stop)
+            rest = replace(opts, start_time=t), self.start(), np.append(grid[(grid > t) & (grid < stop)], stop)
             try:
-                piece = self.run(
-                    self._compiled, replace(opts, start_time=t, stop_time=end), self.start(), times, not self.pieces
-                )
-            except RunError as error:
-                if error.result is not None:
-                    self.add(error.result, slice(0, None))
-                    error.result = self.joined()
+                piece = self.run(self._compiled, *rest, not self.pieces, (skin,), report)
+            except (RunError, KeyboardInterrupt) as error:
+                partial = getattr(error, "result", None)
+                if partial is not None:
+                    self.choices = skin.choices
+                    self.pieces.append(_Piece(partial, _labels(self.choices)))
+                    error.result = self.joined()  # type: ignore[union-attr]
                 raise
-            good, worst = self.good(before, piece)
-            if good == 0:
-                length /= 4
-                if length < _SHORTEST * (stop - opts.start_time):
+            self.choices, length = skin.choices, skin.length
+            if not piece.time[-1] > t:
+                if length < _SHORTEST * opts.span:
                     raise self.stuck(t)
                 continue
-            self.add(piece, slice(0, good + 1))
-            self.keep(piece, good)
-            t = float(piece.time[good])
-            complete = good == len(piece.time) - 1
-            seen, fresh = self.seen(piece, good), not complete or worst > _MOST_USED
-            length = length * 2 if complete else max(float(piece.time[good] - piece.time[0]), length / 4)
-            if self.progress is not None:
-                self.progress((t - opts.start_time) / (stop - opts.start_time), t)
+            self.pieces.append(_Piece(piece, _labels(self.choices)))
+            self.keep(piece, -1)
+            t, seen = float(piece.time[-1]), watched(self.choices, piece, -1)
+            if "terminated" in piece.stats:
+                break
         return self.joined()
+
+    def _report(self, share: float, t: float) -> None:
+        """Tell how far the whole run is."""
+        if self.progress is not None:
+            self.progress((t - self.options.start_time) / self.options.span, t)
 
     @property
     def _compiled(self) -> CompiledModel:
@@ -149,71 +224,65 @@ class Pieces:
 
     def compile(self) -> None:
         """The equations for the structure as it is now."""
-        self.compiled = compile(self.model, parameters=self.parameters)
+        recipe = self.recipe
+        self.compiled = compile(
+            recipe.model,
+            parameters=self.present(),
+            formulation=recipe.formulation,
+            freeze=recipe.freeze,
+            quasi_static=recipe.quasi_static,
+            cache=recipe.cache,
+            choices=self.choices,
+        )
         self.compilations += 1
         for name, seconds in self.compiled.timings.items():
             self.timings[name] = self.timings.get(name, 0.0) + seconds
 
-    def restructure(self, seen: Mapping[str, Mapping[str, Array]], t: float) -> bool:
+    def present(self) -> dict[str, object]:
+        """Values of the parameters that are in this structure.
+
+        Numbers of contacts are those among all that may come about: what is the third of these may be the first now.
+        """
+        lasting, own = lasting_names(self.recipe.model), {kept: name for name, kept in _labels(self.choices).items()}
+        found = {}
+        for path, value in self.parameters.items():
+            kept = renamed(path, lasting)
+            here = renamed(kept, own)
+            if kept == path or here != kept:
+                found[here] = value
+        return found
+
+    def choose(self, seen: Mapping[str, Mapping[str, Array]], t: float) -> bool:
         """Choose anew; notes what changed."""
-        changed = [path for path, part in self.parts.items() if part.restructure(seen[path])]
+        before, self.choices = self.choices, {path: c.following(seen[path]) for path, c in self.choices.items()}
+        changed = [path for path, choice in self.choices.items() if not choice.same_structure(before[path])]
         for path in changed:
-            names = ", ".join(label for _, label in self.parts[path].labels()) or "none"
+            names = ", ".join(label for _, label in self.choices[path].labels()) or "none"
             self.changes.append(Event(t, f"{path}: contacts in the equations: {names}"))
             _log.debug("t = %g: %s: %s", t, path, names)
         return bool(changed)
 
-    def seen(self, result: Result, row: int) -> dict[str, dict[str, Array]]:
-        """What the components watch, at one row of a piece."""
-        return {
-            path: {n: np.asarray(result[f"{path}.{n}" if path else n][row]) for n in part.watched()}
-            for path, part in self.parts.items()
-        }
-
-    def good(self, before: Mapping[str, Mapping[str, Array]], piece: Result) -> tuple[int, float]:
-        """The last row up to which the structure was right, and how far it is used up there."""
-        used = np.zeros(len(piece.time))
-        for path, part in self.parts.items():
-            after = {n: piece[f"{path}.{n}" if path else n] for n in part.watched()}
-            used = np.maximum(used, part.moved(before[path], after))
-        # Between two rows that are far from each other there may have been more.
-        wrong = (used > 1.0) | (np.diff(used, prepend=used[0]) > _MOST_USED)
-        last = int(np.argmax(wrong)) - 1 if wrong.any() else len(used) - 1
-        return max(last, 0), float(used[max(last, 0)])
-
-    def names(self, compiled: CompiledModel) -> dict[str, str]:
-        """Beginnings of paths as they are in this structure, and as they are in the result."""
-        found: dict[str, str] = {}
-        for path, part in self.parts.items():
-            prefix = f"{path}." if path else ""
-            found |= {prefix + own: prefix + lasting for own, lasting in part.labels()}
-        return found
-
     def keep(self, piece: Result, row: int) -> None:
         """Remember the states."""
-        names = self.names(self._compiled)
+        names = _labels(self.choices)
         for name in self._compiled.states:
             self.memory[renamed(name, names)] = float(piece[name][row])
 
     def start(self) -> Start:
         """States as remembered, or as declared where they are new."""
         compiled = self._compiled
-        names = self.names(compiled)
+        names = _labels(self.choices)
         x, z = (np.array(v, dtype=float).ravel() for v in compiled.guess(np.array(compiled.parameter_values)))
         for k, name in enumerate(compiled.states):
             x[k] = self.memory.get(renamed(name, names), x[k])
         return Start(x, z, ())
 
-    def add(self, piece: Result, rows: slice) -> None:
-        """Take rows of a piece into the result."""
-        self.pieces.append(_Rows(piece, rows, self.names(self._compiled)))
-
     def stuck(self, t: float) -> IntegrationError:
         """The error for a skin that is used up in no time."""
         return IntegrationError(
             "AC406",
-            f"the structure of {type(self.model).__name__} would have to change all the time at t = {t:.9g} s",
-            evidence=[f"changing: {', '.join(self.parts)}"],
+            f"the structure of {type(self.recipe.model).__name__} would have to change all the time at t = {t:.9g} s",
+            evidence=[f"changing: {', '.join(self.choices)}"],
             cause="bodies move further than the skin of their scene in no time",
             help="give ContactScene a larger skin, or keep all pairs: ContactScene(keep=1000)",
         )
@@ -234,7 +303,7 @@ class Pieces:
             else replace(s, name=name, column=columns[name], sign=1, value=0.0)
             for name, s in signals.items()
         }
-        time = np.concatenate([p.result.time[p.rows] for p in self.pieces])
+        time = np.concatenate([p.result.time for p in self.pieces])
 
         def trajectories() -> Array:
             return np.vstack([_values(p, own, columns) for p, own in zip(self.pieces, sources, strict=True)])
@@ -244,10 +313,12 @@ class Pieces:
         for key in ("steps", "segments"):
             stats[key] = sum(own.get(key, 0.0) for own in each)
         spent = {k: sum(own["time"].get(k, 0.0) for own in each) for k in ("initialize", "integrate")}
+        reports = {path: repr(c.report()) for path, v in self.choices.items() if is_reporting(c := v.applied())}
+        stats |= {"reports": reports} if reports else {}
         stats |= {"pieces": len(self.pieces), "structures": self.compilations, "time": {**self.timings, **spent}}
-        events = [e for p in self.pieces for e in p.result.events if e.time <= p.result.time[p.rows][-1]]
+        events = [e for p in self.pieces for e in p.result.events]
         joined = Result(
-            model=type(self.model).__name__,
+            model=type(self.recipe.model).__name__,
             time=time,
             trajectories=trajectories,
             signals=described,
@@ -265,15 +336,14 @@ class Pieces:
             return float(np.nanmax(found, initial=0.0))
 
         found: list[str] = []
-        for path, part in self.parts.items():
-            if hasattr(type(part), "remarks"):
-                found += part.remarks(lambda name, path=path: largest(f"{path}.{name}" if path else name))
+        for path, choice in self.choices.items():
+            found += choice.remarks(lambda name, path=path: largest(_named(path, name)))  # type: ignore[misc]
         return found
 
 
-def _values(piece: _Rows, own: Mapping[str, Signal], columns: Mapping[str, int]) -> Array:
+def _values(piece: _Piece, own: Mapping[str, Signal], columns: Mapping[str, int]) -> Array:
     """Values of one piece in the columns of the whole."""
-    matrix = piece.result.matrix[piece.rows]
+    matrix = piece.result.matrix
     values = np.full((len(matrix), len(columns)), np.nan)
     for name, signal in own.items():
         if signal.column is None:

@@ -22,6 +22,7 @@ from acausal.structure.graph import Incidence as Incidence
 from acausal.structure.graph import IntArray as IntArray
 from acausal.structure.graph import inverse as inverse
 from acausal.structure.matching import match as match
+from acausal.structure.matching import stays_matched as stays_matched
 from acausal.structure.pantelides import Differentiable as Differentiable
 from acausal.structure.pantelides import pantelides as pantelides
 from acausal.structure.tearing import Tearing as Tearing

@@ -56,7 +56,7 @@ def blocks(incidence: Incidence, row_to_column: IntArray) -> tuple[Block, ...]:
     user, needed = user[inner], needed[inner]
 
     component = _components(user, needed, n_rows)
-    order = _topological(component[needed], component[user], int(component.max()) + 1)
+    order = in_topological_order(component[needed], component[user], int(component.max()) + 1)
 
     # Rows grouped by component; ascending inside because the sort is stable.
     by_component = np.argsort(component, kind="stable")
@@ -77,7 +77,7 @@ def _components(user: IntArray, needed: IntArray, n_rows: int) -> IntArray:
     return np.asarray(number[compact], dtype=np.int64)
 
 
-def _topological(before: IntArray, after: IntArray, count: int) -> list[int]:
+def in_topological_order(before: IntArray, after: IntArray, count: int) -> list[int]:
     """Components so that `before[k]` precedes `after[k]`; the smallest number first where there is a choice."""
     outer = before != after
     keys = np.unique(before[outer] * count + after[outer])

@@ -29,7 +29,8 @@ class Choice:
     """One selection, at one level of differentiation of one block.
 
     `dummies` of the `candidates` became algebraic through as many of the `equations`; `floating` equations have no
-    safe pivot, so their variables all stay states; `deficient` ones depend on the others.
+    safe pivot, so their variables all stay states; `deficient` ones depend on the others. `varies`: some pivots are not
+    constant, so that they are safe for these values of parameters only.
     """
 
     equations: tuple[int, ...]
@@ -37,6 +38,7 @@ class Choice:
     dummies: tuple[int, ...]
     floating: tuple[int, ...] = ()
     deficient: tuple[int, ...] = ()
+    varies: bool = False
 
 
 def select_dummies(
@@ -46,6 +48,7 @@ def select_dummies(
     rows: Rows,
     preference: Callable[[int], float],
     hidden: Callable[[int], Iterable[int]] = lambda equation: (),
+    near: Callable[[int], int | None] = lambda variable: None,
 ) -> list[Choice]:
     """Dummy derivatives of every block, from the highest level down.
 
@@ -67,6 +70,9 @@ def select_dummies(
     hidden
         Of a differentiated equation: derivatives of variables in its integral that do not stand in it, because known
         rates stood in for the chain rule (a joint's speed or a quaternion's rate behind an angular velocity).
+    near
+        Of the *integral* of a candidate: the number of points, from the first, at which its pivots must be safe; None
+        for all.
     """
     choices: list[Choice] = []
     level = [
@@ -82,7 +88,7 @@ def select_dummies(
             if group.equations:
                 below_of = {variable_integral[v]: v for v in candidates}
                 found = rows([equation_integral[e] for e in group.equations], list(below_of))
-                choice = _Elimination(found, preference).choose(group.equations, below_of)
+                choice = _Elimination(found, preference, near).choose(group.equations, below_of)
                 choices.append(choice)
                 stuck = {*choice.floating, *choice.deficient}
                 equations = [equation_integral[e] for e in group.equations if e not in stuck]
@@ -151,11 +157,16 @@ def _size(row: Mapping[int, Samples]) -> Samples:
 class _Elimination:
     """Sparse Gaussian elimination on sampled rows."""
 
-    def __init__(self, rows: list[dict[int, Samples]], preference: Callable[[int], float]) -> None:
+    def __init__(
+        self,
+        rows: list[dict[int, Samples]],
+        preference: Callable[[int], float],
+        near: Callable[[int], int | None],
+    ) -> None:
         self.rows = [{v: a for v, a in row.items() if np.any(a != 0.0)} for row in rows]
         self.size = [_size(row) for row in self.rows]
         self.columns: dict[int, set[int]] = {}
-        self.preference = preference
+        self.preference, self.near = preference, near
         self.heap: list[tuple[float, int, float, int, int]] = []
         for i, row in enumerate(self.rows):
             for v in row:
@@ -166,9 +177,9 @@ class _Elimination:
 
     def _rank(self, i: int, v: int) -> int | None:
         """0 for a constant pivot, 1 for one that varies but keeps its sign and size, None for an unsafe one."""
-        found = self.rows[i][v]
+        found = self.rows[i][v][: self.near(v)]
         is_finite = np.isfinite(found)
-        share = np.abs(found[is_finite]) / self.size[i][is_finite]
+        share = np.abs(found[is_finite]) / self.size[i][: len(found)][is_finite]
         found = found[is_finite]
         if not len(found):
             return None
@@ -190,11 +201,13 @@ class _Elimination:
         """Take safe pivots while there are any; `candidates` maps the columns to what is reported."""
         active = set(range(len(self.rows)))
         dummies: list[int] = []
+        varies = False
         while self.heap and active:
             _, rank, _, i, v = heapq.heappop(self.heap)
             if i not in active or v not in self.columns or v not in self.rows[i] or self._rank(i, v) != rank:
                 continue
             active.discard(i)
+            varies = varies or rank == 1
             dummies.append(candidates[v])
             self._eliminate(i, v)
         left = sorted(active)
@@ -205,6 +218,7 @@ class _Elimination:
             tuple(dummies),
             tuple(equations[i] for i in left if i not in deficient),
             tuple(equations[i] for i in deficient),
+            varies,
         )
 
     def _eliminate(self, i: int, v: int) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -24,7 +24,7 @@ def match(incidence: Incidence) -> IntArray:
     (1955)) when that is little.
     """
     # Why not SciPy alone: on a causal (triangular) system of 1e5 rows its time grows with n^1.9, to 1.8 s; most models
-    # are causal up to small loops, and for these the first step is linear and leaves next to nothing.
+    # are causal up to small loops, and for these the first step is linear and leaves hardly any work.
     row_to_column = _match_only_partners(incidence)
     free_column = np.ones(incidence.n_columns, dtype=bool)
     free_column[row_to_column[row_to_column >= 0]] = False
@@ -43,33 +43,48 @@ def _match_large(core: Incidence) -> IntArray:
     return np.asarray(maximum_bipartite_matching(core.to_csr(), perm_type="column"), dtype=np.int64)
 
 
+def stays_matched(rows: Sequence[Sequence[int]], matched: Sequence[int], changed: Mapping[int, Sequence[int]]) -> bool:
+    """Whether all rows can be paired still when some of them change; `matched` is the column of each before."""
+    columns_of = list(rows)
+    for row, own in changed.items():
+        columns_of[row] = own
+    lost = [row for row, own in changed.items() if matched[row] not in own]
+    row_of = {column: row for row, column in enumerate(matched) if row not in lost}
+    return all(_augmented(columns_of, row_of, row) for row in lost)
+
+
 def _match_small(core: Incidence) -> IntArray:
     """The column of each row; rows one by one, each by a depth-first search for an augmenting path."""
     columns_of = core.rows()
-    row_of = [-1] * core.n_columns
+    row_of: dict[int, int] = {}
     for start in range(core.n_rows):
-        seen: set[int] = set()
-        path: list[tuple[int, Iterator[int]]] = [(start, iter(columns_of[start]))]
-        taken: list[int] = []  # taken[k] leads from path[k] to the row it is matched to, path[k + 1]
-        while path:
-            column = next((c for c in path[-1][1] if c not in seen), None)
-            if column is None:
-                path.pop()
-                if taken:
-                    taken.pop()
-                continue
-            seen.add(column)
-            taken.append(column)
-            if row_of[column] < 0:
-                for (row, _), c in zip(path, taken, strict=True):
-                    row_of[c] = row
-                break
-            path.append((row_of[column], iter(columns_of[row_of[column]])))
+        _augmented(columns_of, row_of, start)
     found = np.full(core.n_rows, -1, dtype=np.int64)
-    for column, row in enumerate(row_of):
-        if row >= 0:
-            found[row] = column
+    for column, row in row_of.items():
+        found[row] = column
     return found
+
+
+def _augmented(columns_of: Sequence[Sequence[int]], row_of: dict[int, int], start: int) -> bool:
+    """Pair one more row, by a depth-first search for an augmenting path; `row_of` has the row of each paired column."""
+    seen: set[int] = set()
+    path: list[tuple[int, Iterator[int]]] = [(start, iter(columns_of[start]))]
+    taken: list[int] = []  # taken[k] leads from path[k] to the row it is matched to, path[k + 1]
+    while path:
+        column = next((c for c in path[-1][1] if c not in seen), None)
+        if column is None:
+            path.pop()
+            if taken:
+                taken.pop()
+            continue
+        seen.add(column)
+        taken.append(column)
+        if column not in row_of:
+            for (row, _), c in zip(path, taken, strict=True):
+                row_of[c] = row
+            return True
+        path.append((row_of[column], iter(columns_of[row_of[column]])))
+    return False
 
 
 def _match_only_partners(incidence: Incidence) -> IntArray:

@@ -74,7 +74,7 @@ class FirstOrderHold(PartialDiscreteSISO):
     c: Real = discrete(doc="Slope of the line")
 
     def equations(self) -> Equations:
-        rise = (self.u - pre(self.u_sample)) / (1.0 * self.sample_period)
+        rise = (self.u - pre(self.u_sample)) / self.sample_period
         first = time < self.start_time + 0.5 * self.sample_period
         yield when(
             self.tick(),
@@ -82,7 +82,7 @@ class FirstOrderHold(PartialDiscreteSISO):
             reset(self.u_sample, self.u),
             reset(self.c, where(no_event(first), 0.0, rise)),
         )
-        yield self.y == self.u_sample + self.c * (1.0 * (time - self.t_sample))
+        yield self.y == self.u_sample + self.c * (time - self.t_sample)
 
 
 class UnitDelay(PartialDiscreteSISO):

@@ -20,9 +20,11 @@ from acausal import (
     Real,
     boolean,
     equals,
+    infinitesimal,
     initial,
     integer,
     pre,
+    unitless,
     variable,
     where,
 )
@@ -72,7 +74,7 @@ class DryFriction(Component):
         return equals(pre(self.mode), mode)
 
     def equations(self) -> Equations:
-        on, sa = self.surfaces(), 1.0 * self.sa  # without a unit: a force and an acceleration
+        on, sa = self.surfaces(), unitless(self.sa)  # a force and an acceleration
         forward, backward, stuck, idle = map(self.was, (self.FORWARD, self.BACKWARD, self.STUCK, self.FREE))
         ahead, behind = self.may_move()
         # What does not count in a mode is kept away from its guard there: a stuck element whose speed is zero up to
@@ -80,8 +82,8 @@ class DryFriction(Component):
         path = where(stuck, sa, 0.0)
         breaks_forward = (path > on.most) | (pre(self.startForward) & (path > on.begin))
         breaks_backward = (path < -on.most) | (pre(self.startBackward) & (path < -on.begin))
-        positive = where(forward | idle | self.startForward | initial(), on.speed, -1.0 * on.small) > 0.0
-        negative = where(backward | idle | self.startBackward | initial(), on.speed, 1.0 * on.small) < 0.0
+        positive = where(forward | idle | self.startForward | initial(), on.speed, -on.small) > 0.0
+        negative = where(backward | idle | self.startBackward | initial(), on.speed, on.small) < 0.0
         yield self.startForward == (
             stuck & breaks_forward & ahead | backward & (on.speed > on.small) | initial() & positive
         )
@@ -90,8 +92,9 @@ class DryFriction(Component):
         )
         yield self.locked == (~self.free & ~(forward | self.startForward | backward | self.startBackward))
         slides_forward = self.startForward | ~self.startBackward & forward
-        shifted = where(slides_forward, sa - 1.0 * on.most, sa + 1.0 * on.most)
-        yield on.acceleration == where(self.locked, 0.0, where(self.free, sa, shifted))
+        shifted = where(slides_forward, sa - unitless(on.most), sa + unitless(on.most))
+        # zero while locked; several elements on one shaft share their load by the infinitesimal part
+        yield on.acceleration == where(self.locked, infinitesimal() * sa, where(self.free, sa, shifted))
         yield self.mode == where(
             self.free,
             self.FREE,

@@ -35,10 +35,10 @@ class Mean(Component):
     held: Real = discrete(doc="Mean over the last period")
 
     def equations(self) -> Equations:
-        yield der(self.x) == 1.0 * self.u
+        yield der(self.x) == self.u
         yield self.y == self.held
         period = 1.0 / self.f
-        yield when(sample(period, period), reset(self.held, 1.0 * self.f * pre(self.x)), reset(self.x, 0.0))
+        yield when(sample(period, period), reset(self.held, self.f * pre(self.x)), reset(self.x, 0.0))
 
 
 class RectifiedMean(Component):
@@ -65,7 +65,7 @@ class RootMeanSquare(Component):
     mean: Mean = part(doc="Of the square of the input")
 
     def build(self) -> None:
-        self.mean = Mean(f=self.f, u=1.0 * self.u * self.u)
+        self.mean = Mean(f=self.f, u=self.u * self.u)
 
     def equations(self) -> Equations:
         yield self.y == no_event(sqrt(maximum(self.mean.y, 0.0)))

@@ -6,16 +6,22 @@ with a continuous derivative has none.
 
 from __future__ import annotations
 
+import reprlib
 from collections.abc import Callable, Sequence
 from enum import Enum
 from itertools import pairwise
+from math import isfinite
 
-from acausal import Equations, Expr, as_expr, structural, where
+from acausal import Equations, Expr, as_expr, clamp, floor, lookup, structural, unitless, where
 from acausal.errors import DeclarationError
 from acausal.library.blocks.interfaces import PartialSISO
 
 Points = tuple[tuple[float, float], ...]
 """Abscissa and ordinate of each point, abscissas strictly increasing."""
+
+
+MANY = 64
+"""Points of a table beyond which the segment is searched, and kinks are not events any more."""
 
 
 class Smoothness(Enum):
@@ -42,24 +48,27 @@ def table(
     *,
     located: bool = True,
 ) -> Expr:
-    """The function through `points` at `u`.
+    """The function through `points` at `u`; the points are in the units of what they are used for, in SI.
 
-    Kinks are events unless `located` is False: then they are left to the error control of the solver, which is cheaper
-    where a trajectory runs through many of them.
+    Kinks are events unless `located` is False, or there are more than `MANY` points: then they are left to the error
+    control of the solver, which is cheaper where a trajectory runs through many of them. Steps are always events.
 
-    One point alone is a constant. The segment is found by halving, so that a value costs as many decisions as the
-    logarithm of the number of points.
+    One point alone is a constant. The segment is found by halving: among few points by decisions of the model, else
+    by a search (`acausal.lookup`).
 
     Raises
     ------
     DeclarationError
-        AC160 when there is no point, or the abscissas do not increase.
+        AC160 when there is no point, a number is not finite, or the abscissas do not increase.
     """
     known = checked_points(points)
     if len(known) == 1:
         return as_expr(known[0][1])
+    u = unitless(u)
     steps = smoothness is Smoothness.CONSTANT_SEGMENTS
     slopes = _SLOPES[smoothness](known)
+    if len(known) > MANY:
+        return _searched(known, slopes, u, smoothness, extrapolation)
     pieces: list[tuple[float, Expr]] = []
     for (x0, y0), (x1, y1), (left, right) in zip(known[:-1], known[1:], slopes, strict=True):
         pieces.append((x0, as_expr(y0) if steps else _cubic(u, x0, y0, x1, y1, left, right)))
@@ -74,16 +83,66 @@ def table(
     return _choice(u, pieces, smooth)
 
 
+def _searched(
+    points: Points,
+    slopes: Sequence[tuple[float, float]],
+    u: Expr,
+    smoothness: Smoothness,
+    extrapolation: Extrapolation,
+) -> Expr:
+    """The same by a search for the segment."""
+    x, y = zip(*points, strict=True)
+    if smoothness is Smoothness.CONSTANT_SEGMENTS:
+        # the number of the segment is the whole part of a broken line, so that two relations locate all steps
+        places = lookup(x, [(float(k), 1.0 / (b - a)) for k, (a, b) in enumerate(pairwise(x))], "segment")
+        number = floor(clamp(places(u), 0.0, len(y) - 0.5))
+        return as_expr(lookup([*range(len(y)), len(y)], [(v,) for v in y], "step")(number + 0.5))
+    rows: list[tuple[float, ...]] = [
+        (a[1], *_polynomial(b[0] - a[0], b[1] - a[1], *slope))
+        for (a, b), slope in zip(pairwise(points), slopes, strict=True)
+    ]
+    if smoothness is Smoothness.LINEAR_SEGMENTS:
+        rows = [row[:2] for row in rows]
+        if extrapolation is Extrapolation.LAST_TWO_POINTS:
+            return as_expr(lookup(x, rows)(u))
+    hold = extrapolation is Extrapolation.HOLD_LAST_POINT
+    first, last = (0.0, 0.0) if hold else (slopes[0][0], slopes[-1][1])
+    ends = [(y[0] - first * (x[1] - x[0]), first), (y[-1], last)]  # a segment more on each side
+    outer = [(*end, *[0.0] * (len(rows[0]) - 2)) for end in ends]
+    return as_expr(lookup([2.0 * x[0] - x[1], *x, 2.0 * x[-1] - x[-2]], [outer[0], *rows, outer[1]])(u))
+
+
 def checked_points(points: Sequence[Sequence[float]]) -> Points:
     """The points of a table; see `table`."""
-    known = tuple((float(x), float(y)) for x, y in points)
-    if not known or any(b[0] <= a[0] for a, b in pairwise(known)):
-        raise DeclarationError(
-            "AC160",
-            f"{list(points)} is no table",
-            help="give at least one point (x, y), with x strictly increasing: ((0.0, 1.0), (2.0, 5.0))",
-        )
-    return known
+    known: list[tuple[float, float]] = []
+    for k, row in enumerate(points):
+        wrong = wrong_row(row)
+        if wrong is None and known and row[0] <= known[-1][0]:
+            wrong = f"does not lie beyond the one before, {known[-1]}"
+        if wrong is not None:
+            raise _no_table(f"row {k + 1} of {len(points)}, {reprlib.repr(row)}, {wrong}")
+        known.append((float(row[0]), float(row[1])))
+    if not known:
+        raise _no_table("there is no row")
+    return tuple(known)
+
+
+def wrong_row(row: Sequence[float]) -> str | None:
+    """What is wrong with one row of a table; None when it is a pair of finite numbers."""
+    try:
+        x, y = row
+        is_finite = isfinite(x) and isfinite(y)
+    except (TypeError, ValueError):
+        return "is no pair of numbers"
+    return None if is_finite else "holds a number that is not finite"
+
+
+def _no_table(why: str) -> DeclarationError:
+    return DeclarationError(
+        "AC160",
+        f"this is no table: {why}",
+        help="give at least one point (x, y), with x strictly increasing: ((0.0, 1.0), (2.0, 5.0))",
+    )
 
 
 def _choice(u: Expr, pieces: Sequence[tuple[float, Expr]], smooth: bool) -> Expr:
@@ -96,14 +155,20 @@ def _choice(u: Expr, pieces: Sequence[tuple[float, Expr]], smooth: bool) -> Expr
 
 def _cubic(u: Expr, x0: float, y0: float, x1: float, y1: float, left: float, right: float) -> Expr:
     """Hermite's cubic on one segment, as a polynomial in u - x0."""
-    h = x1 - x0
-    chord = (y1 - y0) / h
+    slope, c2, c3 = _polynomial(x1 - x0, y1 - y0, left, right)
+    s = u - x0
+    if c2 == c3 == 0.0:
+        return y0 + slope * s if slope else as_expr(y0)
+    return y0 + s * (slope + s * (c2 + c3 * s))
+
+
+def _polynomial(h: float, rise: float, left: float, right: float) -> tuple[float, float, float]:
+    """Slope, square and cube of Hermite's cubic over a segment of length `h`, in the distance from its beginning."""
+    chord = rise / h
     c2 = (3.0 * chord - 2.0 * left - right) / h
     c3 = (left + right - 2.0 * chord) / h**2
-    if abs(c2) * h + abs(c3) * h**2 <= 1e-12 * (abs(left) + abs(right)):
-        return y0 + left * (u - x0) if left else as_expr(y0)
-    s = u - x0
-    return y0 + s * (left + s * (c2 + c3 * s))
+    straight = abs(c2) * h + abs(c3) * h**2 <= 1e-12 * (abs(left) + abs(right))
+    return (left, 0.0, 0.0) if straight else (left, c2, c3)
 
 
 def _no_slopes(points: Points) -> list[tuple[float, float]]:
@@ -154,9 +219,6 @@ class CombiTable1D(PartialSISO):
     table: Points = structural(doc="Points (u, y), u strictly increasing")
     smoothness: Smoothness = structural(default=Smoothness.LINEAR_SEGMENTS, doc="What lies between two points")
     extrapolation: Extrapolation = structural(default=Extrapolation.LAST_TWO_POINTS, doc="What lies beyond the ends")
-
-    def build(self) -> None:
-        checked_points(self.table)
 
     def equations(self) -> Equations:
         yield self.y == table(self.table, self.u, self.smoothness, self.extrapolation)

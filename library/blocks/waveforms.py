@@ -1,20 +1,25 @@
 """Functions of time that signal, voltage and current sources share.
 
 Every switch is a condition on `time` alone, so that the run is cut there exactly. Tables are searched by a
-balanced tree of `where`: a table of n points costs log2(n) comparisons deep, not n.
+balanced tree of `where` where they are cut, and by halving between the cuts.
 """
 
 from __future__ import annotations
 
 import math
+import reprlib
 from collections.abc import Sequence
 from itertools import pairwise
 
-from acausal import Expr, sin, time, where
+from acausal import Expr, lookup, quantity, sin, time, unitless, where
 from acausal.errors import DeclarationError
+from acausal.library.blocks.tables import MANY, wrong_row
 
 Points = tuple[tuple[float, float], ...]
 """Rows (time [s], value), times ascending; two rows with the same time are a jump."""
+
+# Rows before a kink that it is compared with, and how many times as large as theirs it must be to be cut.
+_RECENT, _SUDDEN = 8, 8.0
 
 
 def step(height: Expr, offset: Expr, start_time: Expr) -> Expr:
@@ -55,17 +60,58 @@ def table(points: Points, offset: Expr, start_time: Expr) -> Expr:
         AC130 when the table is empty, is not made of pairs, or its times descend.
     """
     _check(points)
-    t = time - start_time
-    lines: list[Expr | float] = []
-    breaks: list[Expr] = []
-    for (t0, y0), (t1, y1) in pairwise(points):
-        if t1 > t0:
-            slope = (y1 - y0) / (t1 - t0)
-            lines.append(y0 + slope * (t - t0) if slope else y0)
-            breaks.append(start_time + t1)
-    if not lines:
-        lines, breaks = [points[-1][1]], [start_time]
-    return offset + where(time < start_time, 0.0, _select(breaks[:-1], lines))
+    t = unitless(time - start_time)
+    rows = _joined([(t0, y0, (y1 - y0) / (t1 - t0), t1) for (t0, y0), (t1, y1) in pairwise(points) if t1 > t0])
+    if not rows:
+        return offset + where(time < start_time, 0.0, points[-1][1])
+    cuts = _cuts(rows)
+    pieces: list[Expr | float] = []
+    for first, last in pairwise([0, *cuts, len(rows)]):
+        t0, y0, slope, _ = rows[first]
+        if last == first + 1:
+            pieces.append(y0 + slope * (t - t0) if slope else y0)
+        else:
+            own = rows[first:last]
+            # two functions in turn: a cut between calls of one function would be none
+            name = "table" if len(pieces) % 2 else "table_"
+            pieces.append(lookup([*(r[0] for r in own), own[-1][3]], [r[1:3] for r in own], name)(t))
+    breaks = [start_time + quantity(rows[k][0], "s") for k in cuts]
+    return offset + where(time < start_time, 0.0, _select(breaks, pieces))
+
+
+def _joined(rows: Sequence[tuple[float, float, float, float]]) -> list[tuple[float, float, float, float]]:
+    """Rows that go on straight as one: a line has a second derivative, a search among equal lines has none."""
+    found: list[tuple[float, float, float, float]] = []
+    for row in rows:
+        before = found[-1] if found else None
+        if before is not None and before[2:] == (row[2], row[0]):
+            end = before[1] + before[2] * (row[0] - before[0])
+            if abs(end - row[1]) <= 1e-14 * max(abs(end), abs(row[1])):
+                found[-1] = (*before[:3], row[3])
+                continue
+        found.append(row)
+    return found
+
+
+def _cuts(rows: Sequence[tuple[float, float, float, float]]) -> list[int]:
+    """Rows at which the run is cut: jumps, and those kinks that no step of a solver foresees.
+
+    A few kinks are all cut. Of more, those only that are much larger than the kinks shortly before: a solver whose
+    steps are long, because nothing has happened, would step over what begins there. Where rows change from one to the
+    next as they did before, its steps follow them, as they follow any curve.
+    """
+    height = max(r[1] for r in rows) - min(r[1] for r in rows) + abs(rows[-1][2]) * (rows[-1][3] - rows[-1][0])
+    jumps, kinks = [], [0.0]
+    for k, (a, b) in enumerate(pairwise(rows), start=1):
+        gap = abs(b[1] - (a[1] + a[2] * (a[3] - a[0])))
+        if b[0] > a[3] or gap > 1e-12 * height:
+            jumps.append(k)
+        kinks.append(abs(b[2] - a[2]) * min(a[3] - a[0], b[3] - b[0]))
+    seen = [k for k, size in enumerate(kinks) if size > 1e-9 * height]
+    if len(seen) <= MANY:
+        return sorted({*jumps, *seen})
+    recent = (max(kinks[max(1, k - _RECENT) : k], default=0.0) for k in seen)
+    return sorted({*jumps, *(k for k, before in zip(seen, recent, strict=True) if kinks[k] > _SUDDEN * before)})
 
 
 def _select(breaks: Sequence[Expr], values: Sequence[Expr | float]) -> Expr | float:
@@ -79,10 +125,16 @@ def _select(breaks: Sequence[Expr], values: Sequence[Expr | float]) -> Expr | fl
 
 
 def _check(points: Points) -> None:
-    if not points or any(len(row) != 2 for row in points):
-        raise DeclarationError(
-            "AC130", f"the table {points!r} is not a list of (time, value) pairs", help="table=((0.0, 0.0), (1.0, 2.0))"
-        )
+    for k, row in enumerate(points):
+        wrong = wrong_row(row)
+        if wrong is not None:
+            raise DeclarationError(
+                "AC130",
+                f"row {k + 1} of {len(points)} of the table, {reprlib.repr(row)}, {wrong}",
+                help="table=((0.0, 0.0), (1.0, 2.0))",
+            )
+    if not points:
+        raise DeclarationError("AC130", "the table has no row", help="table=((0.0, 0.0), (1.0, 2.0))")
     for (t0, _), (t1, _) in pairwise(points):
         if t1 < t0:
             raise DeclarationError(

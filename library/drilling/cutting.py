@@ -60,7 +60,9 @@ class PartialCuttingForce(Component):
     )
     n: Real = signal_input(unit="1/s", doc="Rotational speed, not negative")
 
-    f_z: Real = signal_output(unit="m", nominal=1e-4, doc="Feed per edge and revolution, not negative")
+    f_z: Real = signal_output(
+        unit="m", nominal=1e-4, monotone_above=0.0, doc="Feed per edge and revolution, not negative"
+    )
     h: Real = signal_output(unit="m", nominal=1e-4, doc="Chip thickness")
     k_c: Real = signal_output(unit="Pa", nominal=1e9, doc="Specific cutting force")
     F_cz: Real = signal_output(unit="N", nominal=1e3, doc="Cutting force of one edge")

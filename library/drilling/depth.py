@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from acausal import Component, Equations, Real, der, no_event, parameter, signal_input, signal_output, where
+from acausal import Component, Equations, Real, der, parameter, signal_input, signal_output, where
 
 
 class DrillDepthCalculation(Component):
@@ -25,8 +25,9 @@ class DrillDepthCalculation(Component):
     def equations(self) -> Equations:
         yield self.f == self.z_E * self.f_z
         yield self.v_tar == self.f * self.n
-        # The ground has nothing to gain from an exact instant of the touch, where the force grows from zero.
-        yield der(self.s_tar) == where(no_event(self.s > 0), self.v_tar, 0.0)
+        # Located, although the rate grows from zero: where the feed is prescribed nothing else moves, and a solver
+        # whose steps have grown in the air would step over the whole contact.
+        yield der(self.s_tar) == where(self.s > 0, self.v_tar, 0.0)
 
     def initial_equations(self) -> Equations:
         yield self.s_tar == self.s_start

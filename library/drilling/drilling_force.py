@@ -28,7 +28,6 @@ class DrillingForce(PartialDrillingForce):
     """
 
     as_printed: bool = structural(default=False, doc="Contact force by equation (21) instead of (20)")
-    explicit: bool = structural(default=True, doc="Equation (20) solved by a fixed number of Newton steps")
     k: Real = parameter(unit="N/m", min=0.0, nominal=1e8, doc="Stiffness of the contact")
     d_c: Real = parameter(unit="N.s/m", min=0.0, nominal=1e4, doc="Damping of the contact")
     s_start: Real = parameter(default=0.0, unit="m", min=0.0, doc="Depth of the hole at the start")
@@ -52,7 +51,6 @@ class DrillingForce(PartialDrillingForce):
         self.depth = DrillDepthCalculation(z_E=self.z_E, s_start=self.s_start)
         self.force = DrillContactForce(
             as_printed=self.as_printed,
-            explicit=self.explicit,
             chisel=self.chisel,
             p_indent=self.p_indent,
             d_indent=self.d_indent,

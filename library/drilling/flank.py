@@ -19,6 +19,7 @@ from acausal import (
     no_event,
     parameter,
     part,
+    quantity,
     signal_input,
     signal_output,
     sqrt,
@@ -93,7 +94,7 @@ class FlankContact(Component):
         velocity = der(self.tip) - der(self.axis) * height
         off = point - self.place
         across = off - self.direction * dot(off, self.direction)
-        distance = sqrt(dot(across, across) + _TINY * _TINY)
+        distance = sqrt(dot(across, across) + quantity(_TINY, "m") ** 2)
         pressed = maximum(distance - self.clearance, 0.0)
         outward = across / distance
         elastic = self.k * self.engaged / 2 * pressed

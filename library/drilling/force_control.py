@@ -9,17 +9,18 @@ from acausal import (
     Equations,
     Expr,
     Real,
-    as_expr,
     assert_,
     clamp,
     der,
     discrete,
     minimum,
     parameter,
+    quantity,
     reset,
     signal_input,
     signal_output,
     time,
+    unitless,
     variable,
     when,
     where,
@@ -48,9 +49,9 @@ def feed_rate_under(
         Thrust over cutting force [1]; sin(sigma) as the paper prints it, unless given.
     """
     ratio = math.sin(tool.sigma) if factor is None else factor
-    share = as_expr(thrust) / (ratio * tool.z_E / 2 * tool.d * material.k_c11 * 1e-3)
-    f_z = 1e-3 * (share * math.sin(tool.sigma / 2) ** material.z) ** (1 / (1 - material.z))
-    return as_expr(f_z * tool.z_E * n)
+    share = unitless(thrust) / (ratio * tool.z_E / 2 * tool.d * material.k_c11 * 1e-3)
+    f_z: Expr = 1e-3 * (share * math.sin(tool.sigma / 2) ** material.z) ** (1 / (1 - material.z))
+    return quantity(1.0, "m/s") * f_z * tool.z_E * unitless(n)
 
 
 class ForceControl(Component):

@@ -14,14 +14,15 @@ from acausal import (
     maximum,
     minimum,
     no_event,
+    quantity,
     signal_output,
     structural,
     where,
 )
-from acausal.library.contact.crossing import crossing
-from acausal.library.contact.shapes import Shape
+from acausal.library.contact.collide.axis.crossing import crossing
+from acausal.library.contact.collide.shapes import Shape
 from acausal.library.drilling.geometry import PartialDrillGeometry
-from acausal.library.multibody.orientation import IDENTITY, Rotation, Vector, across, axes_rotation
+from acausal.library.multibody.orientation import IDENTITY, Rotation, Vector, across, axes_rotation, checked_rotation
 
 Pose = tuple[Vector, Rotation]
 
@@ -65,8 +66,8 @@ class ConvexDrillGeometry(PartialDrillGeometry):
     finds the faces through which it enters and leaves. Depth and diameters are those of the tip behind these faces,
     along the axis; a penetration depth in the sense of collision detection, along the shortest way out, would turn
     round past the middle of the workpiece. Hence MPR's ray is the axis, which leaves no choice of a way out
-    (`acausal/library/contact/crossing.py`). Drilling begins when the tip passes the surface; a drill whose axis misses
-    the workpiece is beside it.
+    (`library/contact/collide/axis/crossing.py`). Drilling begins when the tip passes the surface; a drill whose axis
+    misses the workpiece is beside it.
 
     With a box of thickness t at `pose` (0, 0, t/2) it agrees with the analytic plate.
     """
@@ -81,9 +82,10 @@ class ConvexDrillGeometry(PartialDrillGeometry):
     def build(self) -> None:
         super().build()
         self.workpiece.check(self.body)
+        checked_rotation(self.pose[1], "pose[1]")
 
     def equations(self) -> Equations:
-        r, R = as_expr(self.pose[0]), as_expr(self.pose[1])
+        r, R = quantity(self.pose[0], "m"), as_expr(self.pose[1])
         depth, beyond, beside, outward = crossing(self.workpiece)(R.T @ (self.tip - r), R.T @ self.axis)
         # Beside it there is no contact to locate the beginning of.
         no_contact = no_event((beside > 0.5) & (depth > 0))

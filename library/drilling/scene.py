@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal import Component
-from acausal.library.contact.bodies import ContactBody, PoseValue, Surfaces
-from acausal.library.contact.shapes import PointedDrill, Shape
-from acausal.library.contact.surface import Pose
+from acausal.library.contact.collide.shapes import PointedDrill, Shape
+from acausal.library.contact.scene.bodies import ContactBody, PoseValue, Surfaces
+from acausal.library.contact.scene.surface import Pose
 from acausal.library.drilling.drilling_force import DrillingForce
 from acausal.library.drilling.flank import GuidedDrillingForce
 from acausal.library.drilling.full_drilling_force import FullDrillingForce
@@ -98,7 +98,6 @@ class DrillBody(ContactBody):
             length=self.tip,
             k=self.k,
             d_c=self.d_c,
-            explicit=True,
             **dict(self.settings),  # type: ignore[arg-type]
         )
 

@@ -10,6 +10,8 @@ from acausal.library.electrical.components import IdealTransformer as IdealTrans
 from acausal.library.electrical.components import Inductor as Inductor
 from acausal.library.electrical.components import Resistor as Resistor
 from acausal.library.electrical.components import SaturatingInductor as SaturatingInductor
+from acausal.library.electrical.emf import RotationalEMF as RotationalEMF
+from acausal.library.electrical.emf import TranslationalEMF as TranslationalEMF
 from acausal.library.electrical.ideal import CloserWithArc as CloserWithArc
 from acausal.library.electrical.ideal import IdealClosingSwitch as IdealClosingSwitch
 from acausal.library.electrical.ideal import IdealDiode as IdealDiode

@@ -61,6 +61,8 @@ class Inductor(PartialOnePort):
 class HeatingResistor(PartialOnePort):
     """Resistor whose resistance depends on the temperature of its heat port, into which it gives its losses."""
 
+    _to_be_connected = ("heatPort",)
+
     heatPort: HeatPort = HeatPort()
     R_ref: Real = parameter(unit="Ohm", doc="Resistance at T_ref")
     T_ref: Real = parameter(default=300.15, unit="K", doc="Reference temperature")

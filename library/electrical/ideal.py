@@ -21,8 +21,10 @@ from acausal import (
     minimum,
     parameter,
     pre,
+    quantity,
     reset,
     time,
+    unitless,
     variable,
     when,
     where,
@@ -43,9 +45,10 @@ class PartialIdealSwitching(PartialOnePort):
     loss_power: Real = variable(unit="W", doc="Power turned into heat")
 
     def equations(self) -> Equations:
-        # literals take out the units: s is a voltage and a current
-        yield self.v == 1.0 * self.s * where(self.off, 1.0, 1.0 * self.Ron) + self.Vknee
-        yield self.i == 1.0 * self.s * where(self.off, 1.0 * self.Goff, 1.0) + self.Goff * self.Vknee
+        # s is a voltage and a current
+        volt, ampere = quantity(1.0, "V"), quantity(1.0, "A")
+        yield self.v == self.s * where(self.off, volt, self.Ron * ampere) + self.Vknee
+        yield self.i == self.s * where(self.off, self.Goff * volt, ampere) + self.Goff * self.Vknee
         yield self.loss_power == self.v * self.i
 
 
@@ -117,7 +120,7 @@ class PartialIdealSwitchWithArc(PartialOnePort):
         arc = minimum(self.Vmax, self.V0 + self.dVdt * (time - self.t_opened))
         burning = self.v - where(self.i < 0.0, -arc, arc)
         is_open, closed = self.i - self.Goff * self.v, self.v - self.Ron * self.i
-        yield where(self.off, where(self.quenched, 1.0 * is_open, 1.0 * burning), 1.0 * closed) == 0.0
+        yield where(self.off, where(self.quenched, unitless(is_open), unitless(burning)), unitless(closed)) == 0.0
 
 
 class OpenerWithArc(PartialIdealSwitchWithArc):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from acausal import Equations, Real, exp, guess, parameter, variable, where
+from acausal import Equations, Real, exp, guess, parameter, quantity, variable, where
 from acausal.library.electrical.interfaces import PartialOnePort
 from acausal.library.thermal.interfaces import HeatPort
 
@@ -39,6 +39,8 @@ class HeatingDiode(PartialOnePort):
     tangent as in `Diode`.
     """
 
+    _to_be_connected = ("heatPort",)
+
     heatPort: HeatPort = HeatPort()
     Ids: Real = parameter(default=1e-6, unit="A", min=0.0, doc="Saturation current")
     Maxexp: Real = parameter(default=15.0, unit="1", doc="Largest argument of the exponential")
@@ -56,7 +58,7 @@ class HeatingDiode(PartialOnePort):
         scale = self.N * self.vt_t
         x = self.v / scale
         tangent = exp(self.Maxexp) * (1.0 + x - self.Maxexp)
-        yield self.vt_t == _VOLT_PER_KELVIN * self.heatPort.T
+        yield self.vt_t == quantity(_VOLT_PER_KELVIN, "V/K") * self.heatPort.T
         yield self.id == self.Ids * (where(x > self.Maxexp, tangent, exp(x), smooth=True) - 1.0)
         warmer = share ** (self.XTI / self.N) * exp((share - 1.0) * self.EG / scale)
         yield self.i == self.id * warmer + self.v / self.R

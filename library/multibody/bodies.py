@@ -8,29 +8,30 @@ quaternion.
 from __future__ import annotations
 
 from acausal import (
-    Component,
     Equations,
     Expr,
     Real,
     as_expr,
+    assert_,
     branch,
     cross,
     der,
+    fabs,
     guess,
     is_root,
+    maximum,
     parameter,
     potential_root,
-    structural,
     variable,
 )
 from acausal.library.multibody.frames import Frame
-from acausal.library.multibody.gravity import STANDARD_GRAVITY, Field, uniform_field
 from acausal.library.multibody.rotations import quaternion_rates, quaternion_rotation
+from acausal.library.multibody.world import PartialHeavy
 
 _FREE = "a body can move freely in this direction and nothing says where it starts: give it r_0, v_0, Q and w_a"
 
 
-class PartialBody(Component):
+class PartialBody(PartialHeavy):
     """Motion of a rigid body's frame_a.
 
     A free body starts from `r_0`, `v_0`, `w_a` and the quaternion `Q` (of any length; `quaternion(R)` makes it). A
@@ -49,10 +50,6 @@ class PartialBody(Component):
         default=guess((0.0, 0.0, 0.0, 1.0)),
         doc="Quaternion, vector part first; unused unless a root",
     )
-    g_0: Real = parameter(
-        default=(0.0, -STANDARD_GRAVITY, 0.0), unit="m/s2", shape=3, doc="Vector of gravity in world axes"
-    )
-    gravity: Field = structural(default=uniform_field, doc="Field of gravity; the uniform one is g_0 everywhere")
 
     def ties(self) -> Equations:
         yield potential_root(self.frame_a)
@@ -71,7 +68,7 @@ class PartialBody(Component):
             yield self.Q == (0.0, 0.0, 0.0, 1.0)
 
     def newton_euler(self, m: Expr, r_CM: Expr, tensor: Expr, force: Expr, torque: Expr) -> Equations:
-        """The six equations of motion.
+        """The six equations of motion, and the demand that the inertia be one.
 
         Parameters
         ----------
@@ -80,8 +77,9 @@ class PartialBody(Component):
         force, torque
             All that acts on the body but gravity [N, N.m], about the origin of frame_a, in frame_a.
         """
+        yield assert_(_is_inertia(tensor), "the inertia tensor is not symmetric and positive semidefinite")
         a, w, z = self.frame_a, self.w_a, self.z_a
-        g = self.gravity(self.g_0, self.r_0 + a.R @ r_CM)
+        g = self.gravity_at(self.r_0 + a.R @ r_CM)
         of_centre = cross(z, r_CM) + cross(w, cross(w, r_CM))
         # Each in the axes in which it is explicit: a free body is asked for its acceleration, another for its force.
         if is_root(a):
@@ -155,3 +153,23 @@ class BodyShape(PartialTwoFrameBody, PartialMassiveBody):
 
     def equations(self) -> Equations:
         yield from self.balance(self.m, self.r_CM, self.inertia_tensor())
+
+
+def _is_inertia(tensor: Expr) -> Expr:
+    """Symmetric, and none of its principal minors negative, but for rounding.
+
+    The triangle inequality of principal inertias is not asked for: idealised bodies break it, such as one with a moment
+    about its axis alone, and their motion is determined all the same.
+    """
+    (a, b, c), (f, d, e), (g, h, i) = ([tensor[j, k] for k in range(3)] for j in range(3))
+    size = fabs(a) + fabs(d) + fabs(i)
+    determinant = a * (d * i - e * h) - b * (f * i - e * g) + c * (f * h - d * g)
+    minors = (a * d - b * f, a * i - c * g, d * i - e * h)
+    lopsided = maximum(fabs(b - f), maximum(fabs(c - g), fabs(e - h)))
+    is_positive = (a >= -_ROUNDING * size) & (d >= -_ROUNDING * size) & (i >= -_ROUNDING * size)
+    for minor in minors:
+        is_positive = is_positive & (minor >= -_ROUNDING * size * size)
+    return is_positive & (determinant >= -_ROUNDING * size**3) & (lopsided <= _ROUNDING * size)
+
+
+_ROUNDING = 1e-9

@@ -1,14 +1,16 @@
 """Fields of gravity: the acceleration a body feels at its centre of mass.
 
-Modelica's bodies look up the one `World` around them. Here nothing is global: the field is given to the body, as a
-parameter (`g_0`, uniform) and, for other fields, as a function.
+The one `World` around them says what bodies feel: its vector `g_0` and, for fields that are not uniform, its function
+`gravity`. A body may be given others of its own.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
-from acausal import Expr, dot, sqrt
+from acausal import Expr, dot, quantity, sqrt
+from acausal.errors import DeclarationError
 
 STANDARD_GRAVITY = 9.80665
 """Acceleration of free fall [m/s2] (3rd General Conference on Weights and Measures, 1901)."""
@@ -22,11 +24,26 @@ def uniform_field(g_0: Expr, r_0: Expr) -> Expr:
     return g_0
 
 
+def field_of_world(g_0: Expr, r_0: Expr) -> Expr:
+    """Stands for the field of the world around a body; the body asks the world for it (`PartialHeavy.gravity_at`)."""
+    raise DeclarationError(
+        "AC110", "field_of_world is no field of its own", help="leave gravity out, or give World(gravity=...)"
+    )
+
+
+@dataclass(frozen=True)
+class PointField:
+    """The field of a mass at the world's origin: a function that is equal to another of the same mass, and pickles."""
+
+    mu: float | Expr
+
+    def __call__(self, g_0: Expr, r_0: Expr) -> Expr:
+        """Acceleration [m/s2] at `r_0` [m], vectors of 3; `g_0` plays no part."""
+        distance = sqrt(dot(r_0, r_0))
+        strength = self.mu if isinstance(self.mu, Expr) else quantity(self.mu, "m3/s2")
+        return -strength / (distance * distance * distance) * r_0
+
+
 def point_field(mu: float | Expr) -> Field:
     """The field of a mass at the world's origin; `mu` [m3/s2] is its mass times the constant of gravitation."""
-
-    def field(g_0: Expr, r_0: Expr) -> Expr:
-        distance = sqrt(dot(r_0, r_0))
-        return -mu / (distance * distance * distance) * r_0
-
-    return field
+    return PointField(mu)

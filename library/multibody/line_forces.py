@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from acausal import Equations, Real, der, dot, parameter, sqrt, variable
-from acausal.library.multibody.gravity import STANDARD_GRAVITY
+from acausal import Equations, Real, der, dot, parameter, quantity, sqrt, variable
 from acausal.library.multibody.interfaces import PartialTwoFrames
 from acausal.library.multibody.rotations import resolve_in_frame
+from acausal.library.multibody.world import PartialHeavy
 
 _TINY = 1e-10
 """Length [m] that is added in square: far below the last digit of a millimetre, and it gives the line of two
@@ -20,7 +20,7 @@ class PartialLine(PartialTwoFrames):
 
     def equations(self) -> Equations:
         r_rel_0 = self.frame_b.r_0 - self.frame_a.r_0
-        yield self.s == sqrt(dot(r_rel_0, r_rel_0) + _TINY**2)
+        yield self.s == sqrt(dot(r_rel_0, r_rel_0) + quantity(_TINY, "m") ** 2)
         yield self.e_rel_0 == r_rel_0 / self.s
         yield self.frame_a.t == 0
         yield self.frame_b.t == 0
@@ -76,7 +76,7 @@ class SpringDamperParallel(PartialDampedLineForce):
         yield self.f == self.c * (self.s - self.s_unstretched) + self.d * self.v
 
 
-class SpringWithMass(PartialLine):
+class SpringWithMass(PartialLine, PartialHeavy):
     """Linear spring that carries a point mass on its line.
 
     A class of its own and not `Spring(m=...)`: with a mass the force depends on the accelerations of both frames.
@@ -86,9 +86,6 @@ class SpringWithMass(PartialLine):
     s_unstretched: Real = parameter(default=0.0, unit="m", doc="Length without force")
     m: Real = parameter(unit="kg", min=0.0, doc="Mass")
     length_fraction: Real = parameter(default=0.5, unit="1", min=0.0, max=1.0, doc="Place of the mass: 0 at frame_a")
-    g_0: Real = parameter(
-        default=(0.0, -STANDARD_GRAVITY, 0.0), unit="m/s2", shape=3, doc="Vector of gravity in world axes"
-    )
     f: Real = variable(unit="N", doc="Force of the spring, positive in tension")
     v_CM_0: Real = variable(unit="m/s", shape=3, doc="Velocity of the mass, in world axes")
 
@@ -97,7 +94,8 @@ class SpringWithMass(PartialLine):
         towards_b = self.length_fraction
         # The mass is a fixed fraction of the way, so that its velocity is the mean of the frames' own.
         yield self.v_CM_0 == (1 - towards_b) * der(a.r_0) + towards_b * der(b.r_0)
-        f_CM_0 = self.m * (der(self.v_CM_0) - self.g_0)
+        r_CM_0 = (1 - towards_b) * a.r_0 + towards_b * b.r_0
+        f_CM_0 = self.m * (der(self.v_CM_0) - self.gravity_at(r_CM_0))
         yield self.f == self.c * (self.s - self.s_unstretched)
         yield a.f == resolve_in_frame(a, (1 - towards_b) * f_CM_0 - self.e_rel_0 * self.f)
         yield b.f == resolve_in_frame(b, towards_b * f_CM_0 + self.e_rel_0 * self.f)

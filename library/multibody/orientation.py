@@ -36,6 +36,39 @@ def unit_vector(n: Sequence[float], name: str = "n") -> Vector:
     return (n[0] / length, n[1] / length, n[2] / length)
 
 
+def checked_rotation(R: Sequence[Sequence[float]], name: str = "R_rel") -> Rotation:
+    """`R`, if it is a rotation: its columns are perpendicular unit vectors that make a right-handed frame.
+
+    Raises
+    ------
+    DeclarationError
+        AC130 when it is none; `name` is how the message calls it.
+    """
+    rows = [tuple(map(float, row)) for row in R]
+    if [len(row) for row in rows] != [3, 3, 3]:
+        raise _no_rotation(R, name, "it is not three rows of three numbers")
+    products = [math.fsum(rows[k][i] * rows[k][j] for k in range(3)) for i in range(3) for j in range(3)]
+    off = max(abs(p - (k % 4 == 0)) for k, p in enumerate(products))
+    if not off <= _ROUNDING:
+        raise _no_rotation(R, name, f"its columns are not perpendicular unit vectors: R.T @ R is off by {off:.2g}")
+    right_handed = sum(a * b for a, b in zip(_cross(rows[0], rows[1]), rows[2], strict=True)) > 0.0
+    if not right_handed:
+        raise _no_rotation(R, name, "it is a reflection: its determinant is -1")
+    return (_row(rows[0]), _row(rows[1]), _row(rows[2]))
+
+
+_ROUNDING = 1e-8
+
+
+def _no_rotation(R: object, name: str, why: str) -> DeclarationError:
+    return DeclarationError(
+        "AC130",
+        f"{name} = {R} is no rotation",
+        cause=why,
+        help=f"make it: {name}=axis_rotation((0, 0, 1), angle), axes_rotation(n_x, n_y) or rotation_sequence(angles)",
+    )
+
+
 def axis_rotation(n: Sequence[float], angle: float) -> Rotation:
     """Rotation by `angle` [rad] about the axis `n` (Rodrigues).
 

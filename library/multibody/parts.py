@@ -5,7 +5,7 @@ from __future__ import annotations
 from acausal import Component, Equations, Real, as_expr, cross, identity, parameter, root, rooted, structural
 from acausal.library.multibody.frames import Frame
 from acausal.library.multibody.interfaces import PartialAligned, PartialJoint
-from acausal.library.multibody.orientation import IDENTITY, Rotation
+from acausal.library.multibody.orientation import IDENTITY, Rotation, checked_rotation
 
 
 class Fixed(Component):
@@ -47,6 +47,9 @@ class FixedRotation(PartialJoint):
 
     r: Real = parameter(default=(0.0, 0.0, 0.0), unit="m", shape=3, doc="From frame_a to frame_b, in frame_a")
     R_rel: Rotation = structural(default=IDENTITY, doc="Components in frame_b to components in frame_a")
+
+    def build(self) -> None:
+        checked_rotation(self.R_rel)
 
     def equations(self) -> Equations:
         a, b = self.frame_a, self.frame_b

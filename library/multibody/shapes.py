@@ -5,42 +5,78 @@ from __future__ import annotations
 import math
 
 from acausal import (
-    Component,
     Equations,
     Expr,
     Real,
     as_expr,
+    assert_,
     cross,
     der,
     dot,
     identity,
     is_root,
+    maximum,
+    norm,
     parameter,
     potential_root,
-    sqrt,
     structural,
+    unitless,
     variable,
 )
 from acausal.library.multibody.bodies import PartialTwoFrameBody
 from acausal.library.multibody.frames import Frame
-from acausal.library.multibody.gravity import STANDARD_GRAVITY, Field, uniform_field
 from acausal.library.multibody.orientation import Vector, unit_vector
+from acausal.library.multibody.world import PartialHeavy
 
 
-class BodyCylinder(PartialTwoFrameBody):
-    """Cylinder or tube of uniform density along the line from frame_a to frame_b."""
+class PartialLongBody(PartialTwoFrameBody):
+    """Body of uniform density that begins at `r_shape` and extends by `length` along `length_direction`.
+
+    frame_b is at `r`, wherever the shape ends: a cylinder may be longer than the way between its frames, or shorter.
+    Source: Modelica.Mechanics.MultiBody.Parts.BodyBox and BodyCylinder, version 4.0.0.
+    """
+
+    r_shape: Real = parameter(
+        default=(0.0, 0.0, 0.0), unit="m", shape=3, doc="From frame_a to the beginning of the shape, in frame_a"
+    )
+    length_direction: Real = parameter(
+        default=lambda self: unitless(self.r - self.r_shape),
+        unit="1",
+        shape=3,
+        doc="Direction of the length, of any size, in frame_a",
+    )
+    length: Real = parameter(
+        default=lambda self: norm(self.r - self.r_shape), unit="m", min=0.0, doc="Length along length_direction"
+    )
+    density: Real = parameter(default=7700.0, unit="kg/m3", min=0.0, doc="Density")
+
+    def equations(self) -> Equations:
+        yield assert_(
+            dot(self.length_direction, self.length_direction) > 0.0,
+            "it has no direction: give r other than r_shape, or length_direction",
+        )
+
+    def centre(self) -> Expr:
+        """The centre of mass [m], in frame_a."""
+        return self.r_shape + self._along() * (self.length / 2)
+
+    def _along(self) -> Expr:
+        return self.length_direction / norm(self.length_direction)
+
+
+class BodyCylinder(PartialLongBody):
+    """Cylinder or tube of uniform density, along the line from frame_a to frame_b unless told otherwise."""
 
     diameter: Real = parameter(unit="m", min=0.0, doc="Outer diameter")
     inner_diameter: Real = parameter(default=0.0, unit="m", min=0.0, doc="Diameter of the bore")
-    density: Real = parameter(default=7700.0, unit="kg/m3", min=0.0, doc="Density")
-    length: Real = parameter(default=lambda self: sqrt(dot(self.r, self.r)), unit="m", doc="Length")
     m: Real = parameter(default=lambda self: self._mass(), unit="kg", min=0.0, doc="Mass")
     tensor: Real = parameter(
         default=lambda self: self._tensor(), unit="kg.m2", shape=(3, 3), doc="Inertia about the centre of mass"
     )
 
     def equations(self) -> Equations:
-        yield from self.balance(self.m, self.r / 2, self.tensor)
+        yield assert_(self.inner_diameter <= self.diameter, "the bore is wider than the cylinder")
+        yield from self.balance(self.m, self.centre(), self.tensor)
 
     def _mass(self) -> Expr:
         area = math.pi / 4 * (self.diameter * self.diameter - self.inner_diameter * self.inner_diameter)
@@ -50,43 +86,66 @@ class BodyCylinder(PartialTwoFrameBody):
         squares = self.diameter * self.diameter + self.inner_diameter * self.inner_diameter
         along = self.m * squares / 8
         across = self.m * (self.length * self.length + 0.75 * squares) / 12
-        e = self.r / self.length
-        return across * identity(3) + (along - across) * _outer(e)
+        return across * identity(3) + (along - across) * _outer(self._along())
 
 
-class BodyBox(PartialTwoFrameBody):
-    """Box of uniform density whose length runs from frame_a to frame_b.
+class BodyBox(PartialLongBody):
+    """Box of uniform density, solid or hollow from end to end, along the line from frame_a to frame_b unless told else.
 
-    `width` is measured along `width_direction`, made perpendicular to `r`; `height` perpendicular to both. There is no
-    default direction because none fits every `r`: it must not be parallel to it.
+    `width` is measured along `width_direction`, made perpendicular to the length; `height` perpendicular to both. There
+    is no default direction because none fits every `r`: it must not be parallel to the length.
     """
 
     width: Real = parameter(unit="m", min=0.0, doc="Width")
     height: Real = parameter(default=lambda self: self.width, unit="m", min=0.0, doc="Height")
+    inner_width: Real = parameter(default=0.0, unit="m", min=0.0, doc="Width of the hollow")
+    inner_height: Real = parameter(default=lambda self: self.inner_width, unit="m", min=0.0, doc="Height of the hollow")
     width_direction: Vector = structural(doc="In frame_a")
-    density: Real = parameter(default=7700.0, unit="kg/m3", min=0.0, doc="Density")
-    length: Real = parameter(default=lambda self: sqrt(dot(self.r, self.r)), unit="m", doc="Length")
-    m: Real = parameter(
-        default=lambda self: self.density * self.length * self.width * self.height, unit="kg", min=0.0, doc="Mass"
-    )
+    m: Real = parameter(default=lambda self: self._mass(), unit="kg", min=0.0, doc="Mass")
     tensor: Real = parameter(
         default=lambda self: self._tensor(), unit="kg.m2", shape=(3, 3), doc="Inertia about the centre of mass"
     )
 
     def equations(self) -> Equations:
-        yield from self.balance(self.m, self.r / 2, self.tensor)
+        hollow = self.inner_width * self.inner_height
+        yield assert_(
+            (self.inner_width <= self.width)
+            & (self.inner_height <= self.height)
+            & ((hollow <= 0) | (self._area() > 0)),
+            "the hollow is not smaller than the box",
+        )
+        z = cross(self._along(), self._width_direction())
+        yield assert_(dot(z, z) > _PARALLEL**2, "width_direction is parallel to the length")
+        yield from self.balance(self.m, self.centre(), self.tensor)
+
+    def _width_direction(self) -> Expr:
+        return as_expr(unit_vector(self.width_direction, "width_direction"))
+
+    def _area(self) -> Expr:
+        return self.width * self.height - self.inner_width * self.inner_height
+
+    def _mass(self) -> Expr:
+        return self.density * self.length * self._area()
 
     def _tensor(self) -> Expr:
-        x = self.r / self.length
-        z = cross(x, as_expr(unit_vector(self.width_direction, "width_direction")))
-        z = z / sqrt(dot(z, z))
+        x = self._along()
+        z = cross(x, self._width_direction())
+        z = z / norm(z)
         y = cross(z, x)
+        # What is not there over what is: a box without width has no hollow, and no area to divide by.
+        missing = self.inner_width * self.inner_height / maximum(self._area(), 1e-300)
         length, width, height = (d * d for d in (self.length, self.width, self.height))
+        width = width + missing * (width - self.inner_width * self.inner_width)
+        height = height + missing * (height - self.inner_height * self.inner_height)
         about_x, about_y, about_z = width + height, length + height, length + width
         return self.m / 12 * (about_x * _outer(x) + about_y * _outer(y) + about_z * _outer(z))
 
 
-class PointMass(Component):
+_PARALLEL = 1e-6
+"""Sine of the angle below which two directions are taken for one: of their cross product no digits would be left."""
+
+
+class PointMass(PartialHeavy):
     """Mass without extension: it has a place and a velocity, and no orientation."""
 
     frame_a: Frame = Frame()
@@ -94,10 +153,6 @@ class PointMass(Component):
     v_0: Real = variable(unit="m/s", shape=3, doc="Velocity, in world axes")
     a_0: Real = variable(unit="m/s2", shape=3, doc="Acceleration, in world axes")
     m: Real = parameter(unit="kg", min=0.0, doc="Mass")
-    g_0: Real = parameter(
-        default=(0.0, -STANDARD_GRAVITY, 0.0), unit="m/s2", shape=3, doc="Vector of gravity in world axes"
-    )
-    gravity: Field = structural(default=uniform_field, doc="Field of gravity; the uniform one is g_0 everywhere")
 
     def ties(self) -> Equations:
         # Last choice: any body of the island is a better root, because a point mass would hold its axes still.
@@ -108,7 +163,7 @@ class PointMass(Component):
         yield self.r_0 == a.r_0
         yield self.v_0 == der(self.r_0)
         yield self.a_0 == der(self.v_0)
-        yield a.f == self.m * (a.R.T @ (self.a_0 - self.gravity(self.g_0, self.r_0)))
+        yield a.f == self.m * (a.R.T @ (self.a_0 - self.gravity_at(self.r_0)))
         if is_root(a):
             yield a.R == identity(3)
             yield a.w == 0

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from acausal import Component, Equations, Real, identity, parameter, root, structural
+from acausal import Component, Equations, Expr, Real, identity, outer, parameter, root, structural
 from acausal.library.multibody.frames import Frame
-from acausal.library.multibody.gravity import STANDARD_GRAVITY
+from acausal.library.multibody.gravity import STANDARD_GRAVITY, Field, field_of_world, uniform_field
 from acausal.library.multibody.orientation import Vector, unit_vector
 
 
 class World(Component):
-    """World frame and uniform gravity.
+    """World frame and gravity.
 
-    Bodies do not look for a world: bind their gravity to this one, `Body(m=1.0, g_0=self.world.g_0)`. Their
-    default is the default of this class, so that only a model with another gravity has to.
+    Whatever has a weight looks for the world around it (`outer`), as Modelica's bodies do: one World in the model is
+    enough. Where there is none, one with these defaults is added, and a note says so.
     """
 
     frame_b: Frame = Frame()
@@ -25,6 +25,8 @@ class World(Component):
         doc="Vector of gravity in world axes",
     )
 
+    gravity: Field = structural(default=uniform_field, doc="Field of gravity; the uniform one is g_0 everywhere")
+
     def ties(self) -> Equations:
         yield root(self.frame_b)
 
@@ -32,3 +34,18 @@ class World(Component):
         yield self.frame_b.r_0 == 0
         yield self.frame_b.R == identity(3)
         yield self.frame_b.w == 0
+
+
+class PartialHeavy(Component):
+    """Something with a weight: it knows the gravity of the world around it."""
+
+    world: World = outer(World, default=World(), doc="Says what gravity is")
+    g_0: Real = parameter(
+        default=lambda self: self.world.g_0, unit="m/s2", shape=3, doc="Vector of gravity in world axes"
+    )
+    gravity: Field = structural(default=field_of_world, doc="Field of gravity; that of the world unless given")
+
+    def gravity_at(self, r_0: Expr) -> Expr:
+        """Acceleration of gravity [m/s2] at `r_0` [m], both vectors of 3 in world axes; known in `equations`."""
+        field = self.world.gravity if self.gravity is field_of_world else self.gravity
+        return field(self.g_0, r_0)

@@ -12,6 +12,7 @@ from acausal import (
     assert_,
     boolean,
     der,
+    infinitesimal,
     initial,
     maximum,
     no_event,
@@ -19,6 +20,7 @@ from acausal import (
     pre,
     signal_input,
     structural,
+    unitless,
     variable,
     where,
 )
@@ -68,7 +70,7 @@ class PartialNormalForce(PartialFriction):
         yield self.tau0_max == self.peak * self.tau0
         yield self.free == (self.fn <= 0.0)
         sliding = self.cgeo * self.fn * self.characteristic(self.mu_pos)
-        yield self.tau == where(self.locked, 1.0 * self.sa, where(self.free, 0.0, sliding))
+        yield self.tau == where(self.locked, unitless(self.sa), where(self.free, 0.0, sliding))
         yield self.loss_power == self.tau * self.w_relfric
 
 
@@ -124,7 +126,7 @@ class BearingFriction(PartialFriction, PartialBetweenShaftAndGround):
         yield self.a_relfric == self.a
         yield self.tau0 == table(self.tau_pos, as_expr(0.0))
         yield self.tau0_max == self.peak * self.tau0
-        yield self.tau == where(self.locked, 1.0 * self.sa, self.characteristic(self.tau_pos))
+        yield self.tau == where(self.locked, unitless(self.sa), self.characteristic(self.tau_pos))
         yield self.flange_a.tau + self.flange_b.tau - self.tau == 0.0
         yield self.loss_power == self.tau * self.w_relfric
 
@@ -161,7 +163,7 @@ class OneWayClutch(PartialCompliantWithRelativeStates):
 
     def equations(self) -> Equations:
         mu0 = table(self.mu_pos, as_expr(0.0))
-        sa, w_rel = 1.0 * self.sa, self.w_rel
+        sa, w_rel = unitless(self.sa), self.w_rel
         # it would stay at the negative speed, as if that were zero
         yield assert_(
             ~initial() | no_event(w_rel >= -1e-9), "the start must have w_rel >= 0: flange_b ahead of flange_a"
@@ -177,7 +179,7 @@ class OneWayClutch(PartialCompliantWithRelativeStates):
         yield self.startForward == (pre(self.stuck) & lets_go | initial() & (w_rel > 0.0))
         yield self.locked == (pre(self.stuck) & ~self.startForward)
         yield self.mu == table(self.mu_pos, w_rel, located=False)
-        yield self.a_rel == where(self.locked, 0.0, sa - 1.0 * self.tau0)
+        yield self.a_rel == where(self.locked, infinitesimal() * sa, sa - unitless(self.tau0))
         yield self.tau == where(self.locked, sa, where(self.free, 0.0, self.mu * self.cgeo * self.fn))
         yield self.stuck == (self.locked | (w_rel <= 0.0))
         yield self.loss_power == where(self.stuck, 0.0, self.tau * w_rel)

@@ -16,11 +16,14 @@ from acausal import (
     der,
     equals,
     fabs,
+    infinitesimal,
     initial,
     integer,
     parameter,
     pre,
+    quantity,
     structural,
+    unitless,
     variable,
     where,
 )
@@ -81,7 +84,8 @@ class LossyGear(PartialTwoFlanges):
     def equations(self) -> Equations:
         x, w = self.flange_a.tau, self.w_a
         forward, backward, stuck = (equals(pre(self.mode), m) for m in (self.FORWARD, self.BACKWARD, self.STUCK))
-        eta1, eta2, bearing1, bearing2 = (self._loss(column) for column in (1, 2, 3, 4))
+        eta1, eta2 = self._loss(1), self._loss(2)
+        bearing1, bearing2 = (quantity(1.0, "N.m") * self._loss(column) for column in (3, 4))
         yield self.phi_a == self.flange_a.phi
         yield self.phi_a == self.ratio * self.flange_b.phi
         yield w == der(self.phi_a)
@@ -91,10 +95,10 @@ class LossyGear(PartialTwoFlanges):
         yield self.tauLossMax == where(x >= 0.0, driven + bearing1, driving + bearing2)
         yield self.tauLossMin == where(x >= 0.0, driving - bearing2, driven - bearing1)
 
-        sa = 1.0 * self.sa  # without a unit: a torque and an acceleration
+        sa = unitless(self.sa)  # a torque and an acceleration
         path = where(stuck, sa, 0.5 * (self.tauLossMax + self.tauLossMin))
-        positive = where(forward | self.startForward | initial(), w, -1.0 * self.w_small) > 0.0
-        negative = where(backward | self.startBackward | initial(), w, 1.0 * self.w_small) < 0.0
+        positive = where(forward | self.startForward | initial(), w, -self.w_small) > 0.0
+        negative = where(backward | self.startBackward | initial(), w, self.w_small) < 0.0
         # From one direction to the other by way of standstill: the path of a direction that is not the true one may lie
         # beyond the loss of the other, so that they would lead to each other and never to what holds between them.
         breaks_forward = stuck & ~pre(self.startBackward) & (path > self.tauLossMax)
@@ -104,7 +108,7 @@ class LossyGear(PartialTwoFlanges):
         yield self.locked == ~(forward | self.startForward | backward | self.startBackward)
         moving = where(forward | self.startForward, self.tauLossMax, self.tauLossMin)
         yield self.tauLoss == where(self.locked, sa, moving)
-        yield self.a_a == where(self.locked, 0.0, sa - 1.0 * self.tauLoss)
+        yield self.a_a == where(self.locked, infinitesimal() * sa, sa - unitless(self.tauLoss))
         yield self.mode == where(
             (forward | self.startForward) & positive,
             self.FORWARD,

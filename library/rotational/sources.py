@@ -5,7 +5,7 @@ A source with one flange reacts on the ground.
 
 from __future__ import annotations
 
-from acausal import Component, Equations, Real, der, parameter, signal_input, structural, variable, where
+from acausal import Component, Equations, Real, der, parameter, quantity, signal_input, structural, variable, where
 from acausal.library.rotational.interfaces import Flange, PartialTorque, PartialTwoFlanges
 from acausal.library.thermal.interfaces import HeatPort
 
@@ -74,6 +74,8 @@ class EddyCurrentTorque(PartialTorque):
     largest at w_nominal; a warmer disc resists more, and turns faster for the same torque.
     """
 
+    _to_be_connected = ("heatPort",)
+
     heatPort: HeatPort = HeatPort()
     exc: Real = signal_input(unit="1", doc="Excitation, 0 ... 1")
     tau_nominal: Real = parameter(unit="N.m", doc="Largest torque, fully excited")
@@ -88,7 +90,7 @@ class EddyCurrentTorque(PartialTorque):
 
     def equations(self) -> Equations:
         # The coefficient at 20 degC, turned into the one at TRef.
-        alpha = self.alpha20 / (1.0 + self.alpha20 * (self.TRef - 293.15))
+        alpha = self.alpha20 / (1.0 + self.alpha20 * (self.TRef - quantity(20.0, "degC")))
         warmer = 1.0 + alpha * (self.heatPort.T - self.TRef)
         x = self.w / (self.w_nominal * warmer)
         yield self.w == der(self.flange.phi)

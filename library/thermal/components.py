@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from acausal import Component, Equations, Real, der, guess, parameter, signal_input, variable
+from acausal import Component, Equations, Real, der, guess, parameter, quantity, signal_input, variable
 from acausal.library.thermal.interfaces import HeatPort, PartialElement1D
 
 STEFAN_BOLTZMANN = 5.670374419e-8
@@ -64,4 +64,4 @@ class BodyRadiation(PartialElement1D):
 
     def equations(self) -> Equations:
         a, b = self.port_a.T, self.port_b.T
-        yield self.Q_flow == self.Gr * STEFAN_BOLTZMANN * (a**4 - b**4)
+        yield self.Q_flow == self.Gr * quantity(STEFAN_BOLTZMANN, "W/(m2.K4)") * (a**4 - b**4)

@@ -20,6 +20,7 @@ from acausal import (
     reset,
     signal_input,
     structural,
+    unitless,
     variable,
     when,
     where,
@@ -83,7 +84,7 @@ class Brake(PartialFriction, PartialGuided):
         yield self.f0_max == self.peak * self.f0
         yield self.free == (self.fn <= 0.0)
         sliding = self.cgeo * self.fn * self.characteristic(self.mu_pos)
-        yield self.f == where(self.locked, 1.0 * self.sa, where(self.free, 0.0, sliding))
+        yield self.f == where(self.locked, unitless(self.sa), where(self.free, 0.0, sliding))
         yield self.flange_a.f + self.flange_b.f - self.f == 0.0
         yield self.loss_power == self.f * self.v_relfric
 
@@ -104,7 +105,7 @@ class SupportFriction(PartialFriction, PartialGuided):
         yield self.a_relfric == self.a
         yield self.f0 == table(self.f_pos, as_expr(0.0))
         yield self.f0_max == self.peak * self.f0
-        yield self.f == where(self.locked, 1.0 * self.sa, self.characteristic(self.f_pos))
+        yield self.f == where(self.locked, unitless(self.sa), self.characteristic(self.f_pos))
         yield self.flange_a.f + self.flange_b.f - self.f == 0.0
         yield self.loss_power == self.f * self.v_relfric
 
@@ -149,7 +150,7 @@ class MassWithStopAndFriction(PartialFriction, PartialRigid):
         starts = self.startForward | self.startBackward
         dry = self.F_Coulomb + self.F_Stribeck * where(starts, 1.0, exp(-self.fexp * fabs(self.v)))
         sliding = self.F_prop * self.v + self.against_motion(dry)
-        yield self.f == where(self.locked, 1.0 * self.sa, where(self.free, 0.0, sliding))
+        yield self.f == where(self.locked, unitless(self.sa), where(self.free, 0.0, sliding))
         yield self.loss_power == self.f * self.v_relfric
         yield self.stopped == where(self.s <= self.smin + half, -1.0, where(self.s >= self.smax - half, 1.0, 0.0))
         stop = where(self.stopped < 0.0, self.smin + half, self.smax - half)

@@ -13,12 +13,14 @@ from acausal.models.ivp.charge_pump import ChargePump
 from acausal.models.ivp.chemical_akzo_nobel import ChemicalAkzoNobel
 from acausal.models.ivp.e5 import E5
 from acausal.models.ivp.fekete_points import FeketePoints
+from acausal.models.ivp.hires import Hires
 from acausal.models.ivp.oregonator import Oregonator
 from acausal.models.ivp.planar_pendulum import PlanarPendulum
 from acausal.models.ivp.pleiades import Pleiades
 from acausal.models.ivp.pollution import Pollution
 from acausal.models.ivp.ring_modulator import RingModulator
 from acausal.models.ivp.robertson import Robertson
+from acausal.models.ivp.transistor_amplifier import TransistorAmplifier
 from acausal.models.ivp.vanderpol import VanDerPol
 from acausal.models.ivp.wheelset import Wheelset
 
@@ -29,12 +31,14 @@ __all__ = [
     "ChargePump",
     "ChemicalAkzoNobel",
     "FeketePoints",
+    "Hires",
     "Oregonator",
     "PlanarPendulum",
     "Pleiades",
     "Pollution",
     "RingModulator",
     "Robertson",
+    "TransistorAmplifier",
     "VanDerPol",
     "Wheelset",
 ]

@@ -11,6 +11,7 @@ from acausal import (
     Expr,
     Panel,
     Real,
+    as_expr,
     cos,
     der,
     fixed,
@@ -111,7 +112,7 @@ class AndrewsSqueezer(Component):
             yield der(angle) == self.v[k]
         M, f, G, g = self._masses(), self._forces(), self._slopes(), self._gaps()
         for i in range(7):
-            inertia = sum(M[i, j] * der(self.v[j]) for j in range(7) if (i, j) in M)
+            inertia = sum((M[i, j] * der(self.v[j]) for j in range(7) if (i, j) in M), as_expr(0.0))
             closing = sum(G[k, i] * self.lam[k] for k in range(6) if (k, i) in G)
             yield inertia == f[i] - closing
         for gap in g:

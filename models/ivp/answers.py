@@ -17,12 +17,14 @@ from acausal.models.ivp.charge_pump import ChargePump
 from acausal.models.ivp.chemical_akzo_nobel import ChemicalAkzoNobel
 from acausal.models.ivp.e5 import E5
 from acausal.models.ivp.fekete_points import FeketePoints
+from acausal.models.ivp.hires import Hires
 from acausal.models.ivp.oregonator import Oregonator
 from acausal.models.ivp.planar_pendulum import PlanarPendulum
 from acausal.models.ivp.pleiades import Pleiades
 from acausal.models.ivp.pollution import Pollution
 from acausal.models.ivp.ring_modulator import RingModulator
 from acausal.models.ivp.robertson import Robertson
+from acausal.models.ivp.transistor_amplifier import TransistorAmplifier
 from acausal.models.ivp.vanderpol import VanDerPol
 from acausal.models.ivp.wheelset import Wheelset
 
@@ -177,6 +179,17 @@ _FEKETE_POINTS: dict[str, float] = {
     "particles[19].p[1]": -0.3416456818373135, "particles[19].p[2]": -0.908284650344625,
 }  # fmt: skip
 
+_TRANSISTOR_AMPLIFIER: dict[str, float] = {
+    "U[0]": -0.5562145012262709e-2, "U[1]": 0.3006522471903042e1, "U[2]": 0.2849958788608128e1,
+    "U[3]": 0.2926422536206241e1, "U[4]": 0.2704617865010554e1, "U[5]": 0.2761837778393145e1,
+    "U[6]": 0.4770927631616772e1, "U[7]": 0.1236995868091548e1,
+}  # fmt: skip
+_HIRES: dict[str, float] = {
+    "y[0]": 0.7371312573325668e-3, "y[1]": 0.1442485726316185e-3, "y[2]": 0.5888729740967575e-4,
+    "y[3]": 0.1175651343283149e-2, "y[4]": 0.2386356198831331e-2, "y[5]": 0.6238968252742796e-2,
+    "y[6]": 0.2849998395185769e-2, "y[7]": 0.2850001604814231e-2,
+}  # fmt: skip
+
 PROBLEMS: dict[str, Problem] = {
     "robertson": Problem(Robertson, _ROBERTSON, 14, "Bari test set: rober", floor=1e-6),
     "pollution": Problem(Pollution, _POLLUTION, 15, "Bari test set: pollu; RADAU5, tolerance 1.1e-18"),
@@ -193,5 +206,7 @@ PROBLEMS: dict[str, Problem] = {
     # The published values (DASSL at 1e-9) are 5e-8 to 6e-6 away from these.
     "wheelset": Problem(Wheelset, _WHEELSET, 8, "IDAS at 1e-12, 118262 steps", index=2),
     "charge_pump": Problem(ChargePump, _CHARGE_PUMP, 16, "closed form, left limit", floor=0.0, index=2),
+    "transistor_amplifier": Problem(TransistorAmplifier, _TRANSISTOR_AMPLIFIER, 13, "Bari test set: transamp", index=1),
+    "hires": Problem(Hires, _HIRES, 14, "Bari test set: hires"),
     "pleiades": Problem(Pleiades, _PLEIADES, 15, "Bari test set: plei; PSIDE, 1e-16", stiff=False),
 }

@@ -11,6 +11,7 @@ from acausal import (
     Experiment,
     Panel,
     Real,
+    as_expr,
     der,
     dot,
     fixed,
@@ -70,11 +71,11 @@ class FeketePoints(Component):
 
     def equations(self) -> Equations:
         for i, here in enumerate(self.particles):
-            total = None
+            total = as_expr((0.0, 0.0, 0.0))
             for j, there in enumerate(self.particles):
                 if i == j:
                     continue
                 gap = here.p - there.p
                 push = gap / dot(gap, gap)
-                total = push if total is None else total + push
+                total = total + push
             yield here.force == total

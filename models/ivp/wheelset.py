@@ -11,6 +11,7 @@ from acausal import (
     Expr,
     Panel,
     Real,
+    as_expr,
     atan,
     cos,
     der,
@@ -88,7 +89,7 @@ class Contact(Component):
         yield G1 * (R1 * sp + cp * cs) + R1 * ct * cp - ct * sp * cs + st * ss == 0
         yield R1 * st * cp - st * sp * cs - ct * ss == 0
         yield self.delta == atan(((R1 * cp - sp * cs) * ct + ss * st) / (-self.side * (R1 * sp + cs * cp)))
-        row = (
+        row: tuple[Expr | float, ...] = (
             G1,
             -1.0,
             0.0,
@@ -200,8 +201,8 @@ class Wheelset(Component):
         yield self.MR * der(self.vy) == TL[1] + TR[1] + QL[1] * e1 + QR[1] * e2 - (self.MR + self.MA) * self.G
         yield self.MR * der(self.vz) == TL[2] + TR[2] + QL[2] * e1 + QR[2] * e2 - 2 * self.CZ * self.z
         yield from self._turning(QL[3] * e1 + QR[3] * e2, QL[4] * e1 + QR[4] * e2)
-        yield sum(QL[k] * v[k] for k in range(5)) == 0
-        yield sum(QR[k] * v[k] for k in range(5)) == 0
+        yield sum((QL[k] * v[k] for k in range(5)), as_expr(0.0)) == 0
+        yield sum((QR[k] * v[k] for k in range(5)), as_expr(0.0)) == 0
 
     def _normal_forces(self, w1: Expr, w2: Expr) -> Equations:
         sl, cl, sr, cr = (f(c.delta) for c in (self.left, self.right) for f in (sin, cos))

@@ -111,7 +111,7 @@ class DrillDynamic(PartialCompliantDrill):
         full = 4881.341711
         rising = 50.0 + (full - 50.0) * t
         falling = full + (20.0 - full) * (t - 8.0) / 0.5
-        first = where(time < 1.0 * self.one_second, rising, full)
+        first = where(time < self.one_second, rising, full)
         last = where(time < 8.5 * self.one_second, falling, 20.0)
         yield self.F == self.one_newton * where(time < 8.0 * self.one_second, first, last)
 

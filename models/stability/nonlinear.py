@@ -17,6 +17,7 @@ from acausal import (
     fixed,
     guess,
     parameter,
+    quantity,
     sin,
     time,
     variable,
@@ -35,7 +36,7 @@ class DiodeStart(Component):
     figure: ClassVar[tuple[Panel, ...]] = (Panel(("v",), title="Voltage"),)
 
     def equations(self) -> Equations:
-        yield (self.supply - self.v) / 1000.0 == 1e-14 * (exp(self.v / self.v_T) - 1.0)
+        yield (self.supply - self.v) / quantity(1.0, "kOhm") == quantity(1e-14, "A") * (exp(self.v / self.v_T) - 1.0)
         yield der(self.q) == self.v
 
 

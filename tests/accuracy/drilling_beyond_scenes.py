@@ -5,7 +5,19 @@ from __future__ import annotations
 import math
 from typing import ClassVar
 
-from acausal import Component, Equations, Experiment, Expr, Real, connect, dot, fixed, parameter, part, structural
+from acausal import (
+    Component,
+    Equations,
+    Experiment,
+    Expr,
+    Real,
+    connect,
+    dot,
+    fixed,
+    parameter,
+    part,
+    quantity,
+)
 from acausal.library.drilling import EnergyBalance, FullDrillingForce, Spindle, Workpiece
 from acausal.library.multibody import Body, FixedRotation, Prismatic, Revolute, World, axis_rotation
 from acausal.library.rotational import Fixed as FixedAngle
@@ -76,7 +88,7 @@ class DrivenDrill(Component):
         self.joint = Revolute(n=Z, phi=fixed(0.0))
         self.workpiece = Workpiece(t=0.02)
         self.drill = FullDrillingForce(
-            t=self.workpiece.t, s_start=self.hole, k=1e8, d_c=2e4, explicit=True, mu_margin=0.2, line_load=1e4
+            t=self.workpiece.t, s_start=self.hole, k=1e8, d_c=2e4, mu_margin=0.2, line_load=1e4
         )
         self.feed = TranslationalSpeed(v_ref=self.v)
         self.speed = RotationalSpeed(w_ref=2 * math.pi * self.n)
@@ -97,7 +109,6 @@ class SlidingDrill(Component):
     n: Real = parameter(default=0.0, unit="1/s")
     v_start: Real = parameter(default=0.1, unit="m/s")
     push: Real = parameter(default=0.0, unit="N")
-    explicit: bool = structural(default=True)
 
     world: World = part()
     across: Prismatic = part()
@@ -117,11 +128,11 @@ class SlidingDrill(Component):
         self.world = World(g=0.0)
         self.across = Prismatic(n=X, s=fixed(0.0), v=fixed(self.v_start))
         # Resting on its contact from the start: F = k s.
-        self.slide = Prismatic(n=Z, s=fixed(self.F / 1e8), v=fixed(0.0))
+        self.slide = Prismatic(n=Z, s=fixed(self.F / quantity(1e8, "N/m")), v=fixed(0.0))
         self.joint = Revolute(n=Z, phi=fixed(0.0))
-        self.body = Body(m=5.0, g_0=self.world.g_0)
+        self.body = Body(m=5.0)
         self.workpiece = Workpiece(t=0.02)
-        self.drill = FullDrillingForce(t=self.workpiece.t, k=1e8, d_c=2e4, explicit=self.explicit, mu_tip=0.2)
+        self.drill = FullDrillingForce(t=self.workpiece.t, k=1e8, d_c=2e4, mu_tip=0.2)
         self.force = Force(u=self.F)
         self.side_force = Force(u=self.push)
         self.speed = RotationalSpeed(w_ref=2 * math.pi * self.n)
@@ -182,19 +193,18 @@ class SoftMachine(Component):
         self.mount = FixedRotation(r=(0.0, 0.0, -0.2), R_rel=axis_rotation(Y, math.radians(5.0)))
         self.sideways = Prismatic(n=X, s=fixed(0.0), v=fixed(0.05))
         self.tilting = Revolute(n=Y, phi=fixed(0.0), w=fixed(0.2))
-        self.carriage = Body(m=10.0, I_22=0.1, g_0=self.world.g_0)
+        self.carriage = Body(m=10.0, I_22=0.1)
         self.slide = Prismatic(n=Z, s=fixed(0.15), v=fixed(0.0))
         self.joint = Revolute(n=Z, phi=fixed(0.0), w=fixed(58.0))
-        self.body = Body(m=5.0, I_11=0.02, I_22=0.02, I_33=0.001, g_0=self.world.g_0)
+        self.body = Body(m=5.0, I_11=0.02, I_22=0.02, I_33=0.001)
         self.table = Prismatic(n=Z, s=fixed(0.0), v=fixed(0.0))
-        self.block = Body(m=20.0, g_0=self.world.g_0)
+        self.block = Body(m=20.0)
         self.workpiece = Workpiece(t=0.01)
         self.drill = FullDrillingForce(
             t=self.workpiece.t,
             length=0.049,
             k=1e8,
             d_c=2e4,
-            explicit=True,
             chisel=True,
             p_indent=2e9,
             d_indent=5e-4,

@@ -68,8 +68,8 @@ def test_released_drill_feels_no_force() -> None:
     away = (r.time > 3.01) & (r["drill.s"] < r["drill.s_tar"])
     assert away.sum() > 5
     np.testing.assert_array_equal(r["drill.F_f"][away], 0.0)
-    # The ground never rises again.
-    assert np.all(np.diff(r["drill.s_tar"]) >= 0)
+    # The ground never rises again, but for the last digit of 3 mm.
+    assert np.all(np.diff(r["drill.s_tar"]) >= -1e-17)
 
 
 def test_breakthrough_of_a_plate() -> None:

@@ -27,7 +27,6 @@ def largest_residual(r: Result, balance: str = "balance") -> float:
     ("scene", "settings"),
     [
         pytest.param(BalancedThickBlock(), {}, id="thick block"),
-        pytest.param(BalancedThickBlock(explicit=True), {"solver": "rosenbrock"}, id="thick block, explicit"),
         pytest.param(BalancedThinPlate(), {}, id="thin plate"),
         pytest.param(BalancedThinPlate(), {"solver": "idas"}, id="thin plate, idas"),
         pytest.param(SpindleStall(), {}, id="stall"),

@@ -1,4 +1,4 @@
-"""The explicit form of the contact against the table of the paper's scene; a catalogue against the drive train."""
+"""The contact force solved inside the equations against the table of the paper's scene; a catalogue too."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ H_C_PER_D = 1 / (2 * math.tan(math.radians(59.0)))
 
 
 @pytest.mark.parametrize("solver", ["idas", "cvodes", "rosenbrock"])
-def test_explicit_thick_block_follows_the_table(solver: str) -> None:
-    r = acausal.simulate(ThickBlock(explicit=True), solver=solver, tolerance=1e-9)
+def test_thick_block_follows_the_table(solver: str) -> None:
+    r = acausal.simulate(ThickBlock(), solver=solver, tolerance=1e-9)
     assert r.stats["algebraic"] == 0
     for t, s, s_tar, F_f, F_c, *_ in THICK_BLOCK:
         assert r.at(t, "drill.s") == pytest.approx(s * 1e-3, abs=2e-9)
@@ -29,17 +29,15 @@ def test_explicit_thick_block_follows_the_table(solver: str) -> None:
 
 
 @pytest.mark.parametrize("chisel", [False, True])
-def test_fixed_number_of_newton_steps_solves_the_contact_equation(chisel: bool) -> None:
+def test_the_compiler_solves_the_contact_equation(chisel: bool) -> None:
     """The feed that comes out satisfies (20) to rounding, from a breath to a blow, at standstill and at speed."""
 
     class Scene(ThickBlock):
-        """The paper's scene with the explicit contact."""
+        """The paper's scene, with a chisel edge or without."""
 
         def build(self) -> None:
             super().build()
-            self.drill = DrillingForce(
-                t=self.workpiece.t, explicit=True, chisel=chisel, p_indent=2e9, d_indent=5e-4, k=1e8, d_c=2e4
-            )
+            self.drill = DrillingForce(t=self.workpiece.t, chisel=chisel, p_indent=2e9, d_indent=5e-4, k=1e8, d_c=2e4)
 
     compiled = acausal.compile(Scene(force_profile=((0.0, 0.0), (1.0, 0.0)), speed_profile=((0.0, 9.28), (1.0, 9.28))))
     worst = 0.0
@@ -77,19 +75,19 @@ def test_thrust_and_motor_torque_against_a_tool_catalogue(D: float, f: float) ->
         assert r.final("spindle.tau") / (K * D**2 * (0.630 + 16.84 * f) / 100) == pytest.approx(1.0, abs=0.15)
 
 
-def test_explicit_contact_presses_at_standstill_as_the_spring_alone() -> None:
+def test_the_contact_presses_at_standstill_as_the_spring_alone() -> None:
     force = ((0.0, 0.0), (1.0, 3000.0), (99.0, 3000.0))
-    scene = ThickBlock(force_profile=force, speed_profile=((0.0, 0.0), (99.0, 0.0)), explicit=True)
+    scene = ThickBlock(force_profile=force, speed_profile=((0.0, 0.0), (99.0, 0.0)))
     r = acausal.simulate(scene, parameters={"gap": 0.0}, stop_time=3.0, tolerance=1e-8)
     assert r.final("drill.s") == pytest.approx(3000.0 / 1e8, abs=1e-9)
     np.testing.assert_allclose(r["drill.s_tar"], 0.0, atol=1e-15)
 
 
-def test_explicit_and_implicit_contact_agree_from_the_touch_on() -> None:
+def test_the_contact_agrees_with_a_bracketing_solution_from_the_touch_on() -> None:
     force = ((0.0, 0.0), (1.0, 1000.0), (99.0, 1000.0))
     turning = ((0.0, 9.28), (99.0, 9.28))
     times = [0.5, 1.0, 2.0, 5.0]
-    scene = ThickBlock(force_profile=force, speed_profile=turning, explicit=True)
+    scene = ThickBlock(force_profile=force, speed_profile=turning)
     r = acausal.simulate(scene, stop_time=5.0, tolerance=1e-8)
     expected = PlainDrilling(force, turning).depths(times)
     np.testing.assert_allclose(r.at(times, "drill.s"), expected[:, 0], rtol=1e-7, atol=2e-9)

@@ -22,7 +22,6 @@ class Indenting(ThickBlock):
         super().build()
         self.drill = DrillingForce(
             t=self.workpiece.t,
-            explicit=self.explicit,
             chisel=True,
             p_indent=2e9,
             d_indent=0.5e-3,
@@ -69,9 +68,8 @@ def test_short_margins_leave_the_hole_open_behind_them() -> None:
     assert r["drill.margin.engaged"].max() == pytest.approx(5e-3)
 
 
-@pytest.mark.parametrize("explicit", [False, True])
-def test_friction_stops_a_tip_that_slides_across_the_plate(explicit: bool) -> None:
-    scene = SlidingDrill(explicit=explicit)
+def test_friction_stops_a_tip_that_slides_across_the_plate() -> None:
+    scene = SlidingDrill()
     r = acausal.simulate(scene, stop_time=0.004, tolerance=1e-9, output_interval=1e-3)
     # v' = -a v / sqrt(v**2 + v_0**2): sqrt(v**2 + v_0**2) - v_0 asinh(v_0 / v) falls with the rate a = mu F / m.
     v, v_0, a = r["across.v"], 1e-3, 0.2 * 500.0 / 5.0
@@ -98,20 +96,19 @@ def test_a_turning_tip_gives_way_to_a_push_that_a_standing_one_resists() -> None
 TURNING = ((0.0, 9.28), (9.0, 9.28))
 
 
-def full_diameter(F: float, explicit: bool = False) -> Result:
+def full_diameter(F: float) -> Result:
     """A drill under a constant force in a hole of full diameter, for two seconds."""
-    scene = Indenting(force_profile=((0.0, F), (9.0, F)), speed_profile=TURNING, explicit=explicit)
+    scene = Indenting(force_profile=((0.0, F), (9.0, F)), speed_profile=TURNING)
     return acausal.simulate(scene, parameters={"gap": -0.01, "drill.s_start": 0.01}, stop_time=2.0, tolerance=1e-8)
 
 
 F_INDENT = 2e9 * math.pi / 4 * (0.5e-3) ** 2  # pressure times area of the indented circle: 393 N
 
 
-@pytest.mark.parametrize("explicit", [False, True])
 @pytest.mark.parametrize("F", [500.0, 3000.0])
-def test_indentation_adds_to_the_thrust_of_the_edges(F: float, explicit: bool) -> None:
+def test_indentation_adds_to_the_thrust_of_the_edges(F: float) -> None:
     plain = PlainDrilling(((0.0, F), (1.0, F)), TURNING)
-    r = full_diameter(F, explicit=explicit)
+    r = full_diameter(F)
     # f_z of the edges under what the indentation leaves of the force; its own regularisation is a feed of 0.1 um.
     f_z = float(r.final("drill.f_z"))
     left = F - F_INDENT * f_z / (f_z + 1e-7)

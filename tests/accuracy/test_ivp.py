@@ -22,6 +22,8 @@ from acausal.models.ivp.planar_pendulum import GRAVITY
 Array = NDArray[np.float64]
 # Half a million steps to follow 1e-9 s of ringing over 1e-3 s.
 SLOW = {"ring_modulator"}
+# Not among the reference data; their answers are published with the test set.
+NOT_KEPT = {"transistor_amplifier", "hires"}
 
 
 def run(name: str, **options: Any) -> acausal.Result:
@@ -59,7 +61,7 @@ def test_the_whole_dae_has_the_same_answers(name: str) -> None:
     assert PROBLEMS[name].digits_reached(r.final) >= 7.0
 
 
-@pytest.mark.parametrize("name", PROBLEMS)
+@pytest.mark.parametrize("name", [n for n in PROBLEMS if n not in NOT_KEPT])
 def test_answers_are_those_of_the_sources(name: str, reference: Path) -> None:
     data = json.loads((reference / "ivp" / f"{name}.json").read_text())
     published = data["reference"]["values"]

@@ -262,7 +262,10 @@ def test_the_error_follows_the_tolerance(reference: Path, name: str) -> None:
     model = acausal.compile(EXAMPLES[name]())
     errors = []
     for tolerance in (1e-4, 1e-6, 1e-8):
-        r = acausal.simulate(model, stop_time=example.stop_time, tolerance=tolerance, output_interval=example.interval)
+        # with idas: at its outputs the default is as exact as the data at all of these tolerances
+        r = acausal.simulate(
+            model, stop_time=example.stop_time, tolerance=tolerance, output_interval=example.interval, solver="idas"
+        )
         errors.append(max(error_of(r, example).values()))
     assert errors == sorted(errors, reverse=True)
     assert math.log10(errors[0] / errors[-1]) > 2.0, errors

@@ -6,7 +6,21 @@ import math
 from pathlib import Path
 
 import acausal
-from acausal import Component, Equations, Real, connect, der, fixed, guess, parameter, part, structural, variable, where
+from acausal import (
+    Component,
+    Equations,
+    Real,
+    connect,
+    der,
+    fixed,
+    guess,
+    parameter,
+    part,
+    quantity,
+    structural,
+    variable,
+    where,
+)
 from acausal.library.multibody import (
     Body,
     BodyShape,
@@ -52,8 +66,8 @@ class GasForce(Component):
             145.930 * x**4 - 131.707 * x**3 + 17.3438 * x**2 + 17.9272 * x + 2.4,
             smooth=True,
         )
-        pressure = 1e5 * where(self.v < 0, inward, outward, smooth=True)
-        yield self.flange.f == -pressure * (math.pi * 0.1**2 / 4)
+        pressure = quantity(1.0, "bar") * where(self.v < 0, inward, outward, smooth=True)
+        yield self.flange.f == -pressure * quantity(math.pi * 0.1**2 / 4, "m2")
 
 
 class Cylinder(Component):
@@ -114,7 +128,7 @@ class Load(Component):
     x2: Real = variable(unit="N.m")
 
     def equations(self) -> Equations:
-        W = 2 * math.pi * 5 / math.sqrt(math.sqrt(2) - 1)
+        W = quantity(2 * math.pi * 5 / math.sqrt(math.sqrt(2) - 1), "rad/s")
         yield self.w == der(self.flange.phi)
         resistance = self.tau_0 * (self.w / self.w_0) * (self.w / self.w_0)
         yield self.flange.tau == resistance

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import acausal
-from acausal import Component, Equations, Real, connect, fixed, no_event, parameter, part, structural, where
+from acausal import Component, Equations, Real, connect, fixed, no_event, parameter, part, structural, time, where
 from acausal.library import blocks, electrical, rotational, thermal
 from tests.accuracy.msl_reference import error_of, read_example
 
@@ -177,6 +177,43 @@ class EddyCurrentBrake(Component):
         yield connect(self.inertia.flange_b, self.eddyCurrentTorque.flange)
         yield connect(self.eddyCurrentTorque.heatPort, self.heatCapacitor.port)
         yield connect(self.ramp.y, self.eddyCurrentTorque.exc)
+
+
+class SwitchedHeater(Component):
+    """As the circuit of Heat_ControlledTemperature: a resistor that warms itself behind a switch."""
+
+    supply: electrical.ConstantVoltage = part()
+    resistor: electrical.HeatingResistor = part()
+    switch: electrical.IdealClosingSwitch = part()
+    ground: electrical.Ground = part()
+    body: thermal.HeatCapacitor = part()
+
+    def build(self) -> None:
+        self.supply = electrical.ConstantVoltage(V=15.0)
+        self.resistor = electrical.HeatingResistor(R_ref=6.0, T_ref=293.15, alpha=5e-3)
+        self.switch = electrical.IdealClosingSwitch()
+        self.ground = electrical.Ground()
+        self.body = thermal.HeatCapacitor(C=2.0, T=fixed(290.0))
+
+    def equations(self) -> Equations:
+        yield connect(self.supply.p, self.resistor.p)
+        yield connect(self.resistor.n, self.switch.p)
+        yield connect(self.switch.n, self.supply.n, self.ground.p)
+        yield connect(self.resistor.heatPort, self.body.port)
+        yield self.switch.control == (time < 1.0)
+
+
+def test_a_linear_block_is_solved_whatever_the_sign_of_its_pivot_far_away() -> None:
+    """No unknown is iterated, although the resistance is negative at temperatures below 93 K.
+
+    While closed C*T' = V^2/(R_ref*(1 + alpha*(T - T_ref)) + Ron), so with y = 1 + alpha*(T - T_ref) + Ron/R_ref it is
+    y^2 = y0^2 + 2*alpha*V^2*t/(C*R_ref) up to Ron/R_ref = 2e-6 of the losses.
+    """
+    compiled = acausal.compile(SwitchedHeater())
+    assert compiled.algebraic == ()
+    r = acausal.simulate(compiled, stop_time=1.0, tolerance=1e-8)
+    y = math.sqrt((1.0 - 5e-3 * 3.15) ** 2 + 2.0 * 5e-3 * 15.0**2 / (2.0 * 6.0))
+    assert r.at(0.999999, "body.T") == pytest.approx(293.15 + (y - 1.0) / 5e-3, abs=1e-3)
 
 
 @pytest.mark.parametrize("model", [HeatingRectifier, ShowSaturatingInductor, EddyCurrentBrake])

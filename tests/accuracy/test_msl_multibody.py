@@ -207,7 +207,8 @@ def test_error_falls_with_the_tolerance(reference: Path) -> None:
     model = acausal.compile(PendulumWithSpringDamper())
     errors = []
     for tolerance in (1e-6, 1e-8, 1e-10):
-        result = acausal.simulate(model, stop_time=10.0, tolerance=tolerance, output_interval=0.002)
+        # with idas: the default ends a step at each of these outputs, and is as exact as the data at 1e-6
+        result = acausal.simulate(model, stop_time=10.0, tolerance=tolerance, output_interval=0.002, solver="idas")
         errors.append(worst_error(result, reference / "msl" / "MultiBody_PendulumWithSpringDamper")[0])
     assert errors[0] > 5 * errors[1] > 25 * errors[2]
     assert errors[2] < 3e-9  # the reference itself is converged to 3e-9

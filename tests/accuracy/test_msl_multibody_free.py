@@ -113,18 +113,14 @@ class HangingMass(Component):
 
 
 class PointGravity(Component):
+    world: World = World(gravity=point_field(1.0))
     body1: Body = part()
     body2: Body = part()
 
     def build(self) -> None:
         common: dict[str, Any] = {"m": 1.0, "I_11": 0.1, "I_22": 0.1, "I_33": 0.1}
-        field = point_field(1.0)
-        self.body1 = Body(
-            **common, gravity=field, r_0=fixed((0.0, 0.6, 0.0)), v_0=fixed((1.0, 0.0, 0.0)), w_a=REST, Q=UPRIGHT
-        )
-        self.body2 = Body(
-            **common, gravity=field, r_0=fixed((0.6, 0.6, 0.0)), v_0=fixed((0.6, 0.0, 0.0)), w_a=REST, Q=UPRIGHT
-        )
+        self.body1 = Body(**common, r_0=fixed((0.0, 0.6, 0.0)), v_0=fixed((1.0, 0.0, 0.0)), w_a=REST, Q=UPRIGHT)
+        self.body2 = Body(**common, r_0=fixed((0.6, 0.6, 0.0)), v_0=fixed((0.6, 0.0, 0.0)), w_a=REST, Q=UPRIGHT)
 
 
 class PointGravityWithPointMasses(Component):

@@ -120,7 +120,7 @@ class GasForce(Component):
     def equations(self) -> Equations:
         yield self.s == self.flange.s
         yield self.v == acausal.der(self.s)
-        x = 1 - self.s / 0.35
+        x = 1 - self.s / acausal.quantity(0.35, "m")
         inward = where(
             x < 0.986061,
             177.4132 * x**4 - 287.2189 * x**3 + 151.8252 * x**2 - 24.9973 * x + 2.4,
@@ -131,8 +131,8 @@ class GasForce(Component):
             -3929704 * x**4 + 14748765 * x**3 - 20747000 * x**2 + 12964477 * x - 3036495,
             145.930 * x**4 - 131.707 * x**3 + 17.3438 * x**2 + 17.9272 * x + 2.4,
         )
-        pressure = 1e5 * where(self.v < 0, inward, outward)
-        yield self.flange.f == -pressure * (math.pi * 0.1**2 / 4)
+        pressure = acausal.quantity(1.0, "bar") * where(self.v < 0, inward, outward)
+        yield self.flange.f == -pressure * acausal.quantity(math.pi * 0.1**2 / 4, "m2")
 
 
 class Engine1b(Engine1a):

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from typer.testing import CliRunner
 
 ROOT = Path(__file__).resolve().parents[2]
-_PROGRAM = "from acausal.cli.main import app; app(prog_name='acausal')"
+_PROGRAM = "from acausal_command import run; run()"
 
 
 @dataclass(frozen=True)
@@ -45,11 +47,13 @@ def start(*arguments: str | Path, folder: Path, **options: Any) -> subprocess.Po
     return subprocess.Popen(
         [sys.executable, "-c", _PROGRAM, *map(str, arguments)],
         stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
+        stdout=options.pop("stdout", subprocess.PIPE),
         stderr=subprocess.PIPE,
         text=True,
         cwd=folder,
         env=os.environ | {"PYTHONPATH": str(ROOT), "MPLBACKEND": "Agg"},
+        # A suite in the background was started with SIGINT ignored, and what it starts would be too.
+        preexec_fn=None if sys.platform == "win32" else partial(signal.signal, signal.SIGINT, signal.SIG_DFL),
         **options,
     )
 

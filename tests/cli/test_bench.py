@@ -25,11 +25,14 @@ QUICK = ("--repeat", "1", "--no-native")
 
 
 def test_the_table_names_runs_and_reference() -> None:
-    found = run("bench", "Pendulum", "--solver", "rosenbrock", "--tolerance", "1e-4", "--tolerance", "1e-8", *QUICK)
+    asked = ("bench", "Pendulum", "--solver", "rosenbrock", "--tolerance", "1e-4", "--tolerance", "1e-8", *QUICK)
+    found = run(*asked, "--details")
     assert found.code == 0
     lines = found.out.splitlines()
-    assert "digits trusted" in lines[1]
-    assert [line.split()[:3] for line in lines[3:5]] == [
+    assert lines[0].startswith("verdict: rosenbrock")
+    assert any("digits trusted" in line for line in lines[1:5])
+    first = next(k for k, line in enumerate(lines) if line.split()[0] == "series")
+    assert [line.split()[:3] for line in lines[first + 1 : first + 3]] == [
         ["rosenbrock", "tolerance", "0.0001"],
         ["rosenbrock", "tolerance", "1e-08"],
     ]
@@ -39,7 +42,7 @@ def test_the_table_names_runs_and_reference() -> None:
 def test_json_and_chart(folder: Path) -> None:
     found = run(
         "bench", "Pendulum", "--solver", "rk2", "--step", "10ms", "--formulation", "torn", "--stop-time", "1s", "-q",
-        "--json", "--output", "chart.svg", *QUICK,
+        "--json", "--output-file", "chart.svg", *QUICK,
     )  # fmt: skip
     assert found.code == 0
     assert found.err == ""
@@ -146,7 +149,7 @@ def test_failures_and_orders_stand_in_the_table(tmp_path: Path) -> None:
         "        yield der(self.x) == -50.0 * self.x\n"
     )
     steps = [part for step in ("100ms", "2ms", "1ms") for part in ("--step", step)]
-    found = run("bench", f"{tmp_path / 'fast.py'}:Fast", "--solver", "rk2", *steps, "--repeat", "1", "-q")
+    found = run("bench", f"{tmp_path / 'fast.py'}:Fast", "--solver", "rk2", *steps, "--repeat", "1", "-q", "--details")
     assert found.code == 0
     assert "failed: AC405: a step of 0.1 s is unstable with Heun (RK2)" in found.out
     assert "order      rk2: observed 2." in found.out
@@ -181,7 +184,7 @@ def test_solvers_that_count_nothing_have_steps_and_orders(tmp_path: Path) -> Non
     )
     steps = ("--step", "16.7ms", "--step", "8.4ms")  # two and four between every two of 300 points
     found = run(
-        *("bench", f"{tmp_path / 'lag.py'}:Lag", "--solver", "rk", "--variable", "y*", *steps, "--repeat", "1"),
+        *("bench", f"{tmp_path / 'lag.py'}:Lag", "--solver", "rk", "--signals", "y*", *steps, "--repeat", "1"),
         *("-q", "--json"),
     )
     assert found.code == 0

@@ -62,3 +62,40 @@ def test_wrong_inputs(given: str, code: str, words: str) -> None:
     assert outcome.code == 2
     assert code in outcome.err
     assert words in outcome.err
+
+
+def test_a_force_from_a_file_and_a_start(folder: Path) -> None:
+    """From 1 m/s: v = 1 + 1/2 kg * (250 + 500) N s."""
+    (folder / "f.csv").write_text("time [ms],force [kN]\n0,0\n500,1\n1000,1\n")
+    words = "simulate cart.py --input f=f.csv:force --input share=1 --start mass.v=100cm/s --stop-time 1 -o c.mat"
+    outcome = run(*words.split())
+    assert outcome.code == 0, outcome.err
+    assert acausal.result.load("c.mat").final("mass.v") == pytest.approx(376.0, rel=1e-6)
+    again = run(
+        *["simulate", "cart.py", "--input", "f=c.mat:f", "--input", "share=1", "--stop-time", "1", "-o", "d.mat"]
+    )
+    assert again.code == 0, again.err
+    assert acausal.result.load("d.mat").final("mass.v") == pytest.approx(375.0, rel=1e-5)
+
+
+def test_a_source_is_freed() -> None:
+    words = "simulate cart.py --free force.u --input f=0 --input share=0 --input force.u=3kN --stop-time 1 -o c.mat"
+    outcome = run(*words.split())
+    assert outcome.code == 0, outcome.err
+    assert acausal.result.load("c.mat").final("mass.v") == pytest.approx(1500.0, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("words", "code"),
+    [
+        ("--input f=1 --input f=2", "AC009"),
+        ("--start mass.v=1kg", "AC151"),
+        ("--start mass.w=1", "AC046"),
+        ("--free force.f", "AC047"),
+        ("--interpolation cubic", "AC009"),
+        ("--input f=none.csv", "AC014"),
+    ],
+)
+def test_wrong_words(words: str, code: str) -> None:
+    outcome = run(*["simulate", "cart.py", "--input", "share=1", "--no-output"], *words.split())
+    assert (outcome.code, code in outcome.err) == (2, True), outcome.err

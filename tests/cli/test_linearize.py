@@ -38,7 +38,7 @@ def cart(folder: Path) -> None:
 
 def test_matrices_at_the_start() -> None:
     """d(v')/dx = -(c + 3 k x^2)/m, d(v')/df = 1/m; the power is f v, so C = (0, f) and D = v."""
-    found = run("linearize", "cart.py", "--input", "f=3", "--output", "power", "--json").json
+    found = run("linearize", "cart.py", "--input", "f=3", "--outputs", "power", "--json").json
     assert (found["states"], found["inputs"], found["outputs"]) == (["x", "v"], ["f"], ["power"])
     assert found["A"] == [[0.0, 1.0], [pytest.approx(-(8.0 + 0.75) / 2.0), 0.0]]
     assert found["B"] == [[0.0], [0.5]]
@@ -76,7 +76,7 @@ def test_what_is_shown() -> None:
     [
         (["--state", "x"], "AC009"),
         (["--state", "y=1"], "AC010"),
-        (["--output", "y"], "AC010"),
+        (["--outputs", "y"], "AC010"),
         (["--input", "g=1"], "AC033"),
         (["--at", "-1"], "AC011"),
         (["--at", "1kg"], "AC15"),

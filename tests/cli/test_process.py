@@ -55,7 +55,7 @@ def test_version(folder: Path) -> None:
 
 
 def test_the_script_of_the_package_is_the_app() -> None:
-    assert 'acausal = "acausal.cli.main:app"' in (ROOT / "pyproject.toml").read_text()
+    assert 'acausal = "acausal_command:run"' in (ROOT / "pyproject.toml").read_text()
 
 
 def test_simulate_separates_the_streams(folder: Path) -> None:
@@ -65,15 +65,18 @@ def test_simulate_separates_the_streams(folder: Path) -> None:
     assert outcome.err.strip() == "wrote Oscillator.mat (34 signals, 501 rows)"
 
 
-def test_ctrl_c_keeps_what_was_computed(folder: Path) -> None:
+@pytest.mark.parametrize(
+    ("number", "code", "word"), [(signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "terminated")]
+)
+def test_who_ends_a_run_keeps_what_was_computed(folder: Path, number: int, code: int, word: str) -> None:
     (folder / "endless.py").write_text(ENDLESS)
     with start("simulate", "endless.py", folder=folder) as process:
-        time.sleep(6.0)
-        process.send_signal(signal.SIGINT)
+        time.sleep(4.0)
+        process.send_signal(number)
         out, err = process.communicate(timeout=60)
-    assert process.returncode == 130, err
+    assert process.returncode == code, err
     assert "Traceback" not in err
-    assert "interrupted" in err
+    assert word in err
     assert not list(folder.glob(".*part"))
     if "kept the run" in err:
         result = load(folder / "Endless.mat")
@@ -83,6 +86,29 @@ def test_ctrl_c_keeps_what_was_computed(folder: Path) -> None:
         # A slow machine: the first hundredth was not done, or the imports were not.
         assert not (folder / "Endless.mat").exists()
     assert out == ""
+
+
+@pytest.mark.parametrize("delay", [0.15, 0.3, 0.6, 1.0])
+def test_ctrl_c_while_it_begins_prints_no_traceback(folder: Path, delay: float) -> None:
+    """During imports, and while the model is compiled."""
+    with start("simulate", "ThickBlock", "--no-output", folder=folder) as process:
+        time.sleep(delay)
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=60)
+    assert "acausal" not in err or "Traceback" not in err  # before its first line Python itself prints one
+    assert process.returncode in (130, 1)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
+@pytest.mark.parametrize(
+    "verb", [("list",), ("--help",), ("equations", "Oscillator"), ("info", "Oscillator", "--json")]
+)
+def test_a_full_disk_behind_standard_output(folder: Path, verb: tuple[str, ...]) -> None:
+    with open("/dev/full", "w") as full, start(*verb, folder=folder, stdout=full) as process:
+        _, err = process.communicate(timeout=60)
+    assert process.returncode == 2
+    assert err.startswith("error[AC012]: cannot write")
+    assert len(err.splitlines()) == 1
 
 
 def test_a_closed_pipe_is_no_error(folder: Path) -> None:

@@ -24,7 +24,7 @@ def test_plot_draws_into_the_file_beside_the_result() -> None:
     outcome = run("plot", "r.mat", "a", "b")
     assert outcome.code == 0, outcome.err
     assert Path("r.png").read_bytes().startswith(b"\x89PNG")
-    assert run("plot", "r.mat", "b", "--against", "a", "--file", "x.svg", "--together").code == 0
+    assert run("plot", "r.mat", "b", "--against", "a", "--output-file", "x.svg", "--together").code == 0
     assert Path("x.svg").exists()
 
 
@@ -60,7 +60,8 @@ def test_deviation_is_relative_to_the_range() -> None:
     assert worst["relative"] == pytest.approx(0.01, rel=1e-4)
     assert run("compare", "a.mat", "b.mat", "--tolerance", "1.1e-2").code == 0
     assert run("compare", "a.mat", "b.mat", "--tolerance", "0.9e-2").code == 3
-    assert run("compare", "a.mat", "b.mat", "--signal", "b").code == 0
+    assert run("compare", "a.mat", "b.mat", "--signals", "b").code == 0
+    assert run("compare", "a.mat", "b.mat", "--signals", "b*", "--signals", "b").code == 0
 
 
 def test_different_grids_are_compared_on_the_coarser() -> None:
@@ -92,7 +93,7 @@ def test_exported_functions_can_be_loaded_and_called() -> None:
     """ode of the oscillator at rest, displaced by 0.1 m: acceleration -c*s/m = -10 m/s2."""
     from acausal.export.casadi_file import load_casadi
 
-    outcome = run("export", "casadi", "Oscillator", "-o", "o.casadi", "--output", "mass.a")
+    outcome = run("export", "casadi", "Oscillator", "-o", "o.casadi", "--outputs", "mass.a")
     assert outcome.code == 0, outcome.err
     assert "mass.s" in outcome.out
     model = load_casadi("o.casadi")

@@ -93,7 +93,7 @@ def test_json_is_one_object_with_stages_and_files() -> None:
 def test_summary_on_stdout_remarks_on_stderr() -> None:
     outcome = run("simulate", "Oscillator", "--stats", "--no-output")
     assert outcome.code == 0
-    for word in ("solver   idas", "whole process", "flatten", "steps", "mass.s", "mass.v"):
+    for word in ("solver   rosenbrock", "whole process", "flatten", "steps", "mass.s", "mass.v"):
         assert word in outcome.out
     assert "wrote nothing" in outcome.err
     assert not list(Path.cwd().iterdir())

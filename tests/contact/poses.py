@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from acausal.library.contact.penetration import collision_function
-from acausal.library.contact.shapes import (
+from acausal.library.contact.collide.penetration import collision_function
+from acausal.library.contact.collide.shapes import (
     Box,
     Capsule,
     Cone,

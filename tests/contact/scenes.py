@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from acausal import Component, Equations, Real, connect, fixed, parameter, part, structural, time
+from acausal import Component, Equations, Real, connect, fixed, parameter, part, quantity, structural, time
 from acausal.library.contact import (
     AT_FRAME,
     Box,
@@ -42,13 +42,14 @@ class OnGround(Component):
     balance: EnergyBalance = part()
 
     def build(self) -> None:
+        g = quantity(G, "m/s2")
         self.world = World()
         body = self.body = Body(
             m=self.m,
             I_11=self.inertia,
             I_22=self.inertia,
             I_33=self.inertia,
-            g_0=(self.sideways * G, 0.0, -G),
+            g_0=(self.sideways * g, 0.0, -g),
             r_0=fixed((0.0, 0.0, self.height)),
             v_0=fixed((self.v_x, 0.0, 0.0)),
             Q=fixed((0.0, 0.0, 0.0, 1.0)),
@@ -57,10 +58,10 @@ class OnGround(Component):
         contact = self.contact = SurfaceContact(
             shape_a=self.shape, shape_b=HalfSpace(), pose_b=AT_FRAME, law=self.law, friction=self.friction
         )
-        self.push = WorldForce(force=(self.m * G * self.ramp * time, 0.0, 0.0))
+        self.push = WorldForce(force=(self.m * g * self.ramp * time, 0.0, 0.0))
         v, w = body.v_0, body.w_a
         self.balance = EnergyBalance(
-            P_source=self.m * G * ((self.sideways + self.ramp * time) * v[0] - v[2]),
+            P_source=self.m * g * ((self.sideways + self.ramp * time) * v[0] - v[2]),
             P_cutting=0.0,
             P_friction=contact.power_friction,
             P_damping=contact.power_damping,

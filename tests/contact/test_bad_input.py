@@ -13,7 +13,7 @@ from scipy.spatial import ConvexHull as Hull
 
 from acausal.errors import DeclarationError
 from acausal.library.contact import Box, ContactBody, ContactScene, ConvexHull, Cylinder, Sphere
-from acausal.library.contact.penetration import penetration
+from acausal.library.contact.collide.penetration import penetration
 from acausal.library.drilling import ConvexLevel, DrillBody, DrillingForce, WorkpieceBody
 
 IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))

@@ -13,7 +13,7 @@ import pytest
 from numpy.typing import NDArray
 
 from acausal.library.contact import Box, Capsule, Cone, ConvexHull, Cylinder, HalfSpace, Shape, Sphere
-from acausal.library.contact.crossing import crossing_function
+from acausal.library.contact.collide.axis.crossing import crossing_function
 
 Array = NDArray[np.float64]
 GRAZING = 0.03

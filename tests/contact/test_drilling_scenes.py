@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import acausal
-from acausal import Component, Equations, Real, connect, fixed, parameter, part, structural, time
+from acausal import Component, Equations, Real, connect, fixed, parameter, part, quantity, structural, time
 from acausal.errors import AcausalError
 from acausal.library.contact import Box, ContactBody, ContactScene, HalfSpace, HuntCrossley, Sphere, Surfaces
 from acausal.library.drilling import DrillBody, EnergyBalance, WorkpieceBody
@@ -62,7 +62,7 @@ class TiltedDrill(Component):
             P_cutting=self.scene.power_cutting,
             P_friction=self.scene.power_friction,
             P_damping=self.scene.power_damping + self.spring.d * self.slide.v**2,
-            E=self.scene.energy + 2.0 / 2 * (v_x**2 + v_z**2) + self.c / 2 * self.slide.s**2,
+            E=self.scene.energy + quantity(2.0, "kg") / 2 * (v_x**2 + v_z**2) + self.c / 2 * self.slide.s**2,
         )
 
     def equations(self) -> Equations:
@@ -111,7 +111,7 @@ class Flyer(Component):
 
     def build(self) -> None:
         self.world = World(g=0.0)
-        self.ball = Body(m=1.0, g_0=self.world.g_0, r_0=fixed((0.0, 0.0, 0.1)), v_0=fixed((0.3, 0.0, 0.0)))
+        self.ball = Body(m=1.0, r_0=fixed((0.0, 0.0, 0.1)), v_0=fixed((0.3, 0.0, 0.0)))
         box = (-0.1, -0.1, 0.0), (0.1, 0.1, 1.0)
         self.scene = ContactScene(
             bodies=(

@@ -65,7 +65,8 @@ def test_kelvin_voigt_does_not_pull(zeta: float, restitution: float, release: fl
     """Scene kv-tension of stability_scenes.json: m = 1 kg, k = 1e5 N/m, 1 m/s, force clipped at zero."""
     result = rebound(KelvinVoigt(k=1e5, d=2 * zeta * math.sqrt(1e5)), 0.02)
     assert result.final("v") == pytest.approx(-restitution, abs=6e-7)
-    assert result["f"].min() >= -1e-12
+    # nothing but what the force loses in the rounding of the instant of release
+    assert result["f"].min() >= -1e-12 * result["f"].max()
     # touch after 1.2345 ms of flight; release where the force reaches zero with the bodies still overlapping
     instants = [e.time for e in result.events]
     assert min(abs(t - 1.2345e-3) for t in instants) < 1e-12

@@ -10,8 +10,17 @@ import pytest
 
 from acausal import External
 from acausal.errors import DeclarationError
-from acausal.library.contact.penetration import collision_function, penetration
-from acausal.library.contact.shapes import Box, Capsule, Cone, ConvexHull, Cylinder, HalfSpace, PointedDrill, Sphere
+from acausal.library.contact.collide.penetration import collision_function, penetration
+from acausal.library.contact.collide.shapes import (
+    Box,
+    Capsule,
+    Cone,
+    ConvexHull,
+    Cylinder,
+    HalfSpace,
+    PointedDrill,
+    Sphere,
+)
 from tests.contact.poses import PAIRS, SHAPES, contact, directions, outside, placed, plane_heights, pose
 
 EXACT = 1e-9

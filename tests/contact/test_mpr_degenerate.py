@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from acausal.library.contact.shapes import Box, Capsule, Cone, Cylinder, Shape, Sphere
+from acausal.library.contact.collide.shapes import Box, Capsule, Cone, Cylinder, Shape, Sphere
 from tests.contact.poses import PAIRS, SHAPES, contact, plane_heights, pose
 
 HERE = pose((0.0, 0.0, 0.0))

@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import Any
 
 import casadi as ca
 import numpy as np
 import pytest
 
-from acausal.library.contact.penetration import collision_function
+from acausal.library.contact.collide.penetration import collision_function
 from tests.contact.poses import PAIRS, SHAPES, Pose, Vector, contact, placed
 
 STEP = 1e-5
 
 
-@lru_cache
-def along_twist(a: str, b: str) -> tuple[Any, Any, Any]:
-    """Outputs, their Jacobian, and the second derivatives of depth and normal, by small displacements of both bodies.
+def along_twist(a: str, b: str) -> tuple[list[Any], Any, Any]:
+    """Displacement and poses; outputs by them; and their Jacobian, by small displacements of both bodies.
 
     A displacement is a translation in world axes and a rotation vector in the frame of the body.
     """
@@ -30,10 +28,7 @@ def along_twist(a: str, b: str) -> tuple[Any, Any, Any]:
         return ca.SX.eye(3) + s + s @ s / 2 + s @ s @ s / 6
 
     y = ca.vertcat(*f(poses[0] + q[:3], poses[1] @ turned(q[3:6]), poses[2] + q[6:9], poses[3] @ turned(q[9:])))
-    jacobian = ca.jacobian(y, q)
-    second = [ca.jacobian(jacobian[k, :].T, q) for k in (0, 1)]
-    inputs = [q, *poses]
-    return ca.Function("y", inputs, [y]), ca.Function("J", inputs, [jacobian]), ca.Function("H", inputs, second)
+    return [q, *poses], y, ca.jacobian(y, q)
 
 
 def differences(function: Any, poses: tuple[Any, ...]) -> Vector:
@@ -52,7 +47,8 @@ def envelope(poses: tuple[Pose, Pose], n: Vector, p: Vector, q: Vector) -> Vecto
 @pytest.mark.parametrize(("a", "b"), PAIRS)
 def test_first_derivatives(a: str, b: str) -> None:
     """Against differences; the depth's is that of the witnesses along the normal (envelope theorem), to rounding."""
-    values, jacobian, _ = along_twist(a, b)
+    inputs, y, J = along_twist(a, b)
+    values, jacobian = ca.Function("y", inputs, [y]), ca.Function("J", inputs, [J])
     depth = 0.01 if (len(a) + len(b)) % 2 else -0.03
     poses = placed(SHAPES[a], SHAPES[b], depth, np.random.default_rng(11))
     arguments = (*poses[0], *poses[1])
@@ -66,7 +62,9 @@ def test_first_derivatives(a: str, b: str) -> None:
 @pytest.mark.parametrize(("a", "b"), [p for p in PAIRS if p[0] in ("sphere", "cone")])
 def test_second_derivatives(a: str, b: str) -> None:
     """Of the depth, where also symmetry tells, and of the normal."""
-    _, jacobian, second = along_twist(a, b)
+    inputs, _, J = along_twist(a, b)
+    jacobian = ca.Function("J", inputs, [J])
+    second = ca.Function("H", inputs, [ca.jacobian(J[k, :].T, inputs[0]) for k in (0, 1)])
     poses = placed(SHAPES[a], SHAPES[b], 0.01, np.random.default_rng(12))
     arguments = (*poses[0], *poses[1])
     rows = [k * 10 + 0 for k in range(12)], [k * 10 + 1 for k in range(12)]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from acausal.library.contact.shapes import Box, Cone, PointedDrill
+from acausal.library.contact.collide.shapes import Box, Cone, PointedDrill
 from tests.contact.poses import contact, pose
 
 PLATE = Box((0.1, 0.1, 0.01))

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from acausal.library.contact.shapes import Box, Capsule, Cone, Cylinder, Shape, Sphere
+from acausal.library.contact.collide.shapes import Box, Capsule, Cone, Cylinder, Shape, Sphere
 from tests.contact.poses import PAIRS, SHAPES, Pose, Vector, contact, placed, plane_heights
 
 # Their cones point to +z and are centred.

@@ -9,8 +9,8 @@ import pytest
 import acausal
 from acausal import Component, Equations, Real, as_expr, der, dot, fixed, identity, maximum, parameter, variable, zeros
 from acausal.export.functions import casadi_model
-from acausal.library.contact.penetration import penetration
-from acausal.library.contact.shapes import Box, Sphere
+from acausal.library.contact.collide.penetration import penetration
+from acausal.library.contact.collide.shapes import Box, Sphere
 
 BALL_ON_PLATE = penetration(Sphere(0.1), Box((2.0, 2.0, 1.0)))
 
@@ -42,7 +42,7 @@ class PrescribedDepth(Component):
 
     def equations(self) -> Equations:
         depth, *_ = BALL_ON_PLATE((0.3, -0.2, self.z), identity(3), zeros(3), identity(3))
-        yield depth == 0.001 + self.rate * acausal.time
+        yield depth == acausal.quantity(1.0, "mm") + self.rate * acausal.time
         yield self.v == der(self.z)
 
 

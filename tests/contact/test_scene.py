@@ -2,11 +2,30 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 import acausal
-from acausal import Component, Equations, Real, connect, fixed, parameter, part, structural
+from acausal import (
+    Component,
+    Equations,
+    Real,
+    connect,
+    fixed,
+    initial,
+    integer,
+    parameter,
+    part,
+    pre,
+    reset,
+    sample,
+    structural,
+    terminal,
+    terminate,
+    when,
+)
 from acausal.errors import DeclarationError
 from acausal.library.contact import (
     Box,
@@ -17,7 +36,7 @@ from acausal.library.contact import (
     Sphere,
     Surfaces,
 )
-from acausal.library.multibody import Body, World
+from acausal.library.multibody import Body, World, WorldForce
 from acausal.library.multibody.orientation import IDENTITY
 from acausal.models.contact_scenes import BoxStack
 from tests.contact.scenes import G
@@ -58,6 +77,40 @@ class ThrownBall(Component):
         yield connect(self.ball.frame_a, self.scene.frame("ball"))
 
 
+class Clocked(Component):
+    """The throw beside counters of what must happen once, at a clock of 30 ms, and an end at a height."""
+
+    low: Real = parameter(default=-1.0, unit="m")
+    throw: ThrownBall = part()
+    ticks: Real = integer()
+    starts: Real = integer()
+    ends: Real = integer()
+
+    def build(self) -> None:
+        self.throw = ThrownBall(keep=2)
+
+    def equations(self) -> Equations:
+        yield when(sample(0.0, 0.03), reset(self.ticks, pre(self.ticks) + 1))
+        yield when(initial(), reset(self.starts, pre(self.starts) + 1))
+        yield when(terminal(), reset(self.ends, pre(self.ends) + 1))
+        yield when(self.throw.ball.r_0[2] < self.low, terminate("low"))
+
+
+@pytest.mark.parametrize("solver", ["idas", "rosenbrock"])
+def test_what_happens_once_happens_once_over_all_structures(solver: str) -> None:
+    """From 0 to 0.6 s a clock of 30 ms ticks 21 times."""
+    r = acausal.simulate(Clocked(), stop_time=0.6, solver=solver)
+    assert int(str(r.stats["structures"])) > 3
+    assert (r.final("ticks"), r.final("starts"), r.final("ends")) == (21, 1, 1)
+
+
+def test_an_end_that_the_model_asks_for_ends_all_structures() -> None:
+    """The ball starts 10 mm above the plates and bounces: 5 mm lower it is after sqrt(2 * 5 mm / G)."""
+    r = acausal.simulate(Clocked(low=0.025), stop_time=0.6, tolerance=1e-8, solver="rosenbrock")
+    assert r.time[-1] == pytest.approx(np.sqrt(2 * 0.005 / G), abs=1e-7)
+    assert r.stats["terminated"] == "low"
+
+
 def test_pairs_that_come_and_go_make_no_difference() -> None:
     """The same throw with all pairs in the equations, and with those near the ball only."""
     model = ThrownBall(keep=2)
@@ -65,7 +118,8 @@ def test_pairs_that_come_and_go_make_no_difference() -> None:
         acausal.simulate(m, stop_time=0.6, tolerance=1e-8, solver="rosenbrock") for m in (ThrownBall(), model)
     )
     assert int(str(near.stats["structures"])) > 3
-    assert len(model.scene.report().kept) <= 4
+    assert near.stats["reports"]["scene"].count("ball - plate") <= 4  # type: ignore[index]
+    assert len(model.scene.report().kept) == model.n
     np.testing.assert_allclose(near.final("ball.r_0"), whole.final("ball.r_0"), atol=2e-6)
     np.testing.assert_allclose(near.final("ball.w_a"), whole.final("ball.w_a"), atol=2e-4)
     force = np.nansum([near[n] for n in near.names if n.endswith(".F_N")], axis=0)
@@ -87,7 +141,10 @@ def test_a_stack_of_five_boxes_stands() -> None:
     """15 possible pairs, of which 5 touch; each carries the boxes above it."""
     model = BoxStack()
     r = acausal.simulate(model, stop_time=0.4)
-    kept = {frozenset(names[:2]) for names in model.scene.report().kept}
+    report: Any = r.stats["reports"]
+    kept = {
+        frozenset(line.split("   ")[0].strip().split(" - ")) for line in report["scene"].splitlines() if " - " in line
+    }
     assert kept == {frozenset(p) for p in [("ground", "box0"), *((f"box{k}", f"box{k + 1}") for k in range(4))]}
     for k in range(5):
         below = "ground,box0" if k == 0 else f"box{k - 1},box{k}"
@@ -161,3 +218,36 @@ def test_a_scene_without_bodies_is_no_contact() -> None:
     scene = ContactScene(bodies=())
     assert repr(scene.report()).startswith("0 bodies, 0 pairs: 0 in the equations")
     assert acausal.simulate(scene, stop_time=1.0).final("energy") == 0.0
+
+
+class Blown(ThrownBall):
+    """The same ball in the wind."""
+
+    wind: WorldForce = part()
+
+    def build(self) -> None:
+        super().build()
+        self.wind = WorldForce()
+
+    def equations(self) -> Equations:
+        yield connect(self.ball.frame_a, self.wind.frame_b)
+
+
+@pytest.mark.slow
+def test_inputs_over_time_and_starts_go_through_changes_of_structure() -> None:
+    """With pairs that come and go as with all of them; 28 mm above the plates instead of the declared 30."""
+    wind = {"wind.force[0]": lambda t: 0.3 * np.sin(20.0 * t), "wind.force[1]": 0.0, "wind.force[2]": 0.0}
+    near, whole = (
+        acausal.simulate(
+            acausal.free(model, "wind.force"),
+            inputs=wind,
+            start={"ball.r_0": (0.0, 0.0, 0.028)},
+            stop_time=0.15,
+            tolerance=1e-7,
+            solver="rosenbrock",
+        )
+        for model in (Blown(keep=2, n=4), Blown(n=4))
+    )
+    assert int(str(near.stats["structures"])) > 1
+    assert near["ball.r_0"][0].tolist() == [0.0, 0.0, 0.028]
+    np.testing.assert_allclose(near.final("ball.r_0"), whole.final("ball.r_0"), atol=1e-6)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from acausal.errors import DeclarationError
-from acausal.library.contact.shapes import (
+from acausal.library.contact.collide.shapes import (
     Box,
     Capsule,
     Cone,

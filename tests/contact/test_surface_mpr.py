@@ -8,7 +8,7 @@ import pytest
 import acausal
 from acausal import Component, Equations, connect, fixed, part, structural
 from acausal.library.contact import Coulomb, Cylinder, HalfSpace, HuntCrossley, Shape, Sphere, SurfaceContact
-from acausal.library.contact.touch import method
+from acausal.library.contact.manifold.touch import method
 from acausal.library.multibody import Body, World
 
 TOP = 0.05
@@ -27,7 +27,6 @@ class BallOn(Component):
         self.world = World(n=(0.0, 0.0, -1.0))
         self.body = Body(
             m=1.0,
-            g_0=self.world.g_0,
             r_0=fixed((0.01, 0.0, 0.052)),
             v_0=fixed((0.1, 0.0, 0.0)),
             Q=fixed((0.0, 0.0, 0.0, 1.0)),

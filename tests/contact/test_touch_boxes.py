@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 import acausal
 from acausal import Component, Equations, Real, as_expr, connect, der, fixed, parameter, part, signal_output, variable
 from acausal.library.contact import Box, ContactBody, ContactScene, Coulomb, HuntCrossley, Surfaces
-from acausal.library.contact.touch import touches
+from acausal.library.contact.manifold.touch import touches
 from acausal.library.drilling import EnergyBalance
 from acausal.library.multibody import Body, World
 from tests.contact.test_mpr_libraries import coal_answer
@@ -117,7 +117,6 @@ class Tumbling(Component):
             I_11=1e-3,
             I_22=1e-3,
             I_33=1e-3,
-            g_0=self.world.g_0,
             r_0=fixed((0.004, 0.002, 0.095)),
             v_0=fixed((0.1, 0.0, 0.0)),
             Q=fixed((0.6 * math.sin(half), 0.8 * math.sin(half), 0.0, math.cos(half))),

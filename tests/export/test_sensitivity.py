@@ -115,3 +115,8 @@ def test_unknown_names_are_refused() -> None:
         acausal.sensitivities(Ball(), ["h1"], ["h"])
     with pytest.raises(UsageError, match="AC010"):
         acausal.sensitivities(Ball(), ["e"], ["height"])
+
+
+def test_no_parameter_at_all_is_refused() -> None:
+    with pytest.raises(UsageError, match="AC020"):
+        acausal.sensitivities(Ball(), [], ["h"])

@@ -15,6 +15,7 @@ from acausal import Component, Equations, Experiment, Real, der, fixed, paramete
 from acausal.errors import ExportError, UsageError
 from acausal.export.real_time import real_time
 from acausal.export.step import step_function
+from acausal.models.drilling_dynamic import ThickBlock
 from acausal.models.pendulum import Pendulum
 from acausal.models.rc_ladder import RCLadder
 from acausal.simulate.native import cache
@@ -66,7 +67,8 @@ def test_time_and_algebraic_variables_travel_in_x_and_inputs_are_held() -> None:
     assert x[2] == pytest.approx(2.0)
     run = acausal.simulate(Driven(), inputs={"u": 0.5}, tolerance=1e-11, solver="rosenbrock")
     assert x[0] == pytest.approx(run.final("x"), abs=1e-8)
-    np.testing.assert_allclose(np.array(y).ravel(), [x[0], x[1]], atol=1e-15)
+    assert step.y.names == ("x", "q", "step.too_large")
+    np.testing.assert_allclose(np.array(y).ravel(), [x[0], x[1], 0.0], atol=1e-15)
     assert x[1] + 0.1 * x[1] ** 3 == pytest.approx(x[0], abs=1e-14)
 
 
@@ -79,6 +81,31 @@ def test_a_stiff_method_stands_steps_far_beyond_the_explicit_limit() -> None:
         for _ in range(100):
             x = np.array(step.function(x, [], step.p.start)[0]).ravel()
         assert np.allclose(x, 1.0, atol=1e-6) == stable
+
+
+@pytest.mark.parametrize(("method", "limit"), [("rk2", 2.0), ("rk4", 2.785)])
+def test_a_step_beyond_the_explicit_limit_says_so(method: str, limit: float) -> None:
+    # x' = -50 x: stable up to limit / 50 (Hairer and Wanner II, IV.2)
+    class Decay(Component):
+        x: Real = variable(default=fixed(1.0))
+
+        def equations(self) -> Equations:
+            yield der(self.x) == -50.0 * self.x
+
+    for share, expected in ((0.9, 0.0), (1.1, 1.0)):
+        step = step_function(acausal.compile(Decay()), share * limit / 50.0, method, ["x"])
+        y = step.function(step.x.start, [], step.p.start)[1]
+        assert float(y[step.y.position("step.too_large")]) == expected
+
+
+def test_a_drill_passes_its_contact_in_steps_that_say_they_are_too_large() -> None:
+    """`simulate` refuses 10 ms for this drill (AC405)."""
+    step = step_function(acausal.compile(ThickBlock()), 0.01, "rk4", [])
+    x, said = np.array(step.x.start), 0.0
+    for _ in range(3000):
+        new, y = step.function(x, [], step.p.start)
+        x, said = np.array(new).ravel(), max(said, float(y[step.y.position("step.too_large")]))
+    assert said == 1.0
 
 
 @pytest.mark.parametrize("method", ["rk2", "rk4", "rosenbrock", "sdirk"])
@@ -109,7 +136,7 @@ def test_the_c_stands_alone_and_gives_the_same_numbers(tmp_path: Path) -> None:
         new, y = step.function(x, [0.5], step.p.start)
         x = np.array(new).ravel()
     assert x0 == pytest.approx(x[0], rel=1e-14)
-    assert y0 == pytest.approx(float(y), rel=1e-14)
+    assert y0 == pytest.approx(float(y[0]), rel=1e-14)
 
 
 @needs_compiler

@@ -9,7 +9,7 @@ import pytest
 
 from acausal.flatten.differentiate import differentiate
 from acausal.flatten.pool import Pool
-from acausal.lower.evaluate import values
+from acausal.numeric.evaluate import values
 
 # Curves x(t) with their derivatives; within every domain that follows.
 CURVES: list[tuple[Callable[[float], float], Callable[[float], float]]] = [

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import pytest
 
 from acausal.flatten.pool import Pool
-from acausal.lower.evaluate import values
+from acausal.numeric.evaluate import values
 
 X, Y = 1.7, -0.6  # generic: no two of the expressions below coincide by accident
 

@@ -13,7 +13,7 @@ from acausal import Component, Real, cross, der, dot, identity, norm, skew, time
 from acausal.flatten.pool import Pool
 from acausal.flatten.scalarise import Scalars, scalars
 from acausal.language.expression import Expr, Symbol, as_expr
-from acausal.lower.evaluate import values
+from acausal.numeric.evaluate import values
 
 Array = NDArray[np.float64]
 

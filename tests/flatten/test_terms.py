@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from acausal.analyse.blocks.linear import LinearForm
 from acausal.flatten.pool import Pool
 from acausal.flatten.terms import is_long, terms
-from acausal.lower.evaluate import gradients, values
-from acausal.lower.linear import LinearForm
+from acausal.numeric.evaluate import gradients, values
 
 
 class CountingPool(Pool):
@@ -84,7 +84,7 @@ def test_taking_a_sum_apart_asks_for_a_few_additions_a_term(n: int) -> None:
 
 @pytest.mark.parametrize("n", [500, 2000])
 def test_a_gradient_of_a_sum_adds_every_term_once(n: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    import acausal.lower.evaluate as evaluate
+    import acausal.numeric.evaluate as evaluate
 
     pool = Pool()
     root = chain(pool, n)

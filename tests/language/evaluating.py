@@ -8,7 +8,7 @@ from acausal import Expr
 from acausal.flatten.pool import Pool
 from acausal.flatten.scalarise import scalars
 from acausal.language.expression import Symbol, symbols_in
-from acausal.lower.evaluate import values
+from acausal.numeric.evaluate import values
 
 
 def value(e: Expr, given: Mapping[str, float]) -> float:

@@ -34,8 +34,8 @@ from acausal import (
 )
 from acausal.flatten.pool import Pool
 from acausal.flatten.scalarise import scalars
+from acausal.flatten.text import to_text
 from acausal.language.expression import is_condition, is_discrete
-from acausal.lower.text import to_text
 from tests.language.evaluating import value
 
 
@@ -108,9 +108,9 @@ def test_pre_of_what_mixes_both_kinds_is_taken_apart() -> None:
     assert str(pre(pre(thing.n))) == "pre(n)"
 
 
-def test_several_conditions_of_a_when_are_their_edges() -> None:
+def test_several_conditions_of_a_when_stay_apart() -> None:
     """Modelica 3.6, section 8.3.5.1: a when acts when any entry of its vector of conditions becomes true."""
-    assert str(when((thing.a, thing.x > 0)).condition) == "edge(a) | edge(x > 0)"
+    assert str(when((thing.a, thing.x > 0))) == "when((a, x > 0))"
 
 
 def test_smooth_exempts_from_events_from_order_one_on() -> None:

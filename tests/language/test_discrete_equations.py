@@ -26,8 +26,8 @@ from acausal import (
     when,
     where,
 )
-from acausal.lower.reduce import reduce
-from acausal.lower.text import to_text
+from acausal.analyse.aliases import reduce
+from acausal.flatten.text import to_text
 
 
 class Inverter(Component):

@@ -32,7 +32,7 @@ from acausal.errors import DeclarationError
 from acausal.flatten.pool import Pool
 from acausal.flatten.scalarise import scalars
 from acausal.language.expression import Symbol, symbols_in
-from acausal.lower.evaluate import values
+from acausal.numeric.evaluate import values
 from tests.language.evaluating import value
 
 Array = NDArray[np.float64]

@@ -17,7 +17,7 @@ from acausal.flatten.pool import Pool
 from acausal.language.expression import Expr
 from acausal.language.external import Call
 from acausal.lower.build import Builder
-from acausal.lower.evaluate import gradients, values
+from acausal.numeric.evaluate import gradients, values
 
 
 def polar(kind: Any, options: dict[str, Any]) -> Any:

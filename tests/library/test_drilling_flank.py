@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import acausal
-from acausal import Component, Equations, Real, connect, fixed, parameter, part, time, where
+from acausal import Component, Equations, Real, connect, fixed, parameter, part, quantity, time, where
 from acausal.library.contact import Box, ContactScene
 from acausal.library.drilling import DrillBody, EnergyBalance, WorkpieceBody
 from acausal.library.multibody import Body, Prismatic, Revolute, World
@@ -50,7 +50,9 @@ class PulledDrill(Component):
         drill = DrillBody(name="drill", wanders=False, settings=settings)
         self.scene = ContactScene(bodies=(drill, block))
         self.down = Position(s_ref=where(time < 10.5, 2e-3 * time - 1e-3, DEPTH))
-        self.pull = Force(u=where(time < 11.0, 0.0, where(time < 11.5, 2 * self.F * (time - 11.0), self.F)))
+        self.pull = Force(
+            u=where(time < 11.0, 0.0, where(time < 11.5, self.F * (time - 11.0) / quantity(0.5, "s"), self.F))
+        )
         self.speed = Speed(w_ref=2 * math.pi * 9.28)
         self.balance = EnergyBalance(
             P_source=self.feed.f * self.feed.v + self.slide.f * self.slide.v + self.spindle.tau * self.spindle.w,

@@ -10,7 +10,7 @@ import pytest
 from scipy.optimize import root_scalar
 
 import acausal
-from acausal import Component, Equations, Real, connect, parameter, part
+from acausal import Component, Equations, Real, connect, fixed, parameter, part
 from acausal.library.blocks import Constant
 from acausal.library.electrical import (
     Capacitor,
@@ -26,14 +26,18 @@ from acausal.library.electrical import (
     RampCurrent,
     RampVoltage,
     Resistor,
+    RotationalEMF,
     SignalCurrent,
     SignalVoltage,
     SineCurrent,
     SineVoltage,
     StepCurrent,
     StepVoltage,
+    TranslationalEMF,
     VoltageSensor,
 )
+from acausal.library.rotational import Inertia
+from acausal.library.translational import Mass
 from acausal.models.rc_circuit import RCCircuit
 from acausal.models.rc_ladder import RCLadder
 
@@ -243,3 +247,33 @@ def test_ladder_is_diffusion() -> None:
     decaying = np.exp(-np.outer(r.time, rate)) * (shapes.T @ np.full(n, V))
     for j in range(n):
         assert r[f"capacitors[{j}].v"] == pytest.approx(V - decaying @ shapes[j], abs=1e-7)
+
+
+class Machines(Component):
+    """A motor and a voice coil behind resistors, each on 12 V, with nothing to move but their own mass."""
+
+    source: ConstantVoltage = ConstantVoltage(V=12.0)
+    ground: Ground = Ground()
+    resistor: Resistor = Resistor(R=0.5)
+    motor: RotationalEMF = RotationalEMF(k=0.2)
+    rotor: Inertia = Inertia(J=0.02, phi=fixed(0.0), w=fixed(0.0))
+    series: Resistor = Resistor(R=2.0)
+    coil: TranslationalEMF = TranslationalEMF(k=5.0)
+    mass: Mass = Mass(m=3.0, s=fixed(0.0), v=fixed(0.0))
+
+    def equations(self) -> Equations:
+        yield connect(self.source.p, self.resistor.p, self.series.p)
+        yield connect(self.resistor.n, self.motor.p)
+        yield connect(self.series.n, self.coil.p)
+        yield connect(self.motor.n, self.coil.n, self.source.n, self.ground.p)
+        yield connect(self.motor.flange, self.rotor.flange_a)
+        yield connect(self.coil.flange, self.mass.flange_a)
+
+
+def test_machines_run_up_to_where_the_emf_balances_the_voltage() -> None:
+    """V/k (1 - exp(-k^2 t/(R J))), and the electrical power of the EMF is the mechanical one."""
+    r = acausal.simulate(Machines(), stop_time=2.0, tolerance=1e-9)
+    assert r["rotor.w"] == pytest.approx(12.0 / 0.2 * (1.0 - np.exp(-(0.2**2) * r.time / (0.5 * 0.02))), abs=1e-5)
+    assert r["mass.v"] == pytest.approx(12.0 / 5.0 * (1.0 - np.exp(-(5.0**2) * r.time / (2.0 * 3.0))), abs=1e-6)
+    power = r["motor.v"] * r["motor.i"]
+    assert power == pytest.approx(0.02 * r["rotor.a"] * r["rotor.w"], abs=1e-6)

@@ -13,6 +13,7 @@ from acausal import Component, Connector, flatten
 from acausal.errors import DeclarationError
 from acausal.language.declare import Kind
 from acausal.language.dimensions import check_dimensions
+from acausal.language.events import Assertion
 from acausal.language.overconstrained import Branch, Root
 from acausal.library import multibody
 from acausal.library.multibody import Frame, Prismatic, Revolute
@@ -37,6 +38,7 @@ def made(cls: type[Component], rooted: bool, is_root: bool) -> Component:
     for name, member in component._parts.items():
         if isinstance(member, Frame):
             member.__dict__["_roles"] = {"is_root": is_root, "rooted": rooted == (name == "frame_a")}
+    component.__dict__.update(dict.fromkeys(cls._outers, multibody.World()))
     return component
 
 
@@ -46,6 +48,7 @@ def stated(component: Component, generator: str) -> list[Any]:
         for base in reversed(type(component).__mro__)
         if generator in base.__dict__
         for item in base.__dict__[generator](component)
+        if not isinstance(item, Assertion)
     ]
 
 

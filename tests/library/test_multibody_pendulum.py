@@ -60,7 +60,7 @@ class Tilted(Component):
         self.world = World(n=(-2.0, -1.0, 2.0))
         self.revolute = Revolute(n=(1.0, 2.0, 2.0), phi=fixed(0.0), w=fixed(0.0))
         arm = np.cross([2 / 3, 1 / 3, -2 / 3], [1 / 3, 2 / 3, 2 / 3]) * LENGTH
-        self.body = Body(m=1.0, r_CM=tuple(arm.tolist()), g_0=self.world.g_0)
+        self.body = Body(m=1.0, r_CM=tuple(arm.tolist()))
 
     def equations(self) -> Equations:
         a, b = self.revolute.frame_a, self.revolute.frame_b

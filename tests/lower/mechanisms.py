@@ -38,7 +38,6 @@ class Tree(Component):
                 I_11=0.01,
                 I_22=0.02,
                 I_33=0.03,
-                g_0=self.world.g_0,
             )
             for k in range(self.n)
         ]
@@ -73,7 +72,6 @@ class Balls(Component):
                 I_11=0.01,
                 I_22=0.02,
                 I_33=0.02,
-                g_0=self.world.g_0,
                 r_0=fixed((0.5 * k, 0.0, 0.0)),
                 v_0=fixed((0.0, 0.0, 0.0)),
                 Q=fixed((0.0, 0.0, 0.0, 1.0)),

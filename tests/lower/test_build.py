@@ -8,7 +8,7 @@ import pytest
 
 from acausal.flatten.pool import Pool
 from acausal.lower.build import Builder
-from acausal.lower.evaluate import values
+from acausal.numeric.evaluate import values
 
 N = 9
 """Enough equal operations on a level for a column."""

@@ -10,7 +10,7 @@ import pytest
 
 import acausal
 from acausal import Component, Equations, Real, cos, der, fixed, parameter, structural, variable
-from acausal.errors import AcausalError
+from acausal.errors import AcausalError, UsageError
 from acausal.lower import cache
 from acausal.lower.compiled import CompiledModel
 from acausal.models.pendulum_chain import PendulumChain
@@ -149,6 +149,13 @@ def test_choice_of_states_that_is_not_safe_any_more_is_made_anew() -> None:
     assert shared(first, same)
     assert not shared(first, other)
     assert set(other.states) == {"x", "y", "u", "w"}
+
+
+def test_parameters_of_a_run_must_fit_the_choice_of_states() -> None:
+    compiled = acausal.compile(Choice(k=0.5))
+    assert cache.choices_stand_for(compiled, (0.6, 1.0))
+    with pytest.raises(UsageError, match="AC029"):
+        acausal.simulate(compiled, parameters={"k": 2.0}, stop_time=0.1)
 
 
 def test_least_recently_used_models_go(monkeypatch: pytest.MonkeyPatch) -> None:

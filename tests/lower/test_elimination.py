@@ -9,7 +9,7 @@ import pytest
 
 import acausal
 from acausal import Component, Equations, Real, cos, der, fixed, parameter, sin, structural, time, variable
-from acausal.lower import elimination
+from acausal.analyse.blocks import elimination
 from acausal.models.pendulum_chain import PendulumChain
 
 

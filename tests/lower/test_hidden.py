@@ -8,13 +8,13 @@ import pytest
 
 import acausal
 from acausal import Component, Equations, Real, connect, der, fixed, guess, parameter, part, structural, variable
+from acausal.analyse.aliases import reduce
+from acausal.analyse.analyse import analyse
+from acausal.analyse.blocks.solve import solve
+from acausal.analyse.hidden import HiddenConstraint
 from acausal.errors import StructureError
 from acausal.library.electrical import Capacitor, Conductor, Ground, Resistor
 from acausal.library.electrical import ConstantVoltage as Voltage
-from acausal.lower.analyse import analyse
-from acausal.lower.hidden import HiddenConstraint
-from acausal.lower.reduce import reduce
-from acausal.lower.solve import solve
 
 
 class Bank(Component):

@@ -21,14 +21,14 @@ from acausal.library.electrical import (
     Inductor,
     Resistor,
 )
-from acausal.lower import mapped as lowering
-from acausal.lower import patterns as search
+from acausal.lower.columns import mapped as lowering
+from acausal.lower.columns import patterns as search
+from acausal.lower.columns.mapped import Mapped
 from acausal.lower.compiled import CompiledModel
-from acausal.lower.mapped import Mapped
 from acausal.models.mass_chain import MassSpringDamperChain
 from acausal.models.pendulum_chain import PendulumChain
 from acausal.models.rc_ladder import RCLadder
-from acausal.simulate.problem import Problem
+from acausal.simulate.equations.problem import Problem
 
 LARGE = 300
 """Sections from which a ladder is lowered by patterns."""

@@ -17,7 +17,7 @@ from acausal.flatten.pool import Pool
 from acausal.flatten.scalarise import Scalars, scalars
 from acausal.language.expression import Expr
 from acausal.lower.build import Builder
-from acausal.lower.evaluate import gradients, values
+from acausal.numeric.evaluate import gradients, values
 
 Tree = tuple[Any, ...]
 

@@ -9,9 +9,10 @@ import pytest
 
 import acausal
 from acausal import Component, Equations, Real, der, fixed, parameter, signal_input, variable
+from acausal.analyse.aliases import reduce
 from acausal.errors import AcausalError
 from acausal.flatten.flatten import flatten
-from acausal.lower.reduce import ReducedSystem, reduce
+from acausal.flatten.reduced import ReducedSystem
 
 
 def reduced(model: Component) -> ReducedSystem:

@@ -7,8 +7,8 @@ import pytest
 import acausal
 from acausal import AcausalError, Component, Equations, Real, der, fixed, parameter, structural, variable
 from acausal.flatten.pool import Pool
-from acausal.lower.evaluate import values
-from acausal.lower.rounding import is_certain
+from acausal.numeric.evaluate import values
+from acausal.numeric.rounding import is_certain
 
 THIRD = 1.0 / 3.0
 

@@ -139,7 +139,7 @@ class Falling(Component):
         self.free = FreeMotion(
             r_rel_a=fixed((0.0, 0.0, 3.0)), v_rel_a=fixed((0.0, 0.0, 0.0)), w_rel_b=fixed((0.0, 0.0, 0.0))
         )
-        self.body = Body(m=2.0, g_0=self.world.g_0)
+        self.body = Body(m=2.0)
 
     def equations(self) -> Equations:
         yield connect(self.world.frame_b, self.free.frame_a)
@@ -168,9 +168,7 @@ class Arm(Component):
         self.world = World(g=9.81, n=(0.0, -1.0, 0.0))
         axes = ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
         self.hinges = [Revolute(n=n, phi=fixed(a), w=fixed(0.0)) for n, a in zip(axes, (0.3, 0.0, 0.1), strict=True)]
-        self.links = [
-            BodyShape(m=1.0, r=(1.0, 0.0, 0.0), r_CM=(0.5, 0.0, 0.0), I_33=0.1, g_0=self.world.g_0) for _ in range(3)
-        ]
+        self.links = [BodyShape(m=1.0, r=(1.0, 0.0, 0.0), r_CM=(0.5, 0.0, 0.0), I_33=0.1) for _ in range(3)]
 
     def equations(self) -> Equations:
         yield connect(self.world.frame_b, self.hinges[0].frame_a)

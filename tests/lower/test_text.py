@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from acausal.flatten.pool import Pool
-from acausal.lower.evaluate import values
-from acausal.lower.text import to_text
+from acausal.flatten.text import to_text
+from acausal.numeric.evaluate import values
 
 NAMES = {("var", 0): "x", ("var", 1): "y", ("par", 0): "k"}
 VALUES = {"x": 1.3, "y": 0.7, "k": 2.5}

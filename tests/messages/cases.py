@@ -1,8 +1,8 @@
 """Broken models and what is said about them: the frame of the corpus.
 
 Every case is a class or a function that is wrong in one way, decorated with the class of error, the thing that the
-first two lines have to name, and the whole message. File names are shown without their folders and line numbers as
-N: the source line below them tells whether the place is right.
+first two lines have to name, and the places in the source that are marked, in their order. A dozen cases have the whole
+message too, with file names without their folders and N for line numbers.
 """
 
 from __future__ import annotations
@@ -29,19 +29,22 @@ class Case:
     run: Callable[[], object]
     code: str
     named: str
+    places: tuple[str, ...]
     text: str
 
     def __str__(self) -> str:
         return self.name
 
     def check(self) -> None:
-        """The class of error, the name in the first two lines, then every letter of the message."""
+        """The class of error, the name in the first two lines, the places; perhaps every letter."""
         with pytest.raises(AcausalError) as caught:
             self.run()
         text = normalised(caught.value)
         assert caught.value.code == self.code, text
         assert self.named in "\n".join(text.splitlines()[:2]), text
-        assert text == self.text.strip("\n")
+        assert marked(text) == self.places, text
+        if self.text:
+            assert text == self.text.strip("\n")
 
 
 @dataclass
@@ -50,28 +53,28 @@ class Corpus:
 
     cases: list[Case] = field(default_factory=list)
 
-    def broken(self, code: str, named: str, text: str) -> Callable[[Model], Model]:
+    def broken(self, code: str, named: str, *places: str, text: str = "") -> Callable[[Model], Model]:
         """A model that cannot be compiled."""
-        return self._model(code, named, text, lambda cls: acausal.compile(cls()))
+        return self._model((code, named, places, text), lambda cls: acausal.compile(cls()))
 
-    def bad_start(self, code: str, named: str, text: str) -> Callable[[Model], Model]:
+    def bad_start(self, code: str, named: str, *places: str, text: str = "") -> Callable[[Model], Model]:
         """A model that is sound but cannot start."""
-        return self._model(code, named, text, lambda cls: acausal.simulate(cls(), stop_time=0.1))
+        return self._model((code, named, places, text), lambda cls: acausal.simulate(cls(), stop_time=0.1))
 
-    def wrong(self, code: str, named: str, text: str) -> Callable[[Function], Function]:
+    def wrong(self, code: str, named: str, *places: str, text: str = "") -> Callable[[Function], Function]:
         """Python code that cannot run."""
 
         def add(function: Function) -> Function:
-            self.cases.append(Case(function.__name__, function, code, named, text))
+            self.cases.append(Case(function.__name__, function, code, named, places, text))
             return function
 
         return add
 
     def _model(
-        self, code: str, named: str, text: str, run: Callable[[type[Component]], object]
+        self, expected: tuple[str, str, tuple[str, ...], str], run: Callable[[type[Component]], object]
     ) -> Callable[[Model], Model]:
         def add(cls: Model) -> Model:
-            self.cases.append(Case(cls.__name__, lambda: run(cls), code, named, text))
+            self.cases.append(Case(cls.__name__, lambda: run(cls), *expected))
             return cls
 
         return add
@@ -82,3 +85,14 @@ def normalised(error: AcausalError) -> str:
     text = re.sub(r"/\S*/library/(\w+/)+?(\w+/)?(\w+\.py:)", r"\1\3", str(error))
     text = re.sub(r"/\S*/(\w+\.py:)", r"\1", text)
     return re.sub(r"(\w\.py:)\d+", r"\1N", text)
+
+
+def marked(text: str) -> tuple[str, ...]:
+    """The source that a message shows for each of its places, each once: what is marked, or the whole line."""
+    lines, found = [*text.splitlines(), ""], []
+    for place, source, carets in zip(lines, lines[1:], lines[2:], strict=False):
+        if re.match(r" +at +\S", place) and source.startswith(14 * " "):
+            is_marked = set(carets.strip()) == {"^"}
+            first = carets.index("^") if is_marked else 0
+            found.append(source[first : first + carets.count("^")] if is_marked else source.strip())
+    return tuple(dict.fromkeys(found))

@@ -160,6 +160,7 @@ def test_mistake_in_a_model(case: str, verb: str, folder: Path) -> None:
         (("ThinPlate", "--set", "workpiece.t=1kg"), "AC151", ("workpiece.t", '"kg"', "mm")),
         (("ThinPlate", "--set", "workpiece.t=-1mm"), "AC136", ("workpiece.t = -0.001 m", "1e-06 ... inf")),
         (("Oscillator", "--set", "m"), "AC003", ("path=value",)),
+        (("Oscillator", "--set", "m=2kg", "--set", " m = 3kg"), "AC003", ("m twice: 2kg and 3kg",)),
         (("Oscillator", "-o", "no/such/folder/o.mat"), "AC012", ("no/such/folder/o.mat", "No such file")),
         (("Oscillator", "-o", "o.xls"), "AC013", (".mat, .csv, .npz",)),
         (("Oscillator", "--plot-file", "o.bmp"), "AC013", (".png, .svg, .pdf",)),
@@ -247,3 +248,44 @@ def test_a_defect_of_acausal_is_one_line_unless_wanted(monkeypatch: pytest.Monke
 def test_brackets_in_messages_are_no_markup() -> None:
     outcome = run("simulate", "RCLadder", "--set", "resistors[0].X=3")
     assert "resistors[0].X" in outcome.err
+
+
+def test_a_file_with_nul_bytes_is_named(tmp_path: Path) -> None:
+    """What an interrupted download leaves."""
+    (tmp_path / "holes.py").write_bytes(b"from acausal import *\n\0\0\nclass A(Component): pass\n")
+    outcome = run("check", tmp_path / "holes.py")
+    assert outcome.code == 1
+    assert "error[AC002]: holes.py is not Python" in outcome.err
+
+
+@pytest.mark.parametrize(
+    ("rows", "fact"),
+    [
+        ("0,1\n1,2\n0.5,3\n", "row 3 goes back in time, from 1 s to 0.5 s: sort the rows by time"),
+        ("2,1\n1,2\n", "row 2 goes back in time, from 2 s to 1 s"),
+        ("0,1\nnan,2\n2,3\n", "the time of row 2 is nan"),
+    ],
+)
+def test_rows_out_of_order_are_named(folder: Path, rows: str, fact: str) -> None:
+    """The first was called a defect of ours, the last compared as equal."""
+    Path("a.csv").write_text("time,x\n" + rows)
+    Path("b.csv").write_text("time,x\n0,1\n1,2\n2,3\n")
+    outcome = run("compare", "a.csv", "b.csv")
+    assert_clean(outcome, "AC014", 2, folder, "a.csv", "b.csv")
+    assert fact in outcome.err
+
+
+def test_discrete_variables_are_no_states(folder: Path) -> None:
+    """One der(...), two booleans and a counter."""
+    body = (
+        "    x: Real = variable(default=fixed(1.0))\n    a: Real = boolean()\n    b: Real = boolean()\n"
+        "    n: Real = discrete(default=0.0)\n"
+        "    def equations(self) -> Equations:\n        yield der(self.x) == -self.x\n"
+        "        yield self.a == (self.x > 0.5)\n        yield self.b == (self.x > 0.7)\n"
+        "        yield when(self.x < 0.6, reset(self.n, 1.0))\n"
+    )
+    Path("m.py").write_text("from acausal import *\nclass M(Component):\n" + body)
+    assert run("check", "m.py").out.startswith("M: 4 equations, 4 unknowns, 1 state, 3 discrete variables")
+    out = run("simulate", "m.py").out
+    assert "an ODE of 1 states with events" in out
+    assert "4 equations, 1 state," in out

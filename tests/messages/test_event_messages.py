@@ -69,7 +69,8 @@ class Relay(Component):
 @corpus.wrong(
     "AC108",
     "x",
-    """
+    "return where(thing.x, 1.0, 2.0)",
+    text="""
 error[AC108]: `x` is a number, not a condition
   at      test_event_messages.py:N
               return where(thing.x, 1.0, 2.0)
@@ -80,286 +81,102 @@ def where_of_a_number() -> object:
     return where(thing.x, 1.0, 2.0)
 
 
-@corpus.wrong(
-    "AC108",
-    "n == 1",
-    """
-error[AC108]: `n == 1` is an equation, not a condition
-  at      test_event_messages.py:N
-              return where(thing.n == 1, 1.0, thing.x)
-  help    whole numbers are compared with equals(a, b)
-""",
-)
+@corpus.wrong("AC108", "n == 1", "return where(thing.n == 1, 1.0, thing.x)")
 def where_of_an_equation() -> object:
     return where(thing.n == 1, 1.0, thing.x)
 
 
-@corpus.wrong(
-    "AC108",
-    "True",
-    """
-error[AC108]: `True` (bool) is not a condition
-  at      test_event_messages.py:N
-              return where(True, 1.0, thing.x)  # type: ignore[arg-type]
-  help    write a relation such as x > 0; what is known to Python is decided with a plain `if`
-""",
-)
+@corpus.wrong("AC108", "True", "return where(True, 1.0, thing.x)  # type: ignore[arg-type]")
 def where_of_python() -> object:
     return where(True, 1.0, thing.x)  # type: ignore[arg-type]
 
 
-@corpus.wrong(
-    "AC108",
-    "x",
-    """
-error[AC108]: `x` is a number, not a condition
-  at      test_event_messages.py:N
-              return thing.x & thing.on
-  help    write a relation such as x > 0, or declare it with boolean()
-""",
-)
+@corpus.wrong("AC108", "x", "return thing.x & thing.on")
 def and_of_a_number() -> object:
     return thing.x & thing.on
 
 
-@corpus.wrong(
-    "AC108",
-    "n",
-    """
-error[AC108]: `n` is a number, not a condition
-  at      test_event_messages.py:N
-              return ~thing.n
-  help    write a relation such as x > 0, or declare it with boolean()
-""",
-)
+@corpus.wrong("AC108", "n", "return ~thing.n")
 def not_of_an_integer() -> object:
     return ~thing.n
 
 
-@corpus.wrong(
-    "AC108",
-    "n",
-    """
-error[AC108]: `n` is a number, not a condition
-  at      test_event_messages.py:N
-              return when(thing.n, reset(thing.kept, 1.0))
-  help    write a relation such as x > 0, or declare it with boolean()
-""",
-)
+@corpus.wrong("AC108", "n", "return when(thing.n, reset(thing.kept, 1.0))")
 def when_an_integer() -> object:
     return when(thing.n, reset(thing.kept, 1.0))
 
 
-@corpus.wrong(
-    "AC108",
-    "kept",
-    """
-error[AC108]: `kept` is a number, not a condition
-  at      test_event_messages.py:N
-              return edge(thing.kept)
-  help    write a relation such as x > 0, or declare it with boolean()
-""",
-)
+@corpus.wrong("AC108", "kept", "return edge(thing.kept)")
 def edge_of_a_number() -> object:
     return edge(thing.kept)
 
 
-@corpus.wrong(
-    "AC108",
-    "()",
-    """
-error[AC108]: `()` (tuple) is not a condition
-  at      test_event_messages.py:N
-              return when((), reset(thing.n, 1))
-  help    write a relation such as x > 0; what is known to Python is decided with a plain `if`
-""",
-)
+@corpus.wrong("AC108", "()", "return when((), reset(thing.n, 1))")
 def when_nothing() -> object:
     return when((), reset(thing.n, 1))
 
 
-@corpus.wrong(
-    "AC140",
-    "3",
-    """
-error[AC140]: `3` is not an action
-  at      test_event_messages.py:N
-              return when(thing.x > 0, 3)  # type: ignore[arg-type]
-  help    write when(condition, reset(x, value)) or when(condition, terminate("why"))
-""",
-)
+@corpus.wrong("AC140", "3", "return when(thing.x > 0, 3)  # type: ignore[arg-type]")
 def when_without_action() -> object:
     return when(thing.x > 0, 3)  # type: ignore[arg-type]
 
 
-@corpus.wrong(
-    "AC141",
-    "k",
-    """
-error[AC141]: `k` cannot be reset: it is a parameter
-  at      test_event_messages.py:N
-              return reset(thing.k, 1.0)
-  help    declare what changes at events with discrete(), boolean() or integer()
-""",
-)
+@corpus.wrong("AC141", "k", "return reset(thing.k, 1.0)")
 def reset_of_a_parameter() -> object:
     return reset(thing.k, 1.0)
 
 
-@corpus.wrong(
-    "AC141",
-    "x + 1",
-    """
-error[AC141]: `x + 1` cannot be reset
-  at      test_event_messages.py:N
-              return reset(thing.x + 1.0, 0.0)
-  help    reset takes one declared scalar variable
-""",
-)
+@corpus.wrong("AC141", "x + 1", "return reset(thing.x + 1.0, 0.0)")
 def reset_of_an_expression() -> object:
     return reset(thing.x + 1.0, 0.0)
 
 
-@corpus.wrong(
-    "AC105",
-    "on",
-    """
-error[AC105]: `on` is a scalar, its new value `v` has shape (3,)
-  at      test_event_messages.py:N
-              return reset(thing.on, thing.v)
-""",
-)
+@corpus.wrong("AC105", "on", "return reset(thing.on, thing.v)")
 def reset_to_a_vector() -> object:
     return reset(thing.on, thing.v)
 
 
-@corpus.wrong(
-    "AC146",
-    "x",
-    """
-error[AC146]: change(`x`) has no meaning: it is not discrete
-  at      test_event_messages.py:N
-              return change(thing.x)
-  help    declare it with boolean(), integer() or discrete(), or write a relation
-""",
-)
+@corpus.wrong("AC146", "x", "return change(thing.x)")
 def change_of_what_always_changes() -> object:
     return change(thing.x)
 
 
-@corpus.wrong(
-    "AC146",
-    "x",
-    """
-error[AC146]: equals(`x`, `1`): `x` is not discrete
-  at      test_event_messages.py:N
-              return equals(thing.x, 1.0)
-  help    compare what varies continuously with < and >
-""",
-)
+@corpus.wrong("AC146", "x", "return equals(thing.x, 1.0)")
 def equality_of_numbers() -> object:
     return equals(thing.x, 1.0)
 
 
-@corpus.wrong(
-    "AC147",
-    "on",
-    """
-error[AC147]: `on` is true or false, `x` is a number
-  at      test_event_messages.py:N
-              return reset(thing.on, thing.x)
-  help    write a relation such as x > 0, or True or False
-""",
-)
+@corpus.wrong("AC147", "on", "return reset(thing.on, thing.x)")
 def boolean_reset_to_a_number() -> object:
     return reset(thing.on, thing.x)
 
 
-@corpus.wrong(
-    "AC147",
-    "n",
-    """
-error[AC147]: `n` is an integer, `0.5` is not
-  at      test_event_messages.py:N
-              return reset(thing.n, 0.5)
-  help    a number that is not whole goes into discrete()
-""",
-)
+@corpus.wrong("AC147", "n", "return reset(thing.n, 0.5)")
 def half_an_integer() -> object:
     return reset(thing.n, 0.5)
 
 
-@corpus.wrong(
-    "AC147",
-    "on",
-    """
-error[AC147]: Thing: 'on' is true or false, `2` is a number
-  at      test_event_messages.py:N
-              return make(on=2.0)
-  help    write a relation such as x > 0, or True or False
-""",
-)
+@corpus.wrong("AC147", "on", "return make(on=2.0)")
 def boolean_given_a_number() -> object:
     return make(on=2.0)
 
 
-@corpus.wrong(
-    "AC149",
-    "fatal",
-    """
-error[AC149]: assert_ has no level 'fatal'
-  at      test_event_messages.py:N
-              return assert_(thing.x > 0, "below ground", level="fatal")
-  help    it is "error" or "warning"
-""",
-)
+@corpus.wrong("AC149", "fatal", 'return assert_(thing.x > 0, "below ground", level="fatal")')
 def unknown_level() -> object:
     return assert_(thing.x > 0, "below ground", level="fatal")
 
 
-@corpus.wrong(
-    "AC149",
-    "terminate",
-    """
-error[AC149]: terminate takes a message, not 0
-  at      test_event_messages.py:N
-              return terminate(anything)
-  help    say in words what has happened
-""",
-)
+@corpus.wrong("AC149", "terminate", "return terminate(anything)")
 def terminate_without_a_reason() -> object:
     return terminate(anything)
 
 
-@corpus.wrong(
-    "AC149",
-    "smooth",
-    """
-error[AC149]: smooth: `-1` is not an order
-  at      test_event_messages.py:N
-              return smooth(-1, thing.x)
-  help    write smooth(1, expression)
-""",
-)
+@corpus.wrong("AC149", "smooth", "return smooth(-1, thing.x)")
 def smooth_of_no_order() -> object:
     return smooth(-1, thing.x)
 
 
-@corpus.broken(
-    "AC145",
-    "n",
-    """
-error[AC145]: n is determined twice at events
-  at      test_event_messages.py:N
-              yield self.n == 1
-  at      test_event_messages.py:N
-              yield self.n == pre(self.n) + 1
-          n == 1
-          n == pre(n) + 1
-  cause   a discrete variable has one equation, or is reset by `when`s, not both
-  help    join them to one: where(condition, value, where(other, value, pre(variable)))
-""",
-)
+@corpus.broken("AC145", "n", "yield self.n == 1", "yield self.n == pre(self.n) + 1")
 class TwoEquations(Component):
     n: Real = integer()
 
@@ -368,21 +185,7 @@ class TwoEquations(Component):
         yield self.n == pre(self.n) + 1
 
 
-@corpus.broken(
-    "AC145",
-    "n",
-    """
-error[AC145]: n is determined twice at events
-  at      test_event_messages.py:N
-              yield self.n == where(self.x > 1.0, 1, 0)
-  at      test_event_messages.py:N
-              yield when(self.x > 2.0, reset(self.n, 2))
-          n == where(x > 1, 1, 0)
-          when(x > 2, reset(n, 2))
-  cause   a discrete variable has one equation, or is reset by `when`s, not both
-  help    join them to one: where(condition, value, where(other, value, pre(variable)))
-""",
-)
+@corpus.broken("AC145", "n", "yield self.n == where(self.x > 1.0, 1, 0)", "yield when(self.x > 2.0, reset(self.n, 2))")
 class EquationAndReset(Component):
     x: Real = variable(default=fixed(0.0))
     n: Real = integer()
@@ -393,22 +196,7 @@ class EquationAndReset(Component):
         yield when(self.x > 2.0, reset(self.n, 2))
 
 
-@corpus.broken(
-    "AC145",
-    "relay.u",
-    """
-error[AC145]: relay.u is determined twice at events
-  at      test_event_messages.py:N
-              yield self.relay.u == ~self.on
-  at      test_event_messages.py:N
-              self.relay = Relay(u=self.on)
-                           ^^^^^^^^^^^^^^^^
-          relay.u == ~on
-          relay.u == on
-  cause   a discrete variable has one equation, or is reset by `when`s, not both
-  help    join them to one: where(condition, value, where(other, value, pre(variable)))
-""",
-)
+@corpus.broken("AC145", "relay.u", "yield self.relay.u == ~self.on", "Relay(u=self.on)")
 class BoundAndConnectedInside(Component):
     relay: Relay = part()
     on: Real = boolean()
@@ -421,18 +209,7 @@ class BoundAndConnectedInside(Component):
         yield self.relay.u == ~self.on
 
 
-@corpus.broken(
-    "AC146",
-    "pre(x)",
-    """
-error[AC146]: `pre(x)`: `x` is not discrete
-  at      test_event_messages.py:N
-              yield self.y == pre(self.x)
-          y == pre(x)
-  cause   between events it is always changing: there is no value it had before
-  help    use it in a `when`, or keep the value in a discrete(): yield when(condition, reset(self.held, x))
-""",
-)
+@corpus.broken("AC146", "pre(x)", "yield self.y == pre(self.x)")
 class PreOfAState(Component):
     x: Real = variable(default=fixed(0.0))
     y: Real = variable()
@@ -442,16 +219,7 @@ class PreOfAState(Component):
         yield self.y == pre(self.x)
 
 
-@corpus.broken(
-    "AC147",
-    "on",
-    """
-error[AC147]: `on` is true or false, `x` is a number
-  at      test_event_messages.py:N
-              yield self.on == self.x
-  help    write a relation such as x > 0, or True or False
-""",
-)
+@corpus.broken("AC147", "on", "yield self.on == self.x")
 class NumberForABoolean(Component):
     x: Real = variable(default=fixed(0.0))
     on: Real = boolean()
@@ -461,16 +229,7 @@ class NumberForABoolean(Component):
         yield self.on == self.x
 
 
-@corpus.broken(
-    "AC147",
-    "relay.y",
-    """
-error[AC147]: `relay.y` is true or false, `y` is a number: they cannot be connected
-  at      test_event_messages.py:N
-              yield connect(self.relay.y, self.y)
-  help    put a BooleanToReal or a GreaterThreshold of acausal.library.blocks between them
-""",
-)
+@corpus.broken("AC147", "relay.y", "yield connect(self.relay.y, self.y)")
 class BooleanToNumber(Component):
     relay: Relay = part()
     y: Real = signal_output()
@@ -482,18 +241,7 @@ class BooleanToNumber(Component):
         yield connect(self.relay.y, self.y)
 
 
-@corpus.broken(
-    "AC148",
-    "relay.u",
-    """
-error[AC148]: relay.u has no value: nothing is connected to it
-  at      test_event_messages.py:N
-              self.relay = Relay()
-                           ^^^^^^^
-          relay.u   Switches it
-  help    connect it to a boolean_output, or bind it: Relay(u=...)
-""",
-)
+@corpus.broken("AC148", "relay.u", "Relay()")
 class OpenInput(Component):
     relay: Relay = part()
 
@@ -501,34 +249,12 @@ class OpenInput(Component):
         self.relay = Relay()
 
 
-@corpus.broken(
-    "AC148",
-    "y",
-    """
-error[AC148]: y has no value: no equation assigns it
-  at      cases.py:N
-              return self._model(code, named, text, lambda cls: acausal.compile(cls()))
-                                                                                ^^^^^
-  help    yield self.y == condition in OpenOutput.equations
-""",
-)
+@corpus.broken("AC148", "y", "cls()")
 class OpenOutput(Component):
     y: Real = boolean_output()
 
 
-@corpus.broken(
-    "AC155",
-    "kept",
-    """
-error[AC155]: `kept == x`: the left side is in m, the right side in m/s
-  at      test_event_messages.py:N
-              yield when(sample(0.0, 0.1), reset(self.kept, self.x))
-          kept  [m]
-          x  [m/s]
-  cause   a factor is missing or two quantities are mixed up
-  help    check the declared units; a plain number adapts to any unit
-""",
-)
+@corpus.broken("AC155", "kept", "yield when(sample(0.0, 0.1), reset(self.kept, self.x))")
 class ResetToAnotherUnit(Component):
     x: Real = variable(unit="m/s", default=fixed(0.0))
     kept: Real = discrete(unit="m")
@@ -538,19 +264,7 @@ class ResetToAnotherUnit(Component):
         yield when(sample(0.0, 0.1), reset(self.kept, self.x))
 
 
-@corpus.broken(
-    "AC155",
-    "x",
-    """
-error[AC155]: `x < kept` mixes m/s and m
-  at      test_event_messages.py:N
-              yield assert_(self.x < self.kept, "too fast")
-          x  [m/s]
-          kept  [m]
-  cause   a factor is missing or two quantities are mixed up
-  help    check the declared units; a plain number adapts to any unit
-""",
-)
+@corpus.broken("AC155", "x", 'yield assert_(self.x < self.kept, "too fast")')
 class ConditionMixesUnits(Component):
     x: Real = variable(unit="m/s", default=fixed(0.0))
     kept: Real = discrete(unit="m")

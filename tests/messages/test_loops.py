@@ -16,16 +16,17 @@ X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 @corpus.broken(
     "AC206",
     "joints[0]",
-    """
+    "yield connect(self.bars[3].frame_b, self.world.frame_b)",
+    text="""
 error[AC206]: FourBar: the closed loop of joints[0], joints[1], joints[2] and joints[3] is overconstrained
   at      test_loops.py:N
               yield connect(self.bars[3].frame_b, self.world.frame_b)
           the loop: world - joints[0] - bars[0] - joints[1] - bars[1] - joints[2] - bars[2] - joints[3] - bars[3]
           closed between bars[3].frame_b and world.frame_b
-          not determined: world.frame_b.f[2], world.frame_b.t[0], world.frame_b.t[1], joints[0].frame_a.f[2] and 47 more
+          not determined: world.frame_b.t[0], world.frame_b.t[1], joints[0].frame_a.f[2], joints[0].frame_b.f[2] and 46 more
   cause   the cut forces and torques cannot all be determined: a planar loop, or joints that constrain the same motion
   help    in a planar loop make one joint a RevolutePlanarLoopConstraint
-""",
+""",  # noqa: E501
 )
 class FourBar(Component):
     """Four hinges with parallel axes: three of the cut torques and forces are not determined."""
@@ -52,20 +53,7 @@ class FourBar(Component):
         yield connect(self.bars[3].frame_b, self.world.frame_b)
 
 
-@corpus.broken(
-    "AC206",
-    "upper",
-    """
-error[AC206]: ParallelGuides: the closed loop of upper and lower is overconstrained
-  at      test_loops.py:N
-              yield connect(self.bridge.frame_b, self.upper.frame_b)
-          the loop: upper - offset - world - lower - bridge
-          closed between bridge.frame_b and upper.frame_b
-          not determined: world.frame_b.f[1], world.frame_b.f[2], world.frame_b.t[0], world.frame_b.t[1] and 41 more
-  cause   the cut forces and torques cannot all be determined: a planar loop, or joints that constrain the same motion
-  help    in a planar loop make one joint a RevolutePlanarLoopConstraint
-""",
-)
+@corpus.broken("AC206", "upper", "yield connect(self.bridge.frame_b, self.upper.frame_b)")
 class ParallelGuides(Component):
     """A slide on two parallel guides."""
 
@@ -91,20 +79,7 @@ class ParallelGuides(Component):
         yield connect(self.bridge.frame_b, self.upper.frame_b)
 
 
-@corpus.broken(
-    "AC206",
-    "beam",
-    """
-error[AC206]: ClampedBeam: the closed loop of wall, world and beam is overconstrained
-  at      test_loops.py:N
-              yield connect(self.beam.frame_b, self.wall.frame_b)
-          the loop: wall - world - beam
-          closed between beam.frame_b and wall.frame_b
-          not determined: world.frame_b.f[0], beam.frame_a.f[0], beam.frame_b.f[0], wall.frame_b.f[0] and 20 more
-  cause   nothing in this loop can move: its parts hold each other twice, and how they share a load is open
-  help    remove one of the connections, or put a joint or something compliant between two of the parts
-""",
-)
+@corpus.broken("AC206", "beam", "yield connect(self.beam.frame_b, self.wall.frame_b)")
 class ClampedBeam(Component):
     """A rigid beam clamped at both ends."""
 

@@ -25,12 +25,14 @@ class Lag(Component):
 @pytest.mark.parametrize(
     ("arguments", "code", "words"),
     [
-        ({"inputs": {"u": "abc"}}, "AC033", ("input u = 'abc'", "TimeTable")),
-        ({"inputs": {"u": [1.0, 2.0]}}, "AC033", ("input u = [1.0, 2.0]",)),
+        ({"inputs": {"u": "abc"}}, "AC044", ("input u = 'abc'", "file.csv:column")),
+        ({"inputs": {"u": [1.0, 2.0]}}, "AC044", ("input u = [1.0, 2.0]",)),
         ({"inputs": {"u": float("nan")}}, "AC033", ("input u = nan",)),
         ({"inputs": [1.0]}, "AC033", ("inputs is a list", "dictionary")),
         ({"stop_time": "long"}, "AC030", ("stop_time = 'long'",)),
         ({"tolerance": "fine"}, "AC030", ("tolerance = 'fine'",)),
+        ({"solver": "idas", "step": 1e-3}, "AC038", ("idas", "0.001 s", "rk2")),
+        ({"solver": "cvodes", "step": 1e-3}, "AC038", ("cvodes",)),
         # no step is ever accepted: such a run did not end
         ({"tolerance": 1e-20}, "AC030", ("tolerance 1e-20", "1e-14")),
     ],

@@ -11,19 +11,7 @@ from tests.messages.cases import Case, Corpus
 corpus = Corpus()
 
 
-@corpus.broken(
-    "AC209",
-    "integrator.u",
-    """
-error[AC209]: OpenInput: input integrator.u is not connected
-  at      test_signals.py:N
-              self.integrator = blocks.Integrator()
-                                ^^^^^^^^^^^^^^^^^^^
-          integrator.u   Input signal   (Integrator, blocks/continuous.py:N)
-  cause   an input gets its value from outside the component; nothing gives it one
-  help    connect it to an output, or bind it where it is made: Integrator(u=...)
-""",
-)
+@corpus.broken("AC209", "integrator.u", "blocks.Integrator()")
 class OpenInput(Component):
     """OpenModelica issue 12979, "Improve error message for open input connectors": integrator.y is blamed there."""
 
@@ -38,20 +26,7 @@ class OpenInput(Component):
         yield connect(self.integrator.y, self.controller.u)
 
 
-@corpus.broken(
-    "AC209",
-    "force.u",
-    """
-error[AC209]: OpenForce: input force.u is not connected
-  at      test_signals.py:N
-              self.force = translational.Force()
-                           ^^^^^^^^^^^^^^^^^^^^^
-          force.u [N]   Driving force   (Force, translational/sources.py:N)
-          not connected either: sum.u2
-  cause   an input gets its value from outside the component; nothing gives it one
-  help    connect it to an output, or bind it where it is made: Force(u=...)
-""",
-)
+@corpus.broken("AC209", "force.u", "translational.Force()")
 class OpenForce(Component):
     """An input with a unit, and a second one."""
 
@@ -86,19 +61,7 @@ class Servo(Component):
         yield connect(self.drive.flange, self.inertia.flange_a)
 
 
-@corpus.broken(
-    "AC209",
-    "axis.drive.w_ref",
-    """
-error[AC209]: OpenInside: input axis.drive.w_ref is not connected
-  at      test_signals.py:N
-              self.drive = rotational.Speed()
-                           ^^^^^^^^^^^^^^^^^^
-          axis.drive.w_ref [rad/s]   Angular velocity   (Speed, rotational/sources.py:N)
-  cause   an input gets its value from outside the component; nothing gives it one
-  help    connect it to an output, or bind it where it is made: Speed(w_ref=...)
-""",
-)
+@corpus.broken("AC209", "axis.drive.w_ref", "rotational.Speed()")
 class OpenInside(Component):
     """The open input lies one level down."""
 
@@ -113,20 +76,7 @@ class OpenInside(Component):
         yield connect(self.speed.y, self.axis.w_set)
 
 
-@corpus.broken(
-    "AC209",
-    "forces[0].u",
-    """
-error[AC209]: OpenInputsOfList: input forces[0].u is not connected
-  at      test_signals.py:N
-              self.forces = [translational.Force() for _ in range(3)]
-                             ^^^^^^^^^^^^^^^^^^^^^
-          forces[0].u [N]   Driving force   (Force, translational/sources.py:N)
-          not connected either: forces[1].u and forces[2].u
-  cause   an input gets its value from outside the component; nothing gives it one
-  help    connect it to an output, or bind it where it is made: Force(u=...)
-""",
-)
+@corpus.broken("AC209", "forces[0].u", "translational.Force()")
 class OpenInputsOfList(Component):
     """Three inputs of equal components: the first is named, the others are listed."""
 
@@ -142,20 +92,7 @@ class OpenInputsOfList(Component):
             yield connect(force.flange, mass.flange_a)
 
 
-@corpus.broken(
-    "AC207",
-    "input s_set",
-    """
-error[AC207]: PrescribedPosition: the time derivative of input s_set is needed, which drive prescribes as a motion
-  at      test_signals.py:N
-              self.drive = translational.Position()
-                           ^^^^^^^^^^^^^^^^^^^^^^^^
-          the signal reaches: s_set and drive.s_ref
-            drive.flange.s == drive.s_ref   (Position, translational/sources.py:N)
-  cause   the values of an input are known only while the model runs, its derivative is not
-  help    prescribe its highest derivative (Speed or Accelerate instead of Position), or filter it in the model
-""",
-)
+@corpus.broken("AC207", "input s_set", "translational.Position()")
 class PrescribedPosition(Component):
     """A free input of the model moves a mass: its second derivative would be the acceleration."""
 

@@ -5,7 +5,24 @@ from __future__ import annotations
 import pytest
 
 import acausal
-from acausal import Component, Equations, Real, connect, der, discrete, fixed, reset, sample, variable, when
+from acausal import (
+    Component,
+    Equations,
+    Real,
+    connect,
+    der,
+    discrete,
+    fixed,
+    initial,
+    reset,
+    sample,
+    sqrt,
+    terminal,
+    terminate,
+    variable,
+    when,
+    where,
+)
 from acausal.library.electrical import Ground, IdealDiode, Resistor, SineVoltage
 
 
@@ -49,3 +66,51 @@ def test_a_sample_at_the_stop_time_acts(solver: str) -> None:
     r = acausal.simulate(Stairs(), stop_time=1.0, solver=solver)
     assert r.final("n") == 5.0
     assert r.final("x") == pytest.approx(2.5, rel=1e-6)
+
+
+class Ended(Component):
+    """x' = 1, at an end when it is above 0.3, or at once."""
+
+    x: Real = variable(default=fixed(0.0))
+    n: Real = discrete()
+
+    def equations(self) -> Equations:
+        yield der(self.x) == 1.0
+        yield when(self.x > 0.3, terminate("high"))
+        yield when(terminal(), reset(self.n, 5.0))
+
+
+class EndedAtOnce(Ended):
+    def equations(self) -> Equations:
+        yield when(initial(), terminate("at once"))
+
+
+@pytest.mark.parametrize("solver", ["idas", "rosenbrock"])
+def test_the_reason_of_an_end_is_kept_through_the_last_event(solver: str) -> None:
+    r = acausal.simulate(Ended(), stop_time=1.0, solver=solver)
+    assert r.stats["terminated"] == "high"
+    assert (r.time[-1], r.final("n")) == (pytest.approx(0.3, abs=1e-9), 5.0)
+
+
+@pytest.mark.parametrize("solver", ["idas", "rosenbrock"])
+def test_an_end_at_the_start_has_a_row(solver: str) -> None:
+    r = acausal.simulate(EndedAtOnce(), stop_time=1.0, solver=solver)
+    assert r.stats["terminated"] == "at once"
+    assert (r.time[0], r.time[-1], r.final("n")) == (0.0, 0.0, 5.0)
+
+
+class Draining(Component):
+    """h' = -sqrt(h) from 1: empty at 2 s, from where it sinks with 1 m/s on: h(5) = -3."""
+
+    h: Real = variable(default=fixed(1.0))
+
+    def equations(self) -> Equations:
+        yield der(self.h) == where(self.h > 0.0, -sqrt(self.h), -1.0)
+
+
+@pytest.mark.parametrize("solver", ["erk", "rosenbrock", "idas"])
+def test_a_tank_that_stays_empty_is_not_silent(solver: str) -> None:
+    """The instant is known to the root of the tolerance only; a run that never leaves zero says so."""
+    r = acausal.simulate(Draining(), stop_time=5.0, solver=solver, tolerance=1e-6)
+    notes: tuple[str, ...] = r.stats["notes"]  # type: ignore[assignment]
+    assert r.final("h") == pytest.approx(-3.0, abs=2e-2) or any("leads away" in n for n in notes)

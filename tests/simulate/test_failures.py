@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import signal
 from dataclasses import replace
 
@@ -23,8 +24,10 @@ from acausal import (
     variable,
 )
 from acausal.errors import IntegrationError
-from acausal.simulate.patience import PATIENCE, crawl
+from acausal.simulate.equations.problem import Problem
+from acausal.simulate.solvers import solver_named
 from acausal.simulate.solvers.base import Piece, Segment
+from acausal.simulate.solvers.patience import PATIENCE, Counted, crawl, salvage
 
 
 class Explosion(Component):
@@ -45,6 +48,59 @@ class Emptying(Component):
     def equations(self) -> Equations:
         yield der(self.x) == -sqrt(self.x) - 1.0
         yield der(self.volume) == self.x
+
+
+class Hysteresis(Component):
+    """z - z^3/3 = x, x' = 1 from 0: the branch through 0 ends at z = 1, x = 2/3; another one goes on."""
+
+    x: Real = variable(default=fixed(0.0))
+    z: Real = variable(default=guess(0.0))
+    area: Real = variable(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        yield der(self.x) == 1.0
+        yield self.z - self.z**3 / 3.0 == self.x
+        yield der(self.area) == self.z
+
+
+@pytest.mark.parametrize(
+    ("solver", "step"),
+    [
+        ("idas", None),
+        ("rosenbrock", None),
+        ("erk", None),
+        pytest.param("cvodes", None, marks=pytest.mark.slow),
+        ("rk", 0.01),
+        ("rk2", 0.01),
+        ("collocation", 0.01),
+    ],
+)
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-6])
+def test_no_solver_goes_on_with_another_branch(solver: str, step: float | None, tolerance: float) -> None:
+    if step is not None and tolerance < 1e-3:
+        pytest.skip("fixed steps have no tolerance")
+    with pytest.raises(IntegrationError) as error:
+        acausal.simulate(
+            Hysteresis(), stop_time=2.0, solver=solver, step=step, tolerance=tolerance, output_interval=0.01
+        )
+    assert error.value.code == "AC402"
+    result = error.value.result
+    assert result is not None
+    assert 0.65 <= result.time[-1] <= 2 / 3 + 1e-6
+    z = result["z"]
+    np.testing.assert_allclose(z - z**3 / 3, result["x"], atol=1e-9)
+
+
+@pytest.mark.parametrize(("solver", "step"), [("erk", None), ("cvodes", None), ("rk", 0.01), ("rk2", 0.01)])
+@pytest.mark.parametrize("rows", [1, 20])
+def test_a_branch_is_followed_whatever_the_outputs(solver: str, step: float | None, rows: int) -> None:
+    """The same up to x = 0.6: z = 2 sin(asin(3 x / 2) / 3); its area, by parts, is x z - z^2/2 + z^4/12."""
+    result = acausal.simulate(
+        Hysteresis(), stop_time=0.6, solver=solver, step=step, tolerance=1e-8, output_interval=0.6 / rows
+    )
+    z = 2 * math.sin(math.asin(0.9) / 3)
+    assert result.final("z") == pytest.approx(z, abs=1e-7)
+    assert result.final("area") == pytest.approx(0.6 * z - z**2 / 2 + z**4 / 12, abs=1e-4 if solver == "rk2" else 1e-6)
 
 
 class Folding(Component):
@@ -119,8 +175,12 @@ def test_interrupted() -> None:
         if fraction > 0.1:
             signal.raise_signal(signal.SIGINT)
 
-    with pytest.raises(KeyboardInterrupt) as caught:
-        acausal.simulate(Slow(), stop_time=60.0, output_interval=0.1, progress=press)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored where the suite runs in the background
+    try:
+        with pytest.raises(KeyboardInterrupt) as caught:
+            acausal.simulate(Slow(), stop_time=60.0, output_interval=0.1, progress=press)
+    finally:
+        signal.signal(signal.SIGINT, before)
     result = caught.value.result  # type: ignore[attr-defined]
     assert 0.0 < result.time[-1] < 60.0
     assert result["x"][-1] == pytest.approx(np.cos(100.0 * result.time[-1]), abs=1e-2)
@@ -141,7 +201,7 @@ def until(wall: float) -> list[float]:
             raise RuntimeError("IDA_TOO_MUCH_WORK")
         return Piece(segment.times[None, :], np.zeros((0, 1)), {})
 
-    left, piece = crawl(integrate, replace(SEGMENT))
+    left, piece = crawl(Counted(integrate), replace(SEGMENT))
     return [left.start, 0.0 if piece is None else 1.0, tried]
 
 
@@ -161,6 +221,54 @@ def test_a_narrow_hard_place_is_passed() -> None:
             raise RuntimeError("IDA_TOO_MUCH_WORK")
         return Piece(segment.times[None, :], np.zeros((0, 1)), {})
 
-    left, piece = crawl(integrate, replace(SEGMENT))
+    left, piece = crawl(Counted(integrate), replace(SEGMENT))
     assert piece is not None
     assert left.start + 1e-12 < 1.0
+
+
+def test_a_run_that_would_take_for_ever_is_given_up() -> None:
+    """Pieces that arrive, but take a thousand steps each for a millionth of the time."""
+    steps = 0
+
+    def integrate(segment: Segment) -> Piece:
+        nonlocal steps
+        if segment.times[-1] - segment.start > 1e-6:
+            raise RuntimeError("IDA_TOO_MUCH_WORK")
+        steps += 1000
+        n = len(segment.times)
+        return Piece(np.zeros((1, n)), np.zeros((0, n)), {"steps": 1000.0})
+
+    grid = np.linspace(0.0, 1.0, 1001)[1:]
+    reached, piece = salvage(integrate, replace(SEGMENT, start=0.0, times=grid), lambda times, piece: piece)
+    assert piece is None
+    assert 0.0 < reached.start < 1e-2
+    assert steps < 300_000
+
+
+class Whirl(Component):
+    """x = cos(w t), y = -sin(w t)."""
+
+    w: Real = parameter(default=1.0, unit="1/s")
+    x: Real = variable(default=fixed(1.0))
+    y: Real = variable(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        yield der(self.x) == self.w * self.y
+        yield der(self.y) == -self.w * self.x
+
+
+@pytest.mark.parametrize("native", [False, True])
+@pytest.mark.parametrize("solver", ["idas", "cvodes", "rosenbrock", "erk"])
+def test_no_solver_takes_more_steps_than_it_may(solver: str, native: bool) -> None:
+    """A thousand turns to six digits take more than a thousand steps of any order up to five, one turn takes fewer.
+
+    The whole-model solvers took a million steps in each output interval whatever they were allowed: near a vanishing
+    pivot of a Stewart platform that was hours.
+    """
+    compiled = acausal.compile(Whirl(w=2.0 * math.pi))
+    problem = Problem(compiled, np.array([2.0 * math.pi]), np.zeros(0), native)
+    segment = replace(SEGMENT, x=np.array([1.0, 0.0]), patience=1000)
+    piece = solver_named(solver).integrate(problem, replace(segment, times=np.array([1.0])))
+    assert piece.x[:, -1] == pytest.approx([1.0, 0.0], abs=1e-4)
+    with pytest.raises(RuntimeError):
+        solver_named(solver).integrate(problem, replace(segment, times=np.array([1000.0])))

@@ -41,7 +41,7 @@ from acausal.models.clutches import ThreeClutchDrive
 from acausal.models.rectifier import BridgeRectifier, SCRBridge
 from acausal.models.sampled_control import SampledSpeedControl
 from acausal.models.switched_converter import BuckConverter
-from acausal.simulate import flight
+from acausal.simulate.driver import flight
 from acausal.simulate.native import cache
 
 pytestmark = pytest.mark.skipif(cache.compiler() is None, reason="no C compiler on this machine")
@@ -136,8 +136,9 @@ def test_a_compiled_run_passes_the_events_of_an_interpreted_one(
     assert [(e.condition, e.changed, e.component, e.where) for e in ours.events] == [
         (e.condition, e.changed, e.component, e.where) for e in theirs.events
     ]
-    # a compiled stretch ends at its event, an interpreted one steps on: the next ones begin with other steps
-    assert [e.time for e in ours.events] == pytest.approx([e.time for e in theirs.events], rel=1e-8, abs=1e-8 * stop)
+    # a compiled stretch ends at its event, an interpreted one steps on: the next ones begin with other steps, and each
+    # run may be off by the share of the tolerance that solvers get
+    assert [e.time for e in ours.events] == pytest.approx([e.time for e in theirs.events], rel=1e-8, abs=2e-8 * stop)
     assert ours.time.shape == theirs.time.shape
     for name in compiled.states:
         scale = float(np.max(np.abs(theirs[name]))) + 1e-9
@@ -186,4 +187,4 @@ def test_a_record_that_is_full_is_emptied(monkeypatch: pytest.MonkeyPatch, flown
 
 
 def test_the_source_is_part_of_the_package() -> None:
-    assert (Path(flight.__file__).parent / "native" / "flight.c").is_file()
+    assert (Path(flight.__file__).parents[1] / "native" / "flight.c").is_file()

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 import acausal
 from acausal import Component, Equations, Real, der, fixed, parameter, time, variable, where
-from acausal.simulate.islands import integrals
+from acausal.simulate.record.islands import integrals
 
 Array = NDArray[np.float64]
 
@@ -86,3 +86,13 @@ def test_island_of_a_model() -> None:
     np.testing.assert_allclose(run["angle"], 0.5 + np.maximum(run.time - 1.0, 0.0) ** 2, atol=1e-12)
     assert run.at(2.345, "angle") == pytest.approx(0.5 + 1.345**2, abs=1e-12)
     np.testing.assert_allclose(run["x"], np.exp(-run.time), atol=1e-7)
+
+
+def test_nothing_grows_in_no_time() -> None:
+    """An event at the very start of its stretch: the integral over no time is 0."""
+
+    def rates(times: np.ndarray, stretch: np.ndarray) -> np.ndarray:
+        return np.ones((1, len(times)))
+
+    one = np.array([0.5])
+    assert integrals(rates, one, one, np.zeros(1, dtype=np.int64), 1e-8, 1e-10).tolist() == [[0.0]]

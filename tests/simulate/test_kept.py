@@ -18,7 +18,9 @@ import pytest
 
 import acausal
 from acausal import Component, Equations, Real, der, fixed, guess, parameter, variable, where
-from acausal.simulate.quick import Quick
+from acausal.lower.compiled import Symbols
+from acausal.models.drilling_dynamic import ThickBlock
+from acausal.simulate.equations.quick import Quick
 
 
 class Circle(Component):
@@ -83,3 +85,21 @@ def test_a_function_that_fails_gives_nothing_of_the_call_before() -> None:
     assert cut(1.0)[0] == pytest.approx([2.0, 1.0])
     assert all(np.isnan(v).all() for v in cut(-1.0))
     assert cut(3.0)[0] == pytest.approx([2.5, 0.5])
+
+
+def test_what_switches_with_time_is_lowered_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A second run of one compiled model takes the expressions of the first."""
+    compiled = acausal.compile(ThickBlock())
+    first = acausal.simulate(compiled, stop_time=3.0, native=False)
+    monkeypatch.setattr(Symbols, "builder", None)
+    assert np.array_equal(acausal.simulate(compiled, stop_time=3.0, native=False).matrix, first.matrix)
+
+
+def test_a_function_at_many_points() -> None:
+    """At any number of points as at one; rows that are padded to a power of two are not seen."""
+    x, p = ca.SX.sym("x", 2), ca.SX.sym("p")
+    quick = Quick(ca.Function("f", [x, p], [ca.vertcat(p * x[0], x[0] - x[1])]))
+    for n in (1, 7, 8, 9, 33):
+        points = np.column_stack([np.arange(n, dtype=float), np.arange(n) ** 2.0])
+        found = quick.many(points, np.array([3.0]))
+        assert np.array_equal(found, np.column_stack([3.0 * points[:, 0], points[:, 0] - points[:, 1]]))

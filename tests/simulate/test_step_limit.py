@@ -12,8 +12,8 @@ import pytest
 import acausal
 from acausal import Component, Equations, Experiment, Real, cos, der, fixed, parameter, time, variable
 from acausal.errors import IntegrationError
-from acausal.simulate.amplification import METHODS, Method
-from acausal.simulate.state_matrix import StateMatrix
+from acausal.simulate.step_limit.amplification import METHODS, Method
+from acausal.simulate.step_limit.state_matrix import StateMatrix
 
 
 class StiffAndTurning(Component):

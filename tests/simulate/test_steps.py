@@ -159,7 +159,7 @@ def test_a_saw_tooth(solver: str) -> None:
 
 
 def test_exported_functions_know_the_step_at_once() -> None:
-    model = acausal.compile(Swing()).casadi(["n", "below"])
+    model = acausal.compile(Swing()).casadi(["below"])
     x = [0.0] * len(model.x)
     x[model.x.position("s")] = 0.9
     rates = dict(

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import acausal
-from acausal import Component, Equations, Real, cos, delay, der, fixed, parameter, part, time, variable, where
+from acausal import Component, Equations, Real, cos, delay, der, fixed, parameter, part, quantity, time, variable, where
 from acausal.errors import AcausalError, DeclarationError, EventError, UsageError
 from tests.simulate.delayed import Decay
 
@@ -29,7 +29,7 @@ class Phase(Component):
 
     def equations(self) -> Equations:
         yield der(self.x) == self.w * cos(self.w * time)
-        yield self.y == delay(self.x, 0.5 + 0.3 * acausal.sin(2.0 * self.w * time), 1.0)
+        yield self.y == delay(self.x, quantity(0.5, "s") + quantity(0.3, "s") * acausal.sin(2.0 * self.w * time), 1.0)
 
 
 @pytest.mark.parametrize("solver", ["idas", "cvodes", "rosenbrock", "erk"])
@@ -50,7 +50,7 @@ class Edges(Component):
 
     def equations(self) -> Equations:
         yield self.y == where(time < 1.0, 0.0, where(time < 2.3, 1.0, -1.0))
-        yield self.d == delay(self.y, 0.5 + 0.3 * acausal.sin(2.0 * self.w * time), 1.0)
+        yield self.d == delay(self.y, quantity(0.5, "s") + quantity(0.3, "s") * acausal.sin(2.0 * self.w * time), 1.0)
         yield der(self.z) == self.d
 
 

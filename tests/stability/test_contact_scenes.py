@@ -68,7 +68,7 @@ def test_kv_tension(zeta: float, restitution: float, release: float) -> None:
     times = [event.time for event in result.events]
     assert min(abs(t - 1e-3) for t in times) < 1e-12
     assert any(abs(t - 1e-3 - 1e-3 * release) < 1e-7 for t in times)
-    assert result["f"].min() >= 0.0
+    assert result["f"].min() >= -1e-9  # N: at release itself rounding remains
     assert -result.final("v") == pytest.approx(restitution, abs=6e-7)
     study = acausal.stability(KelvinVoigtImpact(zeta=zeta), points=6)
     assert study.verdict.solver in ("erk", "rosenbrock")

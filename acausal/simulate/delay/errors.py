@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from acausal.analyse.delays import Delay
 from acausal.errors import EventError, UsageError
-from acausal.lower.delays import Delay
 
 
 def out_of_bounds(model: str, t: float | None, item: Delay, length: float, longest: float) -> EventError | UsageError:

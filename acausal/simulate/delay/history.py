@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from acausal.simulate.delay.polynomial import value
+from acausal.simulate.equations.chebyshev import value
 
 Vector = NDArray[np.float64]
 

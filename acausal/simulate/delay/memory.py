@@ -15,18 +15,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from acausal.analyse.delays import DEGREE, WIDTH, Delay
 from acausal.errors import UsageError
-from acausal.lower.chebyshev import DEGREE, WIDTH
 from acausal.lower.compiled import CompiledModel
-from acausal.lower.delays import Delay
-from acausal.lower.evaluate import values
+from acausal.numeric.evaluate import values
 from acausal.simulate.delay.errors import changed_kind, out_of_bounds, vanished
 from acausal.simulate.delay.history import History, Panel
-from acausal.simulate.delay.polynomial import between, fitted, tail
 from acausal.simulate.delay.recording import Recording
-from acausal.simulate.direct import rows
-from acausal.simulate.guards import Cause, Moment, Tolerances
-from acausal.simulate.regime import Regime
+from acausal.simulate.driver.agenda import TooFar
+from acausal.simulate.equations.chebyshev import between, fitted, tail
+from acausal.simulate.equations.direct import rows
+from acausal.simulate.events.guards import Cause, Moment, Tolerances
+from acausal.simulate.events.regime import Regime
+from acausal.simulate.record.record import Recorder
 from acausal.simulate.solvers.base import Piece, Segment
 
 Vector = NDArray[np.float64]
@@ -36,17 +37,6 @@ _MOST_STRETCHES = 1e6
 _INSTANT = 4e-12
 # Share of their tolerance that BDF codes get: what is read back adds up, and each stretch begins with order one.
 _BDF_SHARE = 0.1
-
-
-class BeyondWindow(Exception):
-    """A delay that varies has left the part of the past that the stretch can see: for good at `time`.
-
-    None when more of the past is there to be seen.
-    """
-
-    def __init__(self, time: float | None) -> None:
-        super().__init__(time)
-        self.time = time
 
 
 @dataclass(frozen=True)
@@ -59,7 +49,7 @@ class Break:
 
 
 class Memory:
-    """What one run remembers."""
+    """What one run remembers: a source of stops (`driver/agenda.py`)."""
 
     def __init__(self, compiled: CompiledModel, p: Vector, u: Vector, tolerances: Tolerances, span: float) -> None:
         self.compiled = compiled
@@ -82,6 +72,10 @@ class Memory:
         self._reach = np.ones(len(self.items))  # width of the window of a delay that varies, by that of the stretch
         self._recording: Recording | None = None
         self._limit = np.inf
+        self._left: float | None = None  # when a delay left the past that its stretch sees; None: more is to be seen
+        first = compiled.n_timely - len(self.numbers)
+        self.own = slice(first, first + len(self.numbers))
+        """The places of the delays among the modes."""
 
     # ---- the start -------------------------------------------------------------------------------------------------
 
@@ -104,20 +98,20 @@ class Memory:
 
     # ---- before a stretch ------------------------------------------------------------------------------------------
 
-    def advance(self, here: float, limit: float, moment: Moment) -> tuple[float, tuple[Cause, ...]]:
-        """Look at the past for the stretch from `here` on, at most to `limit`.
+    def limit(self, here: float, until: float, moment: Moment) -> tuple[float, tuple[Cause, ...]]:
+        """Look at the past for the stretch from `here` on, at most to `until`.
 
         Returns where the stretch ends, and the delays that jump just here.
         """
-        end = min(limit, self._limit)
+        end = min(until, self._limit)
         instant = _INSTANT * max(self.span, abs(here))
         lags = self._lags(here, moment)
         gaps = [self._gap(k, here - lag, here, instant) for k, lag in enumerate(lags)]
         for k, (item, lag) in enumerate(zip(self.items, lags, strict=True)):
             breaks = gaps[k][1] + lag if item.is_constant else np.inf
             end = min(end, here + lag, breaks)
-        if limit - end <= instant:
-            end = limit
+        if until - end <= instant:
+            end = until
         while True:
             found = [self._window(k, lags[k], gaps[k], here, end) for k in range(len(lags))]
             if all(good for _, good in found) or end - here <= 1e3 * instant:
@@ -130,6 +124,10 @@ class Memory:
         if not end - here > 1e-3 * instant:
             raise vanished(self.compiled.name, here, self.items[int(np.argmin(lags))], float(np.min(lags)))
         return end, causes
+
+    def prepare(self, modes: Vector) -> None:
+        """What the stretch sees of the past, into its modes."""
+        modes[self.own] = self.numbers
 
     def _lags(self, here: float, moment: Moment) -> Vector:
         """How long ago each delay reads at the beginning of the stretch."""
@@ -195,9 +193,9 @@ class Memory:
 
     # ---- during a stretch ------------------------------------------------------------------------------------------
 
-    def recorded(self, integrate: Any, solver: str) -> Any:
+    def recorded(self, integrate: Any, multistep: bool) -> Any:
         """The same integration, which is remembered."""
-        share = _BDF_SHARE if solver in ("idas", "cvodes") else 1.0
+        share = _BDF_SHARE if multistep else 1.0
         self._recording = Recording(integrate, self._along)
 
         def run(regime: Regime, segment: Segment) -> Piece:
@@ -232,7 +230,7 @@ class Memory:
         return rows(function, (times[:, None], x.T, z.T, self.u, self.p, modes.T if modes.ndim == 2 else modes))
 
     def _stay(self, panels: Sequence[Panel]) -> None:
-        """Raise BeyondWindow where a delay that varies reads what the stretch cannot see."""
+        """Raise TooFar where a delay that varies reads what the stretch cannot see."""
         first: float | None = None
         wider = False
         for k, item in enumerate(self.items):
@@ -262,22 +260,32 @@ class Memory:
                     first, self._exit = found, (k, edge)
                 break
         if wider or first is not None:
-            raise BeyondWindow(None if wider else first)
+            self._left = None if wider else first
+            raise TooFar
 
     # ---- after a stretch -------------------------------------------------------------------------------------------
 
-    def shorten(self, here: float, t: float | None) -> None:
-        """Try the stretch again, only up to `t`."""
-        if t is not None:
-            instant = _INSTANT * max(self.span, abs(here))
-            self._limit = t if t > here + 10 * instant else here + 100 * instant
-            k, edge = self._exit
-            if t - here < 1e-3 * abs(here - self._read[k]):  # it was there already, but for the error of the states
-                self._noise[k] = max(self._noise[k], 2.0 * abs(edge - self._read[k]))
-                self._limit = np.inf
+    def passed(self, record: Recorder, events: Sequence[float], complete: bool) -> bool:
+        """Try the rest of the stretch again, or note what breaks where the run has come to."""
+        if complete:
+            self._reached(record.time)
+        elif self._left is not None:
+            self._shorten(record.time, self._left)
+        for instant in events:
+            self._broke(instant)
+        return True
 
-    def reached(self, t: float) -> None:
-        """The run has come to the end of a stretch: breaks of what was read there break the sources again."""
+    def _shorten(self, here: float, t: float) -> None:
+        """Try the stretch again, only up to `t`."""
+        instant = _INSTANT * max(self.span, abs(here))
+        self._limit = t if t > here + 10 * instant else here + 100 * instant
+        k, edge = self._exit
+        if t - here < 1e-3 * abs(here - self._read[k]):  # it was there already, but for the error of the states
+            self._noise[k] = max(self._noise[k], 2.0 * abs(edge - self._read[k]))
+            self._limit = np.inf
+
+    def _reached(self, t: float) -> None:
+        """Breaks of what was read at the end of a stretch break the sources again."""
         self.history.cut(t)
         self._limit = np.inf
         self._reach = np.maximum(1.0, 0.8 * self._reach)
@@ -304,7 +312,7 @@ class Memory:
             self.breaks = [b for b in self.breaks if b not in same]
             self.breaks.append(Break(same[0].time if same else t, source, order))
 
-    def broke(self, t: float) -> None:
+    def _broke(self, t: float) -> None:
         """An event has happened: sources jump, or have a kink."""
         before, after = self.history.sides(t)
         for k in range(self.n):

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.simulate.delay.history import Panel
-from acausal.simulate.delay.polynomial import between, fitted, tail
-from acausal.simulate.regime import Regime
+from acausal.simulate.equations.chebyshev import between, fitted, tail
+from acausal.simulate.events.regime import Regime
 from acausal.simulate.solvers.base import Piece, Segment
 
 Vector = NDArray[np.float64]

@@ -1,20 +1,25 @@
 /* Stretches and ordinary events of a run in one call.
 
-   The meaning of an event is defined in Python (simulate/iteration.py, hybrid.py, rest.py); this does the same for what
-   is ordinary: relations that flip, discrete equations, `when` clauses. Whatever is not (a relation that flips three
+   What an event means is the function `event_round`, made by the compiler (acausal/lower/event_round.py); around it this
+   does what simulate/driver/hybrid.py, events/iteration.py and rest.py do, as far as it is ordinary. Whatever is not (a relation that flips three
    times, rest, an end, a broken assertion, a crossing that the integrator has missed, anything not finite) is not
    decided here: the run is put back to the start of the stretch, or before the instant, and Python goes on from there.
 
-   Linked with CasADi's code of `segment`, `watch`, `rates` and `reactions`. Where nothing but time makes events, PLAIN is
+   Linked with CasADi's code of `segment`, `watch`, `rates` and `event_round`. Where nothing but time makes events, PLAIN is
    defined: there is only a `segment`, without stop watch and stop flag behind its states. */
 
 #include <stdlib.h>
 #include <string.h>
 
 enum { DONE = 0, FULL = 1, UNUSUAL = 2, INTERRUPTED = 100 };
-enum { LOOKS = 16, AT_ONCE = 12, CHATTER = 3, MOST_ROUNDS = 400, SEQUENCE = 10, STANDING = 40, ENDLESS = 40 };
+enum { LOOKS = 64, FEWEST_LOOKS = 4, AT_ONCE = 12, CHATTER = 3, MOST_ROUNDS = 400, ENDLESS = 40, NEARLY = 16 };
+enum { ROW = 1, LOOK = 2 }; /* what an instant is asked for */
+enum { DEEPEST = 60, MOST_POINTS = 400, HALVE = 4, MOST_STOPS = 20 };
 #define INSTANT 1e-12
 #define LOCATED 1e-2
+#define BEHIND 1.001
+#define LATE 100
+#define NEVER 1e300
 
 typedef long long count_t;
 
@@ -30,22 +35,24 @@ static int none_work(casadi_int* arg, casadi_int* res, casadi_int* iw, casadi_in
 }
 #define watch none
 #define rates none
-#define reactions none
+#define event_round none
+#define relaxed none
+#define relaxed_work none_work
 #define watch_work none_work
 #define rates_work none_work
-#define reactions_work none_work
+#define event_round_work none_work
 #else
 #define WATCH 2
 #endif
 
-/* `Flight` of flight.py, field by field. */
+/* `FlightStructure` of flight.py, field by field. */
 struct flight {
   /* sizes */
-  count_t states, dynamic, discretes, modes, timely, samples, memories, flags, relations, assigned, clauses, actions, asserts;
+  count_t states, dynamic, discretes, modes, timely, samples, memories, flags, relations, assigned, conditions, clauses, actions, asserts;
   count_t constants, boundaries;
   /* what does not change in a run */
   double span, relative, absolute, step;
-  const count_t *assigned_at, *action_at, *action_of, *ends, *impossible;
+  const count_t *assigned_at, *ends, *impossible;
   const double *scale, *nominal, *constant, *u, *p;
   const double *boundary, *timely_modes, *due, *times;
   const count_t *times_end;
@@ -54,9 +61,8 @@ struct flight {
   double here, first; /* `first` is the mean step of the stretch before, 0 at the start */
   double *x, *m;
   /* bounces (rest.py) */
-  double last_time;
-  count_t standing, count;
-  double *last, *gap;
+  count_t count;
+  double *last;
   count_t *crowd;
   /* the record */
   count_t rows, row_capacity, events, event_capacity, acts, act_capacity;
@@ -65,6 +71,7 @@ struct flight {
   unsigned char *fired;
   struct acausal_run run;
   count_t steps, rejected, rhs, jacobians;
+  count_t begun; /* steps before this stretch */
 };
 
 typedef int (*function_t)(const double**, double**, casadi_int*, double*, int);
@@ -75,28 +82,36 @@ struct space {
   double** res;
   casadi_int* iw;
   double* w;
-  double *distance, *assigned, *values, *remembered, *asserts, *conditions; /* of reactions */
-  double *g, *rate, *error, *noise, *doubt, *band, *ahead[3];
-  double *before_x, *before_m, *left_m, *grid, *wide, *rows, *parameters, *x0;
-  unsigned char *was, *fired, *asked;
+  double *assigned, *next_x, *next_m, *next_was, *next_decided, *acting, *applied, *conditions, *remembered, *asserts; /* of rounds */
+  double *was, *decided;
+  double next_level, settled, clash, level;
+  double *g, *rate, *error, *noise, *left, *doubt, *band, *later, *never, *approach;
+  double *before_x, *before_m, *left_m, *wide, *lengths, *row, *ahead, *parameters, *x0, *nodes;
+  struct node node[DEEPEST + 2];
+  double first, past; /* what the control of the step size hands on */
+  double step;        /* over which errors of stiff components have relaxed, 0 where it is not known */
+  unsigned char *fired, *asked;
   count_t* flips;
   casadi_int arguments, results;
 };
-
-static double most(double a, double b) { return a > b ? a : b; }
 
 static int called(function_t f, const struct flight* s, struct space* o, double t, const double* x, const double* m,
                   int count, double** results) {
   int k;
   o->arg[0] = &t; o->arg[1] = x; o->arg[2] = 0; o->arg[3] = s->u; o->arg[4] = s->p; o->arg[5] = m;
-  o->arg[6] = o->error; o->arg[7] = 0;
+  o->arg[6] = o->error; o->arg[7] = f == relaxed ? &o->step : 0;
   for (k = 0; k < count; ++k) o->res[k] = results[k];
   return f(o->arg, o->res, o->iw, o->w, 0);
 }
 
-static int take_reactions(const struct flight* s, struct space* o, double t, const double* m) {
-  double* results[6] = {o->distance, o->assigned, o->conditions, o->values, o->remembered, o->asserts};
-  return called(reactions, s, o, t, s->x, m, 6, results);
+/* One call of the round at modes `m`, from where the last one has come to. */
+static int take_round(const struct flight* s, struct space* o, double t, const double* m) {
+  double* results[13] = {o->assigned, o->next_x, o->next_m, o->next_was, o->next_decided, &o->next_level, &o->settled,
+                         &o->clash, o->acting, o->applied, o->conditions, o->remembered, o->asserts};
+  o->arg[0] = &t; o->arg[1] = s->x; o->arg[2] = 0; o->arg[3] = s->u; o->arg[4] = s->p; o->arg[5] = m;
+  o->arg[6] = o->was; o->arg[7] = o->decided; o->arg[8] = &o->level;
+  memcpy(o->res, results, sizeof(results));
+  return event_round(o->arg, o->res, o->iw, o->w, 0);
 }
 
 static int take_guards(const struct flight* s, struct space* o, double t, const double* x, double* g) {
@@ -107,20 +122,34 @@ static int take_guards(const struct flight* s, struct space* o, double t, const 
   return 0;
 }
 
-/* Rates of the guards along the solution, and by how much the guards can be wrong (guards.py). */
-static int take_rates(const struct flight* s, struct space* o, double t) {
+/* Rates of the guards `g` along the solution, and by how much the guards can be wrong (guards.py). */
+static int rates_at(const struct flight* s, struct space* o, double t, const double* x, const double* g) {
   double* results[5] = {o->rate, o->noise, 0, 0, 0};
   double instant = INSTANT * most(s->span, fabs(t));
   count_t k;
   for (k = 0; k < s->states; ++k)
-    o->error[k] = 10 * (s->relative * fabs(s->x[k]) + s->absolute * s->nominal[k]);
-  if (called(rates, s, o, t, s->x, s->m, 5, results)) return UNUSUAL;
+    o->error[k] = 10 * (s->relative * fabs(x[k]) + s->absolute * s->nominal[k]);
+  if (called(rates, s, o, t, x, s->m, 5, results)) return UNUSUAL;
+#ifdef METHOD_IS_STIFF
+  {
+    int near = 0;
+    double* left = o->left;
+    for (k = 0; k < s->relations; ++k) near |= o->noise[k] > fabs(g[k]);
+    if (near && o->step > 0 && !called(relaxed, s, o, t, x, s->m, 1, &left))
+      for (k = 0; k < s->relations; ++k)
+        if (left[k] < o->noise[k]) o->noise[k] = left[k];
+  }
+#else
+  (void) g;
+#endif
   for (k = 0; k < s->relations; ++k) {
     o->noise[k] += 1e-15 + fabs(o->rate[k]) * instant;
     if (!isfinite(o->noise[k])) return UNUSUAL;
   }
   return 0;
 }
+
+static int take_rates(const struct flight* s, struct space* o, double t) { return rates_at(s, o, t, s->x, o->g); }
 
 static count_t first_memory(const struct flight* s) { return s->timely + s->samples; }
 static count_t first_relation(const struct flight* s) { return s->modes - s->relations; }
@@ -132,12 +161,12 @@ static int up_to_date(const struct flight* s, const struct space* o) {
   return 1;
 }
 
-/* Flip relations and apply discrete equations until all hold; what `reactions` says of it is left in `o`. */
+/* Flip relations and apply discrete equations until all hold; what the round makes of it is left in `o`. */
 static int decide(struct flight* s, struct space* o, double t, count_t* turn) {
   count_t round, k;
   for (round = 0; round < MOST_ROUNDS; ++round) {
     int moved = 0, wrong = 0, leaving, far = 1;
-    if (take_reactions(s, o, t, s->m)) return UNUSUAL;
+    if (take_round(s, o, t, s->m)) return UNUSUAL;
     for (k = 0; k < s->assigned; ++k) {
       double* held = s->x + s->assigned_at[k];
       if (o->assigned[k] != *held) { *held = o->assigned[k]; moved = 1; }
@@ -153,7 +182,8 @@ static int decide(struct flight* s, struct space* o, double t, count_t* turn) {
       double noise = o->noise[k];
       o->doubt[k] = most(o->doubt[k], noise);
       if (o->flips[k] > 1) noise = o->doubt[k];
-      if (o->g[k] < -2 * noise || (leaving && o->g[k] <= LOCATED * noise && o->rate[k] < -noise)) {
+      double near = most(LOCATED * noise, fabs(o->rate[k]) * INSTANT * most(s->span, fabs(t)));
+      if (o->g[k] < -2 * noise || (leaving && o->g[k] <= near && o->rate[k] < -noise)) {
         double* mode = s->m + first_relation(s) + k;
         *mode = 1.0 - *mode;
         if (++o->flips[k] >= CHATTER) return UNUSUAL;
@@ -166,38 +196,39 @@ static int decide(struct flight* s, struct space* o, double t, count_t* turn) {
   return UNUSUAL;
 }
 
-/* Iterate from modes that have changed already to a fixed point; `before` are those that held. */
+static void walk_anew(const struct flight* s, struct space* o, count_t* turn) {
+  count_t k;
+  *turn = 0;
+  for (k = 0; k < s->relations; ++k) { o->flips[k] = 0; o->doubt[k] = 0.0; }
+}
+
+/* Rounds from modes that have changed already until one changes nothing; `before` are those that held. */
 static int settle(struct flight* s, struct space* o, double t, const double* before, const double* due) {
-  count_t k, a, round, turn = 0;
+  count_t k, round, turn;
   int ticked = 0;
-  if (take_reactions(s, o, t, before)) return UNUSUAL;
-  for (k = 0; k < s->clauses; ++k) o->was[k] = o->conditions[k] > 0.5;
+  size_t conditions = (size_t) s->conditions * sizeof(double);
+  memset(o->was, 0, conditions);
+  memset(o->decided, 0, conditions);
+  o->level = 0.0;
+  if (take_round(s, o, t, before)) return UNUSUAL;
+  memcpy(o->was, o->conditions, conditions);
   for (k = 0; k < s->samples; ++k) s->m[s->timely + k] = due ? due[k] : 0.0;
   for (k = 0; k < s->flags; ++k) s->m[first_memory(s) + s->memories + k] = 0.0;
-  for (k = 0; k < s->relations; ++k) { o->flips[k] = 0; o->doubt[k] = 0.0; }
+  walk_anew(s, o, &turn);
   for (round = 0;; ++round) {
-    int rising = 0, same;
-    if (round == MOST_ROUNDS || decide(s, o, t, &turn)) return UNUSUAL;
-    same = up_to_date(s, o);
-    for (k = 0; k < s->clauses; ++k) rising |= o->conditions[k] > 0.5 && !o->was[k];
-    if (!rising && same) break;
-    for (k = 0; k < s->clauses; ++k) {
-      if (!(o->conditions[k] > 0.5) || o->was[k]) continue;
+    if (round == MOST_ROUNDS || decide(s, o, t, &turn) || o->clash != 0.0) return UNUSUAL;
+    for (k = 0; o->next_level == 0.0 && k < s->clauses; ++k) {
+      if (o->acting[k] == 0.0) continue;
       if (s->ends[k] || s->acts == s->act_capacity) return UNUSUAL;
       s->act[s->acts++] = k;
     }
-    for (a = 0; a < s->actions; ++a) {
-      count_t b;
-      k = s->action_of[a];
-      if (!(o->conditions[k] > 0.5) || o->was[k]) continue;
-      for (b = 0; b < a; ++b) /* clauses that contradict each other */
-        if (s->action_at[b] == s->action_at[a] && o->values[b] != o->values[a] && o->conditions[s->action_of[b]] > 0.5 &&
-            !o->was[s->action_of[b]])
-          return UNUSUAL;
-      s->x[s->action_at[a]] = o->values[a];
-    }
-    for (k = 0; k < s->clauses; ++k) o->was[k] = o->conditions[k] > 0.5;
-    for (k = 0; k < s->memories; ++k) s->m[first_memory(s) + k] = o->remembered[k];
+    if (o->settled > 0.5) break;
+    if (memcmp(s->x, o->next_x, (size_t) s->dynamic * sizeof(double))) walk_anew(s, o, &turn);
+    memcpy(s->x, o->next_x, (size_t) s->states * sizeof(double));
+    memcpy(s->m, o->next_m, (size_t) s->modes * sizeof(double));
+    memcpy(o->was, o->next_was, conditions);
+    memcpy(o->decided, o->next_decided, conditions);
+    o->level = o->next_level;
   }
   for (k = 0; k < s->asserts; ++k)
     if (!(o->asserts[k] > 0.5)) return UNUSUAL;
@@ -206,7 +237,7 @@ static int settle(struct flight* s, struct space* o, double t, const double* bef
     s->m[s->timely + k] = 0.0;
   }
   if (ticked && s->memories) { /* samples are false again, also to what remembers them */
-    if (take_reactions(s, o, t, s->m)) return UNUSUAL;
+    if (take_round(s, o, t, s->m)) return UNUSUAL;
     for (k = 0; k < s->memories; ++k) s->m[first_memory(s) + k] = o->remembered[k];
   }
   for (k = 0; k < s->states; ++k)
@@ -246,27 +277,19 @@ static int find_fired(struct flight* s, struct space* o, double t) {
     if (away / most(speed, 1e-30) < least) { least = away / most(speed, 1e-30); nearest = k; }
   }
   if (!any) o->fired[nearest] = 1;
-  for (k = 0; k < s->relations; ++k) { /* low bounces come to rest */
-    if (!o->fired[k] || s->crowd[k] < SEQUENCE || s->impossible[k]) continue;
-    if (fabs(o->rate[k]) * (t - s->last[k]) / 4 <= o->noise[k]) return UNUSUAL;
-  }
   return 0;
 }
 
 /* Count an event of relations (rest.py); UNUSUAL where events follow one another without end. */
-static int count_bounce(struct flight* s, const struct space* o, double t, int changed) {
+static int count_event(struct flight* s, const struct space* o, double t) {
+  double instant = INSTANT * most(s->span, fabs(t));
   count_t k;
-  s->standing = t - s->last_time <= 1e-14 * most(s->span, fabs(t)) ? s->standing + 1 : 0;
-  if (s->standing > STANDING) return UNUSUAL;
-  for (k = 0; changed && k < s->relations; ++k)
-    if (o->fired[k] && s->crowd[k] + 1 >= ENDLESS && t - s->last[k] <= 1e-9 * s->span) return UNUSUAL;
+  for (k = 0; k < s->relations; ++k)
+    if (o->fired[k] && t - s->last[k] <= instant && s->crowd[k] >= ENDLESS) return UNUSUAL;
   ++s->count;
-  s->last_time = t;
-  for (k = 0; changed && k < s->relations; ++k) {
-    double gap = t - s->last[k];
+  for (k = 0; k < s->relations; ++k) {
     if (!o->fired[k]) continue;
-    s->crowd[k] = gap < s->gap[k] ? s->crowd[k] + 1 : 0;
-    s->gap[k] = gap;
+    s->crowd[k] = t - s->last[k] <= instant ? s->crowd[k] + 1 : 0;
     s->last[k] = t;
   }
   return 0;
@@ -275,6 +298,7 @@ static int count_bounce(struct flight* s, const struct space* o, double t, int c
 /* The event at the start of a segment. */
 static int enter(struct flight* s, struct space* o) {
   double t = s->boundary[s->segment];
+  o->step = s->first;
   memcpy(o->left_m, s->m, s->modes * sizeof(double));
   memcpy(s->m, s->timely_modes + s->segment * s->timely, s->timely * sizeof(double));
   if (settle(s, o, t, o->left_m, s->due + s->segment * s->samples)) return UNUSUAL;
@@ -284,81 +308,202 @@ static int enter(struct flight* s, struct space* o) {
   return 0;
 }
 
-/* Whether a guard is passed at a row, or dips below zero and returns before it (looking.py). */
-static int is_passed(const struct flight* s, const struct space* o, count_t row, count_t seen) {
-  const double *a = o->ahead[0], *b = o->ahead[1], *c = o->ahead[2];
-  double middle = row > 0 ? o->wide[row - 1] : s->here, first = row > 1 ? o->wide[row - 2] : s->here;
-  double before = middle - first, after = o->wide[row] - middle;
+/* The step over which errors have relaxed at a time of the stretch (stopping.py). */
+static double step_of(const struct flight* s, double t) {
+  double own = s->steps > s->begun && t > s->here ? (t - s->here) / (double) (s->steps - s->begun) : 0.0;
+  return own > 0 && s->first > 0 ? (own < s->first ? own : s->first) : most(own, s->first);
+}
+
+/* What the guards of a node are, whose time and states are there. */
+static int to_node(const struct flight* s, struct space* o, struct node* n) {
   count_t k;
+  if (!s->relations) return 0;
+  o->step = step_of(s, n->t);
+  if (take_guards(s, o, n->t, n->x, n->above) || rates_at(s, o, n->t, n->x, n->above)) return UNUSUAL;
   for (k = 0; k < s->relations; ++k) {
-    double rise, fall, curve, slope;
-    if (c[k] < -o->band[k]) return 1;
-    if (seen < 2) continue;
-    rise = (b[k] - a[k]) / before;
-    fall = (c[k] - b[k]) / after;
-    curve = (fall - rise) / (before + after);
-    slope = (rise * after + fall * before) / (before + after);
-    if (curve > 0 && -slope > -2 * curve * before && -slope < 2 * curve * after
-        && b[k] - slope * slope / (4 * curve) < -o->band[k]) return 1;
+    n->above[k] += o->band[k];
+    n->rate[k] = o->rate[k];
+    n->near[k] = LOCATED * o->noise[k];
   }
   return 0;
 }
 
-/* Integrate to the next event or to the end of the segment; `stopped` is the row of the event, or the number of rows. */
-static int integrate(struct flight* s, struct space* o, count_t wide, count_t* stopped, double* time, double* last) {
-  count_t n = s->dynamic, size = n + WATCH, k, j;
+/* Integrate from a node to `count` instants, or until a guard is `band` below zero. `o->row` is what is there, scaled;
+   from `*stop` on it stands still, INFINITY if nowhere. */
+static int advance(struct flight* s, struct space* o, const struct node* from, const double* ends, count_t count,
+                   const double* band, double* stop) {
+  count_t n = s->dynamic, k, last = (count - 1) * (n + WATCH);
   double* q = o->parameters;
-  const double* end;
   int status;
-  for (k = 0; k < n; ++k) o->x0[k] = s->x[k] / s->scale[k];
+  for (k = 0; k < n; ++k) o->x0[k] = from->x[k] / s->scale[k];
   for (k = 0; k < WATCH; ++k) o->x0[n + k] = 0.0;
+  for (k = 0; k < count; ++k) o->lengths[k] = ends[k] - from->t;
   memcpy(q, s->constant, s->constants * sizeof(double)); q += s->constants;
   memcpy(q, s->m, s->modes * sizeof(double)); q += s->modes;
   memcpy(q, s->x + s->states - s->discretes, s->discretes * sizeof(double)); q += s->discretes;
-  *q++ = s->here;
-  memcpy(q, o->band, s->relations * sizeof(double));
-  s->run.grid = o->grid; s->run.n = wide;
+  *q++ = from->t;
+  memcpy(q, band, s->relations * sizeof(double));
+  s->run.grid = o->lengths; s->run.n = count;
   s->run.reltol = s->relative; s->run.abstol = s->absolute; s->run.step = s->step;
-  s->run.first = s->step > 0 ? 0.0 : s->first;
+  s->run.first = s->step > 0 ? 0.0 : o->first;
+  s->run.past = o->past;
   /* arguments and results that are not asked for */
   memset(o->arg, 0, sizeof(double*) * (size_t) o->arguments);
   memset(o->res, 0, sizeof(double*) * (size_t) o->results);
   o->arg[0] = o->x0; o->arg[1] = o->x0; o->arg[2] = o->parameters; o->arg[3] = (const double*) &s->run;
-  o->res[0] = o->rows;
+  o->res[0] = o->row;
   status = segment(o->arg, o->res, o->iw, o->w, 0);
   if (status) return status == INTERRUPTED ? INTERRUPTED : UNUSUAL;
-  for (k = 0; k < wide * size; ++k)
-    if (!isfinite(o->rows[k])) return UNUSUAL;
-  end = o->rows + (wide - 1) * size;
-  for (k = 0; k < wide && !(WATCH && o->rows[k * size + n + 1] > 0.5); ++k) {}
-  *stopped = k;
-  *time = k < wide ? s->here + end[n] : o->wide[wide - 1];
-  if (k < wide && k) *time = most(*time, o->wide[k - 1]); /* an event on an output time, to rounding */
-  for (j = 0; j < n; ++j) last[j] = end[j] * s->scale[j];
-  memcpy(last + n, s->x + n, (s->states - n) * sizeof(double));
-  return 0;
-}
-
-/* Whether a flight begins that may be lower than the noise; rest.py decides. `before` are the rates at the impact. */
-static int may_land(const struct flight* s, struct space* o, double t, const double* before) {
-  count_t k;
-  if (take_rates(s, o, t)) return 1;
-  for (k = 0; k < s->relations; ++k) {
-    double gap = isfinite(s->last[k]) ? t - s->last[k] : t - s->boundary[0];
-    if (!o->fired[k] || s->impossible[k]) continue;
-    if (o->rate[k] * o->rate[k] * gap / (4 * most(fabs(before[k]), 1e-300)) <= 100 * o->noise[k]) return 1;
+  for (k = 0; k < count * (n + WATCH); ++k)
+    if (!isfinite(o->row[k])) return UNUSUAL;
+  s->steps += s->run.steps; s->rejected += s->run.rejected; s->rhs += s->run.rhs; s->jacobians += s->run.jac;
+  *stop = INFINITY;
+  if (WATCH && o->row[last + n + 1] > 0.5) *stop = from->t + most(o->row[last + n], 0.0);
+  else {
+    o->first = s->run.first;
+    o->past = s->run.past;
   }
   return 0;
 }
 
+/* The states of a row, at time `t`. */
+static void to_row(const struct flight* s, const struct space* o, count_t row, double t, struct node* to) {
+  const double* from = o->row + row * (s->dynamic + WATCH);
+  count_t k;
+  to->t = t;
+  for (k = 0; k < s->dynamic; ++k) to->x[k] = from[k] * s->scale[k];
+  memcpy(to->x + s->dynamic, s->x + s->dynamic, (s->states - s->dynamic) * sizeof(double));
+}
+
+/* A node at `end`, whatever guards are passed on the way. */
+static int exactly(struct flight* s, struct space* o, const struct node* from, double end, struct node* to) {
+  double stop;
+  int status = advance(s, o, from, &end, 1, o->never, &stop);
+  if (status) return status;
+  to_row(s, o, 0, end, to);
+  return to_node(s, o, to);
+}
+
+/* Go from node 0 to node 1, and leave in node 0 the first event between them, if there is one, else node 1; see
+   bracketing.py. Nodes 1, 2 ... are a stack of those that are still ahead. */
+static int search(struct flight* s, struct space* o, double instant, int* found) {
+  struct node* left = o->node;
+  count_t top = 1, count, k;
+  int moved = 0;
+  *found = 0;
+  for (count = 0; count < MOST_POINTS; ++count) {
+    struct node* right = o->node + top;
+    int passed = 0, here = 0, far = 0, wide, is_there, status;
+    double trial;
+    for (k = 0; k < s->relations; ++k) {
+      if (!(right->above[k] < 0)) continue;
+      passed = 1;
+      here |= moved && left->above[k] <= left->near[k] && left->rate[k] < 0;
+      far |= right->above[k] < -right->near[k];
+    }
+    if (here) { *found = 1; return 0; }
+    wide = right->t - left->t > instant;
+    is_there = passed && (!wide || !far);
+    /* others may have been passed there and back before one is reached */
+    trial = wide ? doubt_of(s->relations, left, right, is_there) : INFINITY;
+    if (!isfinite(trial)) {
+      copied(s->states, s->relations, right, left);
+      moved = 1;
+      if (is_there) { *found = 1; return 0; }
+      if (--top == 0) return 0;
+      continue;
+    }
+    if (count % HALVE == HALVE - 1) trial = 0.5 * (left->t + right->t);
+    if (trial - left->t <= instant) {
+      if (passed && !is_there) { *found = 1; return 0; }
+      trial = left->t + instant;
+    }
+    if (trial > right->t - 0.5 * instant) trial = right->t - 0.5 * instant;
+    if (top == DEEPEST) return UNUSUAL;
+    status = exactly(s, o, left, trial, o->node + ++top);
+    if (status) return status;
+  }
+  return UNUSUAL;
+}
+
+/* A row, or only a look, has been reached by node 0; from then on guards may go as far as the noise where they rest. */
+static void reached(struct flight* s, struct space* o, count_t* k) {
+  count_t j;
+  if (o->asked[*k] & ROW) record(s, o->wide[*k], o->node[0].x);
+  ++*k;
+  for (j = 0; j < s->relations; ++j) {
+    o->node[0].above[j] += o->later[j] - o->band[j];
+    o->band[j] = o->later[j];
+  }
+}
+
+/* Go from node 0 over the rows `*k` to `last`, at which a step ends, or to the first event before it. */
+static int integrate(struct flight* s, struct space* o, count_t* k, count_t last, int* found) {
+  int stops = 0, status;
+  count_t j;
+  while (*k <= last) {
+    count_t first = *k;
+    double instant = LOCATED * INSTANT * most(s->span, fabs(o->wide[last])), stop, t;
+    status = advance(s, o, o->node, o->wide + first, last - first + 1, o->band, &stop);
+    if (status) return status;
+    /* search integrates on its own: what is ahead has to be kept */
+    if (last > first) memcpy(o->ahead, o->row, (size_t) ((last - first + 1) * (s->dynamic + WATCH)) * sizeof(double));
+    while (*k <= last && o->wide[*k] <= stop) {
+      if (last > first) memcpy(o->row, o->ahead + (*k - first) * (s->dynamic + WATCH), (size_t) (s->dynamic + WATCH) * sizeof(double));
+      to_row(s, o, 0, o->wide[*k], o->node + 1);
+      status = to_node(s, o, o->node + 1);
+      if (!status) status = search(s, o, instant, found);
+      if (status || *found) return status;
+      reached(s, o, k);
+      stops = 0;
+    }
+    if (*k > last) return 0;
+    /* something was reached on dense output: whether it is, a step that ends there shows */
+    ++stops;
+    t = stop - o->node[0].t > instant && stops < MOST_STOPS ? stop : o->wide[*k];
+    status = exactly(s, o, o->node, t, o->node + 1);
+    if (!status) status = search(s, o, instant, found);
+    if (status || *found) return status;
+    if (t == o->wide[*k]) {
+      reached(s, o, k);
+      stops = 0;
+    } else
+      for (j = 0; j < s->relations; ++j) *found |= o->node->above[j] <= o->node->near[j] && o->node->rate[j] < 0;
+    if (*found) return 0;
+  }
+  return 0;
+}
+
+/* Whether a flight begins that may be lower than the noise, by the pull of the one that ended; rest.py
+   decides, and predicts from the last few when flights end.
+   `before` are the rates at the impact. */
+static int may_land(const struct flight* s, struct space* o, double t, const double* before) {
+  count_t k;
+  if (take_rates(s, o, t)) return 1;
+  for (k = 0; k < s->relations; ++k) {
+    double approach = fabs(before[k]), away = fabs(o->rate[k]);
+    if (!o->fired[k] || s->impossible[k] || !(away < approach)) continue;
+    if (away * away * (t - s->last[k]) / (4 * approach) <= NEARLY * o->noise[k]) return 1;
+  }
+  return 0;
+}
+
+/* As many as there would be in the whole run (Hybrid.looks). */
+static count_t looks_of(const struct flight* s, double span) {
+  double found = most(FEWEST_LOOKS, ceil(LOOKS * span / s->span));
+  return found < LOOKS ? (count_t) found : LOOKS;
+}
+
 /* A stretch, and the event that ends it. */
-static int stretch(struct flight* s, struct space* o, double* x) {
-  double end = s->boundary[s->segment + 1], far = 1e-13 * most(s->span, fabs(s->here));
+static int stretch(struct flight* s, struct space* o) {
+  double end = s->boundary[s->segment + 1], far = 1e-13 * most(s->span, fabs(s->here)), begin = s->here;
   count_t from = s->segment ? s->times_end[s->segment - 1] : 0, until = s->times_end[s->segment];
-  count_t looks = s->relations ? LOOKS : 1, look = 1; /* the end is always one */
-  count_t wide = 0, k, j, stopped, seen = 0;
+  count_t looks = s->relations ? looks_of(s, end - s->here) : 1, look = 1; /* the end is always one */
+  count_t wide = 0, k, steps = s->steps;
   double time;
-  int changed = 0;
+  int changed = 0, found = 0;
+  s->begun = s->steps;
+  o->step = s->first;
   if (!s->fresh)
     while (from < until && !(s->times[from] > s->here + far)) ++from;
   if (from == until) { /* the event was at the end of the segment */
@@ -370,56 +515,69 @@ static int stretch(struct flight* s, struct space* o, double* x) {
   if (take_guards(s, o, s->here, s->x, o->g) || take_rates(s, o, s->here)) return UNUSUAL;
   for (k = 0; k < s->relations; ++k) {
     int resting = o->g[k] <= LOCATED * o->noise[k] && o->rate[k] <= o->noise[k];
-    o->band[k] = resting ? 2 * o->noise[k] : fabs(o->g[k]) <= o->noise[k] ? most(-2 * o->g[k], 0.0) : 0.0;
-    o->ahead[2][k] = most(o->g[k], 0.0);
+    /* one that was kept in its mode for a moment more goes past its guard as far as is seen */
+    o->later[k] = resting ? (o->rate[k] < -o->noise[k] ? 2 * LOCATED : 2) * o->noise[k] : 0.0;
+    o->band[k] = !resting && (fabs(o->g[k]) <= o->noise[k] || -o->g[k] <= o->rate[k] * LATE * INSTANT * most(s->span, fabs(s->here)))
+      ? most(-BEHIND * o->g[k], 0.0) : o->later[k];
+    o->never[k] = NEVER;
   }
   for (k = from; k < until || look <= looks;) { /* outputs and looks, merged */
     double at = look < looks ? s->here + (end - s->here) * look / looks : end;
     if (look <= looks && (k == until || at <= s->times[k])) {
-      o->asked[wide] = k < until && at == s->times[k];
-      k += o->asked[wide];
+      int is_row = k < until && at == s->times[k];
+      o->asked[wide] = (unsigned char) (is_row ? LOOK | ROW : LOOK);
+      k += is_row;
       ++look;
     } else {
       at = s->times[k++];
-      o->asked[wide] = 1;
+      o->asked[wide] = ROW;
     }
-    o->wide[wide] = at;
-    o->grid[wide++] = at - s->here;
+    o->wide[wide++] = at;
   }
-  j = integrate(s, o, wide, &stopped, &time, x);
-  if (j) return (int) j;
-  s->steps += s->run.steps; s->rejected += s->run.rejected; s->rhs += s->run.rhs; s->jacobians += s->run.jac;
-  for (k = 0; k < stopped; ++k) {
-    double* oldest = o->ahead[0];
-    for (j = 0; j < s->dynamic; ++j) o->rows[k * (s->dynamic + WATCH) + j] *= s->scale[j];
-    memcpy(o->x0, o->rows + k * (s->dynamic + WATCH), s->dynamic * sizeof(double));
-    memcpy(o->x0 + s->dynamic, s->x + s->dynamic, (s->states - s->dynamic) * sizeof(double));
-    /* a row at the event itself may be past it, by rounding */
-    if (stopped == wide || o->wide[k] < time - 1e-12 * most(s->span, fabs(time))) {
-      o->ahead[0] = o->ahead[1]; o->ahead[1] = o->ahead[2]; o->ahead[2] = oldest;
-      if (take_guards(s, o, o->wide[k], o->x0, oldest) || is_passed(s, o, k, ++seen)) return UNUSUAL;
+  o->node[0].t = s->here;
+  memcpy(o->node[0].x, s->x, s->states * sizeof(double));
+  if (to_node(s, o, o->node)) return UNUSUAL;
+  /* past its guard by noise counts as on it */
+  for (k = 0; k < s->relations; ++k) o->node[0].above[k] = most(o->node[0].above[k], o->band[k]);
+  o->first = s->first;
+  o->past = 0.0;
+  for (k = 0; k < wide && !found;) {
+    count_t last = k;
+    int status;
+    /* where guards may go farther at first, up to the first row only */
+    if (k || !memcmp(o->band, o->later, (size_t) s->relations * sizeof(double)))
+      while (!(o->asked[last] & LOOK)) ++last;
+    status = integrate(s, o, &k, last, &found);
+    if (status) return status;
+    if (found && k == wide - 1 && end - o->node[0].t <= INSTANT * most(s->span, fabs(end))) {
+      /* it belongs to the event at the end */
+      o->node[0].t = end;
+      found = 0;
+      reached(s, o, &k);
     }
-    if (o->asked[k]) record(s, o->wide[k], o->x0);
   }
-  if (s->run.steps > 0 && time > s->here) s->first = (time - s->here) / s->run.steps;
+  time = o->node[0].t;
+  if (s->steps > steps && time > begin) s->first = (time - begin) / (s->steps - steps);
+  o->step = s->first;
   s->here = time;
   s->fresh = 0;
-  memcpy(s->x, x, s->states * sizeof(double));
-  if (stopped == wide) {
+  memcpy(s->x, o->node[0].x, s->states * sizeof(double));
+  if (!found) {
     ++s->segment;
     s->entered = 0;
     return 0;
   }
   record(s, time, s->x);
+  memcpy(o->x0, s->x, s->states * sizeof(double));
   if (find_fired(s, o, time)) return UNUSUAL;
   memcpy(o->left_m, s->m, s->modes * sizeof(double));
-  memcpy(o->ahead[0], o->rate, s->relations * sizeof(double));
+  memcpy(o->approach, o->rate, s->relations * sizeof(double));
   for (k = 0; k < s->relations; ++k)
     if (o->fired[k]) s->m[first_relation(s) + k] = 1.0 - s->m[first_relation(s) + k];
   if (settle(s, o, time, o->left_m, 0)) return UNUSUAL;
-  for (k = 0; k < s->states; ++k) changed |= s->x[k] != x[k];
-  if (changed && may_land(s, o, time, o->ahead[0])) return UNUSUAL;
-  if (count_bounce(s, o, time, changed)) return UNUSUAL;
+  for (k = 0; k < s->states; ++k) changed |= s->x[k] != o->x0[k];
+  if (changed && may_land(s, o, time, o->approach)) return UNUSUAL;
+  if (count_event(s, o, time)) return UNUSUAL;
   record_event(s, time, o->fired);
   return 0;
 }
@@ -437,58 +595,68 @@ static casadi_int larger(casadi_int a, casadi_int b) { return a > b ? a : b; }
 
 /* Cut up the doubles of a call, where there are any yet; returns their number. */
 static size_t carved(const struct flight* s, struct space* o, double* memory, count_t wide) {
-  count_t r = s->relations, n = s->states, all = s->constants + s->modes + n + 1 + r;
-  count_t sizes[] = {r, s->assigned, s->actions, s->memories, s->asserts, s->clauses, r, r, n, r, r, r, r, r, r,
-                     n, s->modes, s->modes, wide, wide, wide * (s->dynamic + 2), all, n + 2};
-  double** parts[] = {&o->distance, &o->assigned, &o->values, &o->remembered, &o->asserts, &o->conditions, &o->g,
-                      &o->rate, &o->error, &o->noise, &o->doubt, &o->band, &o->ahead[0], &o->ahead[1], &o->ahead[2],
-                      &o->before_x, &o->before_m, &o->left_m, &o->grid, &o->wide, &o->rows, &o->parameters, &o->x0};
+  count_t r = s->relations, n = s->states, all = s->constants + s->modes + n + 1 + r, each = n + 3 * r;
+  count_t c = s->conditions;
+  count_t sizes[] = {s->assigned, n, s->modes, c, c, s->clauses, s->actions, c, s->memories, s->asserts, c, c,
+                     r, r, n, r, r, r, r, r, r, r, n, s->modes, s->modes, wide, wide, wide * (s->dynamic + 2), wide * (s->dynamic + 2), all, n + 2,
+                     (DEEPEST + 2) * each};
+  double** parts[] = {&o->assigned, &o->next_x, &o->next_m, &o->next_was, &o->next_decided, &o->acting, &o->applied,
+                      &o->conditions, &o->remembered, &o->asserts, &o->was, &o->decided, &o->g, &o->rate, &o->error,
+                      &o->noise, &o->left, &o->doubt, &o->band, &o->later, &o->never, &o->approach, &o->before_x, &o->before_m,
+                      &o->left_m, &o->wide, &o->lengths, &o->row, &o->ahead, &o->parameters, &o->x0, &o->nodes};
   size_t k, used = 0;
   for (k = 0; k < sizeof(sizes) / sizeof(*sizes); ++k) {
     if (memory) *parts[k] = memory + used;
     used += (size_t) sizes[k] + 1;
+  }
+  for (k = 0; memory && k < DEEPEST + 2; ++k) {
+    double* q = o->nodes + k * (size_t) each;
+    o->node[k].x = q;
+    o->node[k].above = q + n; o->node[k].rate = q + n + r; o->node[k].near = q + n + 2 * r;
   }
   return used;
 }
 
 /* Go on until the end of the run, until the record is full, or until something unusual is ahead. */
 CASADI_SYMBOL_EXPORT int acausal_flight(struct flight* s) {
-  casadi_int sizes[4] = {0, 0, 0, 0}, own[4];
-  int (*works[])(casadi_int*, casadi_int*, casadi_int*, casadi_int*) = {segment_work, watch_work, rates_work, reactions_work};
+  casadi_int sizes[4] = {0, 0, 0, 0}, own[4]; /* of arguments, results, integers, doubles */
+  int (*works[])(casadi_int*, casadi_int*, casadi_int*, casadi_int*) = {segment_work, watch_work, rates_work, event_round_work, relaxed_work};
   struct space o;
   count_t wide = longest(s), k;
-  double *memory, *x;
+  double* memory;
   size_t used;
   unsigned char* bytes;
   int status = DONE;
-  for (k = 0; k < 4; ++k) {
+  for (k = 0; k < 5; ++k) {
     int j;
     works[k](own, own + 1, own + 2, own + 3);
     for (j = 0; j < 4; ++j) sizes[j] = larger(sizes[j], own[j]);
   }
   memset(&o, 0, sizeof(o));
+  o.settled = 1.0; /* PLAIN: there is nothing to settle */
   used = carved(s, &o, 0, wide);
-  memory = malloc(sizeof(double) * (used + (size_t) (s->states + 1 + sizes[3])));
-  bytes = malloc((size_t) (s->clauses + s->relations + wide + 1));
-  o.arguments = sizes[0] + 8;
-  o.results = sizes[1] + 6;
+  memory = malloc(sizeof(double) * (used + (size_t) (sizes[3] + 1)));
+  bytes = malloc((size_t) (s->relations + wide + 1));
+  o.arguments = sizes[0] + 9;
+  o.results = sizes[1] + 13;
   o.arg = malloc(sizeof(double*) * (size_t) o.arguments);
   o.res = malloc(sizeof(double*) * (size_t) o.results);
   o.iw = malloc(sizeof(casadi_int) * (size_t) (sizes[2] + 1));
   o.flips = malloc(sizeof(count_t) * (size_t) (s->relations + 1));
   if (memory && bytes && o.arg && o.res && o.iw && o.flips) {
     carved(s, &o, memory, wide);
-    x = memory + used;
-    o.w = x + s->states + 1;
-    o.was = bytes; o.fired = bytes + s->clauses; o.asked = o.fired + s->relations;
+    o.w = memory + used;
+    o.fired = bytes; o.asked = o.fired + s->relations;
     while (!status && s->segment < s->boundaries - 1) {
       struct flight kept = *s;
       memcpy(o.before_x, s->x, s->states * sizeof(double));
       memcpy(o.before_m, s->m, s->modes * sizeof(double));
       if (!s->entered && (s->rows + 1 > s->row_capacity || s->events + 1 > s->event_capacity)) status = FULL;
-      else status = s->entered ? stretch(s, &o, x) : enter(s, &o);
-      if (status) { /* as if it had not been tried; `last`, `gap`, `crowd` change only when nothing is left to fail */
+      else status = s->entered ? stretch(s, &o) : enter(s, &o);
+      if (status) { /* as if it had not been tried; `last` and `crowd` change only when nothing is left to fail */
+        count_t rows = s->rows;
         *s = kept;
+        if (status == INTERRUPTED) s->rows = rows;
         memcpy(s->x, o.before_x, s->states * sizeof(double));
         memcpy(s->m, o.before_m, s->modes * sizeof(double));
       }

@@ -4,55 +4,58 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from acausal.simulate.interrupt import Interrupted
 from acausal.simulate.native.program import INTERRUPTED, Program, RunStructure, address, prepare
 
 Vector = NDArray[np.float64]
-SOURCE = Path(__file__).with_name("flight.c")
+_FILES = "bracketing.c", "flight.c"
 _POSITION = ("segment", "entered", "fresh")
-_BOUNCES = ("last_time", "standing", "count")
 
 
 def _fields(kind: Any, names: str) -> tuple[tuple[str, Any], ...]:
     return tuple((name, kind) for name in names.split())
 
 
+@cache
+def source() -> str:
+    """The C of flights, which follows that of the functions and integrators they call."""
+    return "".join(Path(__file__).with_name(name).read_text(encoding="utf-8") for name in _FILES)
+
+
 class FlightStructure(ctypes.Structure):
     """`struct flight` of flight.c."""
 
     _fields_ = (
-        *_fields(
-            ctypes.c_longlong, "states dynamic discretes modes timely samples memories flags relations assigned clauses"
-        ),
-        *_fields(ctypes.c_longlong, "actions asserts constants boundaries"),
+        *_fields(ctypes.c_longlong, "states dynamic discretes modes timely samples memories flags relations assigned"),
+        *_fields(ctypes.c_longlong, "conditions clauses actions asserts constants boundaries"),
         *_fields(ctypes.c_double, "span relative absolute step"),
-        *_fields(ctypes.c_void_p, "assigned_at action_at action_of ends impossible"),
+        *_fields(ctypes.c_void_p, "assigned_at ends impossible"),
         *_fields(ctypes.c_void_p, "scale nominal constant u p boundary timely_modes due times times_end"),
         *_fields(ctypes.c_longlong, "segment entered fresh"),
         *_fields(ctypes.c_double, "here first"),
         *_fields(ctypes.c_void_p, "x m"),
-        *_fields(ctypes.c_double, "last_time"),
-        *_fields(ctypes.c_longlong, "standing count"),
-        *_fields(ctypes.c_void_p, "last gap crowd"),
+        *_fields(ctypes.c_longlong, "count"),
+        *_fields(ctypes.c_void_p, "last crowd"),
         *_fields(ctypes.c_longlong, "rows row_capacity events event_capacity acts act_capacity"),
         *_fields(ctypes.c_void_p, "row_time row_x row_m event_time event_row acts_end act fired"),
         ("run", RunStructure),
-        *_fields(ctypes.c_longlong, "steps rejected rhs jacobians"),
+        *_fields(ctypes.c_longlong, "steps rejected rhs jacobians begun"),
     )
 
 
 class FlightProgram(Program):
     """A compiled integrator that can pass segments and ordinary events by itself."""
 
-    def __init__(self, path: Path, nx: int, nz: int, flag: int = 0) -> None:
+    def __init__(self, path: Path, nx: int, nz: int) -> None:
         """Load the library; OSError or AttributeError when it is not one of ours."""
         super().__init__(path, nx, nz)
-        self.flag = flag
         self.fly = ctypes.CDLL(str(path)).acausal_flight
 
     def structure(self, numbers: Mapping[str, float], arrays: Mapping[str, NDArray[Any]]) -> FlightStructure:
@@ -60,10 +63,9 @@ class FlightProgram(Program):
         flight = FlightStructure(**numbers, **{name: address(a) for name, a in arrays.items()})
         flight.kept = arrays
         prepare(flight.run)
-        flight.run.flag = self.flag
         return flight
 
     def run(self, flight: FlightStructure) -> None:
-        """Go on as far as it goes; KeyboardInterrupt when Ctrl-C was pressed."""
+        """Go on as far as it goes; Interrupted when Ctrl-C was pressed: what it had come to is in the structure."""
         if self.fly(ctypes.byref(flight)) == INTERRUPTED:
-            raise KeyboardInterrupt
+            raise Interrupted

@@ -27,12 +27,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.lower.compiled import CompiledModel
+from acausal.simulate.equations.numbered import UNIT
+from acausal.simulate.equations.quick import Quick
 from acausal.simulate.native import cache, source
 from acausal.simulate.native.equations import CONSTANTS, by_patterns, equations
-from acausal.simulate.native.flight import SOURCE, FlightProgram
+from acausal.simulate.native.flight import FlightProgram
+from acausal.simulate.native.flight import source as flight_source
 from acausal.simulate.native.functions import made
 from acausal.simulate.native.program import HeunProgram
-from acausal.simulate.quick import Quick
 
 Vector = NDArray[np.float64]
 T = TypeVar("T")
@@ -75,13 +77,13 @@ class StoppingEquations:
     """What a library that passes events is made of, as CasADi functions.
 
     `dae` and `transition` as CasADi's integrators want them, `constants` as in `equations.py`; `event_functions` are
-    "watch", "rates" and "reactions".
+    "watch", "rates", "event_round" and "relaxed".
     """
 
     dae: Any
     transition: Any
     constants: Any
-    event_functions: tuple[Any, Any, Any]
+    event_functions: tuple[Any, Any, Any, Any]
 
 
 @dataclass(eq=False)
@@ -92,10 +94,16 @@ class Memory:
     absent: set[str] = field(default_factory=set)
     failed: set[str] = field(default_factory=set)
     evaluations: dict[str, float] = field(default_factory=dict)
+    expected: float = 0.0
 
 
 # Models are compared by identity, and forgotten when nobody else holds them.
 _MEMORIES: WeakKeyDictionary[CompiledModel, Memory] = WeakKeyDictionary()
+
+
+def expect(compiled: CompiledModel, evaluations: float) -> None:
+    """Say that so many evaluations are still to come, in many runs: what was spent so far says less."""
+    _MEMORIES.setdefault(compiled, Memory()).expected = evaluations
 
 
 class Native:
@@ -115,13 +123,13 @@ class Native:
         Tolerances and step are arguments of the program: all values of them use the same library.
         """
         fixed = {"step_size": 0.25} if settings.get("step_size") else {}
-        neutral = {**settings, "reltol": 1e-6, "abstol": 1e-8, **fixed}
+        neutral = {**settings, "reltol": 1e-6, "abstol": 1e-8, "max_num_steps": 10**6, **fixed}
         kind = f"{plugin}, fixed steps" if fixed else plugin
 
         def text() -> str | None:
             dae, constants = self.equations
             written = source.integrator(plugin, dae, neutral, constants)
-            return None if written is None else f"{written}#define PLAIN\n{SOURCE.read_text(encoding='utf-8')}"
+            return None if written is None else f"{written}#define PLAIN\n{flight_source()}"
 
         def load(path: Path) -> FlightProgram:
             return FlightProgram(path, self._nx, len(self.compiled.algebraic))
@@ -136,10 +144,12 @@ class Native:
         nx: int,
         instructions: Callable[[], int],
     ) -> Library[FlightProgram] | None:
-        """A whole integrator that stops at events (`simulate/stopping.py`).
+        """A whole integrator that stops at events (`simulate/events/stopping.py`).
 
         `equations` makes what it integrates, `nx` states; `instructions` is the size of its event functions.
         """
+        if self.wanted is False:  # asked for at every event
+            return None
         fixed = {"step_size": 0.25} if settings.get("step_size") else {}
         neutral = {**settings, "reltol": 1e-6, "abstol": 1e-8, **fixed}
         kind = f"{plugin}, events" + (", fixed steps" if fixed else "")
@@ -149,10 +159,10 @@ class Native:
             with contextlib.redirect_stderr(io.StringIO()):  # CasADi says that events are experimental
                 whole = {**neutral, "transition": made.transition}
                 written = source.integrator(plugin, made.dae, whole, made.constants, *made.event_functions)
-            return None if written is None else written + SOURCE.read_text(encoding="utf-8")
+            return None if written is None else written + flight_source()
 
         def load(path: Path) -> FlightProgram:
-            return FlightProgram(path, nx, 0, flag=nx - 1)
+            return FlightProgram(path, nx, 0)
 
         def pays_now() -> bool:
             # the derivatives that locate events are twice as much again as the event functions
@@ -160,21 +170,27 @@ class Native:
 
         return self._library(kind, repr(sorted(neutral.items())), pays_now, text, load)
 
-    def oracle(self, plugin: str, settings: Mapping[str, Any]) -> Library[Any] | None:
+    def oracle(
+        self, plugin: str, settings: Mapping[str, Any], change: Callable[[Any], Any] | None = None
+    ) -> Library[Any] | None:
         """Right-hand side and Jacobian for one of CasADi's integrators, as the oracle to give it.
 
-        Only on request, and not for large models: most of the time of a multistep method is spent elsewhere.
+        `change` makes another form of the equations: CasADi takes compiled derivatives only of what was compiled, and
+        differences where there are none. Only on request, and not for large models: most of the time of a multistep
+        method is spent elsewhere.
         """
         if not self.wanted or self._size > _LARGEST_ORACLE:
             return None
 
         def text() -> str:
             dae, constants = self.equations
+            dae = dae if change is None else change(dae)
             inside = ca.integrator("inside", plugin, dae, 0.0, [1.0], dict(settings))
             derived = (inside.get_function(name) for name in inside.get_function() if name != dae.name())
             return source.functions(dae, constants, *derived)
 
-        return self._library(plugin, "", lambda: False, text, lambda path: ca.external("dae", str(path)))
+        kind = plugin if change is None else f"{plugin}, {change.__name__} to {UNIT}"
+        return self._library(kind, "", lambda: False, text, lambda path: ca.external("dae", str(path)))
 
     def heun(self, step: Callable[[Any], Any], evaluations: float) -> Library[HeunProgram] | None:
         """Heun's method; `step` makes the function `(x, [t, h], p) -> x` of a DAE without algebraic variables.
@@ -188,6 +204,18 @@ class Native:
 
         expected = self._spent("heun") + evaluations
         return self._library("heun", "", lambda: self._pays(expected), text, lambda path: HeunProgram(path, self._nx))
+
+    def notes(self, solver: str) -> tuple[str, ...]:
+        """What a run has to say that asked for compiled code and got none."""
+        if not self.wanted or self.used:
+            return ()
+        if cache.compiler() is None:
+            why = "no C compiler was found ($CC, cc, gcc, clang)"
+        elif self.memory.failed:
+            why = f"{cache.compiler()} failed, its words are in the log"
+        else:
+            why = f"'{solver}' has none for this model"
+        return (f"compiled code was asked for; the run was interpreted: {why}",)
 
     def interpreted(self, kind: str, evaluations: float) -> None:
         """Remember what an interpreted stretch of time has cost."""
@@ -214,7 +242,7 @@ class Native:
         return pays(evaluations, self._size // COLUMNS, form.operations if by_patterns(self.compiled) else self._size)
 
     def _spent(self, kind: str) -> float:
-        return self.memory.evaluations.get(kind, 0.0)
+        return self.memory.evaluations.get(kind, 0.0) + self.memory.expected
 
     def _library(
         self,
@@ -250,6 +278,7 @@ class Native:
         compiled = self.compiled
         scales = compiled.quadratures, compiled.discretes, compiled.nominal_x.tolist(), compiled.nominal_z.tolist()
         # What the equations are made from rather than they: a hit needs nothing that is symbolic.
-        events = compiled.events.reactions.serialize() if "events" in kind else ""
-        key = cache.key(kind, details, SOURCE.read_text("utf-8"), compiled.rhs.serialize(), events, repr(scales))
+        events = compiled.events.round.serialize() if "events" in kind else ""
+        own = flight_source(), source.rows("rosenbrock")
+        key = cache.key(kind, details, *own, compiled.rhs.serialize(), events, repr(scales))
         return made(key, text, lambda path: Library(load(path), Quick(ca.external(CONSTANTS, str(path)))))

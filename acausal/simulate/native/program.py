@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from acausal.simulate.interrupt import Interrupted
 from acausal.simulate.native.source import ENTRY
 
 Vector = NDArray[np.float64]
@@ -39,18 +40,14 @@ class RunStructure(ctypes.Structure):
         ("abstol", ctypes.c_double),
         ("step", ctypes.c_double),
         ("first", ctypes.c_double),
-        *((name, ctypes.c_longlong) for name in ("steps", "rejected", "rhs", "jac", "reached", "second", "flag")),
+        ("past", ctypes.c_double),
+        *((name, ctypes.c_longlong) for name in ("steps", "rejected", "rhs", "jac", "reached", "second")),
         *((name, ctypes.c_void_p) for name in ("enter", "signals", "clear", "leave")),
     )
 
 
 class Program:
-    """A compiled integrator over any number of output times; calls from several threads do not disturb each other.
-
-    `flag` is the state that becomes 1 when nothing moves any more, the last one; 0 where there is none.
-    """
-
-    flag = 0
+    """A compiled integrator over any number of output times; calls from several threads do not disturb each other."""
 
     def __init__(self, path: Path, nx: int, nz: int) -> None:
         """Load the library; OSError or AttributeError when it is not one of ours."""
@@ -72,25 +69,27 @@ class Program:
     ) -> tuple[Vector, Vector, dict[str, float]]:
         """States, shape (n, nx), and algebraic variables, shape (n, nz), on the grid, which counts from 0; statistics.
 
-        `first` is the length of the first step, 0 to have it estimated.
+        `first` is the length of the first step, 0 to have it estimated; "next" in the statistics is that of another.
 
         Raises
         ------
         RuntimeError
             The integrator cannot go on; the text says why.
-        KeyboardInterrupt
-            Ctrl-C was pressed.
+        Interrupted
+            Ctrl-C was pressed; it has the rows that were reached.
         """
         x, z = np.empty((len(grid), self.nx)), np.empty((len(grid), self.nz))
         run = _prepared(grid, reltol, abstol, step, first)
-        run.flag = self.flag
         run_address = ctypes.addressof(run)
         inputs = [np.ascontiguousarray(v, dtype=float) for v in (x0, z0, p)]
         arg = _pointers(self.sizes[0], [*(address(v) for v in inputs), run_address])
         res = _pointers(self.sizes[1], [address(x), address(z)])
         iw, w = np.empty(self.sizes[2] + 1, dtype=np.int64), np.empty(self.sizes[3] + 1)
-        _check(self.call(arg, res, ctypes.c_void_p(address(iw)), ctypes.c_void_p(address(w)), 0))
-        stats = {"n_steps": run.steps, "n_rhs": run.rhs, "n_jac": run.jac, "n_reject": run.rejected}
+        status = self.call(arg, res, ctypes.c_void_p(address(iw)), ctypes.c_void_p(address(w)), 0)
+        if status == INTERRUPTED:
+            raise Interrupted(x[: run.reached], z[: run.reached])
+        _check(status)
+        stats = {"n_steps": run.steps, "n_rhs": run.rhs, "n_jac": run.jac, "n_reject": run.rejected, "next": run.first}
         return x, z, {name: float(count) for name, count in stats.items()}
 
 
@@ -112,19 +111,20 @@ class HeunProgram:
         arg, res = _pointers(self.sizes[0], []), _pointers(self.sizes[1], [])
         iw, w = np.empty(self.sizes[2] + 1, dtype=np.int64), np.empty(self.sizes[3] + 2 * self.nx + 1)
         pointer = ctypes.c_void_p
-        _check(
-            self.call(
-                pointer(address(start)),
-                pointer(address(parameters)),
-                pointer(address(x)),
-                ctypes.c_longlong(self.nx),
-                arg,
-                res,
-                pointer(address(iw)),
-                pointer(address(w)),
-                ctypes.byref(run),
-            )
+        status = self.call(
+            pointer(address(start)),
+            pointer(address(parameters)),
+            pointer(address(x)),
+            ctypes.c_longlong(self.nx),
+            arg,
+            res,
+            pointer(address(iw)),
+            pointer(address(w)),
+            ctypes.byref(run),
         )
+        if status == INTERRUPTED:
+            raise Interrupted(x[: run.reached])
+        _check(status)
         return x.T, int(run.steps)
 
 
@@ -158,8 +158,6 @@ def _signals() -> dict[str, int | None]:
 
 
 def _check(status: int) -> None:
-    if status == INTERRUPTED:
-        raise KeyboardInterrupt
     if status:
         raise RuntimeError(_FAILURES.get(status, f"status {status}"))
 

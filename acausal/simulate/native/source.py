@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import casadi as ca
@@ -22,8 +23,8 @@ _RUN = """
 #include <time.h>
 struct acausal_run {
   const double *grid; long long n;
-  double reltol, abstol, step, first;
-  long long steps, rejected, rhs, jac, reached, second, flag;
+  double reltol, abstol, step, first, past; /* `first` step and `past` error: what its control hands on */
+  long long steps, rejected, rhs, jac, reached, second;
   int (*enter)(void); int (*signals)(void); void (*clear)(void); void (*leave)(int);
 };
 /* Ctrl-C, looked for when the second changes: Python's handlers run only when they are asked for. */
@@ -73,26 +74,38 @@ _INTEGRATOR: tuple[tuple[str, str], ...] = (
     (r"  /\* Problem structure \*/\n", r"\g<0>  struct acausal_run* run = (struct acausal_run*) arg[3];\n"),
     (rf"  p\.abstol = {_NUMBER};", "  p.abstol = run->abstol;"),
     (rf"  p\.reltol = {_NUMBER};", "  p.reltol = run->reltol;"),
-    (r"casadi_ivp_reset\(&d, j \? \w+\[\w+\[j\]-1\] : 0\., 0, j == 0\);", "casadi_ivp_reset(&d, 0., 0, 1);"),
+    (
+        r"casadi_ivp_reset\(&d, j \? \w+\[\w+\[j\]-1\] : 0\., 0, j == 0\);",
+        "casadi_ivp_reset(&d, 0., 0, 1); d.err_prev = run->past > 0 ? run->past : 1;",
+    ),
     (rf"  p\.h_init = {_NUMBER};", "  p.h_init = run->first;"),
     (r"for \(k = \w+\[j\]; k < \w+\[j\+1\]; \+\+k\)", "for (k = 0; k < run->n; ++k)"),
+    (r"casadi_ivp_advance\(&d, \w+\[k\], \w+\[\w+\[j\+1\]-1\], 0\);", "acausal_to_row(&d, &rows, run, k);"),
     (
-        r"casadi_ivp_advance\(&d, \w+\[k\], \w+\[\w+\[j\+1\]-1\], 0\);",
-        # behind an event nothing moves: the last state is the flag that says so
-        "if (k && run->flag && d.y_out[run->flag] > 0.5) {\n"
-        "        casadi_copy(d.y_out, run->flag + 1, res[0] + k * (run->flag + 1));\n"
-        "        continue;\n"
-        "      }\n"
-        "      casadi_ivp_advance(&d, run->grid[k], run->grid[run->n-1], 0);",
+        r"  casadi_ivp_setup\(&p\);\n",
+        r"\g<0>  casadi_real own[2 * (p.ny > ROWS_MOST ? 0 : p.ny) + 1];\n"
+        "  struct acausal_rows rows = {0, NAN, 0, 0, own, own + (p.ny > ROWS_MOST ? 0 : p.ny)};\n",
     ),
-    (r"while \(casadi_(rosenbrock|erk)\(&d, &e\)\) \{\n", r"\g<0>        if (acausal_stopped(run)) return 100;\n"),
+    (
+        r"while \(casadi_(?:rosenbrock|erk)\(&d, &e\)\) \{\n",
+        "while (acausal_going(&d, &e, &rows)) {\n        if (acausal_stopped(run)) return 100;\n",
+    ),
     (
         r"if \(d\.status != IVP_SUCCESS\) return 1;",
         "run->steps = d.n_steps; run->rejected = d.n_reject; run->rhs = d.n_rhs; run->jac = d.n_jac;\n"
+        "      run->first = d.h_next; run->past = d.err_prev;\n"
         "      if (d.status != IVP_SUCCESS) return d.status;\n"
         "      run->reached = k + 1;",
     ),
 )
+# What `rows.c` calls a method, its data, and the error that a defect makes of the states.
+_METHODS = {
+    "rosenbrock": "#define METHOD_IS_STIFF\n"
+    "#define METHOD_RELAX(d, e, v) casadi_rosenbrock_solve(d, e, v)\n"
+    "#define METHOD_CORRECT(d, e, r) acausal_correct(d, e, r)\n",
+    "erk": "#define METHOD_RELAX(d, e, v) casadi_scal((d)->prob->ny, (d)->h / 3., v)\n"
+    "#define METHOD_CORRECT(d, e, r)\n",
+}
 _FIXED = (rf"  p\.step_size = {_NUMBER};", "  p.step_size = run->step;")
 
 
@@ -126,7 +139,14 @@ def integrator(plugin: str, dae: Any, settings: Mapping[str, Any], *companions: 
         source, count = re.subn(pattern, text, source)
         if count != 1:
             return None
-    return _with_run(source)
+    before, marker, after = source.partition(f"/* {ENTRY}:")
+    return _with_run(f"{before}{rows(plugin)}{marker}{after}") if marker else None
+
+
+def rows(plugin: str) -> str:
+    """C of rows inside of steps, in front of an integrator."""
+    names = f"#define METHOD casadi_{plugin}\n#define METHOD_DATA struct casadi_{plugin}_data\n"
+    return names + _METHODS[plugin] + Path(__file__).with_name("rows.c").read_text(encoding="utf-8")
 
 
 def heun(step: Any, companion: Any) -> str:

@@ -5,7 +5,9 @@ A solver is a class with
 1. `name`, as the user writes it, and `plugin`, CasADi's;
 2. `algebraic`: whether it takes algebraic variables; otherwise they are eliminated before it sees the problem;
 3. `fixed_step`: whether it needs a step, and `native`: what of it can run as compiled C; `impatient`: whether it takes
-   what is nearer than a nanosecond as reached;
+   what is nearer than a nanosecond as reached; `multistep`: whether it starts anew with tiny steps; `interpolates`:
+   whether it has to be stopped at its outputs, as what it tells between its steps is less accurate than they are;
+   `stops`: whether it stops at a zero crossing by itself;
 4. `settings(problem, segment)`: CasADi's options for one segment;
 5. `integrate(problem, segment) -> Piece`, which raises RuntimeError when it cannot go on.
 
@@ -14,21 +16,25 @@ A segment is a stretch of time without events: the right-hand side is smooth in 
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from acausal.simulate.direct import called
-from acausal.simulate.islands import integrals
-from acausal.simulate.kept import kept
+from acausal.simulate.equations.direct import called
+from acausal.simulate.equations.factorisation import Factorisation
+from acausal.simulate.equations.kept import kept
+from acausal.simulate.equations.numbered import UNIT, controls, stretched
+from acausal.simulate.equations.problem import Problem
+from acausal.simulate.interrupt import Interrupted
 from acausal.simulate.native.flight import FlightProgram
 from acausal.simulate.native.policy import Library
-from acausal.simulate.polish import polished
-from acausal.simulate.problem import Problem
+from acausal.simulate.record.islands import integrals
+from acausal.simulate.record.polish import polished
 from acausal.simulate.solvers.unit_of_time import in_unit, unit_of_time
 
 Vector = NDArray[np.float64]
@@ -40,14 +46,26 @@ On S32 at 1e-8 IDAS pays 40 % more steps and gains a factor of 40 in the depth a
 the steps, and every published initial value problem ends below ten times the tolerance (docs/ivp-table.md).
 """
 
+SMOOTH_SHARE = 0.01
+"""The share in runs without events, in which errors add up from the first instant to the last.
+
+End errors are proportional to the share, steps to its fifth root: 1.5 times as many, measured with BDF and with methods
+of order 5 alike (docs/accuracy.md).
+"""
+
 
 @dataclass(frozen=True, eq=False)
 class Segment:
     """One stretch: from `start` to the last of `times` (ascending, all after `start`).
 
     `x` (all states), `z` are consistent at the start; `p` are the modes of the time events. `patience` is the number of
-    steps between two output times after which IDAS and CVODES give up; None: as many as a long run may need. `first` is
-    the first step of a one-step method, 0 to have it estimated.
+    steps between two output times after which a solver gives up; None: as many as a long run may need. `first` is the
+    first step, 0 to have it estimated. With `partial`, the rows before a failure are a result (see `Piece`); without
+    any row it is a RuntimeError as always.
+
+    `shares` says that the times are these shares of the whole: one of a few grids, whose integrators are kept.
+    Integrals that act on nothing are left as they are at the start. IDAS begins without derivatives, and wants a
+    `first` step in which the states change by less than their tolerance.
     """
 
     start: float
@@ -61,6 +79,13 @@ class Segment:
     max_step: float | None = None
     patience: int | None = None
     first: float = 0.0
+    partial: bool = False
+    shares: Vector | None = None
+
+    @property
+    def length(self) -> float:
+        """From the start to the last of the times [s]."""
+        return float(self.times[-1]) - self.start
 
     @property
     def most_steps(self) -> int:
@@ -70,11 +95,15 @@ class Segment:
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """Values at `segment.times`: `x` of shape (nx, n), `z` of shape (nz, n), and the solver's counters."""
+    """Values at `segment.times`: `x` of shape (nx, n), `z` of shape (nz, n), and the solver's counters.
+
+    Of a `partial` segment perhaps only the first of them: `stopped` says then in the solver's words why.
+    """
 
     x: Vector
     z: Vector
     counters: dict[str, float]
+    stopped: str = ""
 
 
 class CasadiSolver:
@@ -85,6 +114,9 @@ class CasadiSolver:
     algebraic: ClassVar[bool] = False
     fixed_step: ClassVar[bool] = False
     impatient: ClassVar[bool] = False
+    multistep: ClassVar[bool] = False
+    interpolates: ClassVar[bool] = False
+    stops: ClassVar[bool] = False
     native: ClassVar[Literal["nothing", "equations", "integrator"]] = "nothing"
 
     def settings(self, problem: Problem, segment: Segment) -> dict[str, Any]:
@@ -97,56 +129,98 @@ class CasadiSolver:
             # no plugin takes a problem without states: its algebraic variables are a function of time
             x = unmoved(problem, segment)
             if not problem.compiled.algebraic:
-                return Piece(x, problem.solve_algebraic(segment.times, x, segment.z, segment.p), {})
+                return Piece(x, problem.solve_algebraic(segment, x), {})
             z = problem.follow_algebraic(segment.start, segment.times, segment.x, segment.z, segment.p)
-            return Piece(x, polished(problem.compiled, segment.times, x, z, problem.u, problem.p, segment.p), {})
-        scaled_x, scaled_z, stats = self._solved(problem, segment)
+            return Piece(x, on_equations(problem, segment, x, z), {})
+        try:
+            return self._piece(problem, segment, *self._solved(problem, segment))
+        except Interrupted as stop:
+            done = len(stop.rows[0]) if stop.rows else 0
+            if done and stop.got is None:
+                x, z = stop.rows
+                stop.got = self._piece(problem, replace(segment, times=segment.times[:done]), x, z, {})
+            raise
+
+    def _piece(self, problem: Problem, segment: Segment, scaled_x: Vector, scaled_z: Vector, stats: Any) -> Piece:
+        """What was solved, in the units of the model and complete."""
         x = scaled_x.T * problem.scale_x[:, None]
+        stopped = str(stats.get("stopped", ""))
         if not np.isfinite(x).all():
-            raise RuntimeError("the solution is not finite")
-        x = np.vstack([x, islands(problem, segment), unmoved(problem, segment)])
+            stopped = stopped or "the solution is not finite"
+            count = int(np.argmin(np.isfinite(x).all(axis=0)))
+            if not segment.partial or not count:
+                raise RuntimeError(stopped)
+            x, scaled_z = x[:, :count], scaled_z[:count]
+            segment = replace(segment, times=segment.times[:count])
+        apart = islands(problem, segment) if segment.shares is None else constant(problem, segment)
+        x = np.vstack([x, apart, unmoved(problem, segment)])
         if self.algebraic:
             z = scaled_z.T * problem.scale_z[:, None]
-            z = polished(problem.compiled, segment.times, x, z, problem.u, problem.p, segment.p)
+            z = on_equations(problem, segment, x, z)
         else:
-            z = problem.solve_algebraic(segment.times, x, segment.z, segment.p)
-        return Piece(x, z, counted(stats))
+            z = problem.solve_algebraic(segment, x)
+        return Piece(x, z, counted(stats), stopped)
 
     def _solved(self, problem: Problem, segment: Segment) -> tuple[Vector, Vector, dict[str, Any]]:
         """Scaled states, shape (n, nx), and algebraic variables at the output times, and the solver's statistics."""
         settings = self.settings(problem, segment)
         grid = segment.times - segment.start
         x0, z0 = segment.x[: problem.n_dynamic] / problem.scale_x, segment.z / problem.scale_z
-        native, p = problem.native, problem.numbers(segment.p, segment.x, segment.start)
+        native, own = problem.native, (segment.p, segment.x, segment.start)
         dae: Any = None
+        p: Vector | None = None
+        library: Library[Any] | None = None
         # a rootfinder inside the right-hand side stays interpreted
         kind = self.native if self.algebraic or not problem.compiled.algebraic else "nothing"
-        unit = unit_of_time(segment.start, segment.times) if self.impatient else 1.0
+        unit = unit_of_time(segment.start, segment.times) if self.impatient and segment.shares is None else 1.0
         if unit != 1.0:
-            dae = problem.numbered.dae if self.algebraic else problem.numbered.ode
-            dae, settings = in_unit(dae, unit, settings)
-            grid = grid / unit
-        elif kind == "integrator":
+            dae = problem.numbered.slowed(problem.numbered.dae if self.algebraic else problem.numbered.ode, unit)
+            settings, grid = in_unit(unit, settings), grid / unit
+        elif kind == "integrator" and not segment.partial and segment.patience is None:  # that is compiled in
             whole = native.integrator(self.plugin, settings)
             if whole is not None:
-                p = whole.vector(problem.p, problem.u, p)
+                p = whole.vector(problem.p, problem.u, problem.numbers(*own))
                 sizes = settings["reltol"], settings["abstol"], settings.get("step_size", 0.0)
                 return whole.run(x0, z0, p, grid, *sizes, 0.0 if segment.step else segment.first)
         elif kind == "equations":
-            library = native.oracle(self.plugin, settings)
+            library = native.oracle(self.plugin, settings, None if segment.shares is None else stretched)
             if library is not None:
-                dae, p = library.run, library.vector(problem.p, problem.u, p)
-        if dae is None:  # a compiled integrator does without
-            dae = problem.numbered.dae if self.algebraic else problem.numbered.ode
+                dae, p = library.run, library.vector(problem.p, problem.u, problem.numbers(*own))
+        numbered, more, p = problem.numbered, {}, problem.vector(*own) if p is None else p
+        if self.interpolates:
+            dae, more = numbered.halting_dae if self.algebraic else numbered.halting_ode, {"u": controls(len(grid))}
+        elif dae is None:  # a compiled integrator does without
+            dae = numbered.dae if self.algebraic else numbered.ode
         if kind == "integrator":
             settings = {**settings, **beginning(segment)}
-        began = time.perf_counter()
-        integrator = problem.numbered.integrator(self.plugin, dae, grid, settings)
+        if segment.shares is not None:
+            dae = numbered.stretched(dae) if library is None else dae
+            settings, grid = in_shares(segment, settings), UNIT * segment.shares
+        order, began = Factorisation(), time.perf_counter()
+        if self.multistep:
+            # what is compiled is small, and a wrapped library has no derivatives; a rootfinder's are not sparse
+            if library is None and (self.algebraic or not problem.compiled.algebraic):
+                order, dae = numbered.factorisation, numbered.reordered(dae)
+            settings, (x0, z0) = order.settings(settings), order.there(x0, z0)
+        integrator = numbered.integrator(self.plugin, dae, grid, settings)
         making = time.perf_counter() - began
         arguments = {"x0": x0, "z0": z0, "p": p} if self.algebraic else {"x0": x0, "p": np.concatenate([p, z0])}
-        (x, z), stats = called(integrator, arguments, ("xf", "zf"))
-        native.interpreted(self.plugin, counted(stats).get("rhs_evaluations", 0.0))
+        if segment.shares is not None:
+            arguments["p"] = np.append(arguments["p"], segment.length)
+        try:
+            (x, z), stats = called(integrator, {**arguments, **more}, ("xf", "zf"), partial=segment.partial)
+        except Interrupted as stop:
+            stop.rows = order.back(*stop.rows) if stop.rows else ()
+            raise
+        x, z = order.back(x, z)
+        native.interpreted(self.plugin, float(next((stats[k] for k in _EVALUATIONS if k in stats), 0.0)))
         return x, z, {**stats, "making": making}
+
+
+def on_equations(problem: Problem, segment: Segment, x: Vector, z: Vector) -> Vector:
+    """Algebraic variables at the output times, put onto their equations; RuntimeError where they are not near them."""
+    numbers = problem.u, problem.p, segment.p
+    return polished(problem.compiled, segment.times, x, z, *numbers, segment.tolerance)
 
 
 def program(problem: Problem, solver: object, segment: Segment) -> Library[FlightProgram] | None:
@@ -190,6 +264,12 @@ def growth(
     return np.asarray(scale * integrals(rates, starts, times, stretches, accuracy.tolerance, accuracy.absolute))
 
 
+def constant(problem: Problem, segment: Segment) -> Vector:
+    """The same as they are at the start; shape (nq, n)."""
+    own = slice(problem.n_dynamic, problem.n_dynamic + problem.compiled.quadratures)
+    return np.tile(segment.x[own, None], (1, len(segment.times)))
+
+
 def unmoved(problem: Problem, segment: Segment) -> Vector:
     """Discrete variables at the output times; shape (nd, n)."""
     return np.tile(segment.x[len(segment.x) - problem.compiled.discretes :, None], (1, len(segment.times)))
@@ -198,6 +278,14 @@ def unmoved(problem: Problem, segment: Segment) -> Vector:
 def bounded(segment: Segment) -> dict[str, float]:
     """The option that bounds the step, where a bound is wanted."""
     return {} if segment.max_step is None else {"max_step_size": segment.max_step}
+
+
+def stepping(segment: Segment, most: int) -> dict[str, Any]:
+    """The options of a one-step method for the number of its steps, `most` where nothing is said, and their size."""
+    if segment.step:
+        return {"max_num_steps": 10**6, **bounded(segment), "step_size": segment.step}
+    given = segment.partial or segment.patience
+    return {"max_num_steps": segment.most_steps if given else most, **bounded(segment)}
 
 
 def beginning(segment: Segment) -> dict[str, float]:
@@ -209,17 +297,31 @@ def beginning(segment: Segment) -> dict[str, float]:
     return {"step0": segment.first} if segment.first > 0.0 and not segment.step else {}
 
 
+def in_shares(segment: Segment, settings: Mapping[str, Any]) -> dict[str, Any]:
+    """The settings for a time from 0 to `UNIT`; few different ones, as each makes another integrator."""
+    found = {name: value for name, value in settings.items() if name not in ("step0", "max_step_size")}
+    if segment.max_step is not None:
+        found["max_step_size"] = UNIT / max(1, math.ceil(segment.length / segment.max_step - 1e-9))
+    if segment.first > 0.0 and math.isfinite(segment.first):
+        found["step0"] = UNIT * min(4.0 ** math.floor(math.log(segment.first / segment.length, 4.0) + 1e-6), 0.25)
+    return found
+
+
 def pace(start: float, end: float, counters: Mapping[str, float]) -> float:
     """The mean step between two instants, 0 when it is not known."""
     steps = counters.get("steps", 0.0)
     return (end - start) / steps if steps > 0.0 else 0.0
 
 
+# What the solvers call it.
+_EVALUATIONS = "nfevals", "n_rhs", "n_call_daeF"
+
+
 def counted(stats: dict[str, Any]) -> dict[str, float]:
     """The solver's own counters under common names."""
     names = {
         "steps": ("nsteps", "n_steps"),
-        "rhs_evaluations": ("nfevals", "n_rhs", "n_call_daeF"),
+        "rhs_evaluations": _EVALUATIONS,
         "jacobians": ("n_call_jacF", "n_jac"),
         "factorisations": ("nlinsetups",),
         "rejected": ("netfails", "n_reject"),

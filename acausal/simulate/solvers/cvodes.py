@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from acausal.simulate.problem import Problem
-from acausal.simulate.solvers.base import CasadiSolver, Segment, bounded
+from acausal.simulate.equations.problem import Problem
+from acausal.simulate.solvers.base import CasadiSolver, Segment, beginning, bounded
 
 
 class Cvodes(CasadiSolver):
@@ -14,6 +14,7 @@ class Cvodes(CasadiSolver):
     name = "cvodes"
     plugin = "cvodes"
     impatient = True
+    multistep = True
     native = "equations"
 
     def settings(self, problem: Problem, segment: Segment) -> dict[str, Any]:
@@ -24,5 +25,5 @@ class Cvodes(CasadiSolver):
             # what is not finite is named by `failure.py`, once
             "show_eval_warnings": False,
             **bounded(segment),
-            "linear_solver": "qr" if problem.n_dynamic < 400 else "csparse",
+            **(beginning(segment) if segment.partial else {}),
         }

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from acausal.simulate.problem import Problem
-from acausal.simulate.solvers.base import CasadiSolver, Segment, bounded
+from acausal.simulate.equations.problem import Problem
+from acausal.simulate.solvers.base import CasadiSolver, Segment, stepping
 
 
 class Erk(CasadiSolver):
@@ -14,13 +14,12 @@ class Erk(CasadiSolver):
     name = "erk"
     plugin = "erk"
     native = "integrator"
+    interpolates = True
+    stops = True
 
     def settings(self, problem: Problem, segment: Segment) -> dict[str, Any]:
-        fixed = {"step_size": segment.step} if segment.step else {}
         return {
             "reltol": segment.tolerance,
             "abstol": segment.absolute,
-            "max_num_steps": 10**6,
-            **bounded(segment),
-            **fixed,
+            **stepping(segment, 10**6),
         }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import casadi as ca
@@ -10,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.errors import UsageError
-from acausal.simulate.problem import Problem
+from acausal.simulate.equations.problem import Problem
+from acausal.simulate.interrupt import Interrupted
 from acausal.simulate.solvers.base import CasadiSolver, Piece, Segment, islands, unmoved
 
 Vector = NDArray[np.float64]
@@ -63,6 +65,8 @@ class Collocation(CasadiSolver):
             "collocation_scheme": "radau",
             "interpolation_order": 3,
             "rootfinder": "newton",
+            # a step that Newton's method does not solve is none
+            "rootfinder_options": {"error_on_fail": True, "max_iter": 100},
         }
 
 
@@ -72,16 +76,27 @@ class Rk2:
     name = "rk2"
     algebraic = False
     fixed_step = True
+    multistep = False
+    stops = False
+    native = "nothing"
 
     def integrate(self, problem: Problem, segment: Segment) -> Piece:
         """Equal steps within each output interval, none longer than the wanted one."""
         spans = np.diff(np.concatenate([[segment.start], segment.times]))
-        found, steps = self._solved(problem, segment, spans, step_of(segment, self.name))
+        try:
+            return self._piece(problem, segment, *self._solved(problem, segment, spans, step_of(segment, self.name)))
+        except Interrupted as stop:
+            done = len(stop.rows[0]) if stop.rows else 0
+            if done:
+                stop.got = self._piece(problem, replace(segment, times=segment.times[:done]), stop.rows[0].T, 0)
+            raise
+
+    def _piece(self, problem: Problem, segment: Segment, found: Vector, steps: int) -> Piece:
         values = found * problem.scale_x[:, None]
         if not np.isfinite(values).all():
             raise RuntimeError("the solution is not finite: the fixed step is too large for this model")
         values = np.vstack([values, islands(problem, segment), unmoved(problem, segment)])
-        z = problem.solve_algebraic(segment.times, values, segment.z, segment.p)
+        z = problem.solve_algebraic(segment, values)
         return Piece(values, z, {"steps": float(steps), "rhs_evaluations": 2.0 * steps})
 
     def _solved(self, problem: Problem, segment: Segment, spans: Vector, step: float) -> tuple[Vector, int]:
@@ -96,7 +111,7 @@ class Rk2:
         problem.native.interpreted("heun", evaluations)
         sizes = np.repeat(spans / counts, counts)
         steps = np.vstack([np.concatenate([[0.0], np.cumsum(sizes)[:-1]]), sizes])
-        p = problem.numbers(segment.p, segment.x, segment.start)
+        p = problem.vector(segment.p, segment.x, segment.start)
         if problem.compiled.algebraic:
             p = np.concatenate([p, segment.z / problem.scale_z])
         one = heun(problem.numbered.ode)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from acausal.simulate.problem import Problem
-from acausal.simulate.solvers.base import CasadiSolver, Piece, Segment, bounded
+from acausal.simulate.equations.problem import Problem
+from acausal.simulate.solvers.attainable import attainable
+from acausal.simulate.solvers.base import CasadiSolver, Piece, Segment, beginning, bounded
 
 
 class Idas(CasadiSolver):
@@ -15,6 +16,7 @@ class Idas(CasadiSolver):
     plugin = "idas"
     algebraic = True
     impatient = True
+    multistep = True
     native = "equations"
 
     def __init__(self, convergence: float = 0.01) -> None:
@@ -27,6 +29,8 @@ class Idas(CasadiSolver):
                 return Idas(strictness).attempt(problem, segment)
             except RuntimeError as error:
                 if "IDA_TOO_MUCH_WORK" in str(error):
+                    if segment.partial:
+                        raise
                     break
                 if "IDA_RES_FAIL" in str(error):
                     raise  # Ctrl-C inside the equations looks like this, and must not be answered by another try
@@ -36,16 +40,19 @@ class Idas(CasadiSolver):
         """One try with this object's convergence coefficient."""
         return super().integrate(problem, segment)
 
-    def settings(self, problem: Problem, segment: Segment) -> dict[str, Any]:
+    def rates(self, problem: Problem, segment: Segment) -> list[float]:
+        """The rates at the start."""
         x = segment.x[: problem.n_dynamic] / problem.scale_x
-        numbers = problem.numbers(segment.p, segment.x, segment.start)
-        rate = problem.numbered.quick(0.0, x, segment.z / problem.scale_z, numbers, [])[0]
+        numbers = problem.vector(segment.p, segment.x, segment.start)
+        return list(problem.numbered.quick(0.0, x, segment.z / problem.scale_z, numbers, [])[0].tolist())
+
+    def settings(self, problem: Problem, segment: Segment) -> dict[str, Any]:
         return {
             "reltol": segment.tolerance,
             "abstol": segment.absolute,
             # the start is consistent already, and IDACalcIC fails where our own start system does not
             "calc_ic": False,
-            "init_xdot": rate.tolist(),
+            **({"init_xdot": self.rates(problem, segment)} if segment.shares is None else {}),
             "suppress_algebraic": True,
             # algebraic variables are outside the error test, so only Newton's method keeps them right: with IDA's own
             # 0.33 a drill that falls 8 mm before it touches flies through the block at some tolerances (measured); an
@@ -55,5 +62,6 @@ class Idas(CasadiSolver):
             # what is not finite is named by `failure.py`, once
             "show_eval_warnings": False,
             **bounded(segment),
-            "linear_solver": "qr" if problem.n_dynamic < 400 else "csparse",
+            **(beginning(segment) if segment.partial else {}),
+            **attainable(problem, segment, self.convergence),
         }

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
@@ -27,18 +26,16 @@ def unit_of_time(start: float, times: Vector) -> float:
     real = gaps[gaps > _ROUNDINGS * np.spacing(max(abs(start), abs(float(times[-1]))))]
     if not len(real) or real.min() > 2.0 * _REACHED:
         return 1.0
-    return float(real.min()) / _SHORTEST
+    # powers of ten, so that the equations in a unit are made once
+    return float(10.0 ** np.floor(np.log10(real.min() / _SHORTEST)))
 
 
-def in_unit(dae: Any, unit: float, settings: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
-    """`(t, x, z, p, u) -> (ode, alg, quad, zero)` and an integrator's settings with time in another unit [s]."""
-    arguments = dae.sx_in() if dae.is_a("SXFunction") else dae.mx_in()
-    t = arguments[0]
-    ode, *others = dae(unit * t, *arguments[1:])
-    slow = ca.Function(dae.name(), arguments, [unit * ode, *others], dae.name_in(), dae.name_out())
+def in_unit(unit: float, settings: dict[str, Any]) -> dict[str, Any]:
+    """An integrator's settings with time in another unit [s]."""
     changed = dict(settings)
     if "init_xdot" in settings:
         changed["init_xdot"] = [unit * rate for rate in settings["init_xdot"]]
-    if "max_step_size" in settings:
-        changed["max_step_size"] = settings["max_step_size"] / unit
-    return slow, changed
+    for name in ("max_step_size", "step0"):
+        if name in settings:
+            changed[name] = settings[name] / unit
+    return changed

@@ -72,7 +72,7 @@ def bench(
     formulations
         "torn", "dae", "projected"; None takes those that differ.
     reference
-        A result file, or JSON with end values; None makes one, by two solvers that have to agree.
+        A result file, or JSON with end values; None makes one: runs that converge under refinement.
     variables
         What counts for the errors; None takes all states.
     repeat, time_limit
@@ -162,6 +162,7 @@ def bench_compiled(
 
     `enough` digits of the reference suffice; no run is given more than `patience` times the best so far.
     """
+    compiled = compiled.unchanging("a bench")
     return _benched(
         compiled,
         {"torn": compiled},
@@ -356,7 +357,7 @@ def _compiled(
     component: Component, parameters: Mapping[str, object] | None, formulation: str
 ) -> tuple[CompiledModel, float]:
     began = time.perf_counter()
-    found = compile(component, parameters=parameters, formulation=formulation, cache=False)
+    found = compile(component, parameters=parameters, formulation=formulation, cache=False).unchanging("a bench")
     return found, time.perf_counter() - began
 
 

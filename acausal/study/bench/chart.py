@@ -1,26 +1,24 @@
-"""Work-precision chart: log-log, accuracy to the right, cost upwards, failures on the upper edge."""
+"""Work-precision chart: log-log, accuracy to the right, cost upwards, failures on the upper edge and listed."""
 
 from __future__ import annotations
 
 import math
-import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
-from textwrap import shorten
+from textwrap import fill
 from typing import Any
 
 import matplotlib
 from cycler import cycler
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
 from acausal.errors import UsageError
 from acausal.files import atomic
-from acausal.plot import FORMATS
-from acausal.study.bench.report import Bench, Run
+from acausal.plot import FORMATS, Drawing
+from acausal.study.bench.report import Bench, Run, generic
 
 # Okabe and Ito's palette, distinguishable for colour-blind readers, without its yellow.
 _COLORS = {
@@ -50,15 +48,14 @@ _STYLE: dict[Any, Any] = {
     "legend.frameon": False,
     "svg.hashsalt": "acausal",
 }
-_COLUMNS = 3
-_MOST_REASONS = 6
+# Widths of a panel and of the list beside them [in], and what a line of that holds.
+_PANEL, _LIST, _CHARACTERS = 4.3, 3.6, 62
 # Where runs without any error are drawn.
 _EXACT = 1e-16
-_LONGEST_REASON = 110
 
 
 def chart(bench: Bench, file: str | Path | None = None, title: str | None = None) -> Figure:
-    """Solve time and evaluations over the error, and phase error and constraint drift where there are any.
+    """Solve time, evaluations, and phase errors or steps over the error; what failed, and why, stands beside.
 
     Raises
     ------
@@ -70,37 +67,63 @@ def chart(bench: Bench, file: str | Path | None = None, title: str | None = None
         raise UsageError(
             "AC013", f"the suffix '{target.suffix}' names no picture format", help=f"accepted are {', '.join(FORMATS)}"
         )
-    panels: list[tuple[str, Callable[[Run], float]]] = [
-        ("Solve time [ms]", lambda r: 1e3 * r.solve_time),
-        ("Evaluations of the right-hand side", _count("rhs_evaluations")),
-        ("Steps", _count("steps")),
-    ]
-    if any(run.counters.get("factorisations") for run in bench.runs):
-        panels.append(("Factorisations of Jacobians", _count("factorisations")))
-    if any(run.distance is not None and run.distance.phase for run in bench.runs):
-        panels.append(("Phase error at the end [s]", _phase))
-    if any(run.constraint_drift for run in bench.runs):
-        panels.append(("Constraint drift before projection", lambda r: r.constraint_drift or math.nan))
-    panels = panels[:1] + [panel for panel in panels[1:] if any(panel[1](run) > 0 for run in bench.runs)]
-    columns = 2 if len(panels) == 4 else min(len(panels), _COLUMNS)
-    rows = math.ceil(len(panels) / columns)
-    reasons = _reasons(bench)
+    panels = _panels(bench)
     with matplotlib.rc_context(_STYLE):
-        height = 3.5 * rows + 1.2 + 0.16 * len(reasons)
-        wide = _COLUMNS if len(panels) >= _COLUMNS else 0.5 + len(panels)
-        figure = Figure(figsize=(4.4 * wide, height))
-        FigureCanvasAgg(figure)
-        axes = list(figure.subplots(rows, columns, squeeze=False).flat)
-        for place, (label, value) in zip(axes, panels, strict=False):
+        texts = _reasons_in_full(bench)
+        width = _PANEL * len(panels) + (_LIST if texts else 0.0)
+        legend = math.ceil(len(bench.series) / max(1, int(width / 1.6)))
+        listed = 0.135 * sum(text.count("\n") + 1 for text in texts) + 0.5
+        height = max(4.3 + 0.19 * legend, listed + 0.62)
+        figure = Drawing(figsize=(width, height))
+        axes = list(figure.subplots(1, len(panels), squeeze=False).flat)
+        for place, (label, value) in zip(axes, panels, strict=True):
             _panel(place, bench, label, value)
-        for place in axes[len(panels) :]:
-            place.set_axis_off()
-        _legend(figure, axes[0], bench, height)
+        figure.subplots_adjust(
+            left=0.75 / width,
+            right=(_PANEL * len(panels) - 0.1) / width,
+            wspace=0.26,
+            top=1 - (0.62 + 0.19 * legend) / height,
+            bottom=0.55 / height,
+        )
+        handles, labels = axes[0].get_legend_handles_labels()
+        if handles:
+            columns = max(1, int(width / 1.6))
+            figure.legend(handles, labels, loc="upper left", ncols=columns, bbox_to_anchor=(0.005, 1 - 0.42 / height))
         figure.suptitle(title or _title(bench), fontsize=10.5, x=0.01, y=1 - 0.08 / height, ha="left", va="top")
-        _footnotes(figure, reasons, height)
+        if texts:
+            place = (_PANEL * len(panels) + 0.12) / width, 1 - (0.62 + 0.19 * legend) / height
+            figure.text(*place, "\n".join(texts), fontsize=7.0, color="0.25", ha="left", va="top", linespacing=1.25)
         if target is not None:
             _save(figure, target)
     return figure
+
+
+def _panels(bench: Bench) -> list[tuple[str, Callable[[Run], float]]]:
+    """At most three: time, evaluations, and phase errors if anything oscillates, else steps."""
+    panels: list[tuple[str, Callable[[Run], float]]] = [
+        ("Solve time [ms]", lambda r: 1e3 * r.solve_time),
+        ("Evaluations of the right-hand side", _count("rhs_evaluations")),
+    ]
+    if any(run.distance is not None and run.distance.phase for run in bench.runs):
+        panels.append(("Phase error at the end [s]", _phase))
+    else:
+        panels.append(("Steps", _count("steps")))
+    return panels[:1] + [panel for panel in panels[1:] if any(panel[1](run) > 0 for run in bench.runs)]
+
+
+def _reasons_in_full(bench: Bench) -> list[str]:
+    """The failures, for the column beside the panels: number, runs, and the reason word for word."""
+    failed = bench.failures()
+    if not failed:
+        return []
+    texts = [f"Failed: {sum(map(len, failed.values()))} of {len(bench.runs)} runs", ""]
+    for number, runs in enumerate(failed.values(), start=1):
+        for series in dict.fromkeys(run.case.series for run in runs):
+            knobs = ", ".join(run.case.knob.split(" ", 1)[1] for run in runs if run.case.series == series)
+            texts.append(fill(f"{number}  {series}: {knobs}", _CHARACTERS, subsequent_indent="    "))
+        texts.append(fill(runs[0].failure, _CHARACTERS, initial_indent="    ", subsequent_indent="    "))
+        texts.append("")
+    return texts
 
 
 def _count(name: str) -> Callable[[Run], float]:
@@ -173,7 +196,7 @@ def _failures(axes: Axes, bench: Bench) -> None:
     failed = [r for r in bench.runs if r.failure]
     if not failed:
         return
-    order = _reasons(bench)
+    order = list(bench.failures())
     axes.set_ylim(bottom, top * (top / bottom) ** 0.16)
     low, high = sorted(axes.get_xlim())
     seen: dict[float, int] = {}
@@ -191,63 +214,16 @@ def _failures(axes: Axes, bench: Bench) -> None:
             markeredgewidth=1.4,
             clip_on=False,
         )
-        number = next((n for n, (text, _) in enumerate(order, start=1) if text == _generic(run.failure)), 0)
-        if number:
-            axes.annotate(
-                str(number),
-                (x, y),
-                xycoords=axes.get_xaxis_transform(),
-                xytext=(4, -2.5),
-                textcoords="offset points",
-                fontsize=5.5,
-                color="0.3",
-                annotation_clip=False,
-            )
-
-
-def _reasons(bench: Bench) -> list[tuple[str, list[Run]]]:
-    """Reasons of failures, those that are told alike together."""
-    found: dict[str, list[Run]] = {}
-    for run in bench.runs:
-        if run.failure:
-            found.setdefault(_generic(run.failure), []).append(run)
-    return list(found.items())
-
-
-def _generic(failure: str) -> str:
-    """A reason without the numbers that differ from run to run."""
-    text = re.sub(r"^not tried: ", "", failure)
-    text = re.sub(r" at (tolerance|step) \S+( s)?$", "", text)
-    text = re.sub(r": error \S+$", "", text)
-    return re.sub(r" stopped at t = \S+ s", " stopped", text)
-
-
-def _legend(figure: Figure, axes: Axes, bench: Bench, height: float) -> None:
-    handles, labels = axes.get_legend_handles_labels()
-    columns = min(max(len(handles), 1), int(figure.get_figwidth() / 1.6))
-    rows = math.ceil(len(handles) / columns) if handles else 0
-    if handles:
-        figure.legend(handles, labels, loc="upper left", ncols=columns, bbox_to_anchor=(0.005, 1 - 0.42 / height))
-    bottom = (0.5 + 0.16 * min(len(_reasons(bench)), _MOST_REASONS + 1)) / height
-    figure.subplots_adjust(
-        left=0.8 / figure.get_figwidth(),
-        right=0.99,
-        wspace=0.24,
-        top=1 - (0.62 + 0.19 * rows) / height,
-        bottom=bottom + 0.1 / height,
-        hspace=0.3,
-    )
-
-
-def _footnotes(figure: Figure, reasons: Sequence[tuple[str, list[Run]]], height: float) -> None:
-    lines = []
-    for number, (text, runs) in enumerate(reasons[:_MOST_REASONS], start=1):
-        who = ", ".join(dict.fromkeys(run.case.series for run in runs))
-        lines.append(shorten(f"{number}  {who}: {text}", _LONGEST_REASON + 40, placeholder=" ..."))
-    if len(reasons) > _MOST_REASONS:
-        lines.append(f"and {len(reasons) - _MOST_REASONS} more reasons, in the JSON")
-    for k, line in enumerate(reversed(lines)):
-        figure.text(0.01, (0.06 + 0.16 * k) / height, line, fontsize=7.0, color="0.25", va="bottom")
+        axes.annotate(
+            str(order.index(generic(run.failure)) + 1),
+            (x, y),
+            xycoords=axes.get_xaxis_transform(),
+            xytext=(4, -2.5),
+            textcoords="offset points",
+            fontsize=5.5,
+            color="0.3",
+            annotation_clip=False,
+        )
 
 
 def _save(figure: Figure, target: Path) -> None:

@@ -79,7 +79,7 @@ def recommend(bench: Bench, accuracy: float) -> Recommendation:
         raise IntegrationError(
             "AC411",
             f"an accuracy of {accuracy:g} cannot be judged for {bench.model}: "
-            + (f"two solvers agree to {digits:.1f} digits only" if digits > 0 else "no two solvers agree to a digit"),
+            + (f"its reference is trusted to {digits:.1f} digits only" if digits > 0 else "its reference has no digit"),
             evidence=[bench.reference.source, *bench.reference.notes],
             cause="the model amplifies rounding (chaos), or has jumps the solvers place differently",
             help="shorten the run (--stop-time), or ask for less",

@@ -1,4 +1,4 @@
-"""What errors are measured against: two solvers that agree, or a file."""
+"""What errors are measured against: a run that converges under refinement, which another solver confirms, or a file."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -15,15 +14,18 @@ from numpy.typing import NDArray
 
 from acausal.errors import IntegrationError, UsageError
 from acausal.result import load
+from acausal.simulate.solvers import share_of, solver_named
 from acausal.study.bench.case import IMPLICIT, Case
 from acausal.study.bench.distance import floors, mixed
+from acausal.study.bench.isolated import Outcome, isolated
 from acausal.study.bench.measure import FINE, Task, fine
 from acausal.study.bench.trajectory import POINTS, Trajectory
+from acausal.study.growth import Growth, growth
 
 Vector = NDArray[np.float64]
 
 SOLVERS = ("rosenbrock", "idas", "erk", "cvodes")
-"""Candidates, the most exact first; BDF of two makes (idas, cvodes) counts as two, but only as the last pair.
+"""Candidates, the most exact first.
 
 Where there are algebraic variables, those that eliminate them by one and the same rootfinder come last: they agree to
 more digits than they are right (Andrews' mechanism: 11 and 9, measured).
@@ -31,16 +33,24 @@ more digits than they are right (Andrews' mechanism: 11 and 9, measured).
 EASY = 1e-7
 TIGHT = (1e-12, 1e-11, 1e-10, 1e-9)
 _PATIENCE = 30.0
-ENOUGH = 11.0
-"""Common digits after which no further solver is asked."""
+ENOUGH = 10.0
+"""Trusted digits after which no further solver is asked."""
 _MOST_DIGITS = 15.0
+_DECADE = 10.0
+"""Factor between the tolerances of the runs that show whether a solver converges."""
+_SAFETY = 1.5
+_LOCATED = 1e-11
+"""The least error of a run with located events: instants are found to a resolution that no tolerance refines."""
+_WITNESS = 100.0
+"""How much larger the error of a run may be that confirms another one."""
 
 
 @dataclass(frozen=True, eq=False)
 class Reference:
     """A trajectory on the fine grid, where from, and how many of its digits are to be trusted.
 
-    `only_end` marks a reference that knows the end values alone.
+    `only_end` marks a reference that knows the end values alone; `growth` is what the problem makes of errors, where
+    that is known.
     """
 
     trajectory: Trajectory
@@ -50,6 +60,7 @@ class Reference:
     solvers: tuple[str, ...] = ()
     only_end: bool = False
     notes: tuple[str, ...] = ()
+    growth: Growth | None = None
 
     @property
     def trusted_error(self) -> float:
@@ -57,29 +68,41 @@ class Reference:
         return float(10.0**-self.trusted_digits)
 
 
-def made(task: Task, nominal: Vector, limit: float, say: Callable[[str], None], enough: float = ENOUGH) -> Reference:
-    """The reference two different solvers agree on.
+@dataclass(frozen=True, eq=False)
+class _Refined:
+    """The tightest run of a solver, and its error as its own coarser runs tell it."""
 
-    Each solver runs at the tightest tolerance at which it gets through. All have to agree on the whole fine grid; the
-    closest pair decides, the trusted digits are what they have in common.
+    name: str
+    trajectory: Trajectory
+    error: float
+
+
+def made(task: Task, nominal: Vector, limit: float, say: Callable[[str], None], enough: float = ENOUGH) -> Reference:
+    """The reference that converges when its tolerance is refined, with another solver that says the same.
+
+    Each solver runs at the tightest tolerance at which it gets through, and at ten and a hundred times that. How its
+    end of the sequence moves tells its error: two solvers can share one that falls with the tolerance (methods of one
+    order and error control do), so that what they have in common is no proof. Another solver has to agree within
+    what both claim; if it does not, the difference counts.
 
     Raises
     ------
     IntegrationError
         AC410 when fewer than two solvers arrive.
     """
-    found: dict[str, Trajectory] = {}
+    found: list[_Refined] = []
     notes: list[str] = []
     # two decades more than what is asked for, where that is less than everything
-    tight = [t for t in TIGHT if t >= 10.0 ** -(enough + 2.0)] if enough < ENOUGH else TIGHT
+    first = max(TIGHT[0], 10.0 ** -(enough + 2.0))
+    tight = (first, _DECADE * first) if enough < ENOUGH else TIGHT
     solvers = IMPLICIT if task.compiled.algebraic else SOLVERS
     for solver in dict.fromkeys((*solvers, *SOLVERS)):
         if solver not in solvers and len(found) >= 2:
             break
-        arrived = _tightest(task, solver, tight, limit, say, notes)
+        arrived = _tightest(task, solver, tight, limit, say, notes, nominal)
         if arrived is not None:
-            found[arrived[0]] = arrived[1]
-        if len(found) >= 2 and _closest(found, nominal)[0] >= enough:
+            found.append(arrived)
+        if len(found) >= 2 and _suffices(found, nominal, enough):
             break
     if len(found) < 2:
         raise IntegrationError(
@@ -88,10 +111,51 @@ def made(task: Task, nominal: Vector, limit: float, say: Callable[[str], None], 
             evidence=list({note.partition(" at ")[0]: note for note in notes}.values()),
             help=_remedy(notes),
         )
-    digits, (first, second) = _closest(found, nominal)
-    trajectory = found[first]
-    source = f"{first} and {second} agree"
-    return Reference(trajectory, floors(trajectory, nominal), digits, source, (first, second), notes=tuple(notes))
+    error, best, other = _judged(found, nominal)
+    if task.compiled.state_events.relations:
+        error = max(error, _LOCATED)
+    trajectory = best.trajectory
+    source = f"{best.name} converges, {other.name} agrees"
+    if error > _SAFETY * max(best.error, 10.0**-_MOST_DIGITS, _LOCATED):
+        source = f"{best.name}, from which {other.name} differs"
+    say("reference: growth of errors")
+    grown = isolated(lambda: iter([growth(task.compiled, _own(task), task.options, task.span)]), limit).value
+    names = (best.name, other.name)
+    return Reference(
+        trajectory, floors(trajectory, nominal), _digits(error), source, names, notes=tuple(notes), growth=grown
+    )
+
+
+def _own(task: Task) -> dict[str, float]:
+    """Parameters of the runs of a task."""
+    return dict(task.options.get("parameters") or {})
+
+
+def _digits(error: float) -> float:
+    return min(_MOST_DIGITS, -math.log10(error)) if error > 0 else _MOST_DIGITS
+
+
+def _suffices(found: Sequence[_Refined], nominal: Vector, enough: float) -> bool:
+    """Whether another solver can add nothing: there are enough digits, or a witness of like precision agrees."""
+    error, best, other = _judged(found, nominal)
+    agreed = error <= _SAFETY * best.error and other.error <= _WITNESS * best.error
+    return agreed or _digits(error) >= enough
+
+
+def _judged(found: Sequence[_Refined], nominal: Vector) -> tuple[float, _Refined, _Refined]:
+    """The error of the best run, that run, and the other one it was held against.
+
+    Two that differ by no more than both admit confirm the better of them; otherwise their difference is its error.
+    """
+    best = min(found, key=lambda run: run.error)
+    floor = floors(best.trajectory, nominal)
+    held = []
+    for other in (run for run in found if run is not best):
+        gap = float(mixed(other.trajectory.values, best.trajectory.values, floor).max())
+        held.append((best.error if gap <= _SAFETY * (best.error + other.error) else gap, other))
+    # the nearest in precision is the sharpest witness
+    error, other = min(held, key=lambda pair: (pair[1].error, pair[0]))
+    return _SAFETY * max(error, 10.0**-_MOST_DIGITS), best, other
 
 
 def _remedy(notes: Sequence[str]) -> str:
@@ -103,39 +167,75 @@ def _remedy(notes: Sequence[str]) -> str:
 
 
 def _tightest(
-    task: Task, solver: str, tight: Sequence[float], limit: float, say: Callable[[str], None], notes: list[str]
-) -> tuple[str, Trajectory] | None:
-    """A solver's run at the tightest tolerance at which it arrives.
+    task: Task,
+    solver: str,
+    tight: Sequence[float],
+    limit: float,
+    say: Callable[[str], None],
+    notes: list[str],
+    nominal: Vector,
+) -> _Refined | None:
+    """A solver's run at the tightest tolerance at which it arrives, with its coarser ones.
 
     An easy run comes first: how long it takes tells how long a tight one may take before it is stuck. Methods of order
     five pay six times as many steps for four decades.
     """
-    best, patience = None, limit
+    patience = limit
     for tolerance in (EASY, *tight):
-        name = f"{solver} at {tolerance:g}"
-        say(f"reference: {name}")
-        outcome = fine(task, Case(solver, "torn", tolerance=tolerance), patience)
-        if outcome.value is not None and np.isfinite(outcome.value.values).all():
-            best = name, outcome.value
-            if tolerance != EASY:
-                return best
+        outcome = _run(task, solver, tolerance, patience, say, notes)
+        if outcome.value is None and tolerance == EASY and "no end after" in outcome.failure:
+            return None
+        if outcome.value is None:
+            continue
+        if tolerance == EASY:
             patience = min(limit, 2.0 + _PATIENCE * outcome.seconds)
-        else:
-            notes.append(f"{name}: {outcome.failure or 'not finite'}")
-            if tolerance == EASY and "no end after" in outcome.failure:
-                return None
-    return best
+            continue
+        coarser = []
+        for asked in _coarser(task, solver, tolerance):
+            run = _run(task, solver, asked, patience, say, notes).value
+            if run is None:
+                break
+            coarser.append(run)
+        if len(coarser) == 2:
+            error = _refinement(outcome.value, coarser[0], coarser[1], nominal)
+            return _Refined(f"{solver} at {tolerance:g}", outcome.value, error)
+    return None
 
 
-def _closest(found: dict[str, Trajectory], nominal: Vector) -> tuple[float, tuple[str, str]]:
-    """Digits that the best pair has in common, and that pair."""
-    best = (-math.inf, ("", ""))
-    for a, b in combinations(found, 2):
-        x = found[a]
-        gap = float(mixed(found[b].values, x.values, floors(x, nominal)).max())
-        digits = min(_MOST_DIGITS, -math.log10(gap)) if gap > 0 else _MOST_DIGITS
-        best = max(best, (digits, (a, b)), key=lambda pair: pair[0])
-    return best
+def _run(
+    task: Task, solver: str, tolerance: float, patience: float, say: Callable[[str], None], notes: list[str]
+) -> Outcome[Trajectory]:
+    """One run; without a value where it failed, which is noted."""
+    name = f"{solver} at {tolerance:g}"
+    say(f"reference: {name}")
+    outcome = fine(task, Case(solver, "torn", tolerance=tolerance), patience)
+    if outcome.value is not None and np.isfinite(outcome.value.values).all():
+        return outcome
+    notes.append(f"{name}: {outcome.failure or 'not finite'}")
+    return Outcome(None, outcome.failure)
+
+
+def _coarser(task: Task, solver: str, tolerance: float) -> tuple[float, float]:
+    """The tolerances whose share, what the solver gets, is ten and a hundred times that of this one.
+
+    Those of the user are no measure: the smallest ones have the same share.
+    """
+    method = solver_named(solver)
+    given = share_of(task.compiled, method, tolerance) * tolerance
+    share = share_of(task.compiled, method, 1.0)
+    return _DECADE * given / share, _DECADE**2 * given / share
+
+
+def _refinement(tight: Trajectory, coarse: Trajectory, coarsest: Trajectory, nominal: Vector) -> float:
+    """The error of the tightest of three runs, each with a tenth of the tolerance of the one behind it.
+
+    It is not larger than the last move, if errors fall by half at least. They need not fall steadily (on a chaotic
+    run by 4, 15 and 1.1 in three decades), so nothing is extrapolated; and where two runs agree by chance, a tenth of
+    the move before says so.
+    """
+    floor = floors(tight, nominal)
+    last, before = (float(mixed(a.values, b.values, floor).max()) for a, b in ((coarse, tight), (coarsest, coarse)))
+    return max(last, before / _DECADE)
 
 
 def given(file: Path, names: Sequence[str], nominal: Vector, span: tuple[float, float]) -> Reference:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from textwrap import shorten
 from typing import TYPE_CHECKING, Any
 
 from acausal.study.bench.case import Case
@@ -145,6 +147,7 @@ class Bench:
                 "trusted_digits": self.reference.trusted_digits,
                 "trusted_error": self.reference.trusted_error,
                 "notes": list(self.reference.notes),
+                "growth": None if self.reference.growth is None else self.reference.growth.content(),
             },
             "repeat": self.repeat,
             "times": dict(self.times),
@@ -165,6 +168,34 @@ class Bench:
 
         return chart(self, file)
 
+    def failures(self) -> dict[str, tuple[Run, ...]]:
+        """Runs that failed, those that failed alike together."""
+        found: dict[str, list[Run]] = {}
+        for run in self.runs:
+            if run.failure:
+                found.setdefault(generic(run.failure), []).append(run)
+        return {reason: tuple(runs) for reason, runs in found.items()}
+
+    def lines(self) -> Iterator[str]:
+        """The report for people: the cheapest run for three accuracies, what is known of the errors, what failed."""
+        best = {accuracy: _cheapest(self, accuracy) for accuracy in _LEVELS}
+        middle = _LEVELS[len(_LEVELS) // 2]
+        yield f"verdict: {best[middle]} for an error of {middle:g}; {self.model}, {self.start_time:g} ... " + (
+            f"{self.stop_time:g} s"
+        )
+        yield from (f"  for {level:g}  {text}" for level, text in best.items() if level != middle)
+        yield f"  reference  {self.reference.source}: {self.reference.trusted_digits:.1f} digits trusted"
+        if self.reference.growth is not None:
+            yield f"  errors     {self.reference.growth.text}"
+        failed = self.failures()
+        if failed:
+            count = sum(map(len, failed.values()))
+            yield f"  failed     {count} of {len(self.runs)} runs:"
+            most = sorted(failed.items(), key=lambda pair: -len(pair[1]))
+            for reason, runs in most[:_MOST_REASONS]:
+                who = ", ".join(dict.fromkeys(run.case.series for run in runs))
+                yield f"             {len(runs)} of {who}: {shorten(reason, _LONGEST, placeholder=' ...')}"
+
     def rows(self) -> list[tuple[str, ...]]:
         """The table of the command line: its head, and a row per run; drift where there are constraints."""
         drifts = any(run.constraint_drift is not None for run in self.runs)
@@ -172,12 +203,34 @@ class Bench:
         return [head, *(_row(run, drifts) for run in self.runs)]
 
 
+_LEVELS = (1e-3, 1e-6, 1e-9)
+# What the short report shows of failures.
+_MOST_REASONS, _LONGEST = 3, 90
 # Mixed errors beyond which nothing tells an order.
 _ASTRAY = 0.1
 _HEAD = ("series", "tolerance or step", "error", "end error", "mescd", "phase s", "solve ms")
 _COUNTS = {"steps": "steps", "rhs": "rhs_evaluations", "jac": "jacobians", "fact": "factorisations"}
 # The classical order of each method with fixed steps.
 _ORDERS = {"rk2": 2, "rk": 4, "erk": 5, "rosenbrock": 5, "collocation": 5}
+
+
+def generic(failure: str) -> str:
+    """A reason without the numbers that differ from run to run."""
+    text = re.sub(r"^not tried: ", "", failure)
+    text = re.sub(r" at (tolerance|step) \S+( s)?$", "", text)
+    text = re.sub(r": error \S+$", "", text)
+    text = re.sub(r"a step of \S+ s is", "steps are", text)
+    return re.sub(r" stopped at t = \S+ s", " stopped", text)
+
+
+def _cheapest(bench: Bench, accuracy: float) -> str:
+    if bench.reference.trusted_error > accuracy:
+        return "the reference cannot tell"
+    good = [run for runs in bench.series.values() for run in monotone(runs, accuracy)]
+    if not good:
+        return "no run arrives"
+    best = min(good, key=lambda run: run.cost)
+    return f"{best.case.series} with {best.case.knob} ({1e3 * best.cost:.3g} ms, error {best.error:.1e})"
 
 
 def _row(run: Run, drifts: bool) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from acausal.errors import UsageError
 from acausal.lower.compiled import CompiledModel
-from acausal.lower.outputs import fitting
+from acausal.reduce.outputs import fitting
 from acausal.result import Result
 
 Vector = NDArray[np.float64]
@@ -42,7 +42,7 @@ def components(compiled: CompiledModel, wanted: Sequence[str] | None) -> tuple[s
     UsageError
         AC010 for an unknown name, AC040 when nothing is left that could be compared.
     """
-    from acausal.simulate.record import signals
+    from acausal.simulate.record.record import signals
 
     known = signals(compiled, np.array(compiled.parameter_values, dtype=float))
     if wanted:
@@ -59,7 +59,7 @@ def components(compiled: CompiledModel, wanted: Sequence[str] | None) -> tuple[s
         raise UsageError(
             "AC040",
             f"{compiled.name} has no states whose errors could be compared",
-            help="name variables to compare: --variable VAR",
+            help="name variables to compare: --signals A,B",
         )
     return tuple(dict.fromkeys(found))
 

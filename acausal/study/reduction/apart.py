@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from acausal.flatten.connections import UnionFind
 from acausal.lower.compile import lower
 from acausal.lower.compiled import CompiledModel
-from acausal.lower.cone import dependence, restrict
-from acausal.lower.outputs import output_scalars
+from acausal.reduce.cone import dependence, restrict
+from acausal.reduce.outputs import output_scalars
 from acausal.result import Result, Signal
 from acausal.simulate.run import simulate
 
@@ -116,5 +116,5 @@ def _rows(result: Result, time: Vector) -> list[Vector]:
             found.append(result.matrix[k])
         else:
             assert result.dense is not None, "a run just made can be asked at any time"
-            found.append(result.dense(float(time[i])))
+            found.append(result.dense(np.array([time[i]]))[0])
     return found

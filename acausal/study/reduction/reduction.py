@@ -8,16 +8,17 @@ from dataclasses import asdict, dataclass
 from functools import cached_property, partial
 from typing import Any
 
+from acausal.analyse.delays import PADE, refuse_delays
 from acausal.errors import AcausalError
 from acausal.language.component import Component
 from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
-from acausal.lower.delays import PADE, refuse_delays
-from acausal.lower.freeze import ZEROS
-from acausal.lower.motionless import event_nodes
-from acausal.lower.select import KINDS, Left
+from acausal.reduce.confine import changing
+from acausal.reduce.freeze import ZEROS
+from acausal.reduce.motionless import event_nodes
+from acausal.reduce.select import KINDS, Left
 from acausal.result import Result
-from acausal.simulate.restructure import lasting_names, renamed, variable_parts
+from acausal.simulate.restructure import lasting_names, renamed
 from acausal.simulate.run import simulate
 from acausal.study.reduction.apart import Island, islands, simulate_apart
 from acausal.study.reduction.comparison import Comparison, compared
@@ -193,8 +194,6 @@ def reduce(
     AcausalError
         Whatever is wrong with the model.
     """
-    for part in variable_parts(model).values():
-        part.released()  # a run may have left it with the contacts of its last moment
     own = {lasting: name for name, lasting in lasting_names(model).items()}
     outputs = [renamed(name, own) for name in outputs]
     full = compile(model, parameters=parameters, formulation=formulation)
@@ -234,7 +233,7 @@ def _compared(
     options: Mapping[str, Any],
 ) -> Comparison:
     """Runs of both; a scene whose contacts come and go runs in pieces, once, its contacts called by lasting names."""
-    if not variable_parts(model):
+    if not changing(model):
         return compared(full, compiled, compiled.asked, repeat, options)
     names = lasting_names(model)
     given: Any = parameters

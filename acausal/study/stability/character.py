@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from acausal.simulate.amplification import METHODS, Method
+from acausal.simulate.step_limit.amplification import METHODS, Method
 from acausal.study.stability.modes import Local, Mode, mode
 from acausal.study.stability.trajectory import Trajectory
 
@@ -43,10 +43,6 @@ class Character:
         The hardly damped oscillation that the solution follows for many periods, or None.
     periods
         Its number of periods.
-    growing
-        A mode that grows much over the run, or None.
-    growth
-        Exponent by which it grows.
     """
 
     fastest: Mode | None
@@ -57,8 +53,6 @@ class Character:
     ringing: Mode | None
     oscillation: Mode | None
     periods: float
-    growing: Mode | None
-    growth: float
 
 
 def character(run: Trajectory, locals: Sequence[Local]) -> Character:
@@ -75,15 +69,8 @@ def character(run: Trajectory, locals: Sequence[Local]) -> Character:
         if len(decaying := _decaying(local.eigenvalues))
     ]
     followed = [(local, FAST * max(_activity(local, quiet), quiet)) for local in locals]
-    ringing = _widest(run, [(q, v) for q, f in followed for v in _weak(q, _WEAK) if abs(v) > f])
-    oscillation = _widest(run, [(q, v) for q, f in followed for v in _weak(q, _UNDAMPED) if abs(v) <= f])
-    periods = 0.0 if oscillation is None else abs(oscillation.eigenvalue.imag) * run.span / (2.0 * math.pi)
-    growth = sum(max(0.0, float(np.max(local.eigenvalues.real, initial=0.0))) * local.point.reach for local in locals)
-    rising = max(
-        ((local, v) for local in locals for v in local.eigenvalues if v.real > 0.0),
-        key=lambda q: float(q[1].real),
-        default=None,
-    )
+    ringing, _ = _widest(run, [(q, v) for q, f in followed for v in _weak(q, _WEAK) if abs(v) > f])
+    oscillation, periods = _widest(run, [(q, v) for q, f in followed for v in _weak(q, _UNDAMPED) if abs(v) <= f])
     return Character(
         fastest=None if fastest is None else mode(run, *fastest),
         stiffness_ratio=max(ratios, default=1.0),
@@ -93,8 +80,6 @@ def character(run: Trajectory, locals: Sequence[Local]) -> Character:
         ringing=ringing,
         oscillation=oscillation,
         periods=periods,
-        growing=mode(run, *rising) if rising is not None and growth > 5.0 else None,
-        growth=growth,
     )
 
 
@@ -120,8 +105,11 @@ def _weak(local: Local, damping: float) -> list[complex]:
     return [complex(q) for q in v[(v.imag > 0.0) & (np.abs(v.real) < damping * size)]]
 
 
-def _widest(run: Trajectory, found: Sequence[tuple[Local, complex]]) -> Mode | None:
-    """The fastest of the modes, when they are there for a twentieth of the run or for ten periods."""
+def _widest(run: Trajectory, found: Sequence[tuple[Local, complex]]) -> tuple[Mode | None, float]:
+    """The fastest of the modes and how often they turn, if they are there for a twentieth of the run or ten periods.
+
+    The frequency changes along a run: each point counts for the time it stands for.
+    """
     best: dict[float, tuple[Local, complex]] = {}
     for local, v in found:
         if local.point.t not in best or abs(v) > abs(best[local.point.t][1]):
@@ -129,8 +117,8 @@ def _widest(run: Trajectory, found: Sequence[tuple[Local, complex]]) -> Mode | N
     there = sum(local.point.reach for local, _ in best.values())
     turns = sum(local.point.reach * abs(v) / (2.0 * math.pi) for local, v in best.values())
     if not best or (there < 0.05 * run.span and turns < 10.0) or turns < 3.0:
-        return None
-    return mode(run, *max(best.values(), key=lambda q: abs(q[1])))
+        return None, 0.0
+    return mode(run, *max(best.values(), key=lambda q: abs(q[1]))), turns
 
 
 def _steps(method: Method, local: Local, span: float) -> float:

@@ -9,13 +9,15 @@ from itertools import pairwise
 
 import numpy as np
 
-from acausal.lower.diagnosis.words import counted
-from acausal.study.stability.character import Character
+from acausal.diagnose.words import counted
+from acausal.study.growth import Growth
 from acausal.study.stability.modes import Local
 from acausal.study.stability.structure import Facts
 from acausal.study.stability.trajectory import Trajectory
 
 _LONGEST = 90
+# Growth of errors from which it is worth a word.
+_MUCH = 100.0
 # Below this size a state feels an absolute tolerance that was meant for 1.
 _SMALL = 0.05
 
@@ -35,7 +37,7 @@ class Finding:
 
 
 def findings(
-    run: Trajectory, facts: Facts, ch: Character, locals: Sequence[Local], undetermined: Sequence[float]
+    run: Trajectory, facts: Facts, grown: Growth | None, locals: Sequence[Local], undetermined: Sequence[float]
 ) -> tuple[Finding, ...]:
     """Everything found, the most important first."""
     found = [
@@ -45,10 +47,9 @@ def findings(
         _events(run, facts),
         _accumulation(run),
         _instants(run, facts),
-        _kinks(facts),
         _slopes(run, locals, undetermined),
         _singular(locals),
-        _growing(ch),
+        _growing(grown),
         _scales(run),
     ]
     return tuple(f for f in found if f is not None)
@@ -79,14 +80,15 @@ def _constraints(run: Trajectory, facts: Facts) -> Finding | None:
         )
     else:
         remedy = "differentiated and solved for dummy derivatives: the constraint holds to rounding"
+    avoid = (
+        ("the constraint handed to BDF as it is", f"of index {facts.index}, which no solver here integrates"),
+        ("its second derivative alone", "the constraint drifts away, quadratically in time"),
+    )
     return Finding(
         "constraint",
-        f"DAE of higher index: `{shown}`{more} had to be differentiated",
+        f"DAE of index {facts.index}: `{shown}`{more} had to be differentiated",
         remedy,
-        (
-            ("the constraint handed to BDF as it is", "of index 2 and 3, which no solver here integrates"),
-            ("its second derivative alone", "the constraint drifts away, quadratically in time"),
-        ),
+        avoid[: max(0, facts.index - 1)],
     )
 
 
@@ -106,15 +108,23 @@ def _invariants(facts: Facts) -> Finding | None:
 
 
 def _events(run: Trajectory, facts: Facts) -> Finding | None:
+    """Relations that are events and those that are not, in one statement: a model can have both."""
     if not facts.relations and not facts.clauses:
-        return None
+        return _kinks(facts)
+    located = "located on the solver's dense output" if facts.relations else "the run is cut there, to rounding"
+    avoid = [("any method across switches", "order 1 only, and what is short is stepped over, unless it locates them")]
+    rest, remedy = "", located + "; every branch is integrated smoothly"
+    kinks = _kinks(facts)
+    if kinks is not None:
+        rest = f"; {_counted(facts)} are no events"
+        remedy = f"events: {located}; the others: {kinks.remedy}"
+        avoid += kinks.avoid
     return Finding(
         "events",
-        f"{counted(facts.relations, 'relation')} of variables and {counted(facts.clauses, 'when clause')}; "
-        f"{counted(len(run.result.events), 'event')} in this run",
-        ("located on the solver's dense output" if facts.relations else "the run is cut there, to rounding")
-        + "; every branch is integrated smoothly",
-        (("any method across switches", "order 1 only, and what is short is stepped over, unless it locates them"),),
+        f"{counted(facts.relations, 'relation')} of variables and {counted(facts.clauses, 'when clause')} are events, "
+        f"{len(run.result.events)} in this run{rest}",
+        remedy,
+        tuple(avoid),
     )
 
 
@@ -148,6 +158,10 @@ def _instants(run: Trajectory, facts: Facts) -> Finding | None:
         "the run is cut exactly there",
         (("a solver that has to discover the switch", "every step is longer than the pulse"),) if pulse else (),
     )
+
+
+def _counted(facts: Facts) -> str:
+    return f"{facts.kinks} other branches, signs, minima or maxima"
 
 
 def _kinks(facts: Facts) -> Finding | None:
@@ -201,14 +215,19 @@ def _singular(locals: Sequence[Local]) -> Finding | None:
     )
 
 
-def _growing(ch: Character) -> Finding | None:
-    if ch.growing is None:
+def _growing(grown: Growth | None) -> Finding | None:
+    if grown is None or grown.factor < _MUCH:
         return None
-    digits = ch.growth / math.log(10.0)
+    digits = math.log10(grown.factor)
+    if grown.kept:
+        remedy = "the solution at the time does so too, and keeps its digits"
+    else:
+        remedy = f"ask for {digits:.0f} digits more than are wanted at the end, or shorten the run"
     return Finding(
         "growing",
-        f"errors grow with the solution: those of {', '.join(ch.growing.names[:3])} by 10^{digits:.0f} in the run",
-        "no method helps against that: tighten the tolerance by as many digits as are needed, or shorten the run",
+        f"an error made at t = {grown.since:.4g} s grows {grown.factor:.2g} times until the end, in "
+        f"{', '.join(grown.names)}: measured on the variational equation of this run",
+        remedy,
     )
 
 

@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from acausal.simulate.amplification import METHODS, Method
-from acausal.simulate.problem import Problem
+from acausal.simulate.equations.problem import Problem
 from acausal.simulate.solvers import solver_named
 from acausal.simulate.solvers.base import Segment
-from acausal.simulate.state_matrix import LARGEST_DENSE, StateMatrix
+from acausal.simulate.step_limit.amplification import METHODS, Method
+from acausal.simulate.step_limit.state_matrix import LARGEST_DENSE, StateMatrix
 from acausal.study.stability.modes import Local, Mode, mode
 from acausal.study.stability.trajectory import Point, Trajectory
 
@@ -223,7 +223,7 @@ def _end(problem: Problem, method: Method, point: Point, step: float, steps: int
 def _euler(problem: Problem, point: Point, step: float, steps: int) -> Vector:
     n = problem.n_dynamic
     x = point.x[:n] / problem.scale_x
-    p = problem.numbers(point.m, point.x, 0.0)
+    p = problem.vector(point.m, point.x, 0.0)
     if problem.compiled.algebraic:
         p = np.concatenate([p, point.z / problem.scale_z])
     for k in range(steps):

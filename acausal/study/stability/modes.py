@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from acausal.simulate.state_matrix import LARGEST_DENSE, StateMatrix
-from acausal.simulate.step_limit import participation
+from acausal.simulate.step_limit.limit import participation
+from acausal.simulate.step_limit.state_matrix import LARGEST_DENSE, StateMatrix
 from acausal.study.stability.trajectory import Point, Trajectory
 
 Vector = NDArray[np.float64]

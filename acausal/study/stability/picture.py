@@ -6,12 +6,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from acausal.plot import check_suffix, save
-from acausal.simulate.amplification import METHODS
+from acausal.plot import Drawing, check_suffix, save
+from acausal.simulate.step_limit.amplification import METHODS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,8 +30,7 @@ def draw(study: Stability, file: str | Path | None = None) -> Figure:
         AC013 for a suffix that names no picture format.
     """
     check_suffix(file)
-    figure = Figure(figsize=(10.5, 5.2), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = Drawing(figsize=(10.5, 5.2), layout="constrained")
     whole, near = figure.subplots(1, 2)
     times = np.array([local.point.t for local in study.locals])
     z = [study.step * local.eigenvalues for local in study.locals]

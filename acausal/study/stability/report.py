@@ -7,7 +7,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from acausal.lower.diagnosis.words import counted
+from acausal.diagnose.words import counted
+from acausal.study.growth import Growth
 from acausal.study.stability.bdf import BdfEffect
 from acausal.study.stability.character import Character
 from acausal.study.stability.limits import Limit
@@ -16,6 +17,8 @@ from acausal.study.stability.structure import Facts
 from acausal.study.stability.verdict import Verdict
 
 _MOST_EIGENVALUES = 60
+# What the short report shows.
+_MOST_NOTES, _LONGEST = 3, 108
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,6 +31,8 @@ class Stability:
         Eigenvalues at points of the run, the fastest first.
     limits
         Largest stable step of every fixed-step method.
+    growth
+        How much the run multiplies errors; None where that cannot be measured.
     bdf
         (mode, effects of BDF of order 1 to 5) for the oscillating modes that the run follows.
     step
@@ -41,6 +46,7 @@ class Stability:
     states: tuple[str, ...]
     locals: tuple[Local, ...]
     character: Character
+    growth: Growth | None
     limits: tuple[Limit, ...]
     bdf: tuple[tuple[Mode, tuple[BdfEffect, ...]], ...]
     facts: Facts
@@ -88,6 +94,8 @@ class Stability:
             "fastest_mode": None if ch.fastest is None else ch.fastest.content(),
             "ringing_mode": None if ch.ringing is None else ch.ringing.content(),
             "oscillation": None if ch.oscillation is None else {**ch.oscillation.content(), "periods": ch.periods},
+            "growth": None if self.growth is None else self.growth.content(),
+            "usable_step": {limit.method.name: limit.usable_step for limit in self.limits},
             "largest_stable_step": {limit.method.name: limit.largest_step for limit in self.limits},
             "methods": [limit.content() for limit in self.limits],
             "bdf": [{"mode": mode.content(), "orders": [e.content() for e in effects]} for mode, effects in self.bdf],
@@ -95,11 +103,43 @@ class Stability:
             "verdict": self.verdict.content(),
         }
 
-    def lines(self) -> Iterator[str]:
-        """The report for people."""
+    def lines(self, details: bool = False) -> Iterator[str]:
+        """The report for people: the verdict and what it rests on, in ten lines at most; `details` is everything."""
+        judged = self.verdict
+        yield f"verdict: {judged.solver} ({judged.kind}) for {self.model}, {self.span:g} s, run with {self.solver}"
+        for text in judged.why if details else judged.why[:2]:
+            yield f"  because  {text}"
+        if self.growth is not None:
+            yield f"  errors   {self.growth.text}"
+        explicit = [limit for limit in self.limits if limit.method.explicit]
+        if not details:
+            yield f"  steps    at most {', '.join(f'{_step(q)} {_name(q)}' for q in explicit)}"
+            yield from self._avoided()
+            yield from self._noted()
+            return
+        for a in judged.avoid:
+            yield f"  avoid    {a.method}{f' ({a.solver})' if a.solver else ''}: {a.why}"
+        for f in judged.findings:
+            yield f"  note     {f.fact}"
+            yield f"           {f.remedy}"
+        yield from self._numbers()
+
+    def _avoided(self) -> Iterator[str]:
+        shown = dict.fromkeys(a.solver for a in self.verdict.avoid if a.solver)
+        if shown:
+            yield f"  avoid    {', '.join(shown)}"
+
+    def _noted(self) -> Iterator[str]:
+        notes = [f.fact for f in self.verdict.findings if f.kind != "growing" or self.growth is None]
+        yield from (f"  note     {_within(text)}" for text in notes[:_MOST_NOTES])
+        if len(notes) > _MOST_NOTES:
+            yield f"  note     {counted(len(notes) - _MOST_NOTES, 'more fact')} with --details"
+
+    def _numbers(self) -> Iterator[str]:
+        """What was measured along the run, and every method."""
         ch = self.character
         size = f"{counted(len(self.states), 'state')}, {counted(len(self.locals), 'point')}"
-        yield f"{self.model}: {self.span:g} s run with {self.solver}, {size}"
+        yield f"  linear model along the run: {size}"
         if ch.fastest is not None:
             names = ", ".join(f"{n} ({100 * share:.0f} %)" for n, share in ch.fastest.states[:4])
             yield f"  fastest mode     {ch.fastest.text} at t = {ch.fastest.t:.4g} s, in {names or 'many states'}"
@@ -108,14 +148,6 @@ class Stability:
         for mode, effects in self.bdf[:2]:
             factors = ", ".join(f"{e.order}: x{e.over_run:.4g}" for e in effects)
             yield f"  BDF on {mode.text} ({', '.join(mode.names[:2])}), amplitude over the run by order  {factors}"
-        yield f"verdict: {self.verdict.solver} ({self.verdict.kind})"
-        for text in self.verdict.why:
-            yield f"  because  {text}"
-        for a in self.verdict.avoid:
-            yield f"  avoid    {a.method}{f' ({a.solver})' if a.solver else ''}: {a.why}"
-        for f in self.verdict.findings:
-            yield f"  note     {f.fact}"
-            yield f"           {f.remedy}"
 
     def __str__(self) -> str:
         return "\n".join(self.lines())
@@ -125,6 +157,20 @@ class Stability:
         from acausal.study.stability.picture import draw
 
         return draw(self, file)
+
+
+def _within(text: str) -> str:
+    return text if len(text) <= _LONGEST else text[: _LONGEST - 4] + " ..."
+
+
+def _name(limit: Limit) -> str:
+    return limit.method.solver or limit.method.title
+
+
+def _step(limit: Limit) -> str:
+    """The largest step in words: the stable one, for undamped modes the one that is harmless in this run."""
+    step = limit.largest_step or limit.usable_step
+    return "any" if math.isinf(step) else f"{step:.3g} s"
 
 
 def _table(limits: Sequence[Limit]) -> Iterator[str]:

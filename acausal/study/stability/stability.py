@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
+from acausal.analyse.delays import PADE, refuse_delays
 from acausal.errors import UsageError
 from acausal.language.component import Component
 from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
-from acausal.lower.delays import PADE, refuse_delays
-from acausal.simulate.solvers import solver_named
+from acausal.simulate.solvers import share_of, solver_named
+from acausal.study.bench.isolated import isolated
+from acausal.study.growth import Growth, growth
 from acausal.study.stability.bdf import BdfEffect, bdf_effects
 from acausal.study.stability.character import Character, character
 from acausal.study.stability.findings import findings
@@ -23,6 +26,8 @@ from acausal.study.stability.verdict import verdict
 
 _OSCILLATES = 0.1
 _MOST_MODES = 8
+# Seconds that the variational equation may take.
+_LONGEST = 20.0
 
 
 def stability(
@@ -69,17 +74,19 @@ def stability(
             help="idas, rosenbrock, cvodes or erk",
         )
     compiled = model if isinstance(model, CompiledModel) else compile(model, parameters=parameters)
+    compiled = compiled.unchanging("stability")
     refuse_delays(compiled.flat, "stability", PADE)
     given = parameters if isinstance(model, CompiledModel) else None
     options = {"start_time": start_time, "stop_time": stop_time, "tolerance": tolerance, "inputs": inputs}
     run = trajectory(compiled, points, solver, given, options)
     locals, undetermined = along(run)
     ch = character(run, locals)
+    grown = None if run.failure else _grown(run, given, options)
     known = facts(compiled, run)
     bounds = limits(run, locals, check)
     wanted = float(run.result.stats["tolerance"])  # type: ignore[arg-type]
-    bdf = _oscillations(run, locals, ch, wanted)
-    found = findings(run, known, ch, locals, undetermined)
+    bdf = _oscillations(run, locals, ch, wanted * share_of(compiled, solver_named("idas"), wanted))
+    found = findings(run, known, grown, locals, undetermined)
     own_solver = str(run.result.stats["solver"])
     judged = verdict(ch, known, bounds, _main(bdf, ch), found, len(compiled.states), run.span, own_solver, run.failed)
     own = step or compiled.flat.experiment.step
@@ -91,12 +98,18 @@ def stability(
         states=compiled.states[: len(compiled.states) - compiled.discretes],
         locals=locals,
         character=ch,
+        growth=grown,
         limits=bounds,
         bdf=bdf,
         facts=known,
         verdict=judged,
         step=own or _shown(bounds, ch),
     )
+
+
+def _grown(run: Trajectory, parameters: Mapping[str, float] | None, options: Mapping[str, Any]) -> Growth | None:
+    """The growth of errors, unless that takes too long: many states, stiff and oscillating."""
+    return isolated(lambda: iter([growth(run.compiled, parameters, options, run.span)]), _LONGEST).value
 
 
 def _oscillations(

@@ -16,8 +16,10 @@ from acausal.errors import AcausalError, InitializationError, IntegrationError
 from acausal.lower.compiled import CompiledModel
 from acausal.result import Result
 from acausal.simulate.arguments import input_vector, parameter_vector
+from acausal.simulate.driver.run import Run
+from acausal.simulate.inputs.given import Inputs
 from acausal.simulate.options import options as run_options
-from acausal.simulate.run import Run, simulate
+from acausal.simulate.run import simulate
 
 Vector = NDArray[np.float64]
 # Stretches between events that are looked into, and modes that are added to the points.
@@ -152,7 +154,7 @@ def _closer(
     opts = run_options(compiled.flat.experiment, **asked)
     p, u = parameter_vector(compiled, parameters or {}), input_vector(compiled, options.get("inputs") or {})
     try:
-        return Run(compiled, opts, p, u, None, outputs=grid).result()
+        return Run(compiled, opts, p, Inputs(u), None, outputs=grid).result()
     except AcausalError:
         return result
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from acausal.simulate.amplification import METHODS
+from acausal.simulate.step_limit.amplification import METHODS
 from acausal.study.stability.bdf import BdfEffect
 from acausal.study.stability.character import Character
 from acausal.study.stability.findings import Finding
@@ -155,7 +155,7 @@ def _gentle(kind: str, ch: Character, facts: Facts) -> list[str]:
     if kind == "oscillating" and ch.oscillation is not None:
         text = [
             f"the solution is an oscillation of {', '.join(ch.oscillation.names[:3])} at {ch.oscillation.text}, "
-            f"{ch.periods:.3g} periods with damping ratio {_beyond_rounding(ch.oscillation.damping):.2g}",
+            f"about {ch.periods:.3g} periods with damping ratio {_beyond_rounding(ch.oscillation.damping):.2g}",
             "order 5 keeps its amplitude where BDF damps or amplifies it",
         ]
     if facts.algebraic:
@@ -176,7 +176,7 @@ def _explicit(kind: str, limits: dict[str, Limit], ch: Character, span: float) -
             text = f"unstable above {limit.usable_step:.3g} s (mode of {by}): {count:.3g} steps for this run"
             found.append(Avoided(method.title, method.solver, text))
         elif limit.largest_step == 0.0 and method.name in ("euler", "rk2"):
-            text = f"amplifies the undamped mode of {names} at any step, twofold above {limit.usable_step:.3g} s"
+            text = f"amplifies the undamped mode of {names} at any step, harmless below {limit.usable_step:.3g} s"
             found.append(Avoided(method.title, method.solver, text))
     return found
 

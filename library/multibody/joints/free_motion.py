@@ -14,7 +14,13 @@ class FreeMotion(PartialJoint):
     Start values: `r_rel_a`, `v_rel_a`, `Q`, `w_rel_b`.
     """
 
-    r_rel_a: Real = variable(unit="m", shape=3, prefer_state=True, doc="From frame_a to frame_b, in frame_a")
+    r_rel_a: Real = variable(
+        unit="m",
+        shape=3,
+        prefer_state=True,
+        doc="From frame_a to frame_b, in frame_a",
+        hint="nothing with mass moves with frame_b; connect a Body there",
+    )
     v_rel_a: Real = variable(unit="m/s", shape=3, prefer_state=True, doc="Its rate of change, in frame_a")
     Q: Real = variable(
         unit="1",

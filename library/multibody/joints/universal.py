@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
+
 from acausal import Equations, Real, connect, part, structural, variable
+from acausal.errors import DeclarationError
 from acausal.library.multibody.interfaces import PartialTwoFrames
 from acausal.library.multibody.joints.revolute import Revolute
-from acausal.library.multibody.orientation import Vector
+from acausal.library.multibody.orientation import Vector, unit_vector
 
 
 class Universal(PartialTwoFrames):
-    """Rotation about `n_a`, fixed in frame_a, then about `n_b`, fixed in frame_b.
+    """Rotation about `n_a`, fixed in frame_a, then about `n_b`, fixed in frame_b; the two are perpendicular.
 
     Start values: `phi_a`, `phi_b`, `w_a`, `w_b`. Drives go to `revolute_a.axis` and `revolute_b.axis`.
     """
@@ -24,6 +27,14 @@ class Universal(PartialTwoFrames):
     revolute_b: Revolute = part()
 
     def build(self) -> None:
+        cosine = sum(a * b for a, b in zip(unit_vector(self.n_a, "n_a"), unit_vector(self.n_b, "n_b"), strict=True))
+        if abs(cosine) > 1e-8:
+            raise DeclarationError(
+                "AC130",
+                f"Universal: n_a = {self.n_a} and n_b = {self.n_b} are not perpendicular",
+                cause=f"the angle between them is {math.degrees(math.acos(max(-1.0, min(1.0, cosine)))):.6g} degrees",
+                help="turn one of them; for axes at another angle connect two Revolute",
+            )
         self.revolute_a = Revolute(n=self.n_a)
         self.revolute_b = Revolute(n=self.n_b)
 

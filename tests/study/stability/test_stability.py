@@ -12,9 +12,25 @@ import pytest
 from typer.testing import CliRunner
 
 import acausal
-from acausal import Component, Equations, Experiment, Real, cos, der, fixed, parameter, time, variable
+from acausal import (
+    Component,
+    Equations,
+    Experiment,
+    Real,
+    cos,
+    der,
+    fixed,
+    guess,
+    maximum,
+    parameter,
+    sin,
+    sqrt,
+    time,
+    variable,
+    where,
+)
 from acausal.cli.main import app
-from acausal.errors import UsageError
+from acausal.errors import IntegrationError, UsageError
 from acausal.study.stability.bdf import bdf_effects
 
 
@@ -118,7 +134,17 @@ def test_command_line(tmp_path: Path) -> None:
     picture = tmp_path / "plane.png"
     run = CliRunner().invoke(
         app,
-        ["stability", f"{source}:Contact", "--set", "zeta=1.5", "--points", "6", "--json", "--output", str(picture)],
+        [
+            "stability",
+            f"{source}:Contact",
+            "--set",
+            "zeta=1.5",
+            "--points",
+            "6",
+            "--json",
+            "--output-file",
+            str(picture),
+        ],
     )
     assert run.exit_code == 0, run.output
     content = json.loads(run.stdout)
@@ -134,13 +160,120 @@ def test_command_line(tmp_path: Path) -> None:
 
 
 def test_text_names_states_and_numbers() -> None:
-    text = str(acausal.stability(StiffLag(), points=4))
-    assert "-1e+04 1/s" in text
-    assert "fast (100 %)" in text
-    assert "verdict: rosenbrock" in text
+    study = acausal.stability(StiffLag(), points=4)
+    short, whole = list(study.lines()), list(study.lines(details=True))
+    assert short[0].startswith("verdict: rosenbrock (stiff)")
+    assert whole[0] == short[0]
+    assert len(short) <= 10
+    assert "-1e+04 1/s" in str(study)
+    assert any("fast (100 %)" in line for line in whole)
+    assert "rk2" in next(line for line in short if "avoid" in line)
 
 
 def test_point_count_and_eigenvalues_per_point() -> None:
     study = acausal.stability(StiffLag(), points=7)
     assert len(study.locals) == 7
     assert all(np.isfinite(local.eigenvalues).all() and len(local.eigenvalues) == 2 for local in study.locals)
+
+
+class FloatingCapacitors(Component):
+    """R - C - R chains as in Rentrop's amplifier: the sum of two equations holds no rate, index 1."""
+
+    y: Real = variable(shape=4, default=guess((0.0, 1.0, 1.0, 0.0)))
+    experiment: ClassVar[Experiment] = Experiment(stop_time=0.1)
+
+    def equations(self) -> Equations:
+        y = self.y
+        yield 1e-6 * (der(y[1]) - der(y[0])) == (y[0] - sin(100.0 * time)) / 2e3
+        yield 1e-6 * (der(y[0]) - der(y[1])) == y[1] / 5e3 - (2.0 - y[1]) / 5e3
+        yield 3e-6 * (der(y[3]) - der(y[2])) == (y[2] - 2.0) / 4e3 + 1e-4 * y[1]
+        yield 3e-6 * (der(y[2]) - der(y[3])) == y[3] / 7e3
+
+
+class Parallel(Component):
+    """Two storages, one filled through the other: flows follow from the rate of a constraint, index 2."""
+
+    u: Real = variable(default=fixed(0.0))
+    w: Real = variable()
+    i: Real = variable()
+    j: Real = variable()
+    experiment: ClassVar[Experiment] = Experiment(stop_time=1.0)
+
+    def equations(self) -> Equations:
+        yield self.w == self.u + 0.1 * self.u**3
+        yield self.i == 2.0 * der(self.u)
+        yield self.j == 3.0 * der(self.w)
+        yield self.i + self.j == cos(time) - self.u**3
+
+
+@pytest.mark.parametrize(("model", "index"), [(FloatingCapacitors, 1), (Parallel, 2), (Contact, 0)])
+def test_the_index_is_that_of_the_equations(model: type[Component], index: int) -> None:
+    """By definition; higher than 1 is a constraint that BDF cannot be handed, 1 is none."""
+    study = acausal.stability(model(), points=4, check=False)
+    assert study.facts.index == index
+    assert (index > 1) == any("handed to BDF" in a.method for a in study.verdict.avoid)
+
+
+class Mixed(Component):
+    """One relation that is an event, one that is not."""
+
+    x: Real = variable(default=fixed(0.0))
+    y: Real = variable(default=fixed(0.0))
+    experiment: ClassVar[Experiment] = Experiment(stop_time=2.0)
+
+    def equations(self) -> Equations:
+        yield der(self.x) == where(self.x < 0.5, 1.0, 0.5)
+        yield der(self.y) == maximum(self.x, 0.3)
+
+
+def test_located_relations_and_others_are_told_apart() -> None:
+    """In one statement: nothing is called located and not located."""
+    study = acausal.stability(Mixed(), points=4, check=False)
+    assert (study.facts.relations, study.facts.kinks) == (1, 1)
+    facts = [f.fact for f in study.verdict.findings if f.kind in ("events", "kinks")]
+    assert len(facts) == 1
+    assert "1 relation of variables" in facts[0]
+    assert "1 other" in facts[0]
+
+
+class Orbit(Component):
+    """Two bodies, 25 periods of 2 pi; one frozen eigenvalue has a positive real part at every point."""
+
+    x: Real = variable(default=fixed(0.6))
+    y: Real = variable(default=fixed(0.0))
+    u: Real = variable(default=fixed(0.0))
+    v: Real = variable(default=fixed(math.sqrt(1.4 / 0.6)))
+    experiment: ClassVar[Experiment] = Experiment(stop_time=50.0 * math.pi, tolerance=1e-8)
+
+    def equations(self) -> Equations:
+        cubed = sqrt(self.x**2 + self.y**2) ** 3
+        yield der(self.x) == self.u
+        yield der(self.y) == self.v
+        yield der(self.u) == -self.x / cubed
+        yield der(self.v) == -self.y / cubed
+
+
+def test_what_a_study_says_of_an_orbit_is_what_its_run_does() -> None:
+    """An error of the semi-axis leads to 1.5 T times as much at the end, T = 157; the advised solver arrives."""
+    study = acausal.stability(Orbit(), points=12)
+    assert study.growth is not None
+    assert 1.5 * 50.0 * math.pi < study.growth.factor < 1e4
+    a, b = (
+        acausal.simulate(Orbit(), solver="rosenbrock", tolerance=1e-11, start={"x": 0.6 + d, "u": 0.0})
+        for d in (0.0, 1e-7)
+    )
+    apart = max(abs(float(a.final(name)) - float(b.final(name))) for name in ("x", "y", "u", "v")) / 1e-7
+    assert 0.05 * study.growth.factor < apart < 2.0 * study.growth.factor
+    result = acausal.simulate(Orbit(), solver=study.verdict.solver)
+    assert result.final("x") == pytest.approx(0.6, abs=1e-5)
+    assert "no method" not in str(study)
+
+
+def test_a_refused_step_and_the_study_name_one_limit() -> None:
+    """Constant eigenvalues: the same number at every point, for a damped mode and for an undamped one."""
+    for zeta in (0.3, 0.0):
+        model = Contact(zeta=zeta)
+        limit = next(q for q in acausal.stability(model, points=4, check=False).limits if q.method.name == "rk2")
+        with pytest.raises(IntegrationError, match="AC405") as refused:
+            acausal.simulate(model, solver="rk2", step=5e-3)
+        assert f"is {limit.largest_step or limit.usable_step:.4g} s" in str(refused.value)

@@ -1,0 +1,7 @@
+"""`python -m acausal`: the command line."""
+
+from __future__ import annotations
+
+from acausal_command import run
+
+run()

@@ -1,0 +1,419 @@
+"""Alias elimination: from the flat system to the reduced one.
+
+Equations `v1 == +-v2`, `v == constant` and `v == der(x)` are not solved but used: one variable stands for the class,
+constants disappear, and v becomes the derivative of x by name. Definitions of rotation matrices are substituted, with
+their rates as known derivatives, so that frames cost no unknowns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from acausal.diagnose.causes import contradiction
+from acausal.flatten.flat import FlatSystem
+from acausal.flatten.pool import LEAVES, Pool
+from acausal.flatten.reduced import ReducedSystem, ReducedWhen
+from acausal.structure import classes
+
+
+def reduce(flat: FlatSystem, instead: Mapping[int, int] | None = None) -> ReducedSystem:
+    """Eliminate aliases and constants until none is left.
+
+    `instead` gives residuals, nodes of the flat pool, that take the place of flat equations (`acausal.analyse.hidden`).
+
+    Raises
+    ------
+    StructureError
+        When equations contradict each other (a constant that is not zero must be zero): AC205, or the cause of it.
+    """
+    work = _Aliases(flat, instead or {})
+    while work.sweep():
+        pass
+    return work.finish()
+
+
+_VARYING = frozenset(("var", "time", "sample", "initial", "infinitesimal", "terminal"))
+
+
+class _Aliases:
+    """The elimination while it is under way; sweeps find new aliases after each substitution."""
+
+    def __init__(self, flat: FlatSystem, instead: Mapping[int, int]) -> None:
+        self.flat = flat
+        self.pool = flat.pool
+        self.residual = {k: self.pool.sub(e.left, e.right) for k, e in enumerate(flat.equations)} | dict(instead)
+        self.dirty = list(self.residual)  # equations whose variables have changed since they were looked at
+        self.users: dict[int, list[int]] = {}  # variable -> equations it has been seen in
+        self.relations: list[tuple[int, int, int]] = []
+        self.relation_source: list[int] = []
+        self.constant: dict[int, tuple[int, int]] = {}  # representative -> (node without variables, equation)
+        self.integral: dict[int, int] = {}  # the same, from the derivative to its integral
+        self.link: dict[int, tuple[int, int]] = {}  # representative -> (variable that is its derivative, equation)
+        self.definition: dict[int, int] = {}  # overconstrained variable -> node
+        self.trivial: list[int] = []
+        self.redundant: list[int] = []
+        self.inputs = set(flat.inputs)
+        self.priority = _priorities(flat)
+        self.done: dict[int, int] = {}
+        self._classes()
+        self._definitions()
+
+    def _classes(self) -> None:
+        """Representatives after new relations; what no longer fits its representative becomes an equation again."""
+        pool = self.pool
+        found = classes(self.flat.n_scalars, self.relations, self.priority)
+        self.representative = found.representative.tolist()
+        self.sign = found.sign.tolist()
+        self.redundant = [self.relation_source[k] for k in found.redundant]
+        constants = dict(self.constant)
+        if found.zero.any():
+            for k in found.zero.nonzero()[0].tolist():
+                constants.setdefault(self.representative[k], (pool.zero, self.relation_source[-1]))
+        self.constant = {}
+        for scalar, (node, k) in constants.items():
+            r = self.representative[scalar]
+            value = node if self.sign[scalar] > 0 else pool.neg(node)
+            if r in self.constant:
+                self._restore(k, pool.sub(value, self.constant[r][0]))
+            else:
+                self.constant[r] = (value, k)
+        links = self.link
+        self.link, self.integral = {}, {}
+        for x, (v, k) in links.items():
+            (rx, same_x), (rv, same_v) = self._signed(x), self._signed(v)
+            fits = same_x and same_v and not {rx, rv} & (self.constant.keys() | self.inputs)
+            # Aliases found after the links may have joined two derivatives, or a variable with one of its own.
+            if fits and self._linkable(rx, rv):
+                self.link[rx] = (rv, k)
+                self.integral[rv] = rx
+            else:
+                self._restore(k, pool.sub(pool.var(v), pool.var(pool.derivative(x))))
+
+    def _signed(self, variable: int) -> tuple[int, bool]:
+        """Representative, and whether its sign is kept; a derivative stands for itself while its integral does."""
+        pool, base = self.pool, variable
+        while base in pool.integral_of:
+            base = pool.integral_of[base]
+        r, positive = self.representative[base], self.sign[base] > 0
+        return (r, positive) if base == variable else (variable, positive and r == base and r not in self.constant)
+
+    def _restore(self, k: int, residual: int) -> None:
+        """Make an equation of a relation that cannot be kept as alias, constant or link."""
+        self.residual[k] = residual
+        self.dirty.append(k)
+
+    def _definitions(self) -> None:
+        """Explicit equations of overconstrained variables become substitutions."""
+        for k, equation in enumerate(self.flat.equations):
+            left = self.pool.nodes[equation.left]
+            if left[0] == "var" and left[1] in self.pool.slope and left[1] not in self.definition:
+                self.definition[left[1]] = equation.right
+                del self.residual[k]
+        self.dirty = list(self.residual)
+
+    def leaf(self, variable: int) -> int:
+        """Node of a flat variable, or of a derivative, under the aliases found so far."""
+        pool = self.pool
+        base = pool.integral_of.get(variable)
+        if base is None:
+            r = self.representative[variable]
+            node = self.constant[r][0] if r in self.constant else self._defined(r)
+            return node if self.sign[variable] > 0 else pool.neg(node)
+        node = self.leaf(base)
+        op, *rest = pool.nodes[node]
+        negative = op == "neg"
+        if negative:
+            op, *rest = pool.nodes[rest[0]]
+        if op != "var":
+            return pool.zero if op in ("const", "par") or not pool.variables_in(node) else pool.var(variable)
+        x = rest[0]
+        image = self.leaf(self.link[x][0]) if x in self.link else pool.var(pool.derivative(x))
+        return pool.neg(image) if negative else image
+
+    def _defined(self, variable: int) -> int:
+        """Image of the definition of an overconstrained variable; chains of frames are walked without recursion."""
+        pool = self.pool
+        if variable not in self.definition:
+            return pool.var(variable)
+        stack = [variable]
+        while stack:
+            node = self.definition[stack[-1]]
+            if node in self.done:
+                stack.pop()
+                continue
+            waiting = [
+                r
+                for r in (self.representative[v] for v in pool.variables_in(node) if v not in pool.integral_of)
+                if r in self.definition and self.definition[r] not in self.done and r not in stack
+            ]
+            if waiting:
+                stack.extend(waiting)
+                continue
+            stack.pop()
+            pool.rewrite([node], self.leaf, self.done)
+        return self.done[self.definition[variable]]
+
+    def sweep(self) -> bool:
+        """Substitute where something changed; collect aliases and constants, or else links; True if any was found."""
+        self._substitute()
+        relations = len(self.relations)
+        touched: set[int] = set()
+        nodes, residual = self.pool.nodes, self.residual
+        found = [k for k in self.dirty if self._alias(k, nodes[residual[k]], touched)]
+        for k in found:
+            del residual[k]
+        for k in self.dirty:  # what became an alias is never looked at again
+            if k in residual:
+                for v in self.pool.variables_in(residual[k]):
+                    self.users.setdefault(v, []).append(k)
+        if not found:
+            found = [k for k in self.linkable() if self._link(k, nodes[residual[k]], touched)]
+            for k in found:
+                del residual[k]
+        self.dirty = []
+        if not found:
+            return False
+        if len(self.relations) > relations or any(x in self.link or x in self.integral for x in touched):
+            self._classes()
+        self.done = {}
+        changed = set(self.dirty)
+        for v in touched:
+            derivative = self.pool.derivative_of.get(v)
+            changed.update(self.users.pop(v, ()))
+            if derivative is not None:
+                changed.update(self.users.pop(derivative, ()))
+        self.dirty = sorted(changed & residual.keys())
+        return True
+
+    def _substitute(self) -> None:
+        pool, residual = self.pool, self.residual
+        images = [residual[k] for k in self.dirty]
+        if self.relations or self.constant or self.link or self.definition:  # else nothing has changed yet
+            pool.rewrite(images, self.leaf, self.done)
+            images = [self.done[number] for number in images]
+        for k, image in zip(self.dirty, images, strict=True):
+            # A variable that cancels would mislead the structural analysis.
+            residual[k] = pool.collected(image)
+
+    def linkable(self) -> list[int]:
+        """Equations that mention a derivative, where links are looked for when no alias is left."""
+        integral = self.pool.integral_of
+        return sorted({k for v, users in self.users.items() if v in integral for k in users if k in self.residual})
+
+    def _alias(self, k: int, node: tuple[Any, ...], touched: set[int]) -> bool:
+        """Use a residual as alias or constant; False when it must stay."""
+        if node[0] == "const":
+            return self._trivial(k, node[1])
+        first, sign, second = self._pattern(node)
+        if first is None or first in self.pool.integral_of or first == second:
+            return False
+        if second is None or isinstance(second, _Known):
+            if first in self.inputs or first in touched:
+                return False
+            touched.add(first)
+            self.constant[first] = (self.pool.zero if second is None else second.node, k)
+            return True
+        if second in self.pool.integral_of or (first in self.inputs and second in self.inputs):
+            return False
+        touched.update((first, second))
+        self.relations.append((first, second, sign))
+        self.relation_source.append(k)
+        return True
+
+    def _link(self, k: int, node: tuple[Any, ...], touched: set[int]) -> bool:
+        """Use v == der(x): v is from now on the derivative of x."""
+        pool = self.pool
+        first, sign, second = self._pattern(node)
+        if first is None or not isinstance(second, int) or sign < 0:
+            return False
+        dx, v = (first, second) if first in pool.integral_of else (second, first)
+        x = pool.integral_of.get(dx)
+        if x is None or v in pool.integral_of or v in self.inputs or x in self.inputs:
+            return False
+        if not self._linkable(x, v):
+            return False
+        touched.update((x, v))
+        self.integral[v] = x
+        self.link[x] = (v, k)
+        return True
+
+    def _linkable(self, x: int, v: int) -> bool:
+        """Whether v can be the derivative of x by name: each of them once, and no circle."""
+        if v in self.integral or x in self.link:
+            return False
+        above: int | None = x
+        while above is not None:
+            if above == v:
+                return False  # x' = y, y' = x: one of the two stays an equation
+            above = self.integral.get(above)
+        return True
+
+    def _trivial(self, k: int, value: float) -> bool:
+        if abs(value) > 1e-12:
+            raise contradiction(self.flat, self.flat.equations[k], value)
+        self.trivial.append(k)
+        return True
+
+    def _pattern(self, node: tuple[Any, ...]) -> tuple[int | None, int, int | _Known | None]:
+        """(variable, sign, other) for v = sign*other, v = known or v = 0 (other None); (None, ...) for no pattern."""
+        pool = self.pool
+        op = node[0]
+        if op == "var":
+            return node[1], 1, None
+        if op == "neg" and pool.nodes[node[1]][0] == "var":
+            return pool.nodes[node[1]][1], 1, None
+        if op not in ("add", "sub"):
+            return None, 1, None
+        a, b = pool.nodes[node[1]], pool.nodes[node[2]]
+        if a[0] == "neg" and pool.nodes[a[1]][0] == "var" and b[0] == "var":
+            return pool.nodes[a[1]][1], 1 if op == "add" else -1, b[1]
+        if a[0] == "var" and b[0] == "var":
+            return a[1], 1 if op == "sub" else -1, b[1]
+        for this, other, other_node in ((a, b, node[2]), (b, a, node[1])):
+            if this[0] == "var" and self._is_known(other, other_node):
+                known: int = other_node
+                return this[1], 1, _Known(known if op == "sub" else pool.neg(known))
+        return None, 1, None
+
+    def _is_known(self, node: tuple[Any, ...], number: int) -> bool:
+        if node[0] in ("const", "par"):
+            return True
+        if node[0] in _VARYING:
+            return False
+        stack, seen = [number], {number}
+        while stack:  # a depth-first search ends at the first variable, nearly always at once
+            below = self.pool.nodes[stack.pop()]
+            if below[0] in _VARYING:
+                return False
+            if below[0] not in ("const", "par"):
+                # What only parameters determine may share so much that walking all paths would not end.
+                stack.extend(k for k in below[1:] if k not in seen)
+                seen.update(below[1:])
+        return True
+
+    def finish(self) -> ReducedSystem:
+        """Translate what is left into a pool with numbers of its own."""
+        pool = Pool()
+        number: dict[int, int] = {}
+        old = self.pool
+
+        def fresh(variable: int) -> None:
+            if variable not in number:
+                base = old.integral_of.get(variable)
+                if base is not None:
+                    fresh(base)
+                number[variable] = pool.new_variables(1) if base is None else pool.derivative(number[base])
+
+        image_old = self._scalar_images()
+        slopes_old = self._slopes()
+        initial_old = [old.sub(e.left, e.right) for e in self.flat.initial_equations]
+        old.rewrite(initial_old, self.leaf, self.done)
+        initial_old = [self.done[n] for n in initial_old]
+        whens_old = [ReducedWhen(w.conditions, w.earlier, tuple(v for _, v in w.actions)) for w in self.flat.whens]
+        old.rewrite([n for w in whens_old for n in (*w.guards, *w.values)], self.leaf, self.done)
+        whens_old = [w.mapped(self.done) for w in whens_old]
+        assigned_old = self._images([a.node for a in self.flat.assignments])
+        asserts_old = self._images([a.condition for a in self.flat.asserts])
+        delays_old = [[n for n in (d.source, d.time, d.most) if n is not None] for d in self.flat.delays]
+        delays_old = [self._images(nodes) for nodes in delays_old]
+        roots = list(self.residual.values()) + image_old + [n for pair in slopes_old for n in pair] + initial_old
+        roots += [n for w in whens_old for n in (*w.guards, *w.values)] + assigned_old + asserts_old
+        roots += [n for nodes in delays_old for n in nodes]
+        reachable = old.reachable(roots)
+        for variable in sorted(node[1] for node in map(old.nodes.__getitem__, reachable) if node[0] == "var"):
+            fresh(variable)
+        for x, (v, _) in self.link.items():
+            fresh(x)
+            fresh(v)
+            pool.derivative_of[number[x]] = number[v]
+            pool.integral_of[number[v]] = number[x]
+        done = _translate(old, pool, reachable, {v: pool.var(n) for v, n in number.items()})
+        for node, slope in slopes_old:
+            if pool.nodes[done[node]][0] not in ("var", "const", "neg"):
+                pool._slopes[done[node]] = done[slope]
+        return ReducedSystem(
+            flat=self.flat,
+            pool=pool,
+            scalar=tuple(sorted(number, key=number.__getitem__)),
+            residuals=tuple(done[self.residual[k]] for k in sorted(self.residual)),
+            equation=tuple(sorted(self.residual)),
+            image=tuple(done[n] for n in image_old),
+            inputs=tuple(number[s] for s in self.flat.inputs if s in number),
+            redundant=(*self.redundant, *self.trivial),
+            initial=tuple(done[n] for n in initial_old),
+            whens=tuple(w.mapped(done) for w in whens_old),
+            assignments=tuple(done[n] for n in assigned_old),
+            asserts=tuple(done[n] for n in asserts_old),
+            delays=tuple((done[n[0]], done[n[1]], done[n[2]] if len(n) > 2 else None) for n in delays_old),
+        )
+
+    def _images(self, roots: list[int]) -> list[int]:
+        """Nodes under the aliases found."""
+        self.pool.rewrite(roots, self.leaf, self.done)
+        return [self.done[n] for n in roots]
+
+    def _scalar_images(self) -> list[int]:
+        """Nodes of all flat scalars, in the old pool."""
+        pool, constant, definition = self.pool, self.constant, self.definition
+        images = []
+        for k, (r, sign) in enumerate(zip(self.representative, self.sign, strict=True)):
+            if r in constant or r in definition:
+                images.append(self.leaf(k))
+            else:
+                images.append(pool.var(r) if sign > 0 else pool.neg(pool.var(r)))
+        return images[: self.flat.n_scalars]
+
+    def _slopes(self) -> list[tuple[int, int]]:
+        """Known derivatives of substituted definitions: (node, node of its derivative)."""
+        pairs = []
+        for variable in self.definition:
+            if self.representative[variable] == variable and variable not in self.constant:
+                slope = self.pool.slope[variable]
+                self.pool.rewrite([slope], self.leaf, self.done)
+                pairs.append((self._defined(variable), self.done[slope]))
+        return pairs
+
+
+@dataclass(frozen=True)
+class _Known:
+    node: int
+
+
+def _priorities(flat: FlatSystem) -> list[int]:
+    priority = [0] * flat.n_scalars
+    ranks: dict[int, int] = {}
+    starts = flat.starts
+    for v in flat.variables:
+        d = v.declaration
+        rank = ranks.get(id(d))
+        if rank is None:
+            rank = 8 * (d.prefer_state is True) - 8 * (d.prefer_state is False) - 2 * (d.kind.value == "flow")
+            ranks[id(d)] = rank
+        if "." in v.path:
+            rank -= 1
+        for k in range(v.first, v.first + v.size):
+            own = rank + 4 if k in starts else rank
+            before = priority[k]
+            priority[k] = max(before, own) if before else own
+    for k in flat.inputs:
+        priority[k] = 100
+    return priority
+
+
+def _translate(old: Pool, new: Pool, reachable: list[int], leaf: dict[int, int]) -> dict[int, int]:
+    done: dict[int, int] = {}
+    nodes, make, intern = old.nodes, new.make, new.intern
+    for number in reachable:
+        node = nodes[number]
+        op = node[0]
+        if op == "var":
+            done[number] = leaf[node[1]]
+        elif op in LEAVES:
+            done[number] = intern(node)
+        elif len(node) == 3:
+            done[number] = make(op, done[node[1]], done[node[2]])
+        else:
+            done[number] = make(op, *[done[c] for c in node[1:]])
+    return done

@@ -1,0 +1,328 @@
+"""From the reduced system to its structure: differentiated equations, states, blocks in solving order."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence, Set
+from dataclasses import dataclass, replace
+from functools import cached_property
+from math import comb
+
+import numpy as np
+
+from acausal.diagnose.balance import balance
+from acausal.diagnose.differentiated import differentiated_input, refuse_if_singular, undetermined
+from acausal.diagnose.loops import redundant_constraints
+from acausal.diagnose.modes import refuse_changing_structure
+from acausal.flatten.connections import UnionFind
+from acausal.flatten.differentiate import differentiate
+from acausal.flatten.reduced import ReducedSystem
+from acausal.numeric.evaluate import Samples, gradients
+from acausal.numeric.samples import COUNT, FAR, SamplePoints, Visited
+from acausal.structure import Block, Choice, Incidence, blocks, match, pantelides, select_dummies
+
+_SUSPICIOUS = (5, 20)
+"""Levels of differentiation at which a model is looked at for singularity: published problems have index 3 or less."""
+
+
+@dataclass(frozen=True, eq=False)
+class Structure:
+    """What must be solved for what, and in which order.
+
+    Attributes
+    ----------
+    residuals
+        Nodes that must be zero: those of the reduced system, then the differentiated ones.
+    integral
+        For a differentiated equation, the equation it is the derivative of.
+    states
+        Variables that are integrated; `derivative(x)` is the unknown that is their rate.
+    blocks
+        Rows are equations, columns unknowns; each block needs only states, inputs and earlier blocks.
+    choices
+        Where index reduction had to choose states.
+    invariants
+        Constraints that are not solved but kept by stabilisation: pairs of equation and its node. Their variables are
+        all states; of each the highest derivative is solved as (d/dt + rate)^k g = 0: g decays (Baumgarte 1972).
+    rate
+        Node of the stabilisation rate [1/s], a parameter of its own behind those of the model; None without invariants.
+    """
+
+    reduced: ReducedSystem
+    residuals: tuple[int, ...]
+    integral: dict[int, int]
+    states: tuple[int, ...]
+    blocks: tuple[Block, ...]
+    choices: tuple[Choice, ...]
+    invariants: tuple[tuple[int, int], ...]
+    rate: int | None
+    points: SamplePoints
+
+    def __repr__(self) -> str:
+        sizes = [len(b.rows) for b in self.blocks]
+        return (
+            f"Structure({self.reduced.flat.name}: {len(self.states)} states, {sum(sizes)} unknowns in "
+            f"{len(sizes)} blocks, largest {max(sizes, default=0)}, {len(self.integral)} differentiated equations)"
+        )
+
+    def derivative(self, state: int) -> int:
+        """The variable that is the rate of a state."""
+        return self.reduced.pool.derivative_of[state]
+
+    def flat_equation(self, equation: int) -> int:
+        """Index of the flat equation that an equation is, or was differentiated from."""
+        while equation in self.integral:
+            equation = self.integral[equation]
+        return self.reduced.equation[equation]
+
+    @cached_property
+    def index_reduced(self) -> bool:
+        """True when equations had to be differentiated."""
+        return bool(self.integral)
+
+
+def analyse(reduced: ReducedSystem, keep_constraints: bool = False, visited: Visited | None = None) -> Structure:
+    """Structural analysis: balance, index reduction, state choice, block order.
+
+    `keep_constraints` chooses no states: every constraint is stabilised, all its variables are integrated. What is
+    judged by numbers is judged at the points `visited` too.
+
+    Raises
+    ------
+    StructureError
+        AC201 too few or too many equations, AC206 dependent constraints, AC207 an input must be differentiated, AC213
+        what has to be solved for what depends on the mode.
+    """
+    _check_inputs(reduced)  # before the balance: an equation for the derivative is what would be missing
+    balance(reduced)
+    system = _System(reduced)
+    n = len(reduced.residuals)
+    moving = set(reduced.pool.derivative_of)
+    assigned, derivative = pantelides(system, n)
+    _check_inputs(reduced)  # again: constraints have been differentiated
+    integral = {new: old for old, new in derivative.items()}
+    points = SamplePoints(reduced, visited)
+    choices: list[Choice] = []
+    invariants: list[tuple[int, int]] = []
+    if integral:
+        found = _groups(system, [e for e in sorted(integral) if e not in derivative], set(assigned))
+        choices = select_dummies(
+            found,
+            integral,
+            reduced.pool.integral_of,
+            system.rows(points),
+            preference(reduced),
+            lambda e: system.hidden(integral[e], e),
+            # What has no rate in the model's own equations is solved for as algebraic variables are.
+            lambda v: None if v in moving else COUNT,
+        )
+        _check_choices(reduced, integral, choices)
+        if keep_constraints:
+            highest = [c for c in choices if not set(c.equations) & derivative.keys()]
+            choices = [replace(c, dummies=(), floating=c.equations) for c in highest]
+        invariants = system.stabilise([e for c in choices for e in c.floating], integral)
+    dummies = {v for c in choices for v in c.dummies}
+    pool = reduced.pool
+    states = tuple(sorted(x for x, dx in pool.derivative_of.items() if dx not in dummies and x not in reduced.inputs))
+    order = _order(system, set(states), {e for e, _ in invariants})
+    refuse_changing_structure(reduced, system.residuals, order, system.source)
+    return Structure(
+        reduced=reduced,
+        residuals=tuple(system.residuals),
+        integral=integral,
+        states=states,
+        blocks=order,
+        choices=tuple(choices),
+        invariants=tuple(invariants),
+        rate=system.rate if invariants else None,
+        points=points,
+    )
+
+
+def reordered(
+    structure: Structure, residuals: Sequence[int], states: Sequence[int] | None = None, gone: Set[int] = frozenset()
+) -> Structure:
+    """The structure with other nodes for its equations, in which variables may be missing: blocks anew.
+
+    `states` are others than before, if given; variables `gone` stand nowhere any more and are not solved for.
+
+    Raises
+    ------
+    StructureError
+        When they do not determine the unknowns any more.
+    """
+    system = _System(structure.reduced)
+    system.residuals = list(residuals)
+    system.source = [structure.flat_equation(e) for e in range(len(residuals))]
+    kept = structure.states if states is None else tuple(states)
+    order = _order(system, {*kept, *gone}, {e for e, _ in structure.invariants})
+    points = SamplePoints(structure.reduced, structure.points.visited)
+    return replace(structure, residuals=tuple(residuals), states=kept, blocks=order, points=points)
+
+
+def _groups(system: _System, equations: Sequence[int], unknowns: set[int]) -> list[Block]:
+    """Highest differentiated equations and highest derivatives that hang together.
+
+    Not the blocks of the solving order: a preferred coordinate and the one that should give way to it (a joint's and
+    a body's) often stand in different blocks.
+    """
+    rows = [[v for v in system.incidence(e) if v in unknowns and v in system.pool.integral_of] for e in equations]
+    owner: dict[int, int] = {}
+    sets = UnionFind(len(equations))
+    for k, row in enumerate(rows):
+        for v in row:
+            sets.union(k, owner.setdefault(v, k))
+    members: dict[int, list[int]] = {}
+    for k in range(len(equations)):
+        members.setdefault(sets.find(k), []).append(k)
+    return [
+        Block(tuple(equations[k] for k in group), tuple(dict.fromkeys(v for k in group for v in rows[k])))
+        for group in members.values()
+    ]
+
+
+def _order(system: _System, states: set[int], without: set[int]) -> tuple[Block, ...]:
+    known = states | system.inputs
+    equations = [e for e in range(len(system.residuals)) if e not in without]
+    unknowns = [v for v in range(system.n_variables()) if v not in known]
+    place = {v: k for k, v in enumerate(unknowns)}
+    rows = [[place[v] for v in system.incidence(e) if v in place] for e in equations]
+    incidence = Incidence.from_rows(rows, len(unknowns))
+    matched = match(incidence)
+    if len(rows) != len(unknowns) or (matched < 0).any():
+        free = sorted(set(range(len(unknowns))) - {int(c) for c in matched if c >= 0})
+        left = [system.source[equations[r]] for r in np.flatnonzero(matched < 0)]
+        raise undetermined(system.reduced, left, [unknowns[c] for c in free])
+    return tuple(
+        Block(tuple(equations[r] for r in b.rows), tuple(unknowns[c] for c in b.columns))
+        for b in blocks(incidence, matched)
+    )
+
+
+class _System:
+    """The reduced system as Pantelides' algorithm sees it."""
+
+    def __init__(self, reduced: ReducedSystem) -> None:
+        self.reduced = reduced
+        self.pool = reduced.pool
+        self.residuals = list(reduced.residuals)
+        self.source = list(reduced.equation)  # flat equation that each residual comes from
+        self.level = [0] * len(self.residuals)  # how often it was differentiated
+        self.inputs = set(reduced.inputs)
+        self._rows: dict[int, list[int]] = {}
+
+    def n_variables(self) -> int:
+        return self.pool.n_variables
+
+    def incidence(self, equation: int) -> list[int]:
+        row = self._rows.get(equation)
+        if row is None:
+            row = sorted(self.pool.variables_in(self.residuals[equation]) - self.inputs)
+            self._rows[equation] = row
+        return row
+
+    def derivative(self, variable: int) -> int | None:
+        return self.pool.derivative_of.get(variable)
+
+    def differentiate_variable(self, variable: int) -> int:
+        return self.pool.derivative(variable)
+
+    def differentiate_equation(self, equation: int) -> int:
+        level = self.level[equation] + 1
+        if level in _SUSPICIOUS:
+            refuse_if_singular(self.reduced, self.source[equation], level == _SUSPICIOUS[-1])
+        self.level.append(level)
+        self.residuals.append(differentiate(self.pool, self.residuals[equation]))
+        self.source.append(self.source[equation])
+        return len(self.residuals) - 1
+
+    def hidden(self, equation: int, differentiated: int) -> list[int]:
+        """Derivatives of variables of an equation that known rates keep out of the differentiated equation."""
+        rates = map(self.derivative, self.incidence(equation))
+        shown = set(self.incidence(differentiated))
+        return [v for v in rates if v is not None and v not in shown]
+
+    def rows(self, points: SamplePoints) -> Callable[[Sequence[int], Sequence[int]], list[dict[int, Samples]]]:
+        """Sparse rows of d(equation)/d(variable), per nominal magnitude, at the sample points."""
+
+        def rows(equations: Sequence[int], variables: Sequence[int]) -> list[dict[int, Samples]]:
+            found = gradients(self.pool, [self.residuals[e] for e in equations], variables, points.leaves_anywhere)
+            size = {v: self._nominal(v) for v in variables}
+            return [
+                {v: np.broadcast_to(np.asarray(g * size[v], dtype=float), (COUNT + FAR,)) for v, g in row.items()}
+                for row in found
+            ]
+
+        return rows
+
+    def _nominal(self, variable: int) -> float:
+        """Declared magnitude: charges of 1e-12 C stand beside voltages of 1 V, and neither is negligible."""
+        flat = self.reduced.flat
+        sizes = (abs(flat.declaration(s).nominal) for s in self.reduced.aliases.get(variable, ()))
+        return next((s for s in sizes if s not in (0.0, 1.0)), 1.0)
+
+    @property
+    def rate(self) -> int:
+        """Node of the stabilisation rate."""
+        return self.pool.par(len(self.reduced.flat.parameter_values))
+
+    def stabilise(self, highest: Sequence[int], integral: dict[int, int]) -> list[tuple[int, int]]:
+        """Replace highest derivatives of constraints by decaying ones; returns constraints with all lower levels."""
+        invariants = []
+        original = list(self.residuals)
+        derivative = {old: new for new, old in integral.items()}
+        for floating in highest:
+            chain = [floating]
+            while chain[-1] in integral:
+                chain.append(integral[chain[-1]])
+            order = len(chain) - 1
+            invariants += [(e, original[e]) for e in chain[1:]]
+            while chain[0] in derivative:
+                chain.insert(0, derivative[chain[0]])
+            for k, e in enumerate(chain[: len(chain) - order]):
+                self.residuals[e] = self._decaying([original[c] for c in chain[k : k + order + 1]])
+                self._rows.pop(e, None)
+        return invariants
+
+    def _decaying(self, chain: Sequence[int]) -> int:
+        """(d/dt + rate)^n g from the nodes of g^(n), ..., g', g."""
+        pool = self.pool
+        total, factor = chain[0], pool.one
+        for k, lower in enumerate(chain[1:], start=1):
+            factor = pool.mul(factor, self.rate)
+            weight = pool.mul(pool.const(float(comb(len(chain) - 1, k))), factor)
+            total = pool.add(total, pool.mul(weight, lower))
+        return total
+
+
+def preference(reduced: ReducedSystem) -> Callable[[int], float]:
+    """How gladly a variable is taken as state: declared preference first, then a declared fixed start."""
+
+    def preference(variable: int) -> float:
+        rank, is_fixed = 1.0, False
+        for scalar in reduced.aliases.get(variable, ()):
+            prefer = reduced.flat.declaration(scalar).prefer_state
+            if prefer is not None:
+                rank = max(rank, 2.0) if prefer else min(rank, 0.0)
+            start = reduced.flat.starts.get(scalar)
+            is_fixed = is_fixed or (start is not None and start.is_fixed)
+        return rank + 0.5 * is_fixed if rank > 0.0 else rank
+
+    return preference
+
+
+def _check_inputs(reduced: ReducedSystem) -> None:
+    for u in reduced.inputs:
+        if u in reduced.pool.derivative_of:
+            raise differentiated_input(reduced, u)
+
+
+def _check_choices(reduced: ReducedSystem, integral: dict[int, int], choices: Sequence[Choice]) -> None:
+    for choice in choices:
+        if not choice.deficient:
+            continue
+        sources = []
+        for e in choice.deficient:
+            while e in integral:
+                e = integral[e]
+            sources.append(reduced.flat.equations[reduced.equation[e]])
+        raise redundant_constraints(reduced, sources)

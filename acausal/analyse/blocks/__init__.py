@@ -1,0 +1,1 @@
+"""Blocks solved as far as symbols go."""

@@ -1,0 +1,311 @@
+"""Linear blocks solved symbolically: sparse Gaussian elimination with pivots that cannot vanish.
+
+The order is from the leaves of what the equations hang on to its root (`orders.py`), or Markowitz's (fewest fill-in),
+whichever costs less; the pivots are restricted to coefficients that are constant, depend on parameters only, or keep
+their sign at all sample points. On the flat equations of a tree-structured mechanism this recovers the recursion of the
+articulated-body algorithm, linear in the number of bodies; tearing to a dense core does not.
+
+Where no single pivot is safe, two equations are solved for two unknowns at once if the determinant keeps its sign: the
+equations of motion with their constraints are an indefinite system, for which single pivots do not suffice, but pairs
+do. Where the equations of a joint are resolved in other axes than its forces, as those of a ball joint are, it takes
+three. What has none of them is left over, for the DAE solver, but for a last unknown that only one equation is left
+for.
+
+Source: H. M. Markowitz, The elimination form of the inverse, Management Science 3 (1957) 255-269; J. R. Bunch,
+L. Kaufman, Some stable methods for calculating inertia and solving symmetric linear systems, Math. Comp. 31 (1977)
+163-179; R. Featherstone, Rigid Body Dynamics Algorithms (2008), chapter 7.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from math import inf
+
+import numpy as np
+
+from acausal.analyse.blocks.operations import operations
+from acausal.analyse.blocks.orders import Order, orders
+from acausal.analyse.blocks.pivots import Pivot, determinant, is_safe, keeps_sign, safe_pairs
+from acausal.flatten.pool import Pool
+from acausal.numeric.evaluate import Samples
+from acausal.numeric.samples import SamplePoints
+
+_MOST = 20_000  # candidates for several pivots at once that are looked at
+_CLOSE = 6  # rows, and variables, that three are chosen from
+_SHORT = 32  # entries of a row that are looked at again whenever one of them changes
+_LONG = 20_000  # products spent on an order when another leaves something over
+_SLACK = 1.2  # products of an order that may still be the one with the fewest operations
+_ROUNDING = 2e-14  # of numbers that have cancelled: a hundred times that of one operation
+_PENALTY = (0.0, 0.2, 0.6, 2.0)  # added to Markowitz's count: a division by a constant is cheaper and safer
+
+
+@dataclass(frozen=True)
+class Eliminated:
+    """Result of an elimination.
+
+    `solved` lists (variable, node) in the order of evaluation; `left_variables` have no safe pivot, they must make
+    `left_residuals` zero. `empty` holds positions of rows in which nothing is left, with the node that must be zero.
+    """
+
+    solved: tuple[tuple[int, int], ...]
+    left_variables: tuple[int, ...]
+    left_residuals: tuple[int, ...]
+    empty: tuple[tuple[int, int], ...]
+
+
+def safety(points: SamplePoints, coefficient: int) -> int | None:
+    """0 for +-1, 1 for constants, 2 for parameter expressions, 3 for what keeps its sign; None when not safe."""
+    pool = points.reduced.pool
+    node = pool.nodes[coefficient]
+    if node[0] == "const":
+        return None if node[1] == 0.0 else 0 if abs(node[1]) == 1.0 else 1
+    varies = points.varies(coefficient)
+    found = points.certainly(coefficient)
+    if not varies:
+        return 2 if np.isfinite(found[0]) and found[0] != 0.0 else None
+    return 3 if keeps_sign(found) else None
+
+
+def eliminate(
+    points: SamplePoints,
+    rows: Sequence[dict[int, int]],
+    rests: Sequence[int],
+    differentiated: Sequence[int] = (),
+    rates: Collection[int] = (),
+) -> Eliminated:
+    """Solve `sum(rows[i][v] * v) + rests[i] == 0` for all v, in the order that leaves least, then costs least.
+
+    `differentiated` are the positions of rows that were differentiated from constraints. `rates` are the variables that
+    are integrated: what others cost does not count where these do without.
+    """
+    best: _Work | None = None
+    for order in orders(rows, differentiated):
+        work = _Work(points, rows, rests, order)
+        most = inf if best is None else max(order.most, _LONG) if best.left else min(order.most, _SLACK * best.products)
+        if not work.run(most):
+            continue
+        if best is None or work.left < best.left or (work.left == best.left and work.cost(rates) < best.cost(rates)):
+            best = work
+    assert best is not None, "there is always an order"
+    return best.result()
+
+
+class _Work:
+    def __init__(
+        self,
+        points: SamplePoints,
+        rows: Sequence[dict[int, int]],
+        rests: Sequence[int],
+        order: Order,
+    ) -> None:
+        self.points = points
+        self.order = order
+        self.products = 0  # of coefficients, formed so far
+        self.pool: Pool = points.reduced.pool
+        self.rows = [{v: c for v, c in row.items() if c != self.pool.zero} for row in rows]
+        self.rests = list(rests)
+        self.columns: dict[int, set[int]] = {}
+        for i, row in enumerate(self.rows):
+            for v in row:
+                self.columns.setdefault(v, set()).add(i)
+        self.variables = set().union(*rows) if rows else set()
+        self.active = set(range(len(self.rows)))
+        self.pivots: list[Pivot] = []
+        self.fresh = set(self.active), set(self.active)  # rows not yet looked at for pairs, for threes
+        self._safety: dict[int, int | None] = {}
+        self._sampled: dict[int, Samples] = {}
+        self.offered: dict[int, int] = {}  # length of a row when all its entries were offered
+        self.heap: list[tuple[float, int, int, int]] = []
+        for i, row in enumerate(self.rows):
+            for v, c in row.items():
+                self._offer(i, v, c)
+
+    def _cost(self, i: int, v: int, c: int) -> float | None:
+        if c not in self._safety:
+            self._safety[c] = safety(self.points, c)
+        rank = self._safety[c]
+        if rank is None:
+            return None
+        count = (len(self.rows[i]) - 1) * (len(self.columns[v]) - 1) + _PENALTY[rank]
+        return self.order.cost(i, v, count)
+
+    def _offer(self, i: int, v: int, c: int) -> None:
+        cost = self._cost(i, v, c)
+        if cost is not None:
+            heapq.heappush(self.heap, (cost, i, v, c))
+
+    @property
+    def left(self) -> int:
+        """Number of rows that are not solved."""
+        return len(self.active)
+
+    def cost(self, rates: Collection[int]) -> int:
+        """Operations of the solution, as far as rates and residuals need it."""
+        done = self.result()
+        nodes = dict(done.solved)
+        wanted = [nodes[v] for v in nodes if v in rates] or list(nodes.values())
+        needed = self.points.reduced.pool.variables_behind([*wanted, *done.left_residuals], nodes)
+        return operations(self.points, [*wanted, *done.left_residuals, *(n for v, n in done.solved if v in needed)])
+
+    def run(self, most: float = inf) -> bool:
+        """Single pivots while there are any, else two or three at once; False when that takes too many products."""
+        while self._singles(most):
+            several = self._several()
+            if several is None:
+                for i in sorted(self.active):
+                    self._alone(i)
+                return True
+            self._pivot(*several)
+        return False
+
+    def _alone(self, i: int) -> None:
+        """Solve a row in which one unknown is left that stands nowhere else: there is no better pivot to wait for.
+
+        It must only not be zero. Between a closed and an open switch it changes by the ratio of their conductances,
+        1e9, which does not make it unsafe; that of a resistor which warms itself has another sign at points where the
+        temperature is below zero. Where it does vanish in a run, Newton's method finds no solution either.
+        """
+        if len(self.rows[i]) == 1:
+            (v, c), *_ = self.rows[i].items()
+            found = self.points.certainly(c)
+            if len(self.columns[v]) == 1 and (np.isfinite(found) & (found != 0.0)).all():
+                self._pivot((i,), (v,))
+
+    def _singles(self, most: float) -> bool:
+        while self.heap:
+            if self.products > most:
+                return False
+            cost, i, v, c = heapq.heappop(self.heap)
+            if i not in self.active or self.rows[i].get(v) != c or v not in self.columns:
+                continue
+            now = self._cost(i, v, c)
+            if now is None:
+                continue
+            if now > cost:
+                heapq.heappush(self.heap, (now, i, v, c))
+                continue
+            self._pivot((i,), (v,))
+        return True
+
+    def _several(self) -> tuple[tuple[int, ...], tuple[int, ...]] | None:
+        """The cheapest two rows and columns whose determinant is safe, else three."""
+        pairs, triples = self.fresh
+        found = min(self._pairs(pairs), default=None)
+        if found is not None:
+            return found[1:]
+        pairs.clear()
+        for _, rows, variables in sorted(self._triples(triples)):
+            if is_safe(*determinant([[self._values(i, v) for v in variables] for i in rows])):
+                return rows, variables
+        triples.clear()
+        return None
+
+    def _pairs(self, fresh: set[int]) -> Iterator[tuple[int, tuple[int, ...], tuple[int, ...]]]:
+        """(fill-in, two rows, two columns they share), if safe: with an entry missing, a single pivot would do."""
+        left = _MOST
+        for i in sorted(self.active):
+            row = self.rows[i]
+            for j in sorted({j for v in row for j in self.columns[v] if j > i and (i in fresh or j in fresh)}):
+                shared = sorted(v for v in row if v in self.rows[j])
+                left -= len(shared) * (len(shared) - 1) // 2
+                width = len(row.keys() | self.rows[j].keys()) - 2
+                for a, b in safe_pairs(*([self._values(k, v) for v in shared] for k in (i, j))):
+                    v, w = shared[a], shared[b]
+                    yield width * (len(self.columns[v] | self.columns[w]) - 2), (i, j), (v, w)
+                if left < 0:
+                    return
+
+    def _values(self, i: int, v: int) -> Samples:
+        node = self.rows[i].get(v, self.pool.zero)
+        if node not in self._sampled:
+            self._sampled[node] = self.points.everywhere(node)
+        return self._sampled[node]
+
+    def _triples(self, fresh: set[int]) -> Iterator[tuple[int, tuple[int, ...], tuple[int, ...]]]:
+        """The same with three, of variables that stand in the same rows, as the components of a vector do."""
+        groups: dict[frozenset[int], list[int]] = {}
+        for v in sorted(set().union(*(self.rows[i] for i in self.active))):
+            groups.setdefault(frozenset(self.columns[v]), []).append(v)
+        for beside, members in groups.items():
+            for rows in combinations(sorted(beside)[:_CLOSE], 3):
+                if fresh.isdisjoint(rows):
+                    continue
+                width = len(set().union(*(self.rows[i] for i in rows))) - 3
+                for variables in combinations(members[:_CLOSE], 3):
+                    yield width * (len(beside) - 3), rows, variables
+
+    def _pivot(self, rows: tuple[int, ...], variables: tuple[int, ...]) -> None:
+        """Solve the rows for the variables and put that into all other rows."""
+        self.active.difference_update(rows)
+        pivot = Pivot(self.pool, rows, variables, [self.rows[i] for i in rows])
+        self.pivots.append(pivot)
+        for i in rows:
+            for w in self.rows[i]:
+                self.columns[w].discard(i)
+        for j in sorted(set().union(*(self.columns.pop(v) for v in variables))):
+            self._substitute(j, pivot)
+
+    def _substitute(self, j: int, pivot: Pivot) -> None:
+        pool, other = self.pool, self.rows[j]
+        for fresh in self.fresh:
+            fresh.add(j)
+        changed: set[int] = set()
+        factors = pivot.factors([other.pop(v, pool.zero) for v in pivot.variables])
+        for i, factor in zip(pivot.rows, factors, strict=True):
+            self.products += len(self.rows[i])
+            for w, c in self.rows[i].items():
+                if w in pivot.variables:
+                    continue
+                new = self._difference(other.get(w, pool.zero), pool.mul(factor, c))
+                if new == pool.zero:
+                    if other.pop(w, None) is not None:
+                        self.columns[w].discard(j)
+                else:
+                    other[w] = new
+                    changed.add(w)
+                    self.columns[w].add(j)
+            self.rests[j] = pool.sub(self.rests[j], pool.mul(factor, self.rests[i]))
+        # Entries of a row cost less when it gets shorter. To say so at every change of a long row is quadratic in its
+        # length (the flows of a node that everything is connected to).
+        if len(other) <= _SHORT or len(other) < 0.9 * self.offered.get(j, 2 * len(other)):
+            self.offered[j] = len(other)
+            for w, c in other.items():
+                self._offer(j, w, c)
+        else:
+            for w in sorted(changed & other.keys()):
+                self._offer(j, w, other[w])
+
+    def _difference(self, a: int, b: int) -> int:
+        """`a - b`; zero where two numbers cancel but for rounding: 4e-16 is no pivot."""
+        pool = self.pool
+        left, right = pool.value(a), pool.value(b)
+        if left is not None and right is not None and abs(left - right) <= _ROUNDING * (abs(left) + abs(right)):
+            return pool.zero
+        return pool.sub(a, b)
+
+    def result(self) -> Eliminated:
+        solved: list[tuple[int, int]] = []
+        for pivot in reversed(self.pivots):
+            totals = [self._rest(i, pivot.variables) for i in pivot.rows]
+            solved += zip(pivot.variables, pivot.solved(totals), strict=True)
+        done = {v for v, _ in solved}
+        left = [i for i in sorted(self.active) if self.rows[i]]
+        empty = [(i, self.rests[i]) for i in sorted(self.active) if not self.rows[i]]
+        return Eliminated(
+            tuple(solved),
+            tuple(sorted(self.variables - done)),
+            tuple(self._rest(i, ()) for i in left),
+            tuple(empty),
+        )
+
+    def _rest(self, i: int, without: Sequence[int]) -> int:
+        """The left side of a row, without the terms of some variables."""
+        pool = self.pool
+        total = self.rests[i]
+        for w, c in self.rows[i].items():
+            if w not in without:
+                total = pool.add(total, pool.mul(c, pool.var(w)))
+        return total

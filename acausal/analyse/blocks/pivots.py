@@ -1,0 +1,99 @@
+"""Pivots of one, two or three equations: solved by Cramer's rule, which divides by their determinant only."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import permutations
+
+import numpy as np
+
+from acausal.flatten.pool import Pool
+from acausal.numeric.evaluate import Samples
+
+_CANCELLED = 1e-6  # of the size of its terms: what a determinant is larger than where nothing cancels
+
+
+def keeps_sign(found: Samples) -> bool:
+    """Whether a sampled quantity keeps away from zero."""
+    found = found[np.isfinite(found)]
+    if len(found) < 4:
+        return False
+    low, high = np.abs(found).min(), np.abs(found).max()
+    return bool(((found > 0).all() or (found < 0).all()) and low > 1e-6 * high)
+
+
+class Pivot:
+    """As many rows solved for as many variables."""
+
+    def __init__(
+        self, pool: Pool, rows: tuple[int, ...], variables: tuple[int, ...], entries: Sequence[dict[int, int]]
+    ) -> None:
+        self.pool, self.rows, self.variables = pool, rows, variables
+        self.entries = [[row.get(v, pool.zero) for v in variables] for row in entries]
+        n = len(rows)
+        self.cofactors = [[self._cofactor(i, k) for k in range(n)] for i in range(n)] if n > 1 else [[pool.one]]
+        first = (pool.mul(a, c) for a, c in zip(self.entries[0], self.cofactors[0], strict=True))
+        self.determinant = pool.sum(first)
+
+    def factors(self, taken: Sequence[int]) -> list[int]:
+        """How often each pivot row is subtracted from a row that has the coefficients `taken`."""
+        pool = self.pool
+        if len(taken) == 1:
+            # A pivot is not zero, so what equals it cancels against it.
+            if taken[0] == self.determinant:
+                return [pool.one]
+            if taken[0] == pool.neg(self.determinant):
+                return [pool.neg(pool.one)]
+        return [
+            pool.div(pool.sum(pool.mul(t, c) for t, c in zip(taken, row, strict=True)), self.determinant)
+            for row in self.cofactors
+        ]
+
+    def solved(self, totals: Sequence[int]) -> list[int]:
+        """The variables, when the pivot rows are `totals` plus their terms."""
+        pool = self.pool
+        columns = zip(*self.cofactors, strict=True)
+        sums = (pool.sum(pool.mul(c, t) for c, t in zip(column, totals, strict=True)) for column in columns)
+        return [pool.div(pool.neg(total), self.determinant) for total in sums]
+
+    def _cofactor(self, i: int, k: int) -> int:
+        pool = self.pool
+        rest = [[e for c, e in enumerate(row) if c != k] for r, row in enumerate(self.entries) if r != i]
+        if len(rest) == 1:
+            minor = rest[0][0]
+        else:
+            (a, b), (c, d) = rest
+            minor = pool.sub(pool.mul(a, d), pool.mul(b, c))
+        return pool.neg(minor) if (i + k) % 2 else minor
+
+
+def determinant(entries: Sequence[Sequence[Samples]]) -> tuple[Samples, Samples]:
+    """Values of a determinant at the sample points, and the sums of the sizes of its terms."""
+    total, size = np.zeros_like(entries[0][0]), np.zeros_like(entries[0][0])
+    for order in permutations(range(len(entries))):
+        swaps = sum(order[a] > order[b] for b in range(len(order)) for a in range(b))
+        term = np.prod([row[k] for row, k in zip(entries, order, strict=True)], axis=0)
+        total = total + (-term if swaps % 2 else term)
+        size = size + np.abs(term)
+    return total, size
+
+
+def is_safe(total: Samples, size: Samples) -> bool:
+    """Whether a determinant keeps its sign and does not consist of terms that cancel."""
+    return keeps_sign(total) and bool(np.nanmin(np.abs(total) / size) > _CANCELLED)
+
+
+def safe_pairs(first: Sequence[Samples], second: Sequence[Samples]) -> list[tuple[int, int]]:
+    """Positions of two columns of two rows whose determinant is safe; all of them at once, as most are not."""
+    a, b = np.array(first), np.array(second)
+    with np.errstate(all="ignore"):
+        products = a[:, None, :] * b[None, :, :]
+        swapped = products.transpose(1, 0, 2)
+        total = products - swapped
+        one_sign = ((total > 0) | ~np.isfinite(total)).all(axis=2) | ((total < 0) | ~np.isfinite(total)).all(axis=2)
+        likely = np.triu(one_sign, 1)
+        return [
+            (int(k), int(m))
+            for k, m in zip(*np.nonzero(likely), strict=True)
+            if is_safe(total[k, m], np.abs(products[k, m]) + np.abs(swapped[k, m]))
+        ]

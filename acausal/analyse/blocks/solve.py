@@ -1,0 +1,255 @@
+"""Blocks solved as far as symbols go: every unknown becomes an expression, or is iterated upon.
+
+Definitions are pool nodes in evaluation order; what remains are the algebraic variables `z` of a semi-explicit DAE
+with as many residuals.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+
+from acausal.analyse.analyse import Structure
+from acausal.analyse.blocks.elimination import Eliminated, eliminate, safety
+from acausal.analyse.blocks.linear import LinearForm
+from acausal.analyse.blocks.monotone import causal, newton
+from acausal.analyse.hidden import hidden_constraint
+from acausal.diagnose.null_space.dependence import check_rank, dependent, special_values
+from acausal.errors import StructureError
+from acausal.structure import Block, Incidence, tear
+
+
+@dataclass(frozen=True)
+class BlockReport:
+    """How one block was solved: unknowns, iterated ones, and "explicit", "linear", "monotone", "torn" or "dae"."""
+
+    unknowns: tuple[int, ...]
+    iterated: tuple[int, ...]
+    kind: str
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Expressions for all unknowns.
+
+    Attributes
+    ----------
+    definitions
+        (variable, node) in evaluation order; nodes may refer to states, inputs, `algebraic` and earlier definitions.
+    algebraic, residuals
+        The unknowns left to the DAE solver, and as many nodes that must be zero.
+    needed
+        Variables on which the rates of the states or the residuals depend; all others are observed.
+    formulation
+        As it was asked for.
+    """
+
+    structure: Structure
+    definitions: tuple[tuple[int, int], ...]
+    algebraic: tuple[int, ...]
+    residuals: tuple[int, ...]
+    needed: frozenset[int]
+    blocks: tuple[BlockReport, ...]
+    formulation: str = "torn"
+
+    def __repr__(self) -> str:
+        observed = len(self.definitions) + len(self.algebraic) - len(self.needed)
+        return (
+            f"Solution({self.structure.reduced.flat.name}: {len(self.structure.states)} states, "
+            f"{len(self.algebraic)} iterated, {len(self.definitions)} explicit, {max(observed, 0)} observed)"
+        )
+
+
+def solve(structure: Structure, formulation: str = "torn") -> Solution:
+    """Solve the blocks.
+
+    Parameters
+    ----------
+    formulation
+        "torn" solves symbolically what can be; "dae" leaves every unknown of every block with more than one
+        unknown to the DAE solver, with its original equations, but for blocks with one declared monotone;
+        a model without states is torn all the same.
+
+    Raises
+    ------
+    StructureError
+        AC204 when the equations of a linear block depend on each other.
+    """
+    # Without states nothing is integrated: what would be left to the solver is left to Newton's method alone.
+    work = _Work(structure, formulation == "dae" and bool(structure.states))
+    for block in structure.blocks:
+        work.block(block)
+    return Solution(
+        structure=structure,
+        definitions=tuple(work.definitions),
+        algebraic=tuple(work.algebraic),
+        residuals=tuple(work.residuals),
+        needed=needed(structure, work.definitions, work.residuals),
+        blocks=tuple(work.reports),
+        formulation=formulation,
+    )
+
+
+class _Work:
+    def __init__(self, structure: Structure, whole: bool) -> None:
+        self.structure = structure
+        self.pool = structure.reduced.pool
+        self.points = structure.points
+        self.whole = whole
+        self.rates = {structure.derivative(x) for x in structure.states}
+        # Of all variables that are connected to one: the first of them need not be the one that knows.
+        self.monotone = {
+            v.first + k: v.declaration.monotone_above
+            for v in structure.reduced.flat.variables
+            if v.declaration.monotone_above is not None
+            for k in range(v.size)
+        }
+        self.definitions: list[tuple[int, int]] = []
+        self.algebraic: list[int] = []
+        self.residuals: list[int] = []
+        self.reports: list[BlockReport] = []
+
+    def define(self, variable: int, node: int) -> None:
+        self.definitions.append((variable, node))
+        self.points.define(variable, node)
+
+    def block(self, block: Block) -> None:
+        if len(block.columns) == 1:
+            self._single(block.rows[0], block.columns[0])
+        elif self.whole:
+            self._whole(block)
+        else:
+            self._several(block)
+
+    def _single(self, row: int, variable: int) -> None:
+        pool = self.pool
+        residual = self.structure.residuals[row]
+        linear = LinearForm(pool, (variable,)).of(residual)
+        if linear is not None:
+            coefficient = linear[1].get(variable, pool.zero)
+            if coefficient == pool.zero:
+                raise self._dependent([row], Block((row,), (variable,)), linear[0])
+            if safety(self.points, coefficient) is not None:
+                self.define(variable, pool.div(pool.neg(linear[0]), coefficient))
+                self.reports.append(BlockReport((variable,), (), "explicit"))
+                return
+        self._check_rank([row], [variable])
+        if self._inside((variable,), [residual]):
+            return
+        self.algebraic.append(variable)
+        self.residuals.append(residual)
+        self.reports.append(BlockReport((variable,), (variable,), "torn"))
+
+    def _whole(self, block: Block) -> None:
+        """Leave a block to the DAE solver, but for what is declared monotone: its search is part of the model."""
+        self._check_rank(block.rows, block.columns)
+        if self._inside(block.columns, [self.structure.residuals[r] for r in block.rows]):
+            return
+        self.algebraic += block.columns
+        self.residuals += [self.structure.residuals[r] for r in block.rows]
+        self.reports.append(BlockReport(block.columns, block.columns, "dae"))
+
+    def _several(self, block: Block) -> None:
+        form = LinearForm(self.pool, set(block.columns))
+        linear = [form.of(self.structure.residuals[r]) for r in block.rows]
+        if all(x is not None for x in linear):
+            found = [x for x in linear if x is not None]
+            derived = [i for i, r in enumerate(block.rows) if r in self.structure.integral]
+            done = eliminate(self.points, [x[1] for x in found], [x[0] for x in found], derived, self.rates)
+            self._linear(block, done)
+        else:
+            self._torn(block)
+
+    def _linear(self, block: Block, done: Eliminated) -> None:
+        if done.empty:
+            rows = [block.rows[i] for i, _ in done.empty]
+            error = self._dependent(rows, block, done.empty[0][1])
+            raise hidden_constraint(self.structure, block, error)
+        if done.left_variables:
+            self._check_rank(block.rows, block.columns)
+        self.algebraic += done.left_variables
+        self.residuals += done.left_residuals
+        for variable, node in done.solved:
+            self.define(variable, node)
+        self.reports.append(BlockReport(block.columns, done.left_variables, "linear"))
+
+    def _torn(self, block: Block) -> None:
+        """Tear a nonlinear block; rows are solved for a column when they are linear in it with a safe factor."""
+        self._check_rank(block.rows, block.columns)
+        place = {v: k for k, v in enumerate(block.columns)}
+        residuals = [self.structure.residuals[r] for r in block.rows]
+        if self._inside(block.columns, residuals):
+            return
+        rows = [sorted(place[v] for v in self.pool.variables_in(r) if v in place) for r in residuals]
+        incidence = Incidence.from_rows(rows, len(place))
+        cache: dict[tuple[int, int], bool] = {}
+
+        def solvable(i: int, k: int) -> bool:
+            if (i, k) not in cache:
+                cache[i, k] = self._coefficient(residuals[i], block.columns[k]) is not None
+            return cache[i, k]
+
+        torn = tear(incidence, solvable)
+        iterated = [block.columns[k] for k in torn.torn]
+        self.algebraic += iterated
+        for i, k in torn.sequence:
+            variable = block.columns[k]
+            form = LinearForm(self.pool, (variable,)).of(residuals[i])
+            assert form is not None, "tearing solves only what is linear"
+            self.define(variable, self.pool.div(self.pool.neg(form[0]), form[1][variable]))
+        self.residuals += [residuals[i] for i in torn.residual]
+        self.reports.append(BlockReport(block.columns, tuple(iterated), "torn"))
+
+    def _inside(self, unknowns: Sequence[int], residuals: Sequence[int]) -> bool:
+        """Solve a nonlinear block inside the equations, for one unknown that is declared monotone."""
+        for variable in unknowns:
+            low = self._monotone_above(variable)
+            found = None if low is None else causal(self.pool, residuals, unknowns, variable)
+            if low is None or found is None:
+                continue
+            definitions, rest = found
+            node = newton(self.points, rest, definitions, variable, low)
+            if node is not None:
+                self.define(variable, node)
+                for other, meaning in definitions:
+                    self.define(other, meaning)
+                self.reports.append(BlockReport(tuple(unknowns), (), "monotone"))
+                return True
+        return False
+
+    def _monotone_above(self, variable: int) -> float | None:
+        reduced = self.structure.reduced
+        own = (s for s in reduced.aliases.get(variable, ()) if reduced.image[s] == self.pool.var(variable))
+        return next((self.monotone[s] for s in own if s in self.monotone), None)
+
+    def _coefficient(self, residual: int, variable: int) -> int | None:
+        form = LinearForm(self.pool, (variable,)).of(residual)
+        if form is None or variable not in form[1]:
+            return None
+        coefficient = form[1][variable]
+        rank = safety(self.points, coefficient)
+        return coefficient if rank is not None and rank < 3 else None
+
+    def _check_rank(self, rows: Sequence[int], unknowns: Sequence[int]) -> None:
+        residuals = [self.structure.residuals[r] for r in rows]
+        flat_rows = [self.structure.flat_equation(r) for r in rows]
+        try:
+            check_rank(self.structure.reduced, self.points, residuals, unknowns, flat_rows)
+        except StructureError as error:
+            raise hidden_constraint(self.structure, Block(tuple(rows), tuple(unknowns)), error) from None
+
+    def _dependent(self, rows: Sequence[int], block: Block, rest: int) -> StructureError:
+        reduced = self.structure.reduced
+        flat_rows = [self.structure.flat_equation(r) for r in rows]
+        held = sorted(self.pool.variables_in(rest))
+        residuals = [self.structure.residuals[r] for r in block.rows]
+        special = partial(special_values, reduced, self.points, residuals, block.columns)
+        return dependent(reduced, flat_rows, block.columns, float(self.points.of(rest)[0]), held, special)
+
+
+def needed(structure: Structure, definitions: Sequence[tuple[int, int]], residuals: Sequence[int]) -> frozenset[int]:
+    """Everything that the rates of the states and the residuals depend on."""
+    pool = structure.reduced.pool
+    roots = [pool.var(structure.derivative(x)) for x in structure.states] + list(residuals)
+    return frozenset(pool.variables_behind(roots, dict(definitions)))

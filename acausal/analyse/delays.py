@@ -1,0 +1,142 @@
+"""Delayed signals: what must be remembered of a run, and how the past enters the equations.
+
+Over a stretch of a run that is no longer than the delay, the delayed signal is a known function of time: a polynomial,
+whose coefficients stand among the modes (Chebyshev's basis on the part of the past that the stretch can see). So every
+solver integrates a smooth right-hand side, compiled code included, and nothing is compiled again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from acausal.analyse.blocks.solve import Solution
+from acausal.errors import Span, UsageError
+from acausal.flatten.flat import FlatSystem
+from acausal.flatten.pool import Pool
+from acausal.language.delay import Delayed
+
+DEGREE = 24
+"""Degree of the polynomial of one delayed signal over one stretch."""
+
+WIDTH = DEGREE + 3
+"""Numbers of one delay: centre of the window in the past [s], one over half its width [1/s], coefficients."""
+
+PADE = "replace the delay by a rational approximation: PadeDelay of acausal.library.blocks"
+
+
+@dataclass(frozen=True)
+class Delay:
+    """One delayed signal: the place of its signal among the sources, nodes of its time and of the longest one."""
+
+    source: int
+    time: int
+    most: int | None
+    is_constant: bool
+    label: str
+    component: str
+    where: Span | None
+
+    @property
+    def name(self) -> str:
+        """The delay with the component it stands in."""
+        return f"{self.label} in {self.component}" if self.component else self.label
+
+
+@dataclass(frozen=True)
+class Delays:
+    """All delays of a model.
+
+    `smoother[j, k]` is the number of integrations between delay j and source k: what breaks in the one breaks so much
+    more smoothly in the other. Pairs without a way are left out.
+    """
+
+    items: tuple[Delay, ...] = ()
+    sources: tuple[int, ...] = ()
+    smoother: tuple[tuple[tuple[int, int], int], ...] = ()
+
+    def __bool__(self) -> bool:
+        return bool(self.items)
+
+    @property
+    def size(self) -> int:
+        """Number of modes."""
+        return WIDTH * len(self.items)
+
+    @property
+    def roots(self) -> list[int]:
+        """Nodes that a run evaluates besides the equations."""
+        return [*self.sources, *(d.time for d in self.items)]
+
+
+def find_delays(solution: Solution) -> Delays:
+    """The delays of a solution."""
+    reduced = solution.structure.reduced
+    pool = reduced.pool
+    sources: dict[int, int] = {}
+    items = []
+    for flat, (source, time, most) in zip(reduced.flat.delays, reduced.delays, strict=True):
+        moves = any(pool.nodes[n][0] in ("var", "time") for n in pool.reachable([time]))
+        place = sources.setdefault(source, len(sources))
+        span = flat.origin.span() if flat.origin is not None else None
+        items.append(Delay(place, time, most, not moves, flat.label, flat.component, span))
+    if not items:
+        return Delays()
+    return Delays(tuple(items), tuple(sources), tuple(_smoother(solution, list(sources)).items()))
+
+
+def _smoother(solution: Solution, sources: list[int]) -> dict[tuple[int, int], int]:
+    """Integrations between each delay and each source, by a breadth-first search back from the source."""
+    structure = solution.structure
+    pool = structure.reduced.pool
+    definition = dict(solution.definitions)
+    algebraic = set(solution.algebraic)
+    found: dict[tuple[int, int], int] = {}
+    for k, source in enumerate(sources):
+        nodes, seen, level = [source], set[int](), 0
+        while nodes:
+            states: set[int] = set()
+            while nodes:
+                for number in pool.reachable([nodes.pop()]):
+                    op, *rest = pool.nodes[number]
+                    if isinstance(op, Delayed):
+                        found.setdefault((op.number, k), level)
+                    if op != "var" or rest[0] in seen:
+                        continue
+                    seen.add(rest[0])
+                    if rest[0] in definition:
+                        nodes.append(definition[rest[0]])
+                    elif rest[0] in algebraic:
+                        nodes += solution.residuals
+                    else:
+                        states.add(rest[0])
+            nodes = [pool.var(structure.derivative(x)) for x in sorted(states) if x in structure.states]
+            level += 1
+    return found
+
+
+def holds_delay(pool: Pool, roots: Iterable[int]) -> bool:
+    """Whether a delay stands below nodes."""
+    return bool(pool.delays) and any(isinstance(pool.nodes[n][0], Delayed) for n in pool.reachable(roots))
+
+
+def refuse_delays(flat: FlatSystem, what: str, help_: str) -> None:
+    """Refuse what has no meaning, or is not done, for a model that remembers its past.
+
+    Raises
+    ------
+    UsageError
+        AC035 with the first delay, its place and a remedy.
+    """
+    if not flat.delays:
+        return
+    first = flat.delays[0]
+    more = f" and {len(flat.delays) - 1} more" if len(flat.delays) > 1 else ""
+    raise UsageError(
+        "AC035",
+        f"{what} does not take {flat.name}: it holds {first.label}{more}",
+        where=(first.origin.span(),) if first.origin is not None else (),
+        evidence=[f"{first.label} stands in {first.component or flat.name}"],
+        cause="a delayed signal depends on the past of a run, not on its present state alone",
+        help=help_,
+    )

@@ -1,0 +1,320 @@
+"""Branches of `where` stay in the domain of what they compute: roots, powers, logarithms, quotients.
+
+`where(h < 0, k * (-h)**1.5, 0)` is a valid model, and both of its branches are part of one expression graph. The one
+that is off gives nan, which its value never shows but every derivative does: 0 * nan. The one that is on is computed
+a little past its guard too, by stages of a step that is taken back, by Newton iterates, by interpolation for the
+instant of the crossing.
+
+Inside a branch, `f(q)` is therefore `f` where `q` is in its domain or where the guard holds *now*, whatever the mode
+of the relation says, and an extension of `f` elsewhere. Recorded points satisfy their guards: no value of a result is
+an extension, and a branch that leaves its domain although its guard holds is nan, as before.
+
+What stands in several branches has one image, extended where none of their guards holds: the size of a model grows by a
+constant factor, however deep its branches are in each other. What is needed outside of branches as well is left as it
+is. A guard is computed from variables that are known by then; where it is not, because the mode has cut a circle of
+definitions, the branch stays as it is too.
+
+A power or a root of what cannot be negative, `maximum(f, 0.0)**1.3`, is defined everywhere, but its second derivative
+is infinite times zero where the maximum is the number. There it is the number zero.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import NamedTuple
+
+from acausal.flatten.pool import LEAVES, RELATIONS, Pool
+
+_OPPOSITE = {"lt": "ge", "le": "gt", "gt": "le", "ge": "lt"}
+_STRICT = {"lt": "lt", "le": "lt", "gt": "gt", "ge": "gt"}
+_LARGE = 600.0  # exp(600) is 4e260; its square, which derivatives may hold, is infinite
+_TINY = 1e-100
+_PARTIAL = frozenset(("pow", "sqrt", "log", "asin", "acos", "div", "exp", "sinh", "cosh", "atan2"))
+_KEPT = frozenset((*RELATIONS, "pre"))  # modes are known by their nodes: the same inside of branches and outside
+
+
+class _Guard(NamedTuple):
+    """Nodes that are true where a branch is meant: with the points at which its relations are equalities, and without.
+
+    A function that is continuous up to the end of its domain but has no derivative there, such as the root, is
+    extended from that end on.
+    """
+
+    loose: int
+    strict: int
+
+
+def guarded(
+    pool: Pool,
+    roots: Iterable[int],
+    done: dict[int, int],
+    discrete: Mapping[int, int],
+    definitions: Sequence[tuple[int, int]],
+) -> dict[int, int]:
+    """Images of branches, powers and roots below `roots` that hold functions that are not defined everywhere.
+
+    `done` has images of other nodes and is filled with those of all below; `discrete` gives the node that a discrete
+    variable is equal to, `definitions` what other variables are, in the order of evaluation.
+    """
+    roots = list(roots)
+    numbers = [n for n in pool.reachable(roots) if pool.nodes[n][0] in ("where", "pow", "sqrt")]
+    if not numbers:
+        return {}
+    roots += [node for _, node in definitions]
+    pool.rewrite(roots, pool.var, done)
+    numbers = [n for n in numbers if n in done]  # nothing below what has an image already
+    extended = _Extended(pool, discrete, {v: k for k, (v, _) in enumerate(definitions)})
+    if not any(extended.concerns(done[n]) for n in numbers):
+        return {}
+    first = {done[node]: k for k, (_, node) in reversed(list(enumerate(definitions)))}
+    images = extended.images({done[r]: first.get(done[r], len(definitions)) for r in roots})
+    return {n: images[done[n]] for n in numbers if images.get(done[n], done[n]) != done[n]}
+
+
+class _Extended:
+    """Images of nodes, by what they are needed for."""
+
+    def __init__(self, pool: Pool, discrete: Mapping[int, int], position: Mapping[int, int]) -> None:
+        self.pool = pool
+        self.discrete = discrete
+        self.position = position  # of defined variables in the order of evaluation
+        self._is_partial: dict[int, bool] = {}
+        self._guards: dict[tuple[int, bool, bool], int] = {}
+        self._latest: dict[int, int] = {}
+
+    def concerns(self, number: int) -> bool:
+        """Whether a node may get another image: a branch with such functions, a power or root of what is clamped."""
+        op, *operands = self.pool.nodes[number]
+        if op == "where":
+            return any(self._partial(n) for n in operands[1:])
+        return op in ("pow", "sqrt") and self._is_clamped(op, operands)
+
+    def images(self, roots: Mapping[int, int]) -> dict[int, int]:
+        """Images of all nodes below roots; of a definition its place in the order of evaluation is given."""
+        pool, nodes = self.pool, self.pool.nodes
+        below = pool.reachable(roots)
+        guards = self._needs(below, roots)
+        done: dict[int, int] = {}
+        for number in below:
+            op, *operands = nodes[number]
+            if op in LEAVES or not self._partial(number):
+                done[number] = number
+                continue
+            own = [done[n] for n in operands]
+            guard = guards.get(number)
+            if op in ("pow", "sqrt") and self._is_clamped(op, operands):
+                done[number] = _clamped(pool, op, own)
+            elif guard is not None and op in _PARTIAL and self._may_fail(op, operands):
+                done[number] = self._extension(op, own, guard)
+            else:
+                done[number] = number if own == operands else pool.make(op, *own)
+        return done
+
+    def _needs(self, below: Sequence[int], roots: Mapping[int, int]) -> dict[int, _Guard | None]:
+        """Under which guards each node is needed, None for always."""
+        nodes = self.pool.nodes
+        needed: dict[int, _Guard | None] = dict.fromkeys(roots)
+        earliest = dict(roots)  # the first definition that a node is needed for
+        for number in reversed(below):  # operands have smaller numbers: all that needs a node has been seen before it
+            op, *operands = nodes[number]
+            if op in LEAVES or not self._partial(number):
+                continue
+            here, guard = earliest[number], needed[number]
+            if guard is not None and self._known_from(guard) >= here:
+                guard = needed[number] = None
+            if op == "where":
+                own = [
+                    None,
+                    self._branch(guard, operands[0], True, here),
+                    self._branch(guard, operands[0], False, here),
+                ]
+            else:
+                own = [None if op in _KEPT else guard] * len(operands)
+            for operand, new in zip(operands, own, strict=True):
+                if operand not in needed:
+                    needed[operand], earliest[operand] = new, here
+                else:
+                    needed[operand] = self._either(needed[operand], new)
+                    earliest[operand] = min(earliest[operand], here)
+        return needed
+
+    def _branch(self, outer: _Guard | None, condition: int, holds: bool, here: int) -> _Guard | None:
+        """The guard of a branch in another; that of the other alone where this one is not known yet."""
+        guard = _Guard(self._now(condition, holds, False), self._now(condition, holds, True))
+        if self._known_from(guard) >= here:
+            return outer
+        return guard if outer is None else _Guard(*(self._both(x, y) for x, y in zip(outer, guard, strict=True)))
+
+    def _either(self, a: _Guard | None, b: _Guard | None) -> _Guard | None:
+        if a is None or b is None or a == b:
+            return None if a is None or b is None else a
+        return _Guard(*(self.pool.make("or", x, y) for x, y in zip(a, b, strict=True)))
+
+    def _known_from(self, guard: _Guard) -> int:
+        """Place of the last definition that a guard is computed from; -1 where it needs none."""
+        latest = self._latest
+        for number in self.pool.reachable(guard, latest):
+            op, *operands = self.pool.nodes[number]
+            if op == "var":
+                latest[number] = self.position.get(operands[0], -1)
+            else:
+                latest[number] = -1 if op in LEAVES else max((latest[n] for n in operands), default=-1)
+        return max(latest[n] for n in guard)
+
+    def _partial(self, root: int) -> bool:
+        """Whether something below is not defined everywhere."""
+        known = self._is_partial
+        for number in self.pool.reachable([root], known):
+            op, *operands = self.pool.nodes[number]
+            below = op not in LEAVES and any(known[c] for c in operands)
+            known[number] = below or (op in _PARTIAL and self._may_fail(op, operands))
+        return known[root]
+
+    def _is_clamped(self, op: str, operands: Sequence[int]) -> bool:
+        """Whether this is a power or root of what may rest at zero, without a second derivative there."""
+        exponent = self.pool.value(operands[1]) if op == "pow" else 0.5
+        return exponent is not None and 0.0 < exponent < 2.0 and exponent != 1.0 and self._rests(operands[0])
+
+    def _rests(self, number: int) -> bool:
+        """Whether a node cannot be negative, and may be zero: `maximum(x, 0)`, `fabs(x)`, times what is positive."""
+        pool = self.pool
+        op, *operands = pool.nodes[number]
+        if op == "max":
+            return pool.zero in operands
+        if op in ("mul", "div"):
+            values = [pool.value(n) for n in operands]
+            if op == "mul" and values[0] is not None and values[0] > 0.0:
+                return self._rests(operands[1])
+            return values[1] is not None and values[1] > 0.0 and self._rests(operands[0])
+        return bool(op == "fabs")
+
+    def _may_fail(self, op: str, operands: list[int]) -> bool:
+        pool = self.pool
+        if op == "div":
+            return pool.nodes[operands[1]][0] not in ("const", "par")
+        if op == "pow":
+            base, exponent = (pool.value(n) for n in operands)
+            return base is None and not (exponent is not None and exponent >= 0.0 and exponent == round(exponent))
+        return True
+
+    def _now(self, condition: int, holds: bool, strict: bool) -> int:
+        """Whether a condition holds, or does not, with the values of this very point: no mode stands for it."""
+        key = condition, holds, strict
+        if key not in self._guards:
+            self._guards[key] = self._computed(condition, holds, strict)
+        return self._guards[key]
+
+    def _computed(self, condition: int, holds: bool, strict: bool) -> int:
+        pool = self.pool
+        op, *operands = pool.nodes[condition]
+        if op in RELATIONS:
+            op = op if holds else _OPPOSITE[op]
+            relation = pool.make(_STRICT[op] if strict else op, *(pool.make("noevent", n) for n in operands))
+            return pool.make("noevent", relation)  # operands below `noevent` make it another node than the relation
+        if op == "not":
+            return self._now(operands[0], not holds, strict)
+        if op in ("and", "or"):
+            parts = [self._now(n, holds, strict) for n in operands]
+            return pool.make(op if holds else {"and": "or", "or": "and"}[op], *parts)
+        if op == "noevent":
+            return self._now(operands[0], holds, strict)
+        if op == "var" and operands[0] in self.discrete:
+            node = self.discrete[operands[0]]
+            if pool.nodes[node][0] in (*RELATIONS, "and", "or", "not"):
+                return self._now(node, holds, strict)
+        return condition if holds else pool.make("not", condition)
+
+    def _both(self, a: int, b: int) -> int:
+        return a if a == b else self.pool.make("and", a, b)
+
+    def _extension(self, op: str, q: list[int], guard: _Guard) -> int:
+        """`op` of `q` in its domain and under its guard, else its extension; each of the two is finite elsewhere."""
+        pool = self.pool
+        domain, instead, beyond, ends = _EXTENSIONS[op](pool, q)
+        allowed = pool.make("or", domain, guard.strict if ends else guard.loose)
+        allowed = pool.make("noevent", allowed)
+        inside = [n if s is None else pool.where(allowed, n, s) for n, s in zip(q, instead, strict=True)]
+        return pool.where(allowed, pool.make(op, *inside), beyond)
+
+
+def _clamped(pool: Pool, op: str, q: list[int]) -> int:
+    above = _test(pool, "gt", q[0], 0.0)
+    return pool.where(above, pool.make(op, pool.where(above, q[0], pool.one), *q[1:]), pool.zero)
+
+
+_Extension = tuple[int, list[int | None], int, bool]
+"""Where a function is defined, operands that stand in elsewhere (None: as they are), its values there, and whether it
+is continuous up to the end of its domain."""
+
+
+def _test(pool: Pool, op: str, a: int, b: float) -> int:
+    return pool.make("noevent", pool.make(op, pool.make("noevent", a), pool.const(b)))
+
+
+def _size(pool: Pool, a: int, least: float) -> int:
+    return pool.make("max", pool.make("fabs", a), pool.const(least))
+
+
+def _power(pool: Pool, q: list[int]) -> _Extension:
+    """Odd: x |x|^(n-1) is continuous with its derivative where n > 1, and increases with x for every n > 0."""
+    base, exponent = q
+    n = pool.value(exponent)
+    odd = pool.mul(base, pool.make("pow", _size(pool, base, _TINY), pool.sub(exponent, pool.one)))
+    whole = n is not None and n == round(n)  # a negative one
+    defined = _test(pool, "gt", pool.make("fabs", base) if whole else base, _TINY if n is None or n < 0.0 else 0.0)
+    return defined, [pool.one, None], odd, n is not None and n > 0.0
+
+
+def _root(pool: Pool, q: list[int]) -> _Extension:
+    odd = pool.div(q[0], pool.make("sqrt", _size(pool, q[0], _TINY)))
+    return _test(pool, "gt", q[0], 0.0), [pool.one], odd, True
+
+
+def _logarithm(pool: Pool, q: list[int]) -> _Extension:
+    return _test(pool, "gt", q[0], 0.0), [pool.one], pool.make("log", _size(pool, q[0], _TINY)), False
+
+
+def _arc(op: str) -> Callable[[Pool, list[int]], _Extension]:
+    def extension(pool: Pool, q: list[int]) -> _Extension:
+        ends = [pool.make(op, pool.const(v)) for v in (1.0, -1.0)]
+        beyond = pool.where(_test(pool, "gt", q[0], 0.0), *ends)
+        return _test(pool, "lt", pool.make("fabs", q[0]), 1.0), [pool.zero], beyond, True
+
+    return extension
+
+
+def _quotient(pool: Pool, q: list[int]) -> _Extension:
+    return _test(pool, "gt", pool.make("fabs", q[1]), _TINY), [None, pool.one], pool.zero, False
+
+
+def _exponential(op: str) -> Callable[[Pool, list[int]], _Extension]:
+    """By the tangent at the end, which keeps the sign of the slope for Newton's method."""
+
+    def extension(pool: Pool, q: list[int]) -> _Extension:
+        size = q[0] if op == "exp" else pool.make("fabs", q[0])
+        last = pool.make("exp", pool.const(_LARGE))
+        line = pool.mul(last, pool.add(pool.one, pool.sub(size, pool.const(_LARGE))))
+        if op == "sinh":
+            line = pool.mul(pool.make("sign", q[0]), line)
+        return _test(pool, "lt", size, _LARGE), [pool.zero], line, False
+
+    return extension
+
+
+def _angle(pool: Pool, q: list[int]) -> _Extension:
+    size = pool.add(*(pool.make("fabs", n) for n in q))
+    return _test(pool, "gt", size, _TINY), [None, pool.one], pool.zero, False
+
+
+_EXTENSIONS: dict[str, Callable[[Pool, list[int]], _Extension]] = {
+    "pow": _power,
+    "sqrt": _root,
+    "log": _logarithm,
+    "asin": _arc("asin"),
+    "acos": _arc("acos"),
+    "div": _quotient,
+    "exp": _exponential("exp"),
+    "sinh": _exponential("sinh"),
+    "cosh": _exponential("cosh"),
+    "atan2": _angle,
+}

@@ -1,0 +1,210 @@
+"""Linear invariants: sums of equations in which everything but derivatives cancels, used instead of integrated.
+
+`der(a) - der(b) - der(c) == 0` says that a - b - c stays what it is at the start. Integrating all three keeps that
+only to the tolerance of each, and where one is a small difference of the others nothing is left of it (problem E5 of
+the Bari test set: 100 % wrong at every tolerance); a charge balance `der(q1) + der(q2) == 0` needs no integration.
+
+An invariant is used only where that loses no digits: its constant is zero by the declared starts, and one variable is
+the sum of others of one sign. A total of 1, of which most is one species, is left alone: the small ones would become
+differences of large numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from fractions import Fraction
+
+from acausal.flatten.pool import Pool
+from acausal.flatten.reduced import ReducedSystem
+
+# Whole numbers as long as they are: fractions cost ten times as much, and nearly all factors are 1 or -1.
+Number = int | Fraction
+Row = dict[int, Number]
+
+
+@dataclass(frozen=True)
+class _Balance:
+    """A residual as a sum with constant factors: of derivatives (by variable) and of other terms (by node)."""
+
+    derivatives: Row
+    terms: Row
+
+
+def use_invariants(reduced: ReducedSystem) -> ReducedSystem:
+    """The system with one differential equation of each usable invariant replaced by the invariant itself.
+
+    A model with events is returned as it is: what an event sets anew need not be balanced.
+    """
+    if getattr(reduced, "whens", ()) or reduced.delays:
+        return reduced
+    balances = _balances(reduced)
+    residuals = list(reduced.residuals)
+    occurrences = _occurrences(reduced)
+    dropped: set[int] = set()
+    for combination in null_combinations({i: b.terms for i, b in balances.items()}):
+        weights = combined([(w, balances[i].derivatives) for i, w in combination.items()])
+        chosen = _determined(reduced, weights, occurrences, combination)
+        if chosen is None or weights.keys() & dropped:
+            continue
+        equation, vanished = chosen
+        residuals[equation] = _sum(reduced.pool, {reduced.pool.integral_of[d]: w for d, w in weights.items()})
+        dropped |= vanished
+    return _without(replace(reduced, residuals=tuple(residuals)), dropped) if dropped else reduced
+
+
+def _balances(reduced: ReducedSystem) -> dict[int, _Balance]:
+    """Residuals whose derivatives stand in plain sums with constant factors."""
+    pool = reduced.pool
+    found = {}
+    for i, residual in enumerate(reduced.residuals):
+        total: Row = {}
+        add_terms(pool, residual, 1, total)
+        derivatives: Row = {}
+        terms: Row = {}
+        for node, weight in total.items():
+            kind, *rest = pool.nodes[node]
+            if kind == "var" and rest[0] in pool.integral_of:
+                derivatives[rest[0]] = weight
+            else:
+                terms[node] = weight
+        if derivatives and not any(v in pool.integral_of for v in pool.variables_in(*terms)):
+            found[i] = _Balance(derivatives, terms)
+    return found
+
+
+def add_terms(pool: Pool, root: int, factor: Number, total: Row) -> None:
+    """Add `factor` times an expression, taken apart into its terms."""
+    stack: list[tuple[int, Number]] = [(root, factor)]
+    while stack:
+        number, weight = stack.pop()
+        op, *args = pool.nodes[number]
+        values = [pool.value(a) for a in args] if op in ("mul", "div") else []
+        if op in ("add", "sub"):
+            stack += [(args[0], weight), (args[1], weight if op == "add" else -weight)]
+        elif op == "neg":
+            stack.append((args[0], -weight))
+        elif op == "mul" and values[0] is not None:
+            stack.append((args[1], weight * Fraction(values[0])))
+        elif op == "mul" and values[1] is not None:
+            stack.append((args[0], weight * Fraction(values[1])))
+        elif op == "div" and values[1]:
+            stack.append((args[0], weight / Fraction(values[1])))
+        else:
+            total[number] = total.get(number, 0) + weight
+            if not total[number]:
+                del total[number]
+
+
+def null_combinations(sums: Mapping[int, Row]) -> list[Row]:
+    """Combinations of rows (index -> weight, one of its own first) in which all terms (node -> factor) cancel."""
+    rows = dict(sums)
+    users: dict[int, set[int]] = {}
+    for i, row in rows.items():
+        for term in row:
+            users.setdefault(term, set()).add(i)
+    # What has a term of its own takes part in no combination; removing it may leave another one alone.
+    lonely = [next(iter(rows_)) for rows_ in users.values() if len(rows_) == 1]
+    while lonely:
+        i = lonely.pop()
+        for term in rows.pop(i, {}):
+            users[term].discard(i)
+            lonely += [next(iter(users[term]))] if len(users[term]) == 1 else []
+    found = []
+    pivots: list[tuple[int, Row, Row]] = []  # (term, row that has it, the combination it is)
+    for i, terms in rows.items():
+        row = dict(terms)
+        combination: Row = {i: 1}
+        for term, other, made in pivots:
+            factor = Fraction(row.get(term, 0)) / other[term]
+            if factor:
+                row = combined([(1, row), (-factor, other)])
+                combination = combined([(1, combination), (-factor, made)])
+        if row:
+            pivots.append((next(iter(row)), row, combination))
+        else:
+            found.append(combination)
+    return found
+
+
+def combined(parts: list[tuple[Number, Row]]) -> Row:
+    total: Row = {}
+    for factor, row in parts:
+        for key, weight in row.items():
+            total[key] = total.get(key, 0) + factor * weight
+    return {key: weight for key, weight in total.items() if weight}
+
+
+def _determined(
+    reduced: ReducedSystem, weights: Row, occurrences: Mapping[int, set[int]], combination: Row
+) -> tuple[int, set[int]] | None:
+    """The residual to replace, and the derivatives that vanish with it; None where the invariant is not to be used."""
+    pool = reduced.pool
+    if len(weights) < 2 or not all(_starts_at_zero(reduced, pool.integral_of[d]) for d in weights):
+        return None
+    signs = {d: w > 0 for d, w in weights.items()}
+    for d in weights:
+        others = {s for e, s in signs.items() if e != d}
+        if len(others) > 1 or (others == {signs[d]} and len(weights) > 2):
+            continue
+        where = occurrences[d]
+        if len(where) == 1 and (equation := next(iter(where))) in combination:
+            return equation, {e for e in weights if occurrences[e] == {equation}}
+    return None
+
+
+def _starts_at_zero(reduced: ReducedSystem, variable: int) -> bool:
+    for scalar in reduced.aliases.get(variable, ()):
+        start = reduced.flat.starts.get(scalar)
+        if start is not None and start.is_fixed and reduced.flat.pool.value(start.node) == 0.0:
+            return True
+    return False
+
+
+def _occurrences(reduced: ReducedSystem) -> dict[int, set[int]]:
+    """Residuals in which each derivative stands; -1 for any other use."""
+    pool = reduced.pool
+    found: dict[int, set[int]] = {d: set() for d in pool.integral_of}
+    for i, residual in enumerate(reduced.residuals):
+        for v in pool.variables_in(residual) & found.keys():
+            found[v].add(i)
+    for v in pool.variables_in(*reduced.image, *reduced.initial) & found.keys():
+        found[v].add(-1)
+    for v in found.keys() & pool.derivative_of.keys():
+        found[v].add(-1)  # differentiated again
+    return found
+
+
+def _sum(pool: Pool, weights: Row) -> int:
+    return pool.sum(pool.mul(pool.const(float(w)), pool.var(v)) for v, w in weights.items())
+
+
+def _without(reduced: ReducedSystem, dropped: set[int]) -> ReducedSystem:
+    """The same system in a pool of its own, without variables that stand in no equation any more."""
+    old = reduced.pool
+    kept = [v for v in range(old.n_variables) if v not in dropped]
+    number = {v: k for k, v in enumerate(kept)}
+    pool = Pool()
+    pool.new_variables(len(kept))
+    for d, x in old.integral_of.items():
+        if d in number:
+            pool.integral_of[number[d]] = number[x]
+            pool.derivative_of[number[x]] = number[d]
+    done = {old.var(v): pool.var(n) for v, n in number.items()}
+    slopes = [(node, slope) for node, slope in old._slopes.items() if not old.variables_in(node, slope) & dropped]
+    roots = [*reduced.residuals, *reduced.image, *reduced.initial, *(n for pair in slopes for n in pair)]
+    for n in old.reachable(roots):
+        node = old.nodes[n]
+        if n not in done:
+            leaf = node[0] in ("const", "par", "time")
+            done[n] = pool.intern(node) if leaf else pool.make(node[0], *[done[c] for c in node[1:]])
+    pool._slopes.update((done[node], done[slope]) for node, slope in slopes)
+    return replace(
+        reduced,
+        pool=pool,
+        scalar=tuple(reduced.scalar[v] for v in kept),
+        residuals=tuple(done[r] for r in reduced.residuals),
+        image=tuple(done[n] for n in reduced.image),
+        inputs=tuple(number[v] for v in reduced.inputs),
+        initial=tuple(done[n] for n in reduced.initial),
+    )

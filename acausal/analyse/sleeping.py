@@ -1,0 +1,191 @@
+"""Rates that sleep and wake: kinks one side of which is constant, such as `y' = k * maximum(x - 1, 0)`.
+
+`minimum`, `maximum`, `fabs` and what is below `no_event` make no events; the error control sees such a kink where a
+step ends behind it. While the constant side is on nothing bounds the step, and a solver may pass the other one without
+a single evaluation there. These kinks are watched: a stretch ends where one is reached, and the next one begins there,
+in front of what may wake, without an event.
+
+Kinks that bound a factor, as in `v / maximum(r, r_min)`, do not sleep: the rest of the expression goes on. A kink is
+taken to sleep where it, or a sum that holds it, is zero on one side, or where it is constant there and enters the rate
+of a state linearly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.analyse.blocks.solve import Solution
+from acausal.flatten.pool import LEAVES, RELATIONS, Pool
+from acausal.numeric.evaluate import Samples
+from acausal.numeric.samples import SamplePoints
+
+Truth = NDArray[np.bool_]
+MOST = 40
+"""Kinks that are watched; boxes on each other have a thousand, of all the ways in which their faces may overlap."""
+
+_LINEAR = frozenset(("add", "sub", "neg", "mul", "div"))
+_PIECEWISE = frozenset(("min", "max", "where", "noevent"))
+# Two distances are one when they are multiples of each other in so many digits at all points.
+_DIGITS = 9
+_SAME = 1e-9
+# A sum is zero when it is this small beside its terms.
+_ZERO = 1e-12
+
+
+def sleeping(solution: Solution, located: Iterable[int], discrete: frozenset[int]) -> tuple[int, ...] | None:
+    """Relations that tell which side of such a kink is on; None for more than `MOST`.
+
+    Nodes of their own, which stand in no equation: what they tell is looked at, and replaces nothing. Kinks at the
+    place of a `located` relation are left out, and those of operands that rest at the kink itself.
+    """
+    known = set(located)
+    graph = _Graph(solution, discrete)
+    pool, points = graph.pool, graph.points
+    taken = {_shape(points.everywhere(pool.sub(*pool.nodes[n][1:]))) for n in known}
+    found: list[int] = []
+    for number, a, b, sides in _kinks(graph, known):
+        distance = points.everywhere(pool.sub(a, b))
+        if not np.isfinite(distance).all() or np.count_nonzero(np.abs(distance) <= _ZERO * np.abs(distance).max()) > 1:
+            continue  # it rests at its kink, and what wakes it is elsewhere: maximum(f(maximum(u, 0)), 0)
+        shape = _shape(distance)
+        if shape in taken:
+            continue
+        if any(graph.vanishes(number, side * distance > 0.0) for side in sides) or graph.is_rate(number):
+            taken.add(shape)
+            # operands below `no_event` make it another node than a relation of the equations
+            found.append(pool.make("gt", pool.make("noevent", a), pool.make("noevent", b)))
+            if len(found) > MOST:
+                return None
+    return tuple(found)
+
+
+def _kinks(graph: _Graph, located: set[int]) -> Iterator[tuple[int, int, int, tuple[float, ...]]]:
+    """Kinks with a constant side: node, both sides of what decides it, the signs of their difference where it is on."""
+    nodes, moving = graph.pool.nodes, graph.moving
+    for number in graph.reachable:
+        op, *operands = nodes[number]
+        if op in ("min", "max"):
+            a, b = operands
+            larger = 1.0 if op == "max" else -1.0
+            sides = tuple(s for n, s in ((a, larger), (b, -larger)) if not moving[n])
+            if len(sides) == 1:
+                yield number, a, b, sides
+        elif op == "fabs" and moving[operands[0]]:
+            sides = tuple(s for s in (1.0, -1.0) if graph.cancels(number, s))
+            if sides:
+                yield number, operands[0], graph.pool.zero, sides
+        elif op == "where" and not all(moving[n] for n in operands[1:]):
+            for relation in graph.pool.reachable([operands[0]]):
+                kind, *both = nodes[relation]
+                if kind in RELATIONS and relation not in located and moving[relation]:
+                    yield number, both[0], both[1], (1.0, -1.0)
+
+
+class _Graph:
+    """The equations that rates depend on, as they were written, and what stands above each of their nodes."""
+
+    def __init__(self, solution: Solution, discrete: frozenset[int]) -> None:
+        structure = solution.structure
+        self.pool: Pool = structure.reduced.pool
+        self.points: SamplePoints = structure.points
+        self.rates = {structure.derivative(x) for x in structure.states}
+        wanted = {*solution.needed, *solution.algebraic, *self.rates}
+        blocks = [b for b in structure.blocks if not wanted.isdisjoint(b.columns)]
+        self.unknowns = {structure.residuals[e]: b.columns for b in blocks for e in b.rows}
+        self.reachable = self.pool.reachable(self.unknowns)
+        self.above: dict[int, list[int]] = {}
+        self.moving: dict[int, bool] = {}
+        for number in self.reachable:
+            op, *rest = self.pool.nodes[number]
+            self.moving[number] = (op == "var" and rest[0] not in discrete) or op == "time"
+            if op not in LEAVES:
+                self.moving[number] = any(self.moving[c] for c in rest)
+                for child in rest:
+                    self.above.setdefault(child, []).append(number)
+
+    def vanishes(self, number: int, asleep: Truth) -> bool:
+        """Whether a node, or a sum that holds it, is zero at those points."""
+        if self.pool.nodes[number][0] == "fabs":
+            return True  # what is a kink of it at all cancels
+        branches = [n for n in self.pool.nodes[number][1:] if not self.moving.get(n, True)]
+        if any(not self.points.everywhere(n).any() for n in branches):
+            return True
+        for here in self._climbed(number, frozenset(("add", "sub", "neg"))):
+            value = self.points.everywhere(here)[asleep]
+            size = max(float(np.abs(self.points.everywhere(number)).max(initial=0.0)), 1e-300)
+            if value.size > 1 and np.isfinite(value).all() and np.abs(value).max() <= _ZERO * size:
+                return True
+        return False
+
+    def is_rate(self, number: int) -> bool:
+        """Whether a node enters the rate of a state linearly, between kinks."""
+        seen, stack = set[int](), [number]
+        while stack:
+            for here in self._climbed(stack.pop(), _LINEAR | _PIECEWISE):
+                for v in self.unknowns.get(here, ()):
+                    if v in self.rates:
+                        return True
+                    if v not in seen:
+                        seen.add(v)
+                        stack.append(self.pool.var(v))
+        return False
+
+    def cancels(self, number: int, sign: float) -> bool:
+        """Whether a sum that holds `fabs` of an operand of this sign holds the operand too, so that both vanish."""
+        operand = self._terms(self.pool.nodes[number][1])
+        for top in self._climbed(number, _LINEAR):
+            whole = self._terms(top)
+            factor = whole.get(number, 0.0)
+            wanted = {n: -sign * factor * times for n, times in operand.items()}
+            if factor and wanted and all(abs(whole.get(n, 0.0) - w) <= _SAME * abs(w) for n, w in wanted.items()):
+                return True
+        return False
+
+    def _climbed(self, number: int, through: frozenset[str]) -> Iterator[int]:
+        """A node and all that hold it, through these operations; a product or quotient by what is constant only."""
+        seen, stack = {number}, [number]
+        while stack:
+            here = stack.pop()
+            yield here
+            for n in self.above.get(here, ()):
+                op, *operands = self.pool.nodes[n]
+                if n in seen or op not in through:
+                    continue
+                others = operands[1:] if op == "div" else [c for c in operands if c != here]
+                if op in ("mul", "div") and (not others or any(self.moving[c] for c in others)):
+                    continue
+                seen.add(n)
+                stack.append(n)
+
+    def _terms(self, root: int) -> Mapping[int, float]:
+        """An expression as a sum: what varies, with its factors; a constant is left out."""
+        points, found = self.points, dict[int, float]()
+        stack = [(root, 1.0)]
+        while stack:
+            number, factor = stack.pop()
+            op, *operands = self.pool.nodes[number]
+            if not points.varies(number):
+                continue
+            constant = [not points.varies(n) for n in operands] if op in ("mul", "div") else []
+            if op in ("add", "sub"):
+                stack += [(operands[0], factor), (operands[1], factor if op == "add" else -factor)]
+            elif op == "neg":
+                stack.append((operands[0], -factor))
+            elif op == "mul" and any(constant):
+                k = constant.index(True)
+                stack.append((operands[1 - k], factor * float(points.of(operands[k])[0])))
+            elif op == "div" and constant[1]:
+                stack.append((operands[0], factor / float(points.of(operands[1])[0])))
+            else:
+                found[number] = found.get(number, 0.0) + factor
+        return found
+
+
+def _shape(distance: Samples) -> bytes:
+    """The same for distances that are multiples of each other, but for rounding."""
+    finite = np.where(np.isfinite(distance), distance, 0.0)
+    largest = finite[int(np.argmax(np.abs(finite)))]
+    return np.round(finite / largest if largest else finite, _DIGITS).tobytes()

@@ -1,0 +1,178 @@
+"""The initial problem, as data: which conditions hold at the start, and what they leave open."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from acausal.analyse.blocks.solve import Solution
+from acausal.errors import Span
+from acausal.flatten.flat import FlatStart, span_of
+from acausal.flatten.reduced import ReducedSystem
+from acausal.structure import Incidence, match
+
+
+@dataclass(frozen=True)
+class Condition:
+    """A node that must be zero at the start, with the words and the place it comes from."""
+
+    node: int
+    text: str
+    where: tuple[Span, ...]
+    scalar: int | None = None
+    """The flat scalar whose declared start it is; None for an equation."""
+
+
+@dataclass(frozen=True, eq=False)
+class StartProblem:
+    """What is known at the start.
+
+    Attributes
+    ----------
+    direct
+        States given outright: variable -> node of parameters only.
+    conditions
+        All other conditions, to be solved for the remaining states together with the algebraic variables.
+    surplus
+        Conditions that the remaining states cannot be used for; they must hold by themselves.
+    defaulted
+        States that nothing determines: they take their guess, and the user is told.
+    guesses
+        Variable (state or algebraic) -> node of parameters where its iteration starts.
+    """
+
+    direct: dict[int, int]
+    conditions: tuple[Condition, ...]
+    surplus: tuple[Condition, ...]
+    defaulted: tuple[int, ...]
+    guesses: dict[int, int]
+
+
+def start_problem(solution: Solution) -> StartProblem:
+    """Sort the declared starts and initial equations by what they determine."""
+    reduced = solution.structure.reduced
+    states = solution.structure.states
+    state_set = set(states)
+    direct: dict[int, int] = {}
+    given: list[Condition] = []
+    guesses = _guesses(reduced)
+    for scalar, start in reduced.flat.starts.items():
+        if not start.is_fixed:
+            continue
+        variable, value = _aimed_at(reduced, scalar, start)
+        if variable is not None:
+            guesses[variable] = value
+        if variable in state_set and variable not in direct:
+            direct[variable] = value
+        else:
+            given.append(_condition(reduced, scalar, start))
+    for e, node in solution.structure.invariants:
+        source = reduced.flat.equations[solution.structure.flat_equation(e)]
+        given.append(Condition(node, _level(solution, e, reduced.flat.text(source)), span_of(source)))
+    for equation, node in zip(reduced.flat.initial_equations, reduced.initial, strict=True):
+        given.append(Condition(node, reduced.flat.text(equation), span_of(equation)))
+    open_states = [x for x in states if x not in direct]
+    used, surplus, defaulted = _assign(solution, given, open_states, guesses)
+    return StartProblem(direct, tuple(used), tuple(surplus), tuple(defaulted), guesses)
+
+
+def _guesses(reduced: ReducedSystem) -> dict[int, int]:
+    """Declared guesses; of several for one variable that of its outermost name, the first by the alphabet."""
+    guesses: dict[int, int] = {}
+    declared = [s for s, start in reduced.flat.starts.items() if not start.is_fixed]
+    names = {s: reduced.flat.scalar_name(s) for s in declared}
+    for scalar in sorted(declared, key=lambda s: (names[s].count("."), names[s])):
+        variable, value = _aimed_at(reduced, scalar, reduced.flat.starts[scalar])
+        if variable is not None:
+            guesses.setdefault(variable, value)
+    return guesses
+
+
+def _level(solution: Solution, equation: int, text: str) -> str:
+    """Text of a constraint, or of its first or second derivative: `d/dt (x ** 2 + y ** 2 == 1)`."""
+    times = 0
+    while equation in solution.structure.integral:
+        equation, times = solution.structure.integral[equation], times + 1
+    order = f"{times}" * (times > 1)
+    return f"d{order}/dt{order} ({text})" if times else text
+
+
+def _aimed_at(reduced: ReducedSystem, scalar: int, start: FlatStart) -> tuple[int | None, int]:
+    """The variable a start is about, and the node of its value; None when the scalar was eliminated."""
+    pool = reduced.pool
+    value = imported(reduced, start.node)
+    op, *rest = pool.nodes[reduced.image[scalar]]
+    if op == "var":
+        return rest[0], value
+    if op == "neg" and pool.nodes[rest[0]][0] == "var":
+        return pool.nodes[rest[0]][1], pool.neg(value)
+    return None, value
+
+
+def imported(reduced: ReducedSystem, node: int) -> int:
+    """A node of parameters, from the flat pool into the reduced one."""
+    old, new = reduced.flat.pool, reduced.pool
+    done: dict[int, int] = {}
+    for number in old.reachable([node]):
+        entry = old.nodes[number]
+        done[number] = (
+            new.intern(entry)
+            if entry[0] in ("const", "par", "time")
+            else new.make(entry[0], *[done[c] for c in entry[1:]])
+        )
+    return done[node]
+
+
+def _condition(reduced: ReducedSystem, scalar: int, start: FlatStart) -> Condition:
+    node = reduced.pool.sub(reduced.image[scalar], imported(reduced, start.node))
+    name = reduced.flat.scalar_name(scalar)
+    where = (start.origin.span(),) if start.origin is not None else ()
+    return Condition(node, name, where, scalar)
+
+
+def _assign(
+    solution: Solution, given: list[Condition], open_states: list[int], guesses: dict[int, int]
+) -> tuple[list[Condition], list[Condition], list[int]]:
+    """Match conditions with open states; states without a declared guess are used first."""
+    if not given and not open_states:
+        return [], [], []
+    reach = Reach(solution)
+    rows = [sorted(reach.of(c.node)) for c in given] + [sorted(reach.of(r)) for r in solution.residuals]
+    order = list(solution.algebraic) + sorted(open_states, key=lambda x: x in guesses)
+    matched = np.full(len(rows), -1)
+    for count in range(len(solution.algebraic) + sum(x not in guesses for x in open_states), len(order) + 1):
+        place = {v: k for k, v in enumerate(order[:count])}
+        matched = match(Incidence.from_rows([[place[v] for v in row if v in place] for row in rows], count))
+        if (matched >= 0).all():
+            break
+    taken = {order[int(c)] for c in matched if c >= 0}
+    used = [c for c, m in zip(given, matched, strict=False) if m >= 0]
+    surplus = [c for c, m in zip(given, matched, strict=False) if m < 0]
+    if surplus and not np.any(matched[len(given) :] < 0):
+        used = [c for c in given if c not in surplus]
+    return used, surplus, [x for x in open_states if x not in taken]
+
+
+class Reach:
+    """States and algebraic variables behind a node, through the definitions."""
+
+    def __init__(self, solution: Solution) -> None:
+        self.pool = solution.structure.reduced.pool
+        self.inputs = solution.structure.reduced.inputs
+        self.definition = dict(solution.definitions)
+
+    def of(self, node: int) -> set[int]:
+        found: set[int] = set()
+        seen: set[int] = set()
+        stack = list(self.pool.variables_in(node))
+        while stack:
+            v = stack.pop()
+            if v in seen:
+                continue
+            seen.add(v)
+            if v in self.definition:
+                stack.extend(self.pool.variables_in(self.definition[v]))
+            else:
+                found.add(v)
+        return found

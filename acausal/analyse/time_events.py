@@ -1,0 +1,97 @@
+"""Relations that depend on time and parameters only: known in advance, so the run is cut there.
+
+Inside a segment such a relation is a constant mode; the right-hand side is then smooth in time up to both ends. No
+solver has to discover a pulse: six of them return 0 for one of 10 ms.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from acausal.analyse.blocks.linear import LinearForm
+from acausal.flatten.pool import RELATIONS, Pool
+
+_AS_RELATION = {"min": "lt", "max": "gt"}
+
+
+@dataclass(frozen=True)
+class TimeEvents:
+    """Relation nodes that switch at known instants.
+
+    `instants[k]` is the node of the time at which `relations[k]` changes; it depends on parameters only. `rewritten`
+    maps min, max, fabs and sign of time to branches on such relations.
+    """
+
+    relations: tuple[int, ...]
+    instants: tuple[int, ...]
+    rewritten: dict[int, int]
+
+
+def find_time_events(pool: Pool, roots: Iterable[int]) -> TimeEvents:
+    """Search all relations below `roots` that are affine in time, with coefficients free of variables."""
+    wanted = pool.reachable(roots)
+    timely = _timely(pool, wanted)
+    relations: list[int] = []
+    instants: list[int] = []
+    rewritten: dict[int, int] = {}
+    for number in wanted:
+        node = pool.nodes[number]
+        op = node[0]
+        if number not in timely:
+            continue
+        if op in RELATIONS:
+            instant = _instant(pool, pool.sub(node[1], node[2]))
+            if instant is not None:
+                relations.append(number)
+                instants.append(instant)
+        elif op in ("min", "max", "fabs", "sign"):
+            branch = _branch(pool, op, node[1:])
+            if branch is None:
+                continue
+            rewritten[number], relation, instant = branch
+            if relation not in relations:
+                relations.append(relation)
+                instants.append(instant)
+    return TimeEvents(tuple(relations), tuple(instants), rewritten)
+
+
+def _timely(pool: Pool, wanted: list[int]) -> set[int]:
+    """Nodes that depend on time and on no variable."""
+    depends: dict[int, tuple[bool, bool]] = {}
+    for number in wanted:
+        node = pool.nodes[number]
+        if node[0] in ("const", "par"):
+            depends[number] = (False, False)
+        elif node[0] == "time":
+            depends[number] = (True, False)
+        elif node[0] == "var":
+            depends[number] = (False, True)
+        else:
+            below = [depends[c] for c in node[1:]]
+            depends[number] = (any(t for t, _ in below), any(v for _, v in below))
+    return {n for n, (t, v) in depends.items() if t and not v}
+
+
+def _instant(pool: Pool, difference: int) -> int | None:
+    stand_in = -1  # a variable number no model has
+    done: dict[int, int] = {pool.time: pool.intern(("var", stand_in))}
+    pool.rewrite([difference], pool.var, done)
+    form = LinearForm(pool, (stand_in,)).of(done[difference])
+    if form is None or stand_in not in form[1]:
+        return None
+    return pool.div(pool.neg(form[0]), form[1][stand_in])
+
+
+def _branch(pool: Pool, op: str, args: tuple[int, ...]) -> tuple[int, int, int] | None:
+    a = args[0]
+    b = args[1] if len(args) > 1 else pool.zero
+    instant = _instant(pool, pool.sub(a, b))
+    if instant is None:
+        return None
+    relation = pool.make(_AS_RELATION.get(op, "gt"), a, b)
+    if op == "fabs":
+        return pool.where(relation, a, pool.neg(a)), relation, instant
+    if op == "sign":
+        return pool.where(relation, pool.one, pool.neg(pool.one)), relation, instant
+    return pool.where(relation, a, b), relation, instant

@@ -1,0 +1,1 @@
+"""Runs of multibody models as moving scenes: glTF, one-file pages, moving pictures."""

@@ -1,0 +1,354 @@
+"""What moves in a result, and how: nodes with a pose per time, made from the looks of a model's components."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.animate import meshes
+from acausal.animate.looks import RED, Arrow, Drawn, Hole, Look, Part, Piece, Rigid, Stretched, look_of
+from acausal.animate.meshes import Array
+from acausal.errors import UsageError
+from acausal.flatten.around import placed
+from acausal.flatten.instances import Instance
+from acausal.language.component import Component, Connector
+from acausal.library.contact.scene.scene import ContactScene
+from acausal.library.drilling.interfaces import PartialDrillingForce
+from acausal.library.multibody.world import World
+from acausal.result import Result
+
+_QUARTER = math.radians(90.0)
+_FAR = 5.0
+"""How many times as large as what moves a scene may be and still be shown whole."""
+
+
+@dataclass(frozen=True, eq=False)
+class Node:
+    """Pieces and their motion: places [m], shape (n, 3), rotations (n, 3, 3), scales (n, 3), all in the model's axes.
+
+    `kind` is body, force or hole; `trail` holds the path of a point of it, shape (n, 3).
+    """
+
+    name: str
+    pieces: tuple[Piece, ...]
+    r: Array
+    R: Array
+    scale: Array
+    kind: str = "body"
+    trail: Array | None = None
+    endless: bool = False
+    symbol: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """All nodes of a result over its times, shape (n,) in s.
+
+    `upright` turns the model's axes so that up is +y, as glTF has it; `force_scale` is the length of an arrow per
+    force [m/N]; `notes` say what is not shown as it is.
+    """
+
+    model: str
+    time: Array
+    nodes: tuple[Node, ...]
+    size: float
+    upright: Array
+    force_scale: float
+    notes: tuple[str, ...] = ()
+
+
+def scene_of(
+    model: Component, result: Result, looks: Mapping[type[Component], Look] | None = None, poses: int = 2000
+) -> Scene:
+    """The scene of a run of `model`, at up to `poses` of the rows of its result.
+
+    Raises
+    ------
+    UsageError
+        AC083 when the model has nothing with a shape, AC082 when the result is not of this model.
+    """
+    found, _ = placed(model)
+    found = [*found, *_named_by_pair(found, result)]
+    drawn = [i for i in found if look_of(i.component, looks or {}) is not None]
+    shown = [i for i in drawn if _is_recorded(i, result)]
+    if not drawn:
+        raise UsageError(
+            "AC083",
+            f"{type(model).__name__} has nothing to animate: none of its components has a shape",
+            help="components of acausal.library.multibody, contact and drilling have; give others one: looks={...}",
+        )
+    _check_is_of(model, found, drawn, shown, result)
+    rows = _rows(result.time, poses)
+    maker = _Maker(result, rows, looks or {})
+    # What has dimensions of its own, and where things move, say how large the scene is; the rest is in proportion.
+    size = _extent(worth_seeing(maker.nodes(shown, 1e-6))) or 1.0
+    nodes = _without_needless(maker.nodes(shown, size), size)
+    missing = [i.path for i in drawn if i not in shown and not _may_be_missing(i)]
+    notes = [f"not in the result, and so not shown: {', '.join(missing[:5])}"] if missing else []
+    notes += _too_fast(nodes)
+    forces, scale = _scaled([n for n in nodes if n.kind == "force"], size)
+    kept = (*(n for n in nodes if n.kind != "force"), *forces)
+    return Scene(type(model).__name__, result.time[rows], kept, size, _upright(found, result), scale, tuple(notes))
+
+
+def _check_is_of(
+    model: Component, found: Sequence[Instance], drawn: Sequence[Instance], shown: Sequence[Instance], result: Result
+) -> None:
+    """Refuse a result that knows nothing of the model's bodies, or bodies that the model does not have (AC082)."""
+    known = {i.path for i in found}
+    changing = tuple(f"{i.prefix}contacts[" for i in found if isinstance(i.component, ContactScene))
+    frames = [n.removesuffix(".r_0[0]") for n in result.names if n.endswith(".r_0[0]")]
+    foreign = [f for f in frames if ".frame" in f and f not in known and not f.startswith(changing)]
+    # Contacts that never came about are not in a result, and every model may have a world.
+    needed = [i for i in drawn if not _may_be_missing(i) and not isinstance(i.component, World)]
+    if foreign or (needed and not any(i in shown for i in needed)):
+        what = f"{foreign[0]} is not in the model" if foreign else f"it has no signals of {needed[0].path}"
+        raise UsageError(
+            "AC082",
+            f"the result of {result.model} is none of this {type(model).__name__}: {what}",
+            help="name the model it was made with: acausal animate RESULT --model MODEL, with its --set",
+        )
+
+
+def _is_recorded(instance: Instance, result: Result) -> bool:
+    """Whether the frames of a component are in the result; a scene has those of its bodies."""
+    frames = [p.path for p in instance.parts if f"{p.path}.r_0[0]" in result]
+    own = {name for name, p in instance.component._prototypes.items() if hasattr(type(p), "r_0")}
+    return bool(frames) and len({f.rpartition(".")[2] for f in frames} & own) == len(own)
+
+
+def _named_by_pair(found: Iterable[Instance], result: Result) -> list[Instance]:
+    """Contacts of scenes whose contacts come and go: results call them by the names of the two bodies."""
+    made = []
+    for holder in found:
+        scene = holder.component
+        if not isinstance(scene, ContactScene):
+            continue
+        name = rf"({re.escape(holder.prefix)}contacts\[([^],]+),([^],#]+)(?:#\d+)?\])"
+        pairs = {(scene.bodies[i].name, scene.bodies[j].name): k for k, (i, j) in enumerate(scene.candidates)}
+        for match in filter(None, (re.fullmatch(rf"{name}\.depth|{name}\.s", n) for n in result.names)):
+            path, *pair = (g for g in match.groups() if g is not None)
+            k = pairs.get((pair[0], pair[1]))
+            if k is not None:
+                instance = Instance(scene.contacts[k], path, -1, holder)
+                frames = [(n, c) for n, c in scene.contacts[k]._parts.items() if isinstance(c, Connector)]
+                instance.parts += [Instance(c, f"{path}.{n}", -1, instance) for n, c in frames]
+                made.append(instance)
+    return made
+
+
+def _may_be_missing(instance: Instance) -> bool:
+    return instance.owner is not None and isinstance(instance.owner.component, ContactScene)
+
+
+def _rows(time: Array, poses: int) -> NDArray[np.intp]:
+    """Rows of a result that are shown: one per time, the values after an event, and not more than wanted."""
+    # Times that are one in single precision, as glTF has them, are one.
+    single = (time - time[0]).astype(np.float32)
+    last = np.flatnonzero(np.append(np.diff(single) > 0.0, True))
+    if len(last) <= poses:
+        return last
+    wanted = np.linspace(time[0], time[-1], poses)
+    return np.unique(last[np.searchsorted(time[last], wanted).clip(0, len(last) - 1)])
+
+
+class _Maker:
+    """Turns what looks yield into nodes; poses of frames are read once."""
+
+    def __init__(self, result: Result, rows: NDArray[np.intp], looks: Mapping[type[Component], Look]) -> None:
+        self.result, self.rows, self.looks = result, rows, looks
+        # Many are read: all at once cost less than one by one.
+        assert len(result.matrix), "a result has rows"
+        self._poses: dict[str, tuple[Array, Array]] = {}
+
+    def nodes(self, shown: Iterable[Instance], size: float) -> list[Node]:
+        """All nodes; a component's first is called by its path."""
+        made: list[Node] = []
+        for instance in shown:
+            owner = instance.owner.component if instance.owner is not None else None
+            part = Part(instance.component, owner, instance.path, self.result, size)
+            look = look_of(instance.component, self.looks)
+            assert look is not None, "only what has a look is shown"
+            for drawn in look(part):
+                # A contact that never came about has no place.
+                made += [n for n in self._node(part, drawn) if np.isfinite(n.r).all() and np.isfinite(n.R).all()]
+        names: dict[str, int] = {}
+        for k, node in enumerate(made):
+            names[node.name] = names.get(node.name, 0) + 1
+            if names[node.name] > 1:
+                made[k] = replace(node, name=f"{node.name}:{names[node.name]}")
+        return made
+
+    def _pose(self, frame: str) -> tuple[Array, Array]:
+        if frame not in self._poses:
+            r, R = (_held(self.result[f"{frame}.{name}"][self.rows]) for name in ("r_0", "R"))
+            self._poses[frame] = r, R
+        return self._poses[frame]
+
+    def _node(self, part: Part, drawn: Drawn) -> Iterator[Node]:
+        prefix = part.path + "." if part.path else ""
+        ones = np.ones((len(self.rows), 3))
+        if isinstance(drawn, Rigid):
+            r, R = self._pose(prefix + drawn.frame)
+            trail = None if drawn.trail is None else r + R @ np.array(drawn.trail)
+            name = prefix + drawn.name if drawn.name else part.path
+            yield Node(name, drawn.pieces, r, R, ones, trail=trail, endless=drawn.endless, symbol=drawn.symbol)
+        elif isinstance(drawn, Stretched):
+            (a, _), (b, _) = self._pose(prefix + drawn.frame_a), self._pose(prefix + drawn.frame_b)
+            length = np.maximum(np.linalg.norm(b - a, axis=1), 1e-9 * part.size)
+            scale = np.column_stack([ones[:, :2], length])
+            yield Node(part.path, drawn.pieces, a, meshes.along(b - a), scale)
+        elif isinstance(drawn, Arrow):
+            yield self._arrow(part, prefix + drawn.frame)
+        else:
+            yield from self._hole(part, prefix, drawn)
+
+    def _arrow(self, part: Part, frame: str) -> Node:
+        """Cut forces are positive into the component: what it does to its neighbour is the opposite."""
+        r, R = self._pose(frame)
+        f = np.nan_to_num(-np.einsum("nij,nj->ni", R, self.result[f"{frame}.f"][self.rows]))
+        t = np.nan_to_num(-np.einsum("nij,nj->ni", R, self.result[f"{frame}.t"][self.rows]))
+        square = np.sum(f * f, axis=1, keepdims=True)
+        # The point of the line of action that is nearest to the frame.
+        r = r + np.cross(f, t) / np.where(square > 0.0, square, 1.0)
+        force = np.sqrt(square[:, 0])
+        scale = np.column_stack([np.ones((len(force), 2)), force])
+        piece = Piece(meshes.arrow(0.008 * part.size), RED)
+        return Node(f"{frame}.f", (piece,), r, meshes.along(f), scale, kind="force")
+
+    def _hole(self, part: Part, prefix: str, hole: Hole) -> Iterator[Node]:
+        """The cone of the point and the cylinder behind it, as deep as the tip has been so far."""
+        s = np.nan_to_num(self.result[f"{prefix}s"][self.rows])
+        tip, axis = (_held(self.result[f"{prefix}geometry.{name}"][self.rows]) for name in ("tip", "axis"))
+        if s.max() <= 0.0:
+            return
+        deepest = int(np.argmax(s))
+        e, radius = axis[deepest], hole.diameter / 2
+        entry = tip[deepest] - e * s[deepest]
+        depth = np.maximum.accumulate(np.maximum(s, 0.0))
+        h = radius / math.tan(hole.point_angle / 2)
+        r_w, R_w = self._pose(prefix + hole.frame)
+        turned = R_w @ meshes.along(e)
+        tiny = 1e-6 * hole.diameter
+        straight = np.clip(depth - h, 0.0, hole.thickness)
+        wide = np.minimum(depth, h) / h
+        wide = np.where(depth - h >= hole.thickness, 0.0, wide)  # all the way through: no point is left
+        begin = r_w + R_w @ entry
+        wall = meshes.cylinder(radius, 1.0).inside_out()
+        along = np.einsum("nij,j->ni", R_w, e)
+        dark = "#332c2a"
+        is_there = np.where(straight > 0.0, 1.0, 1e-6)
+        cut = np.column_stack([is_there, is_there, straight + tiny])
+        yield Node(f"{part.path}.hole", (Piece(wall, dark),), begin, turned, cut, kind="hole")
+        point = meshes.cone(radius, h).inside_out()
+        scale = np.repeat(np.maximum(wide, 1e-6)[:, None], 3, axis=1)
+        bottom = begin + along * straight[:, None]
+        yield Node(f"{part.path}.hole.point", (Piece(point, dark),), bottom, turned, scale, kind="hole")
+
+
+def _held(values: Array) -> Array:
+    """With the last values before where there are none: a contact that is not there has no frame."""
+    known = np.isfinite(values).reshape(len(values), -1).all(axis=1)
+    if known.all() or not known.any():
+        return values
+    last = np.maximum.accumulate(np.where(known, np.arange(len(values)), -1))
+    return values[np.where(last < 0, int(np.argmax(known)), last)]
+
+
+def _without_needless(nodes: list[Node], size: float) -> list[Node]:
+    """Symbols lose their pieces where something with a shape of its own moves with them, and keep their pose."""
+    solid = [n.r for n in nodes if n.kind == "body" and not n.symbol and not n.endless and np.all(n.scale == 1.0)]
+    solid = [r for r in solid if np.ptp(r, axis=0).max() > 0.0]
+
+    def is_needless(node: Node) -> bool:
+        return node.symbol and any(np.abs(node.r - r).max() < 1e-9 * size for r in solid)
+
+    return [replace(n, pieces=()) if is_needless(n) else n for n in nodes]
+
+
+def corners(nodes: Iterable[Node]) -> Array:
+    """Two opposite corners of everything but the ground, forces and holes, at all times, shape (n, 3) [m]."""
+    found = [np.zeros((0, 3))]
+    for node in nodes:
+        if node.kind == "body" and node.pieces and not node.endless:
+            points = np.concatenate([p.mesh.positions for p in node.pieces])
+            for corner in (points.min(axis=0), points.max(axis=0)):
+                found.append(node.r + np.einsum("nij,nj->ni", node.R, corner * node.scale))
+    every = np.concatenate(found)
+    every = every[np.isfinite(every).all(axis=1)]
+    return every if len(every) else np.zeros((1, 3))
+
+
+def worth_seeing(nodes: Iterable[Node]) -> list[Node]:
+    """What a first view shows: everything, or what moves when that is a small part of it."""
+    every = list(nodes)
+    moving = [n for n in every if max(np.ptp(n.r, axis=0).max(), np.ptp(n.R, axis=0).max()) > 0.0]
+    narrow = _extent(moving)
+    return moving if narrow > 0.0 and _extent(every) > _FAR * narrow else every
+
+
+def _extent(nodes: Iterable[Node]) -> float:
+    """Diagonal of the box around everything [m]; 0 for what is smaller than a point."""
+    every = corners(nodes)
+    size = float(np.linalg.norm(every.max(axis=0) - every.min(axis=0)))
+    return size if size > 1e-5 else 0.0
+
+
+def _scaled(forces: list[Node], size: float) -> tuple[list[Node], float]:
+    """Arrows as long as their forces say, 19 of 20 of them within a quarter of the scene; and the length per force."""
+    loads = np.concatenate([n.scale[:, 2] for n in forces]) if forces else np.zeros(0)
+    loads = loads[loads > 0.0]
+    if not loads.size:
+        return [], 0.0
+    per_force = 0.25 * size / float(np.quantile(loads, 0.95))
+    return [_with_length(n, per_force * n.scale[:, 2], size) for n in forces if n.scale[:, 2].max() > 0.0], per_force
+
+
+def _with_length(node: Node, length: Array, size: float) -> Node:
+    visible = np.where(length > 1e-3 * size, 1.0, 1e-6)
+    return replace(node, scale=np.column_stack([visible, visible, np.maximum(length, 1e-6 * size)]))
+
+
+def _too_fast(nodes: Iterable[Node]) -> list[str]:
+    """A note on bodies that turn so fast that two poses do not tell in which direction."""
+    for node in nodes:
+        if node.kind == "body" and len(node.R) > 1 and np.all(node.scale == 1.0):
+            cosine = (np.einsum("nij,nij->n", node.R[1:], node.R[:-1]) - 1.0) / 2.0
+            angle = float(np.arccos(np.clip(cosine, -1.0, 1.0)).max())
+            if angle > _QUARTER:
+                return [
+                    f"{node.name} turns by {math.degrees(angle):.0f} degrees between two poses and may seem to turn "
+                    "slower or backwards: record more of them with --poses, or show a shorter run"
+                ]
+    return []
+
+
+def _upright(found: Iterable[Instance], result: Result) -> Array:
+    """A rotation that brings up to +y: against gravity, else against the feed of a drill."""
+    instances = list(found)
+    for instance in instances:
+        if isinstance(instance.component, World) and f"{instance.path}.g_0[0]" in result:
+            g = np.asarray(result.final(f"{instance.path}.g_0"))
+            if np.linalg.norm(g) > 0.0:
+                return _turned_up(-g)
+    for instance in instances:
+        if isinstance(instance.component, PartialDrillingForce) and f"{instance.path}.frame_a.R[0,0]" in result:
+            axis = np.asarray(instance.component.axis_a, dtype=float)
+            return _turned_up(-(result[f"{instance.path}.frame_a.R"][0] @ axis))
+    return np.eye(3)
+
+
+def _turned_up(up: Array) -> Array:
+    """The least rotation that brings `up` to +y."""
+    e = up / np.linalg.norm(up)
+    y = np.array([0.0, 1.0, 0.0])
+    v, c = np.cross(e, y), float(e @ y)
+    if c < -1 + 1e-12:
+        return np.diag([1.0, -1.0, -1.0])
+    K = np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+    return np.asarray(np.eye(3) + K + K @ K / (1.0 + c))

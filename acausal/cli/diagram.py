@@ -1,0 +1,43 @@
+"""`acausal diagram`: who is connected with whom."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from acausal.cli.options import ComponentArgument, SetOption
+from acausal.cli.outputs import check_writable
+from acausal.cli.reference import find_component
+from acausal.cli.report import remark
+from acausal.cli.settings import prepare
+
+
+def diagram(
+    model: ComponentArgument,
+    settings: SetOption = None,
+    depth: Annotated[int, typer.Option("--depth", min=1, help="Levels of composition that are shown.")] = 1,
+    opened: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--open", metavar="PATH", help="A block whose inside is shown too; repeatable.", show_default=False
+        ),
+    ] = None,
+    output_file: Annotated[
+        Path | None,
+        typer.Option("--output-file", "-o", help=".svg, or .html to open blocks by a click. Default: MODEL.svg."),
+    ] = None,
+) -> None:
+    """Draw the connection diagram of a model or of a component of the library.
+
+    Examples: acausal diagram ThickBlock; acausal diagram DrillingForce -o force.html; acausal diagram arm.py --depth 2
+    """
+    from acausal.diagram.diagram import check_diagram_file
+    from acausal.diagram.diagram import diagram as make
+
+    cls, _ = find_component(model)
+    target = check_diagram_file(output_file or Path(f"{cls.__name__}.svg"))
+    check_writable(target)
+    make(prepare(cls, settings or ()).model, depth=depth, opened=tuple(opened or ())).save(target)
+    remark(f"wrote {target}")

@@ -1,0 +1,89 @@
+"""Defects that show only when constraints are differentiated."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from acausal.diagnose.causes import probable
+from acausal.diagnose.words import label, lines, listed, made_at, names_of
+from acausal.errors import StructureError
+from acausal.flatten.flat import span_of
+from acausal.flatten.reduced import ReducedSystem
+
+
+def differentiated_input(reduced: ReducedSystem, variable: int) -> StructureError:
+    """AC207: a free input of the model is prescribed where its derivative is needed."""
+    flat = reduced.flat
+    name = reduced.name(variable)
+    names = names_of(flat, [reduced.scalar[variable]])
+    users = [
+        e
+        for e in flat.equations
+        if not isinstance(e.source, str) and reduced.scalar[variable] in flat.pool.variables_in(e.left, e.right)
+    ]
+    owners = listed((label(flat, e.component) for e in users), 2)
+    return StructureError(
+        "AC207",
+        f"{flat.name}: the time derivative of input {name} is needed, which {owners} prescribes as a motion",
+        where=[s for e in users[:1] for s in made_at(flat, e.component)] or made_at(flat, ""),
+        evidence=[f"the signal reaches: {listed(names)}", *lines(flat, users, 4)],
+        cause="the values of an input are known only while the model runs, its derivative is not",
+        help="prescribe its highest derivative (Speed or Accelerate instead of Position), or filter it in the model",
+    )
+
+
+def undetermined(reduced: ReducedSystem, left: Sequence[int], open_ones: Sequence[int]) -> StructureError:
+    """The error for a system that is balanced as it stands but not after constraints have been differentiated.
+
+    Parameters
+    ----------
+    left
+        Flat equations that determine nothing.
+    open_ones
+        Reduced variables without an equation.
+    """
+    flat = reduced.flat
+    found = probable(flat)
+    if found is not None:
+        return found
+    names = [reduced.name(v) for v in open_ones]
+    equations = [flat.equations[k] for k in left]
+    owners = listed((label(flat, e.component) for e in equations), 3) or flat.name
+    return StructureError(
+        "AC208",
+        f"{flat.name}: once the constraints of {owners} are differentiated, nothing determines {listed(names, 3)}",
+        where=[s for e in equations[:2] for s in span_of(e)] or made_at(flat, ""),
+        evidence=[f"not determined: {listed(names)}"]
+        + (["these equations are left over:", *lines(flat, equations)] if equations else []),
+        cause="a constraint follows from the others, perhaps only for these values of the parameters",
+        help="remove one of the constraints, or change the values that make them equal",
+    )
+
+
+def refuse_if_singular(reduced: ReducedSystem, equation: int, at_last: bool) -> None:
+    """Stop index reduction that does not end because the equations are singular by their numbers.
+
+    Pantelides' algorithm ends on what is structurally regular, but after as many differentiations as there are
+    equations when the numbers cancel, and every one multiplies the size of a nonlinear expression.
+
+    Parameters
+    ----------
+    equation
+        Flat equation that is about to be differentiated once more.
+    at_last
+        Refuse in any case.
+    """
+    flat = reduced.flat
+    found = probable(flat)
+    if found is None and at_last:
+        e = flat.equations[equation]
+        found = StructureError(
+            "AC208",
+            f"{flat.name}: an equation of {label(flat, e.component)} would have to be differentiated for ever",
+            where=span_of(e) or made_at(flat, e.component),
+            evidence=lines(flat, [e]),
+            cause="this constraint follows from the others, or contradicts them",
+            help="remove it, or replace a rigid component by one that can give way",
+        )
+    if found is not None:
+        raise found

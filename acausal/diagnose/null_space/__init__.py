@@ -1,0 +1,1 @@
+"""What the numbers of a singular system leave open, and what they state twice."""

@@ -1,0 +1,127 @@
+"""`acausal.explore`: results in one page, with everything that is in them."""
+
+from __future__ import annotations
+
+import base64
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from acausal.browser.page import packed, page
+from acausal.errors import UsageError
+from acausal.explore.units import choices
+from acausal.files import atomic
+from acausal.result import Result
+
+_BODY = """\
+<aside>
+<input id="search" type="search" placeholder="search names and meanings">
+<div id="tree"></div>
+<details id="happened"><summary></summary></details>
+</aside>
+<section>
+<header><h1></h1><span id="results"></span>
+<label><input id="events" type="checkbox" checked> events</label>
+<label id="differing"><input id="difference" type="checkbox"> differences</label>
+<label><input id="apart" type="checkbox"> one panel each</label>
+<button id="whole">whole run</button><button id="picture">save picture</button></header>
+<div id="panels"></div>
+<div id="hint">Tick signals at the left. Drag over a curve to zoom, double-click to see the whole run.</div>
+</section>"""
+
+
+@dataclass(frozen=True, eq=False)
+class Explorer:
+    """Results with the names they are shown by, and the signals that are shown first."""
+
+    results: tuple[Result, ...]
+    labels: tuple[str, ...]
+    signals: tuple[str, ...]
+
+    def html(self) -> str:
+        """The page: less than 100 kB and the results, in double precision."""
+        data = {
+            "results": [_described(r, label) for r, label in zip(self.results, self.labels, strict=True)],
+            "selected": list(self.signals),
+            "units": {u: choices(u) for u in dict.fromkeys(s.unit for r in self.results for s in r.signals.values())},
+        }
+        title = " and ".join(dict.fromkeys(self.labels)) if len(self.labels) < 4 else f"{len(self.labels)} results"
+        scripts = ("uPlot.iife.min.js", "curves.js", "explorer.js")
+        return page(title, _BODY, data, scripts, ("uPlot.min.css", "explorer.css"))
+
+    def save(self, path: str | Path) -> Path:
+        """Write the page to a `.html` file; UsageError AC012 or AC013."""
+        path = check_page_file(Path(path))
+        with atomic(path) as file:
+            file.write(self.html().encode())
+        return path
+
+
+def check_page_file(path: Path) -> Path:
+    """The path itself; UsageError AC013 when it is no `.html` file."""
+    if path.suffix.lower() != ".html":
+        raise UsageError(
+            "AC013", f"the suffix '{path.suffix}' of {path} is not that of a page", help="give a .html file"
+        )
+    return path
+
+
+def explore(*results: Result, labels: Sequence[str] = (), signals: Sequence[str] = ()) -> Explorer:
+    """Results to look at in a browser.
+
+    Parameters
+    ----------
+    results
+        One or several, of one model or of several.
+    labels
+        Names of the results in the page; those of their models unless given.
+    signals
+        What is shown first; signals of the figure of the model can be chosen in the page.
+
+    Raises
+    ------
+    UsageError
+        AC010 for a signal that none of the results has, AC085 without a result or with another number of labels.
+    """
+    if not results or (labels and len(labels) != len(results)):
+        given = f"{len(results)} results and {len(labels)} labels"
+        raise UsageError("AC085", f"{given} cannot be shown", help="acausal.explore(result), or one label per result")
+    shown: list[str] = []
+    for name in signals:
+        holder = next((r for r in results if name in r), results[0])
+        shown += [s.name for s in holder.elements(name)[1]]
+    names = list(labels) or [r.model for r in results]
+    for k, name in enumerate(names):
+        if names.index(name) != k:
+            names[k] = f"{name} ({k + 1})"
+    return Explorer(tuple(results), tuple(names), tuple(shown))
+
+
+def _described(result: Result, label: str) -> dict[str, Any]:
+    """A result as the page reads it: columns one behind the other, deflated, aliases by column and sign."""
+    columns = np.ascontiguousarray(result.matrix.T, dtype="<f8")
+    return {
+        "label": label,
+        "time": packed(result.time, "<f8"),
+        "rows": len(result.time),
+        "columns": base64.b64encode(zlib.compress(columns.tobytes(), 6)).decode("ascii"),
+        "signals": {
+            s.name: [s.unit, s.doc, -1 if s.column is None else s.column, s.sign, _plain(s.value), int(s.parameter)]
+            for s in result.signals.values()
+        },
+        "events": [[e.time, e.condition, e.component] for e in result.events] or _jumps(result),
+    }
+
+
+def _plain(value: float) -> float | None:
+    """JSON has no nan and no infinity."""
+    return float(value) if np.isfinite(value) else None
+
+
+def _jumps(result: Result) -> list[list[Any]]:
+    """Times at which a file has two rows: it does not say what happened there."""
+    return [[float(t), "", ""] for t in np.unique(result.time[1:][np.diff(result.time) == 0.0])]

@@ -1,0 +1,115 @@
+"""What each form of a model carries, in one place: the past, and what happens at events.
+
+A form refuses what it would lose and what its values depend on; what it leaves out without harm it says in its notes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from acausal.analyse.delays import PADE, refuse_delays
+from acausal.analyse.state_events import Assignment, Clause, switched_dependents
+from acausal.errors import ExportError
+from acausal.export.ports import Output
+from acausal.lower.compiled import CompiledModel
+
+
+@dataclass(frozen=True)
+class Form:
+    """A form of a model: what it is called, whether events act in it, what ends a run, and what to use instead."""
+
+    name: str
+    events: bool
+    ends: bool
+    instead: str = ""
+
+
+FUNCTIONS = Form(
+    "an export as functions of one instant",
+    events=False,
+    ends=False,
+    instead="acausal.step_function(compiled, step) steps through events, acausal.sensitivities differentiates a run "
+    "with them, acausal.simulate runs it",
+)
+LINEAR = Form(
+    "linearize",
+    events=False,
+    ends=False,
+    instead="acausal.sensitivities differentiates a run with its events, acausal.step_function(compiled, step) is the "
+    "map of a step",
+)
+STEP = Form("a step as a function of states", events=True, ends=False)
+SENSITIVITIES = Form("sensitivities", events=True, ends=True)
+
+
+def check(compiled: CompiledModel, form: Form, outputs: Sequence[Output]) -> tuple[str, ...]:
+    """Notes on what the form leaves out of this model.
+
+    Raises
+    ------
+    UsageError
+        AC035 for a model with delays, AC027 for one whose contacts change its equations.
+    ExportError
+        AC608 when `when`s or discrete equations change what the rates or the outputs are made of, and the form does
+        not carry events.
+    """
+    compiled = compiled.unchanging(form.name)
+    refuse_delays(compiled.flat, form.name, PADE)
+    notes = [] if form.events else _held(compiled, form, outputs)
+    if not form.ends:
+        events, name = compiled.state_events, form.name
+        ends = (c for c in events.clauses if c.terminate is not None)
+        notes += [f"{name} does not end the run: {c.text} ({c.where})" for c in ends]
+        notes += [f"{name} does not look at the assertion: {a.message} ({a.where})" for a in events.asserts]
+        led = (compiled.solution.structure.reduced.name(v) for v in switched_dependents(compiled.solution))
+        notes += [f"{name} does not look whether {v} jumps, whose constraint changes at events (AC507)" for v in led]
+    return tuple(notes)
+
+
+def _held(compiled: CompiledModel, form: Form, outputs: Sequence[Output]) -> list[str]:
+    """Notes on discrete variables that nothing depends on; ExportError where events change anything else."""
+    events = compiled.state_events
+    acting: list[tuple[Clause | Assignment, list[int]]] = [
+        *((c, [position for position, _ in c.actions]) for c in events.clauses if c.actions),
+        *((a, [a.position]) for a in events.assignments),
+    ]
+    if not acting:
+        return []
+    first = len(compiled.states) - compiled.discretes
+    structure = compiled.solution.structure
+    pool, image = structure.reduced.pool, structure.reduced.image
+    rates = [pool.var(structure.derivative(v)) for v in compiled.state_variables[:first]]
+    inside = _discrete(compiled, [*rates, *compiled.solution.residuals])
+    shown = _discrete(compiled, [image[output.scalar] for output in outputs])
+    lost = [(act, k) for act, at in acting for k in at if k < first or k in inside | shown]
+    if not lost:
+        return [f"{compiled.states[k]} keeps its value: {act.text}" for act, at in acting for k in at]
+    names = list(dict.fromkeys(compiled.states[k] for _, k in lost))
+    only_shown = all(k >= first and k not in inside for _, k in lost)
+    raise ExportError(
+        "AC608",
+        f"{form.name} does not take {compiled.name}: events change {', '.join(names[:4])}"
+        f"{' and more' if len(names) > 4 else ''}",
+        where=tuple(dict.fromkeys(act.where for act, _ in lost if isinstance(act, Clause)))[:2],
+        evidence=list(dict.fromkeys(act.text for act, _ in lost))[:4],
+        cause="what `when`s and discrete equations do at an event is no function of one instant",
+        help=(f"leave {', '.join(names[:4])} out of the outputs; or: " if only_shown else "") + form.instead,
+    )
+
+
+def _discrete(compiled: CompiledModel, roots: Sequence[int]) -> set[int]:
+    """Positions among the states of the discrete variables that nodes depend on, through definitions."""
+    pool = compiled.solution.structure.reduced.pool
+    definition = dict(compiled.solution.definitions)
+    seen: set[int] = set()
+    stack = list(pool.variables_in(*roots)) if roots else []
+    while stack:
+        v = stack.pop()
+        if v in seen:
+            continue
+        seen.add(v)
+        if v in definition:
+            stack.extend(pool.variables_in(definition[v]))
+    first = len(compiled.states) - compiled.discretes
+    return {k for k, v in enumerate(compiled.state_variables) if k >= first and v in seen}

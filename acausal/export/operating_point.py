@@ -1,0 +1,236 @@
+"""Steady states: where nothing moves, or the values that keep wanted outputs where they shall be (trimming)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.errors import ExportError, UsageError, nearest
+from acausal.export.forms import LINEAR, check
+from acausal.export.functions import dae_function, input_start
+from acausal.export.ports import Output, named_outputs
+from acausal.language.component import Component
+from acausal.lower.compile import compile
+from acausal.lower.compiled import CompiledModel
+from acausal.simulate.arguments import input_vector, parameter_vector
+from acausal.simulate.start.initialize import initialize
+
+Vector = NDArray[np.float64]
+# Rates that are left, in nominal magnitudes of their states per time of the run, and outputs that are missed.
+_ZERO = 1e-8
+# Singular values of the scaled Jacobian, by the largest one, below which a direction changes nothing.
+_RANK = 1e-9
+_MOST = 200
+_ATTEMPTS = 5
+
+
+@dataclass(frozen=True, eq=False)
+class OperatingPoint:
+    """A steady state, values by name in SI units.
+
+    Attributes
+    ----------
+    t
+        Time at which the model's sources were read [s].
+    states, algebraic, inputs, outputs
+        `states` and `inputs` are what `linearize(model, t, x=states, inputs=inputs)` takes.
+    notes
+        What is not unique, and was taken as near to the start as possible.
+    """
+
+    name: str
+    t: float
+    states: Mapping[str, float]
+    algebraic: Mapping[str, float]
+    inputs: Mapping[str, float]
+    outputs: Mapping[str, float]
+    notes: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        return f"OperatingPoint({self.name}: {len(self.states)} states, {len(self.inputs)} inputs)"
+
+
+def operating_point(
+    model: Component | CompiledModel,
+    *,
+    t: float | None = None,
+    inputs: Mapping[str, float] | None = None,
+    outputs: Mapping[str, float] | None = None,
+    free: Sequence[str] = (),
+    guess: Mapping[str, float] | None = None,
+    parameters: Mapping[str, object] | None = None,
+) -> OperatingPoint:
+    """Find states at which all rates are zero, by Newton's method in a trust region from the model's start.
+
+    Parameters
+    ----------
+    t
+        Time at which sources are read [s]; the start of the model's experiment by default.
+    inputs
+        Values of inputs that are given; those not named have their start values.
+    outputs
+        Variables that shall have these values there; as many inputs as outputs are free, usually.
+    free
+        Inputs to find, within their limits.
+    guess
+        Values of states, and of free inputs, from which the search begins.
+
+    Raises
+    ------
+    UsageError
+        AC010 for unknown states, outputs or free inputs, AC033 for unknown inputs.
+    ExportError
+        AC611 where there is no steady state near the start, with what still moves; AC608 when events change the rates.
+    InitializationError
+        The model has no start.
+    """
+    compiled = model if isinstance(model, CompiledModel) else compile(model, parameters=parameters)
+    wanted = named_outputs(compiled, list(outputs) if outputs else None)
+    notes = check(compiled, LINEAR, wanted)
+    when = compiled.flat.experiment.start_time if t is None else t
+    p = parameter_vector(compiled, (parameters or {}) if isinstance(model, CompiledModel) else {})
+    known = {n: input_start(compiled, s, p) for n, s in zip(compiled.inputs, compiled.flat.inputs, strict=True)}
+    u = input_vector(compiled, {**known, **(inputs or {})}, unchecked=known.keys() - (inputs or {}).keys())
+    places = [_place(compiled, name, compiled.inputs, "input") for name in free]
+    start = initialize(compiled, when, p, u, np.array(compiled.modes(when, p)).ravel())
+    for name, value in (guess or {}).items():
+        if name in free:
+            u[compiled.inputs.index(name)] = value
+        else:
+            start.x[_place(compiled, name, compiled.states, "state")] = value
+    search = _Search(compiled, wanted, np.array(list((outputs or {}).values())), when, p, u, places)
+    found = search.solved(np.concatenate([start.x, start.z, u[places]]))
+    if found is None:
+        raise _nothing(compiled, search)
+    nx = len(start.x)
+    return OperatingPoint(
+        compiled.name,
+        when,
+        dict(zip(compiled.states, found[:nx].tolist(), strict=True)),
+        dict(zip(compiled.algebraic, found[nx : nx + len(start.z)].tolist(), strict=True)),
+        dict(zip(compiled.inputs, search.inputs(found).tolist(), strict=True)),
+        dict(zip((o.name for o in wanted), search.at(found)["y"].ravel().tolist(), strict=True)),
+        (*notes, *_loose(search.jacobian(found / search.scale), [*compiled.states, *compiled.algebraic, *free])),
+    )
+
+
+class _Search:
+    """States, algebraic variables and free inputs at which rates and residuals vanish and outputs are as wanted."""
+
+    def __init__(
+        self,
+        compiled: CompiledModel,
+        wanted: Sequence[Output],
+        aim: Vector,
+        when: float,
+        p: Vector,
+        u: Vector,
+        places: Sequence[int],
+    ) -> None:
+        self.compiled, self.aim, self.when, self.p, self.u, self.places = compiled, aim, when, p, u, list(places)
+        self.asked = ["ode", "alg", "y"] if aim.size else ["ode", "alg"]
+        slopes = [f"jac:{f}:{v}" for f in self.asked for v in ("x", "z", "u")]
+        dae = dae_function(compiled, wanted)
+        self.function = dae.factory("point", ["t", "x", "z", "u", "p"], ["ode", "alg", "y", *slopes])
+        experiment = compiled.flat.experiment
+        span = experiment.stop_time - experiment.start_time
+        x, z = compiled.nominal_x, compiled.nominal_z
+        self.scale = np.concatenate([x, z, np.maximum(1.0, np.abs(u[self.places]))])
+        self.size = np.concatenate([x / span, np.ones(len(z)), np.maximum(np.abs(aim), 1e-3)])
+        self.names = [
+            *(f"der({n})" for n in compiled.states),
+            *(f"equation of {n}" for n in compiled.algebraic),
+            *(o.name for o in wanted if aim.size),
+        ]
+        self.left = np.zeros(0)
+
+    def inputs(self, here: Vector) -> Vector:
+        """All inputs, those that are free from the point, shape (nu,)."""
+        own = self.u.copy()
+        own[self.places] = here[len(here) - len(self.places) :]
+        return own
+
+    def at(self, here: Vector) -> dict[str, Vector]:
+        """Rates, residuals, outputs and their derivatives."""
+        nx, nz = len(self.compiled.states), len(self.compiled.algebraic)
+        values = self.function(self.when, here[:nx], here[nx : nx + nz], self.inputs(here), self.p)
+        return {name: np.array(v) for name, v in zip(self.function.name_out(), values, strict=True)}
+
+    def residual(self, w: Vector) -> Vector:
+        """What is left, in units of what counts; `w` in units of the scale."""
+        found = self.at(np.asarray(w) * self.scale)
+        missed: Vector = found["y"].ravel() - self.aim if self.aim.size else np.zeros(0)
+        rest: Vector = np.concatenate([found["ode"].ravel(), found["alg"].ravel(), missed]) / self.size
+        return rest
+
+    def jacobian(self, w: Vector) -> Vector:
+        """Its derivatives."""
+        found = self.at(np.asarray(w) * self.scale)
+        rows = [
+            np.hstack([found[f"jac_{f}_x"], found[f"jac_{f}_z"], found[f"jac_{f}_u"][:, self.places]])
+            for f in self.asked
+        ]
+        scaled: Vector = np.vstack(rows) * self.scale / self.size[:, None]
+        return scaled
+
+    def solved(self, begin: Vector) -> Vector | None:
+        """The point, or None; where the slope of the sum of squares vanishes at the start, from beside it."""
+        from scipy.optimize import least_squares
+
+        compiled = self.compiled
+        declared = [compiled.flat.declaration(compiled.flat.inputs[k]) for k in self.places]
+        open_ended = np.full(len(begin) - len(declared), np.inf)
+        low = np.concatenate([-open_ended, [d.min for d in declared]]) / self.scale
+        high = np.concatenate([open_ended, [d.max for d in declared]]) / self.scale
+        beside = np.random.default_rng(0)
+        for attempt in range(_ATTEMPTS):
+            off = 0.2 * attempt * beside.uniform(-1.0, 1.0, len(begin))
+            first = np.clip(begin / self.scale + off, low, high)
+            if not np.isfinite(self.residual(first)).all():
+                continue
+            options = {"ftol": 1e-15, "xtol": 1e-15, "gtol": 1e-15, "max_nfev": _MOST}
+            slope: Any = self.jacobian
+            found = least_squares(self.residual, first, slope, bounds=(low, high), **options)
+            if not self.left.size or np.abs(found.fun).max() < np.abs(self.left).max():
+                self.left = np.asarray(found.fun)
+            if np.abs(found.fun).max() <= _ZERO:
+                point: Vector = np.asarray(found.x) * self.scale
+                return point
+        return None
+
+
+def _place(compiled: CompiledModel, name: str, known: Sequence[str], kind: str) -> int:
+    if name in known:
+        return list(known).index(name)
+    close = nearest(name, list(known))
+    raise UsageError(
+        "AC010",
+        f"'{name}' is no {kind} of {compiled.name}",
+        evidence=[f"nearest  {', '.join(close)}"] if close else [],
+        help=f"it has: {', '.join(known[:8]) or 'none'}",
+    )
+
+
+def _nothing(compiled: CompiledModel, search: _Search) -> ExportError:
+    worst = np.argsort(-np.abs(search.left))[:4]
+    values = search.left * search.size if search.left.size else search.left
+    return ExportError(
+        "AC611",
+        f"{compiled.name} has no steady state near its start",
+        evidence=[f"{search.names[k]} stays {values[k]:.4g} off" for k in worst],
+        cause="something has to move, too few inputs are free, or their limits are too narrow",
+        help="free=[...] inputs, outputs={...} as many, or another guess={...}",
+    )
+
+
+def _loose(jacobian: Vector, names: Sequence[str]) -> list[str]:
+    """What may be moved without anything else noticing."""
+    _, size, right = np.linalg.svd(jacobian)
+    rank = int((size > _RANK * max(float(size.max(initial=0.0)), 1e-300)).sum())
+    free = np.abs(right[rank:]).max(axis=0, initial=0.0)
+    loose = [name for name, share in zip(names, free.tolist(), strict=True) if share > 0.1]
+    return [f"not unique: {', '.join(loose[:6])} may be anywhere; nearest to the start was taken"] if loose else []

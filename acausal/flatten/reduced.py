@@ -1,0 +1,127 @@
+"""The reduced system: what alias elimination leaves of a flat one, over variables of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+from acausal.flatten.flat import FlatSystem
+from acausal.flatten.pool import Pool
+
+
+class ReducedWhen(NamedTuple):
+    """Nodes of a `when`: its conditions, those of the branches before it, and the new values."""
+
+    conditions: tuple[int, ...]
+    earlier: tuple[int, ...]
+    values: tuple[int, ...]
+
+    @property
+    def guards(self) -> tuple[int, ...]:
+        """What decides whether it acts."""
+        return (*self.conditions, *self.earlier)
+
+    def mapped(self, image: Mapping[int, int]) -> ReducedWhen:
+        """The same with other nodes."""
+        return ReducedWhen(*(tuple(image[n] for n in nodes) for nodes in self))
+
+
+@dataclass(frozen=True, eq=False)
+class ReducedSystem:
+    """The equations that remain, over numbered variables of their own pool.
+
+    Attributes
+    ----------
+    flat
+        Where it comes from.
+    pool
+        Expressions over the remaining variables 0 ... n_variables-1; `pool.derivative_of` links x to der(x).
+    scalar
+        Flat scalar that names each remaining variable.
+    residuals
+        Nodes that must be zero.
+    equation
+        Index of the flat equation of each residual.
+    image
+        Node of every flat scalar: a variable, its negative, a constant, or a known expression.
+    inputs
+        Variables that are the model's own inputs.
+    redundant
+        Flat equations that follow from others.
+    initial
+        Nodes of the initial equations that must be zero at the start, in the order of `flat.initial_equations`.
+    whens
+        Nodes of `flat.whens`.
+    assignments, asserts
+        Nodes of `flat.assignments`, the new values, and of the conditions of `flat.asserts`.
+    left_out
+        Flat scalars that results do not hold, because no wanted output needs them (`acausal.reduce.cone`); their
+        images mean nothing any more.
+    """
+
+    flat: FlatSystem
+    pool: Pool
+    scalar: tuple[int, ...]
+    residuals: tuple[int, ...]
+    equation: tuple[int, ...]
+    image: tuple[int, ...]
+    inputs: tuple[int, ...]
+    redundant: tuple[int, ...]
+    initial: tuple[int, ...]
+    whens: tuple[ReducedWhen, ...]
+    assignments: tuple[int, ...] = ()
+    asserts: tuple[int, ...] = ()
+    delays: tuple[tuple[int, int, int | None], ...] = ()
+    left_out: frozenset[int] = frozenset()
+
+    def __repr__(self) -> str:
+        return f"ReducedSystem({self.flat.name}: {len(self.residuals)} equations, {self.pool.n_variables} variables)"
+
+    def name(self, variable: int) -> str:
+        """Name of a variable as the user knows it; `der(...)` for derivatives made later."""
+        if variable < len(self.scalar):
+            return self.flat.scalar_name(self.scalar[variable])
+        return f"der({self.name(self.pool.integral_of[variable])})"
+
+    @cached_property
+    def aliases(self) -> dict[int, list[int]]:
+        """Flat scalars that each variable stands for, up to sign."""
+        found: dict[int, list[int]] = {}
+        for scalar, node in enumerate(self.image):
+            op, *rest = self.pool.nodes[node]
+            if op == "neg":
+                op, *rest = self.pool.nodes[rest[0]]
+            if op == "var" and scalar not in self.left_out:
+                found.setdefault(rest[0], []).append(scalar)
+        return found
+
+
+def nominal(reduced: ReducedSystem, variable: int) -> float:
+    """Declared nominal magnitude of a variable: the first one declared among its aliases.
+
+    Without any it is 1, and for the derivative of a velocity v = der(x), which only the compiler knows, v^2/x from the
+    nominals of both: what an acceleration is where v changes over the time in which x does.
+    """
+    flat = reduced.flat
+    if flat.nominals and variable < len(reduced.scalar) and reduced.scalar[variable] < flat.n_scalars:
+        return flat.nominals[reduced.scalar[variable]]
+    sizes = (flat.declaration(s).nominal for s in reduced.aliases.get(variable, ()))
+    declared = next((abs(s) for s in sizes if s != 1.0), None)
+    return declared if declared is not None else _nominal_rate(reduced, variable)
+
+
+def _nominal_rate(reduced: ReducedSystem, variable: int) -> float:
+    flat = reduced.flat
+    velocity = reduced.pool.integral_of.get(variable)
+    if velocity is None or flat.nominals:
+        return 1.0
+    size = nominal(reduced, velocity)
+    places = (flat.pool.integral_of.get(s) for s in reduced.aliases.get(velocity, ()))
+    place = next((s for s in places if s is not None and s < flat.n_scalars), None)
+    below = reduced.pool.integral_of.get(velocity)
+    if place is None and below is None:
+        return 1.0
+    length = abs(flat.declaration(place).nominal) if place is not None else nominal(reduced, below or 0)
+    return size * size / length if size != 1.0 else 1.0

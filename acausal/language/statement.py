@@ -1,0 +1,132 @@
+"""What a component states: the type of all that its generators may yield, and the search for what they did not yield.
+
+`connect(a, b)` and `a == b` are values: made and not yielded they would be lost, and the model would run without them.
+So each statement enters the ledger of the method that is running when it is made, and leaves it when it is yielded or
+becomes part of another one; what is left in the end is refused.
+"""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import sys
+import textwrap
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from functools import cache
+from types import CodeType, FrameType
+from typing import Any
+
+from acausal.errors import DeclarationError, Span
+from acausal.language.origin import Origin
+
+Ledger = dict[int, tuple[object, Origin]]
+"""Statements by `id`, and where they were made; it holds them, so that no `id` comes twice."""
+
+# The method that is running, not a part of any recipe: nothing of it is left when the method has ended. A variable of
+# the context and not of the module, so that models may be made in several threads at a time.
+_running: ContextVar[Ledger | None] = ContextVar("statements", default=None)
+
+
+class Statement:
+    """What `equations`, `initial_equations` and `ties` may yield: an equation, a connection, a `when`, ..."""
+
+    __slots__ = ()
+
+
+def made(item: object) -> None:
+    """Enter a statement, or an action of one, into the ledger of the running method."""
+    ledger = _running.get()
+    if ledger is not None:
+        frame: FrameType | None = sys._getframe(2)
+        while frame is not None and frame.f_globals.get("__name__", "").startswith("acausal.language."):
+            frame = frame.f_back
+        if frame is not None:
+            ledger[id(item)] = item, Origin(frame.f_code, frame.f_lasti)
+
+
+def used(items: Iterable[object]) -> None:
+    """Take what has become part of another statement out of the ledger."""
+    ledger = _running.get()
+    if ledger is not None:
+        for item in items:
+            ledger.pop(id(item), None)
+
+
+@contextmanager
+def recorded(ledger: Ledger) -> Iterator[None]:
+    """Enter what is made meanwhile into `ledger`."""
+    token = _running.set(ledger)
+    try:
+        yield
+    finally:
+        _running.reset(token)
+
+
+def stepped(generator: Iterator[Any], ledger: Ledger) -> Iterator[Any]:
+    """What a generator yields; what it makes besides enters the ledger."""
+    while True:
+        token = _running.set(ledger)
+        try:
+            item = next(generator)
+        except StopIteration:
+            return
+        finally:
+            _running.reset(token)
+        ledger.pop(id(item), None)
+        yield item
+
+
+def refuse_lost(where: str, ledger: Ledger) -> None:
+    """Refuse statements that were made and reach nothing (AC186); `where` is the class and its method."""
+    if not ledger:
+        return
+    lost = list(ledger.values())
+    item = lost[0][0]
+    more = f", and {len(lost) - 1} more" if len(lost) > 1 else ""
+    in_build = where.endswith(".build")
+    raise DeclarationError(
+        "AC186",
+        f"{where} makes `{item}`{more} and does not yield it",
+        where=[o.span() for _, o in lost[:3]],
+        cause="it would be lost: the model knows only what is yielded",
+        help="an action belongs into a `when` that is yielded: yield when(condition, reset(x, value))"
+        if not isinstance(item, Statement)
+        else f"yield it in `equations`: yield {item}"
+        if in_build
+        else f"put `yield` in front: yield {item}",
+    )
+
+
+def refuse_unheard(cls: type, where: str, function: Callable[..., Any]) -> None:
+    """Refuse `self.method()` alone on a line when the method is a generator: what it states is never made (AC186)."""
+    code = getattr(function, "__code__", None)
+    if code is None:
+        return
+    suspects = tuple(n for n in code.co_names if _yields(cls, function, n))
+    for line, text in _ignored_calls(code, suspects) if suspects else ():
+        raise DeclarationError(
+            "AC186",
+            f"{where} calls `{text}` and does not yield what it states",
+            where=(Span(code.co_filename, line),),
+            cause="a generator that nobody asks states nothing",
+            help=f"yield from {text}",
+        )
+
+
+def _yields(cls: type, function: Callable[..., Any], name: str) -> bool:
+    found = inspect.getattr_static(cls, name, None) or getattr(function, "__globals__", {}).get(name)
+    return inspect.isgeneratorfunction(found)
+
+
+@cache
+def _ignored_calls(code: CodeType, names: tuple[str, ...]) -> tuple[tuple[int, str], ...]:
+    """Lines of calls whose value nobody takes, of functions with these names; none where there is no source."""
+    try:
+        tree = ast.parse(textwrap.dedent(inspect.getsource(code)))
+    except (OSError, SyntaxError):
+        return ()
+    calls = (node.value for node in ast.walk(tree) if isinstance(node, ast.Expr) and isinstance(node.value, ast.Call))
+    called = ((c, getattr(c.func, "attr", getattr(c.func, "id", ""))) for c in calls)
+    return tuple((code.co_firstlineno + c.lineno - 1, ast.unparse(c)) for c, name in called if name in names)

@@ -1,0 +1,1 @@
+"""Repeated components as operations on columns."""

@@ -1,0 +1,246 @@
+"""The right-hand side of a model of repeated components, each pattern once: operations on columns, in CasADi's MX.
+
+`CompiledModel.rhs` holds every instance of every component. That is fast to evaluate, and right for anything without
+many equal parts; of 1000 sections of an RC ladder the C compiler makes something in 10 s, of 10 000 never. Here each
+operation on the instances of a pattern is one operation on columns that are gathered by index: a loop, in C and in
+CasADi's interpreter. `Function.map` of one small function per pattern was tried instead, and is seven times slower to
+interpret (docs/devdocs/mapped.md).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.lower.build import BUILD
+from acausal.lower.collector import collector_paused
+from acausal.lower.columns.patterns import CONSTANT, Column, Patterns, Stage, patterns
+
+if TYPE_CHECKING:
+    from acausal.lower.compiled import CompiledModel
+
+Vector = NDArray[np.float64]
+
+# Nodes from which on the search is made, the mean length of columns, and the share of nodes that are in them.
+LEAST, _MEAN, _SHARE = 1000, 100, 0.7
+# Stages, and colours of the Jacobian: CasADi derives each colour by its own sweep over all columns.
+MOST_STAGES, MOST_COLOURS = 8, 24
+
+
+@dataclass(frozen=True, eq=False)
+class Mapped:
+    """The equations of the coupled system, each pattern once.
+
+    Attributes
+    ----------
+    constants
+        `(p, u) -> c`: what does not change during a run.
+    rhs
+        `(t, x, z, d, c, m) -> (ode, alg)`, MX, of dynamic states `x` and discrete variables `d`.
+    operations
+        Number of operations on columns and on scalars.
+    """
+
+    constants: Any
+    rhs: Any
+    operations: int
+
+    def dae(self, scale_x: Vector, scale_z: Vector, c: Vector | None = None) -> Any:
+        """`(t, x, z, [c, m, d, shift], u) -> (ode, alg, quad, zero)` as integrators take it; `c` may be given here.
+
+        Variables are divided by their scales, time is counted from `shift`, `u` is empty.
+        """
+        nc = 0 if c is not None else self.rhs.numel_in("c")
+        nm, nd = self.rhs.numel_in("m"), self.rhs.numel_in("d")
+        t, x, z = ca.MX.sym("t"), ca.MX.sym("x", len(scale_x)), ca.MX.sym("z", len(scale_z))
+        p = ca.MX.sym("p", nc + nm + nd + 1)
+        own, m, d, shift = ca.vertsplit(p, [0, nc, nc + nm, nc + nm + nd, nc + nm + nd + 1])
+        constants = own if c is None else ca.MX(ca.DM(c))
+        arguments = [t + shift, _times(x, scale_x), _times(z, scale_z), d, constants, m]
+        ode, alg = self.rhs.call(arguments, True)
+        none = ca.MX(0, 1)
+        return ca.Function(
+            "dae",
+            [t, x, z, p, ca.MX.sym("u", 0)],
+            [_times(ode, 1.0 / scale_x), alg, none, none],
+            ["t", "x", "z", "p", "u"],
+            ["ode", "alg", "quad", "zero"],
+        )
+
+
+def _times(column: Any, factors: Vector) -> Any:
+    return column if (factors == 1.0).all() else column * ca.DM(factors)
+
+
+def mapped(compiled: CompiledModel, zeros: frozenset[int]) -> Mapped | None:
+    """The model's equations by patterns; None where that does not pay.
+
+    `zeros` are the places of parameters that are zero, whatever p holds.
+    """
+    if compiled.varied or compiled.driven or compiled.delays or compiled.rhs.n_instructions() < LEAST:
+        return None
+    with collector_paused():
+        program = _Program(compiled, zeros)
+    if program.patterns.divided or not pays(program.patterns):
+        return None
+    constants, p = program.constants(), np.array(compiled.parameter_values)
+    p[list(zeros)] = 0.0
+    if not np.isfinite(np.array(constants(p, np.ones(len(compiled.inputs))))).all():
+        return None  # divided by what is zero; where all are numbers, that may be multiplied by zero again
+    rhs = program.rhs()
+    return Mapped(constants, rhs, program.operations) if _colours(rhs) <= MOST_COLOURS else None
+
+
+def pays(found: Patterns) -> bool:
+    lengths = found.lengths
+    total = sum(lengths)
+    few = [one for stage in found.stages for one in stage.few]
+    return (
+        bool(lengths)
+        and all(type(one.op) is str and one.op != "homotopy" for one in few)  # calls and delays are kinds of text
+        and not any(one.op == "pow" and found.leaves.get(one.operands[1][0], ("",))[0] == CONSTANT for one in few)
+        and total >= _MEAN * len(lengths)
+        and total >= _SHARE * (total + found.scalars)
+        and len(found.stages) <= MOST_STAGES
+    )
+
+
+def _colours(rhs: Any) -> int:
+    """Sweeps for a Jacobian with respect to all variables."""
+    pattern = rhs.jac_sparsity(0, 1)
+    if rhs.numel_in(2):
+        z = rhs.jac_sparsity(0, 2), rhs.jac_sparsity(1, 2)
+        pattern = ca.blockcat([[ca.DM(pattern), ca.DM(z[0])], [ca.DM(rhs.jac_sparsity(1, 1)), ca.DM(z[1])]]).sparsity()
+    return int(min(s.uni_coloring().size2() for s in (pattern, pattern.T)))
+
+
+class _Program:
+    """The columns of one model while they are lowered."""
+
+    def __init__(self, compiled: CompiledModel, zeros: frozenset[int] = frozenset()) -> None:
+        from acausal.lower.compiled import Symbols
+
+        self.compiled = compiled
+        self.zeros = zeros
+        solution = compiled.solution
+        self.pool = pool = solution.structure.reduced.pool
+        n, nd = compiled.n_dynamic, compiled.discretes
+        dynamic, discrete = compiled.state_variables[:n], compiled.state_variables[len(compiled.state_variables) - nd :]
+        builder = Symbols(compiled).builder(compiled)
+        builder.define([d for d in solution.definitions if d[0] in solution.needed], compiled.rewritten)
+        self.n, self.size_z = n, len(solution.algebraic)
+        roots = [pool.var(solution.structure.derivative(x)) for x in dynamic]
+        roots += [builder.replaced(r) for r in solution.residuals]
+        varying = {pool.time: ("t", 0)}
+        for kind, variables in (("x", dynamic), ("z", solution.algebraic), ("d", discrete)):
+            varying.update((pool.var(v), (kind, k)) for k, v in enumerate(variables))
+        varying.update((k, ("m", at)) for at, k in zip(compiled.mode_places, compiled.mode_nodes, strict=True))
+        inputs = frozenset(map(pool.var, solution.structure.reduced.inputs))
+        self.patterns = patterns(pool, roots, builder.resolved, varying, inputs, zeros)
+        self.resolving = builder
+        self.place: dict[int, tuple[str, int]] = dict(self.patterns.leaves)
+        self.source: dict[str, Any] = {}
+        self.operations = 0
+
+    def constants(self) -> Any:
+        """`(p, u) -> c`."""
+        from acausal.lower.compiled import Symbols
+
+        symbols = Symbols(self.compiled)
+        builder = symbols.builder(self.compiled)
+        builder.definitions = self.resolving.definitions
+        builder.parameters = ca.SX(symbols.p)
+        for k in range(symbols.p.numel()):
+            if k in self.zeros:
+                builder.parameters[k] = 0  # so that a product of it is zero, whatever the other factor is
+        c = builder.column(self.patterns.constants)
+        return ca.Function("constants", [symbols.p, symbols.u], [ca.densify(c)], ["p", "u"], ["c"])
+
+    def rhs(self) -> Any:
+        """`(t, x, z, d, c, m) -> (ode, alg)`."""
+        compiled = self.compiled
+        sizes = {
+            "t": 1,
+            "x": self.n,
+            "z": self.size_z,
+            "d": compiled.discretes,
+            CONSTANT: len(self.patterns.constants),
+            "m": compiled.n_modes,
+        }
+        self.source = {name: ca.MX.sym(name, size) for name, size in sizes.items()}
+        inputs = list(self.source.values())
+        for k, stage in enumerate(self.patterns.stages):
+            if stage.few:
+                self._few(k, stage)
+            for j, column in enumerate(stage.columns):
+                self._column(f"column{k}.{j}", column)
+        roots = self.patterns.roots
+        ode, alg = self._joined(roots[: self.n]), self._joined(roots[self.n :])
+        return ca.Function("mapped", inputs, [ode, alg], list(sizes), ["ode", "alg"])
+
+    def _few(self, k: int, stage: Stage) -> None:
+        """Rare shapes, as one call of a scalar function."""
+        symbols = ca.SX.sym("v", len(stage.needed))
+        value: dict[int, Any] = {number: symbols[i] for i, number in enumerate(stage.needed)}
+        value.update((number, ca.SX(v)) for number, v in self.patterns.numbers.items())
+        for one in stage.few:
+            operands = (value[c] > 0.5 if i in one.decided else value[c] for i, (c,) in enumerate(one.operands))
+            value[one.members[0]] = BUILD[one.op](*operands)
+        made = [one.members[0] for one in stage.few]
+        function = ca.Function(f"few{k}", [symbols], [ca.densify(ca.vertcat(*(value[n] for n in made)))])
+        self.operations += int(function.n_instructions())
+        self.source[f"few{k}"] = function(self._joined(stage.needed))
+        self.place.update((number, (f"few{k}", i)) for i, number in enumerate(made))
+
+    def _column(self, name: str, column: Column) -> None:
+        operands = [
+            self._gathered(below) > 0.5 if i in column.decided else self._gathered(below)
+            for i, below in enumerate(column.operands)
+        ]
+        value = BUILD[column.op](*operands)
+        if value.numel() == 1:
+            value = ca.repmat(value, len(column.members), 1)
+        self.source[name] = value
+        self.place.update((number, (name, i)) for i, number in enumerate(column.members))
+        self.operations += 1 + len(operands)
+
+    def _gathered(self, members: Sequence[int]) -> Any:
+        """Nodes from one source as a column, or as one scalar where they are all the same."""
+        first = members[0]
+        if first in self.patterns.numbers:
+            return ca.MX(self.patterns.numbers[first])
+        source = self.source[self.place[first][0]]
+        return _picked(source, np.array([self.place[n][1] for n in members]))
+
+    def _joined(self, members: Sequence[int]) -> Any:
+        """Nodes from any sources as a column."""
+        if not members:
+            return ca.MX(0, 1)
+        names = list(dict.fromkeys(self.place[n][0] for n in members))
+        wanted = [np.array([self.place[n][1] for n in members if self.place[n][0] == name]) for name in names]
+        if len(names) == 1:
+            return _picked(self.source[names[0]], wanted[0], scalar=False)
+        # of each source what is wanted, in its order; then all into their places
+        which = {name: k for k, name in enumerate(names)}
+        source = np.array([which[self.place[n][0]] for n in members])
+        order = np.argsort(np.argsort(source, kind="stable"), kind="stable")
+        parts = [_picked(self.source[name], at, scalar=False) for name, at in zip(names, wanted, strict=True)]
+        return _picked(ca.vertcat(*parts), order, scalar=False)
+
+
+def _picked(source: Any, at: Any, scalar: bool = True) -> Any:
+    """Entries of a column, by as little as it takes."""
+    first, last = int(at[0]), int(at[-1])
+    if source.numel() == 1 and len(at) > 1 and not scalar:
+        return ca.repmat(source, len(at), 1)  # an index list would make a row of a scalar
+    if scalar and (at == first).all():
+        return source if source.numel() == 1 else source[first]
+    step = int(at[1]) - first if len(at) > 1 else 1
+    if step > 0 and (np.diff(at) == step).all():
+        return source if len(at) == source.numel() else source[first : last + 1 : step]
+    return source[at.tolist()]

@@ -1,0 +1,278 @@
+"""Expressions of the same shape: what a thousand equal components state once, as one operation on columns.
+
+A node's shape is its operation and the shapes of its operands, with leaves as holes: states, algebraic variables,
+modes, time, and whatever does not change during a run. Nodes of one shape at one depth are a column, whose operands
+are, each, entries of one other column: the expressions of 10 000 equal sections of a ladder are five columns. What has
+few like it is left to scalar code, in stages between those of the columns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Container, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from acausal.flatten.pool import LEAVES, Pool
+
+FEW = 32
+"""Nodes of one shape below which a column does not pay: an operation on columns has the cost of 20 scalar ones."""
+
+CONSTANT = "c"
+"""Leaves that do not change during a run: expressions of parameters, inputs and numbers."""
+
+_COMMUTES = frozenset(("add", "mul", "min", "max", "and", "or"))
+_SCALAR_ONLY = frozenset(("homotopy", "sample", "pre", "initial", "infinitesimal", "terminal"))
+_LOGIC = frozenset(("where", "and", "or", "not"))
+Leaf = tuple[str, int]
+
+
+@dataclass(frozen=True, eq=False)
+class Column:
+    """Nodes of one shape.
+
+    `operands` are one list of nodes, as long as `members`, for each operand of `op`; `decided` are the operands that
+    are boolean variables, whose truth is taken at one half.
+    """
+
+    op: str
+    members: list[int]
+    operands: list[list[int]]
+    decided: frozenset[int]
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """Nodes of rare shapes, one by one, with their operands from outside of them; then columns."""
+
+    few: list[Column]
+    needed: list[int]
+    columns: list[Column]
+
+
+@dataclass(frozen=True, eq=False)
+class Patterns:
+    """A program for some roots.
+
+    Attributes
+    ----------
+    roots
+        The nodes that stand for the roots.
+    leaves
+        Kind and index of every leaf that is used; `constants` are those of the kind `CONSTANT` in order.
+    numbers
+        Numbers that are operands so often that they are part of a shape.
+    stages
+        In the order of evaluation.
+    divided
+        Whether anything is divided by what is zero.
+    """
+
+    roots: list[int]
+    leaves: dict[int, Leaf]
+    constants: list[int]
+    numbers: dict[int, float]
+    stages: list[Stage]
+    divided: bool
+
+    @property
+    def scalars(self) -> int:
+        """Nodes that are in no column."""
+        return sum(len(stage.few) for stage in self.stages)
+
+    @property
+    def lengths(self) -> list[int]:
+        """Length of every column."""
+        return [len(column.members) for stage in self.stages for column in stage.columns]
+
+
+def patterns(
+    pool: Pool,
+    roots: Sequence[int],
+    resolved: Callable[[int], int],
+    varying: Mapping[int, Leaf],
+    fixed: frozenset[int] = frozenset(),
+    zeros: Container[int] = (),
+) -> Patterns:
+    """The columns and stages of some roots.
+
+    Parameters
+    ----------
+    resolved
+        The node that stands for a node: its definition for a defined variable.
+    varying
+        Leaves that change during a run: kind and index.
+    fixed
+        Leaves that do not, beside parameters and numbers.
+    zeros
+        Parameters that are zero: their products are left out.
+    """
+    return _Search(pool, resolved, dict(varying), fixed, zeros).found([resolved(r) for r in roots])
+
+
+class _Search:
+    def __init__(
+        self,
+        pool: Pool,
+        resolved: Callable[[int], int],
+        varying: dict[int, Leaf],
+        fixed: frozenset[int],
+        zeros: Container[int],
+    ) -> None:
+        self.nodes = pool.nodes
+        self.zero = pool.zero
+        self.zeros = zeros
+        self.same = {pool.zero: pool.zero}  # nodes that are others because something is zero
+        self.negated: set[int] = set()  # differences from zero
+        self.divided = False
+        self.moving: set[int] = set()  # what changes during a run, if nothing were zero
+        self.resolved = resolved
+        self.varying = varying
+        self.fixed = fixed
+        self.operands: dict[int, list[int]] = {}
+        self.depth = {pool.zero: -1}  # 0 for leaves, -1 for what does not change or is another node
+        self.shape: dict[int, int] = {}
+        self.shapes: dict[Any, int] = {}
+        self.stage: dict[int, int] = {}  # even: few; odd: columns
+
+    def found(self, roots: list[int]) -> Patterns:
+        self._measure(roots)
+        roots = [self.same.get(r, r) for r in roots]
+        uses: dict[int, int] = {}
+        for number, below in self.operands.items():
+            if self.depth[number] > 0:
+                for c in below:
+                    if self.depth[c] < 0:
+                        uses[c] = uses.get(c, 0) + 1
+        # an exponent is no operand of a function of many: by it, powers of negative numbers have no derivative
+        powers = {below[1] for n, below in self.operands.items() if self.nodes[n][0] == "pow" and len(below) == 2}
+        numbers = {
+            c: self.nodes[c][1] for c, k in uses.items() if (k >= FEW or c in powers) and self.nodes[c][0] == "const"
+        }
+        for r in roots:
+            numbers.pop(r, None)
+        constants = [c for c in uses if c not in numbers]
+        constants += dict.fromkeys(r for r in roots if self.depth[r] < 0 and r not in uses)
+        leaves = {n: self.varying[n] for n, d in self.depth.items() if d == 0}
+        leaves.update((n, (CONSTANT, k)) for k, n in enumerate(constants))
+        self.shape.update((n, self._shape(kind)) for n, (kind, _) in leaves.items())
+        self.shape.update((n, self._shape(("number", value))) for n, value in numbers.items())
+        stages = self._stages(leaves, numbers)
+        return Patterns(roots, leaves, constants, numbers, stages, self.divided)
+
+    def _measure(self, roots: list[int]) -> None:
+        """Operands and depth of everything below the roots."""
+        nodes, depth, operands = self.nodes, self.depth, self.operands
+        stack = list(roots)
+        while stack:
+            number = stack[-1]
+            if number in depth:
+                stack.pop()
+                continue
+            op, *below = nodes[number]
+            if number in self.varying or number in self.fixed or op in LEAVES:
+                self._leaf(number, op, below)
+                stack.pop()
+                continue
+            if number not in operands:
+                operands[number] = [self.resolved(c) for c in below]
+                missing = [c for c in operands[number] if c not in depth]
+                if missing:
+                    stack.extend(missing)
+                    continue
+            if op in _SCALAR_ONLY or any(c in self.moving for c in operands[number]):
+                self.moving.add(number)
+            if self._vanishes(number, op) or number not in self.moving:
+                depth[number] = -1
+            else:
+                depth[number] = 1 + max((depth[c] for c in operands[number] if depth[c] > 0), default=0)
+            stack.pop()
+
+    def _leaf(self, number: int, op: str, below: list[int]) -> None:
+        if number in self.varying:
+            self.depth[number] = 0
+            self.moving.add(number)
+            return
+        if op in ("var", "time") and number not in self.fixed:
+            raise KeyError(f"{op} {below} is neither known nor defined")
+        self.depth[number] = -1
+        if (op == "par" and below[0] in self.zeros) or (op == "const" and below[0] == 0.0):
+            self.same[number] = self.zero
+
+    def _vanishes(self, number: int, op: str) -> bool:
+        """Whether another node stands for this one, because an operand is zero."""
+        below = self.operands[number] = [self.same.get(c, c) for c in self.operands[number]]
+        gone = [c == self.zero for c in below]
+        if not any(gone):
+            return False
+        self.divided = self.divided or (op == "div" and gone[1])
+        if op in ("mul", "neg") or (op == "div" and not gone[1]) or (op in ("add", "sub") and all(gone)):
+            self.same[number] = self.zero
+        elif op == "add":
+            self.same[number] = below[0] if gone[1] else below[1]
+        elif op == "sub" and gone[1]:
+            self.same[number] = below[0]
+        elif op == "sub":
+            self.negated.add(number)
+            self.operands[number] = [below[1]]
+            return False
+        return number in self.same
+
+    def _stages(self, leaves: Mapping[int, Leaf], numbers: Mapping[int, float]) -> list[Stage]:
+        levels: dict[int, list[int]] = {}
+        for number, d in self.depth.items():
+            if d > 0:
+                levels.setdefault(d, []).append(number)
+        few: dict[int, list[Column]] = {}
+        columns: dict[int, list[Column]] = {}
+        for d in sorted(levels):
+            groups: dict[Any, list[int]] = {}
+            for number in levels[d]:
+                groups.setdefault(self._key(number), []).append(number)
+            for key, members in groups.items():
+                op = key[0]
+                if len(members) < FEW or op in _SCALAR_ONLY or type(op) is not str:
+                    for number in members:
+                        at = self._after(self.operands[number], odd=0)
+                        self.stage[number] = at
+                        self.shape[number] = self._shape(("few", at))
+                        below = [[c] for c in self.operands[number]]
+                        few.setdefault(at, []).append(Column(op, [number], below, key[1]))
+                else:
+                    at = self._after(self.operands[members[0]], odd=1)
+                    shape = self._shape(("column", d, key))
+                    for number in members:
+                        self.stage[number] = at
+                        self.shape[number] = shape
+                    below = [list(c) for c in zip(*(self.operands[number] for number in members), strict=True)]
+                    columns.setdefault(at, []).append(Column(op, members, below, key[1]))
+        last = max((*few, *columns), default=-1)
+        return [
+            Stage(few.get(k, []), self._outside(few.get(k, []), numbers), columns.get(k + 1, []))
+            for k in range(0, last + 1, 2)
+        ]
+
+    def _key(self, number: int) -> Any:
+        """Operation, which operands are boolean variables, and shapes of the operands, in order where it is free."""
+        op = self.nodes[number][0] if number not in self.negated else "neg"
+        below = self.operands[number]
+        shape = self.shape
+        if op in _COMMUTES and len(below) == 2 and shape[below[0]] > shape[below[1]]:
+            below = self.operands[number] = [below[1], below[0]]
+        decided: frozenset[int] = frozenset()
+        if op in _LOGIC:
+            conditions = 1 if op == "where" else len(below)
+            decided = frozenset(k for k in range(conditions) if self.nodes[below[k]][0] in ("var", "where", "noevent"))
+        return (op, decided, *(shape[c] for c in below))
+
+    def _shape(self, key: Any) -> int:
+        return self.shapes.setdefault(key, len(self.shapes))
+
+    def _after(self, operands: Sequence[int], odd: int) -> int:
+        """The first even, or odd, stage in which all operands are there."""
+        ready = max((self.stage.get(c, -1) for c in operands), default=-1)
+        return ready if ready >= 0 and ready % 2 == odd else ready + 1 if (ready + 1) % 2 == odd else ready + 2
+
+    def _outside(self, few: Sequence[Column], numbers: Mapping[int, float]) -> list[int]:
+        inside = {column.members[0] for column in few}
+        wanted = (c for column in few for (c,) in column.operands if c not in inside and c not in numbers)
+        return list(dict.fromkeys(wanted))

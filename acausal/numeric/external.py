@@ -1,0 +1,114 @@
+"""External functions of the language as CasADi Functions: made once, called on scalars in row-major order."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+from weakref import WeakKeyDictionary
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.errors import DeclarationError
+from acausal.language.expression import Shape, shape_text
+from acausal.language.external import External
+from acausal.language.lookup import Lookup
+
+_made: WeakKeyDictionary[External, Any] = WeakKeyDictionary()
+
+
+def function(external: External) -> Any:
+    """The CasADi Function of an external function, or of its partial derivatives.
+
+    Raises
+    ------
+    DeclarationError
+        AC163 when the factory's function has other inputs or outputs than declared.
+    """
+    if external not in _made:
+        if isinstance(external, Lookup):
+            _made[external] = _searched(external)
+        else:
+            _made[external] = _differentiated(external.primal) if external.primal is not None else _checked(external)
+    return _made[external]
+
+
+def call(external: External, operands: Sequence[Any]) -> list[Any]:
+    """SX of every scalar of the outputs for SX operands."""
+    results = function(external).call(list(_matrices(external.inputs, ca.vertcat(*operands))), False, False)
+    column = ca.vertcat(*map(_rows, results))
+    return [column[k] for k in range(column.numel())]
+
+
+def evaluate(external: External, operands: Sequence[Any]) -> NDArray[np.float64]:
+    """Numbers of every scalar of the outputs, shape (scalars, points); operands are numbers, or one for each point."""
+    points = np.broadcast_arrays(*(np.atleast_1d(np.asarray(a, dtype=float)) for a in operands))
+    f = function(external)
+    found = []
+    for column in np.stack(points, axis=1):
+        results = f.call(list(_matrices(external.inputs, ca.DM(column))))
+        found.append(np.concatenate([np.asarray(r.full()).ravel() for r in results]))
+    return np.stack(found, axis=1)
+
+
+def _matrices(shapes: Sequence[Shape], column: Any) -> Iterator[Any]:
+    first = 0
+    for shape in shapes:
+        rows, columns = (*shape, 1, 1)[:2]
+        yield ca.reshape(column[first : first + rows * columns], columns, rows).T
+        first += rows * columns
+
+
+def _rows(matrix: Any) -> Any:
+    """Entries row by row, as a column."""
+    return ca.vec(ca.densify(matrix).T)
+
+
+def _checked(external: External) -> Any:
+    f = external.factory()
+    found = [[f.size_in(k) for k in range(f.n_in())], [f.size_out(k) for k in range(f.n_out())]]
+    wanted = [[(*s, 1, 1)[:2] for s in shapes] for shapes in (external.inputs, external.outputs)]
+    if found != wanted:
+        raise DeclarationError(
+            "AC163",
+            f"the factory of {external.name} makes a function that is not as declared",
+            evidence=[
+                f"declared: {', '.join(map(shape_text, external.inputs))} -> "
+                + ", ".join(map(shape_text, external.outputs)),
+                f"made:     {f}",
+            ],
+            help="one input or output of the CasADi Function for each shape, vectors as columns",
+        )
+    return f
+
+
+def _searched(external: Lookup) -> Any:
+    """A search by halving, then Horner's scheme; one call wherever it is used, so that its points are stored once."""
+    u = ca.MX.sym("u")
+    segment = ca.low(ca.DM(external.breaks), u, {"lookup_mode": "binary"})
+    columns = [ca.MX(ca.DM(c)) for c in zip(*external.coefficients, strict=True)]
+    s = u - ca.MX(ca.DM(external.breaks))[segment]
+    y = columns[-1][segment]
+    for column in columns[-2::-1]:
+        y = column[segment] + s * y
+    return ca.Function(external.name, [u], [y], ["u"], ["y"], {"never_inline": True})
+
+
+def _differentiated(primal: External) -> Any:
+    inputs = [ca.SX.sym(f"i{k}", *(*s, 1, 1)[:2]) for k, s in enumerate(primal.inputs)]
+    results = function(primal).call(inputs, False, False)
+    # Derivatives by column, which is how CasADi lays out the inputs, then by row.
+    jacobian = ca.jacobian(ca.vertcat(*map(_rows, results)), ca.veccat(*inputs))
+    places = _rows_first(primal.inputs)
+    return ca.Function(f"d_{primal.name}", inputs, [ca.densify(jacobian[:, places])])
+
+
+def _rows_first(shapes: Sequence[Shape]) -> list[int]:
+    """Place, by columns, of each entry of the inputs taken row by row."""
+    places: list[int] = []
+    for shape in shapes:
+        size = int(np.prod(shape))
+        grid = np.arange(len(places), len(places) + size)
+        places += grid.reshape(shape, order="F").ravel().tolist()
+    return places

@@ -1,0 +1,234 @@
+"""Points at which the compiler looks at numbers: the declared start, and generic points around it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from acausal.flatten.pool import LEAVES, Pool
+from acausal.flatten.reduced import ReducedSystem
+from acausal.numeric.evaluate import Samples, operation, values
+from acausal.numeric.rounding import agrees, is_certain
+
+COUNT = 12
+"""Number of points; the first is the declared start."""
+
+EVERYWHERE = 60
+"""Number of points where more certainty is wanted; the first COUNT are the same."""
+
+
+ALL_TRUE = 5
+"""The point at which all Booleans are true."""
+
+FAR = 48
+"""Number of points where a choice of states must hold too: it is made once for wherever the run may go."""
+
+STABILISATION_RATE = 100.0
+"""Default rate [1/s] at which stabilised constraints decay; a run estimates a better one from its own time scale."""
+
+
+@dataclass(frozen=True, eq=False)
+class Visited:
+    """Points that a run has come to: times, shape (k,), and values of scalar variables there by name."""
+
+    times: Samples
+    values: Mapping[str, Samples]
+
+
+class SamplePoints:
+    """Values of variables at the sample points, the same in every run: at COUNT of them, or at all EVERYWHERE.
+
+    The last of them are those `visited`, if any.
+    """
+
+    def __init__(self, reduced: ReducedSystem, visited: Visited | None = None) -> None:
+        self.reduced, self.visited = reduced, visited
+        self._random = np.random.default_rng(20090507)
+        self._directions = self._random.standard_normal((997, COUNT))
+        self._directions *= np.array([0.0, 0.7, 0.02, 0.1, 0.3, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0])
+        more = self._random.standard_normal((997, EVERYWHERE - COUNT)) * np.linspace(0.1, 4.0, EVERYWHERE - COUNT)
+        self._directions = np.hstack([self._directions, more])
+        self._times = 0.37 * np.concatenate([np.linspace(0.0, 1.0, COUNT), np.linspace(0.0, 20.0, EVERYWHERE - COUNT)])
+        signs = np.sign(self._random.standard_normal((997, FAR)))
+        self._far = signs * 10.0 ** self._random.uniform(-1.0, 1.2, (997, FAR))
+        if visited is not None:
+            self._times[EVERYWHERE - len(visited.times) :] = visited.times
+        self._known: dict[int, Samples] = {}
+        self._definition: dict[int, int] = {}
+        self._values: dict[int, Any] = {}
+        self._bounds: dict[int, Any] = {}
+        self._rough: dict[int, Any] = {}
+        self._varies: dict[int, bool] = {}
+
+    def __getstate__(self) -> dict[str, Any]:
+        """All but what is kept of properties: functions, made again when asked for."""
+        return {k: v for k, v in self.__dict__.items() if not isinstance(getattr(type(self), k, None), cached_property)}
+
+    def define(self, variable: int, node: int) -> None:
+        """From now on the variable has the value of `node` at every point."""
+        self._definition[variable] = node
+        self._known.pop(variable, None)
+        self._values.clear()
+        self._bounds.clear()
+        self._rough.clear()
+
+    def of(self, node: int) -> Samples:
+        """Values of a node, shape (COUNT,)."""
+        return self.everywhere(node)[:COUNT]
+
+    def everywhere(self, node: int) -> Samples:
+        """Values of a node, shape (EVERYWHERE,)."""
+        return np.broadcast_to(np.asarray(self._value(node), dtype=float), (EVERYWHERE,))
+
+    def certainly(self, node: int) -> Samples:
+        """As `everywhere`, with zero for values that are nothing but rounding errors of terms that cancel."""
+        found = self.everywhere(node)
+        if agrees(self.reduced.pool, node, self._values, self._rough):
+            return found
+        certain = is_certain(self.reduced.pool, node, self._values, self._bounds)
+        return np.where(certain | ~np.isfinite(found), found, 0.0)
+
+    def varies(self, node: int) -> bool:
+        """True when the node depends on a variable or on time."""
+        nodes, known = self.reduced.pool.nodes, self._varies
+        stack = [node]
+        while stack:
+            here = stack[-1]
+            op, *operands = nodes[here]
+            if op in LEAVES:
+                known[here] = op in ("var", "time")
+            elif here not in known:
+                missing = [c for c in operands if c not in known]
+                if missing:
+                    stack.extend(missing)
+                    continue
+                known[here] = any(known[c] for c in operands)
+            stack.pop()
+        return known[node]
+
+    def _value(self, node: int) -> Any:
+        """Value of a node; every node below it is evaluated once until a variable is defined anew."""
+        nodes, known = self.reduced.pool.nodes, self._values
+        leaves: Mapping[str, Callable[[int], Any]] = {
+            "var": self._variable,
+            "par": self.parameters.__getitem__,
+            "time": lambda _: self._times,
+        }
+        stack = [node]
+        with np.errstate(all="ignore"):
+            while stack:
+                here = stack[-1]
+                op, *operands = nodes[here]
+                if op == "const":
+                    known[here] = operands[0]
+                elif op in LEAVES:
+                    value = leaves[op](operands[0] if operands else 0)
+                    known[here] = value
+                elif here not in known:
+                    missing = [c for c in operands if c not in known]
+                    if missing:
+                        stack.extend(missing)
+                        continue
+                    known[here] = operation(op)(*[known[c] for c in operands])
+                stack.pop()
+        return known[node]
+
+    def _evaluate(self, variable: int) -> None:
+        """Fill in a defined variable, its definitions first; chains are walked without recursion."""
+        pool = self.reduced.pool
+        stack = [variable]
+        while stack:
+            here = stack[-1]
+            node = self._definition[here]
+            waiting = [
+                v for v in pool.variables_in(node) if v in self._definition and v not in self._known and v not in stack
+            ]
+            if waiting:
+                stack.extend(waiting)
+                continue
+            stack.pop()
+            self._known[here] = self.everywhere(node)
+
+    @cached_property
+    def parameters(self) -> tuple[float, ...]:
+        """Values of the free parameters, and of the stabilisation rate behind them."""
+        return (*self.reduced.flat.parameter_values, STABILISATION_RATE)
+
+    def variable(self, variable: int) -> Samples:
+        """Values of a variable, shape (COUNT,): its start, then scattered by its nominal size."""
+        return self._variable(variable)[:COUNT]
+
+    def _variable(self, variable: int) -> Samples:
+        if variable not in self._known and variable in self._definition:
+            self._evaluate(variable)
+        if variable not in self._known:
+            reduced = self.reduced
+            start, nominal, declared = 0.0, 1.0, None
+            if variable < len(reduced.scalar):
+                declared = reduced.flat.declaration(reduced.scalar[variable])
+                nominal = declared.nominal
+                start = self.start(variable)
+            offset = 1.0 if variable >= 997 else 0.9
+            found = start + offset * nominal * self._directions[(variable * 7919) % 997]
+            if declared is not None and (declared.boolean or declared.integer):
+                # both branches of a switch must be seen, and no value that it never has
+                found = np.mod(np.round(found - start) + start, 2.0) if declared.boolean else np.round(found)
+                if declared.boolean:  # all friction that is stuck at once: a mode that chance does not hit
+                    found[ALL_TRUE] = 1.0
+            seen = self._seen(variable)
+            found[EVERYWHERE - len(seen) :] = seen
+            self._known[variable] = found
+        return self._known[variable]
+
+    def _seen(self, variable: int) -> Samples:
+        """Values where a run has been; none if there was none, or the variable is none of it."""
+        nothing = np.zeros(0)
+        return nothing if self.visited is None else self.visited.values.get(self.reduced.name(variable), nothing)
+
+    def anywhere(self, variable: int) -> Samples:
+        """Values of a variable, shape (COUNT + FAR,): as `variable`, then far from its start on both sides.
+
+        Nearby points are not enough to choose states by: x of a pendulum that starts at x = 5 with a nominal magnitude
+        of 1 is positive at nearly all of them, and half the points around the start of a four-bar lie in one branch.
+        Angles are seen all around.
+        """
+        near = self.variable(variable)
+        declared = self.reduced.flat.declaration(self.reduced.scalar[variable]) if self._is_declared(variable) else None
+        if declared is not None and (declared.boolean or declared.integer):
+            return np.concatenate([near, np.resize(near, FAR)])
+        size = max(abs(float(near[0])), 1.0 if declared is None else abs(declared.nominal))
+        seen = self._seen(variable)
+        return np.concatenate([near, size * self._far[(variable * 7919) % 997][: FAR - len(seen)], seen])
+
+    def _is_declared(self, variable: int) -> bool:
+        return variable < len(self.reduced.scalar)
+
+    def start(self, variable: int) -> float:
+        """Declared start of a variable or of one of its aliases, else 0."""
+        reduced = self.reduced
+        for scalar in reduced.aliases.get(variable, ()):
+            declared = reduced.flat.starts.get(scalar)
+            if declared is not None:
+                value = self.constant(reduced.flat.pool, declared.node)
+                negative = reduced.pool.nodes[reduced.image[scalar]][0] == "neg"
+                return -value if negative else value
+        return 0.0
+
+    def constant(self, pool: Pool, node: int) -> float:
+        """Value of an expression of parameters."""
+        return float(values(pool, [node], {"par": self.parameters.__getitem__, "time": lambda _: 0.0})[node])
+
+    @cached_property
+    def leaves_anywhere(self) -> Mapping[str, Callable[[int], Any]]:
+        """The same at COUNT + FAR points."""
+        times = np.concatenate([self._times[:COUNT], np.resize(self._times, FAR)])
+        return {"var": self.anywhere, "par": self.parameters.__getitem__, "time": lambda _: times}
+
+    @cached_property
+    def leaves(self) -> Mapping[str, Callable[[int], Any]]:
+        """What `values` and `gradients` need, at COUNT points."""
+        return {"var": self.variable, "par": self.parameters.__getitem__, "time": lambda _: self._times[:COUNT]}

@@ -1,0 +1,154 @@
+"""Model predictive control: the program of a problem built once, and solved at every sample from where it ended."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from acausal.errors import OptimizationError, UsageError
+from acausal.optimal_control.guess import guessed
+from acausal.optimal_control.phases import dynamics_of
+from acausal.optimal_control.polynomials import Basis
+from acausal.optimal_control.problem import Problem
+from acausal.optimal_control.radau import Program, transcribed
+
+Vector = NDArray[np.float64]
+
+_IPOPT = {
+    "print_level": 0,
+    "sb": "yes",
+    "max_iter": 100,
+    "warm_start_init_point": "yes",
+    # the last answer, moved by a sample, lies near the next one: no need to come from far inside
+    "warm_start_bound_push": 1e-6,
+    "warm_start_slack_bound_push": 1e-6,
+    "warm_start_mult_bound_push": 1e-6,
+    "mu_init": 1e-4,
+}
+
+
+class Controller:
+    """Inputs for the next sample from the states now; each call begins from the answer of the last.
+
+    Inputs are constant in a sample. Parameters that were said to vary may differ from call to call, as an estimator
+    finds them.
+
+    Attributes
+    ----------
+    step
+        The sample [s].
+    states
+        Names of the states, in the order in which they are given.
+    """
+
+    def __init__(
+        self, problem: Problem, tolerance: float, degree: int, varying: Sequence[str], options: Mapping[str, Any]
+    ) -> None:
+        _check(problem)
+        q = problem.quantities
+        self.problem = problem
+        self.states = q.states.names
+        spec = problem.specs[0]
+        self.step = spec.shortest / len(spec.mesh)
+        guesses = guessed(problem)
+        laws = dynamics_of(problem, guesses)
+        _check_autonomous(problem, laws[0].dae)
+        self._varying = [q.parameters.position(name) for name in varying]
+        self._check_circles()
+        program = transcribed(problem, laws, guesses, [spec.mesh], Basis(degree, 0), q.p, self._varying)
+        self._function, self._guess = _compiled(program, {**_IPOPT, "tol": tolerance, **options})
+        self._duals = np.zeros(program.opti.ng)
+        self._names = q.u.names
+        self.iterations = 0
+
+    def __call__(self, states: Mapping[str, float] | ArrayLike, parameters: Mapping[str, float] | None = None) -> Any:
+        """Values of the inputs by name, to be held for a sample.
+
+        Parameters
+        ----------
+        states
+            By name, or all in the order of `self.states`.
+        parameters
+            Values that differ from those of the problem, by name.
+
+        Raises
+        ------
+        OptimizationError
+            AC703 where no answer was found from these states; the next call begins from the last answer again.
+        """
+        x = [states[n] for n in self.states] if isinstance(states, Mapping) else np.asarray(states, dtype=float)
+        q = self.problem.quantities
+        p = q.p if not parameters else self._given(parameters)
+        c = q.coordinates.of(np.reshape(x, (-1, 1))).ravel()
+        found, duals, u = self._function(c, p[self._varying], self._guess, self._duals)
+        stats = self._function.stats()
+        self.iterations = int(stats.get("iter_count", 0))
+        if not stats.get("success", True):
+            raise OptimizationError(
+                "AC703",
+                f"no inputs found for the next sample: {stats.get('return_status', '')}".replace("_", " "),
+                evidence=[f"{n} = {v:.6g}" for n, v in list(zip(self.states, np.ravel(x), strict=True))[:6]],
+                help="hold the last inputs for this sample; limits on measured quantities may have to be soft",
+            )
+        self._guess, self._duals = found, duals
+        return dict(zip(self._names, np.array(u).ravel().tolist(), strict=True))
+
+    def _given(self, parameters: Mapping[str, float]) -> Vector:
+        q = self.problem.quantities
+        known = {q.parameters.names[k] for k in self._varying}
+        for name in parameters:
+            if name not in known:
+                raise UsageError(
+                    "AC053",
+                    f"{name} does not vary from sample to sample in this controller",
+                    help=f"problem.controller(varying=[..., {name!r}])",
+                )
+        p = q.p.copy()
+        for name, value in parameters.items():
+            p[q.parameters.position(name)] = value
+        return p
+
+    def _check_circles(self) -> None:
+        q = self.problem.quantities
+        bound = [q.parameters.names[k] for k in self._varying if k in q.coordinates.bound]
+        if bound:
+            raise UsageError(
+                "AC053",
+                f"{bound[0]} cannot change from sample to sample: the angle that replaces states depends on it",
+                help="declare the angle in the model, with the constraint solved for x and y",
+            )
+
+
+def _check(problem: Problem) -> None:
+    spec = problem.specs[0]
+    fixed = len(problem.specs) == 1 and spec.shortest == spec.longest and spec.switch is None
+    if problem.objective is None or not fixed or problem.quantities.decided:
+        raise UsageError(
+            "AC053",
+            f"{problem!r} is no horizon",
+            help="one phase with duration=samples * step and intervals=samples, an objective, and parameters that are "
+            "given at each sample instead of decided",
+        )
+
+
+def _check_autonomous(problem: Problem, dae: Any) -> None:
+    compiled = problem.quantities.compiled
+    if compiled.time_events.relations or any(dae.jac_sparsity(k, 0).nnz() for k in range(3)):
+        raise UsageError(
+            "AC053",
+            f"{compiled.name} depends on the time, which a controller does not know",
+            help="make its source an input or a parameter that varies: acausal.free(model, name)",
+        )
+
+
+def _compiled(program: Program, options: Mapping[str, Any]) -> tuple[Any, Any]:
+    """`(x0, w, guess, multipliers) -> (unknowns, multipliers, first inputs)`, and the guess it begins with."""
+    opti = program.opti
+    opti.solver("ipopt", {"ipopt": dict(options), "print_time": False, "expand": True, "error_on_fail": False})
+    first = program.phases[0].u[:, 0]
+    arguments = [program.first, program.w, opti.x, opti.lam_g]
+    function = opti.to_function("controller", arguments, [opti.x, opti.lam_g, first])
+    return function, np.concatenate(program.initial)

@@ -1,0 +1,69 @@
+"""How far collocation is off: each interval integrated by IDAS from where it begins, with the same inputs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import comb
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.optimal_control.polynomials import Basis
+from acausal.optimal_control.problem import Problem
+from acausal.optimal_control.radau import Dynamics
+from acausal.optimal_control.trajectory import PhaseTrajectory, Trajectory
+
+Vector = NDArray[np.float64]
+
+_TOLERANCE = 1e-10
+
+
+def interval_errors(problem: Problem, laws: Sequence[Dynamics], trajectory: Trajectory) -> list[Vector]:
+    """Largest error of a state at the end of each interval, by its magnitude over all phases; one array per phase.
+
+    nan counts as infinite: IDAS did not get to the end of the interval.
+    """
+    q = problem.quantities
+    size = np.max([np.abs(phase.x).max(axis=1, initial=0.0) for phase in trajectory.phases], axis=0)
+    size = np.where(size > 0.0, size, np.array(q.x.nominal))
+    return [_phase(law, phase, trajectory.p, size) for law, phase in zip(laws, trajectory.phases, strict=True)]
+
+
+def _phase(law: Dynamics, phase: PhaseTrajectory, p: Vector, size: Vector) -> Vector:
+    if not len(size):
+        return np.zeros(len(phase.mesh))
+    run = _integrator(law, phase.basis, p, size)
+    borders = phase.borders * phase.duration
+    found = np.zeros(len(phase.mesh))
+    for k in range(len(phase.mesh)):
+        x, z, _ = phase.interval(k, np.array([0.0, 1.0]))
+        width = phase.basis.control + 1
+        coefficients = phase.u[:, k * width : (k + 1) * width]
+        given = ca.vertcat(phase.begin + borders[k], borders[k + 1] - borders[k], ca.vec(ca.DM(coefficients)))
+        try:
+            end = np.array(run(x0=x[:, 0] / size, z0=z[:, 0], p=given)["xf"]).ravel() * size
+        except RuntimeError:
+            found[k] = np.inf
+            continue
+        found[k] = np.max(np.abs(end - x[:, 1]) / size)
+    return np.where(np.isnan(found), np.inf, found)
+
+
+def _integrator(law: Dynamics, basis: Basis, p: Vector, size: Vector) -> Any:
+    """One interval from 0 to 1: parameters are its begin, its length and the coefficients of the inputs."""
+    dae = law.dae
+    nx, nz, nu = (dae.numel_in(k) for k in (1, 2, 3))
+    s, x, z = ca.SX.sym("s"), ca.SX.sym("x", nx), ca.SX.sym("z", nz)
+    begin, length, u = ca.SX.sym("begin"), ca.SX.sym("length"), ca.SX.sym("u", nu, basis.control + 1)
+    q = basis.control
+    weights = ca.vertcat(*(comb(q, i) * s**i * (1 - s) ** (q - i) for i in range(q + 1)))
+    scale = ca.DM(size)
+    ode, alg, _ = dae(begin + length * s, x * scale, z, u @ weights, p)
+    system = {"x": x, "z": z, "t": s, "p": ca.vertcat(begin, length, ca.vec(u)), "ode": length * ode / scale}
+    options = {"reltol": _TOLERANCE, "abstol": _TOLERANCE / 100, "max_num_steps": 20000, "first_time": 1e-6}
+    if nz:
+        system["alg"] = alg
+        options["suppress_algebraic"] = True
+    return ca.integrator("interval", "idas", system, 0.0, 1.0, {**options, "show_eval_warnings": False})

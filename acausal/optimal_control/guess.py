@@ -1,0 +1,162 @@
+"""Where the search begins: a run of the model, cut where its phases end."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.errors import OptimizationError
+from acausal.optimal_control.declare import PhaseSpec
+from acausal.optimal_control.problem import Problem
+from acausal.optimal_control.quantities import Quantities
+from acausal.result import Result
+from acausal.simulate.run import simulate
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class PhaseGuess:
+    """Duration [s] of one phase, and x, z, u at n shares of it: shapes (nx, n), (nz, n), (nu, n)."""
+
+    duration: float
+    at: Callable[[Vector], tuple[Vector, Vector, Vector]]
+
+
+def guessed(problem: Problem) -> list[PhaseGuess]:
+    """The guess of every phase.
+
+    Raises
+    ------
+    OptimizationError
+        AC705 where the run does not get to the end of a phase.
+    """
+    lines = _lines(problem)
+    run = problem.guess_run or _run(problem)
+    q, found, first = problem.quantities, [], float(run.time[0])
+    whole = sum(spec.expected for spec in problem.specs)
+    begun = 0.0
+    for k, spec in enumerate(problem.specs):
+        last = first + spec.expected if spec.switch is None else _end(problem, run, spec, first)
+        if k == len(problem.specs) - 1 and spec.switch is None and problem.guess_run is not None:
+            last = float(run.time[-1])
+        last = min(last, float(run.time[-1]))
+        if last <= first:
+            raise _not_reached(problem, run, spec)
+        share = (begun / whole, (begun + spec.expected) / whole)
+        found.append(PhaseGuess(last - first, _reader(q, run, first, last, lines, share)))
+        first, begun = last, begun + spec.expected
+    return found
+
+
+def _lines(problem: Problem) -> dict[int, tuple[float, float]]:
+    """The straight lines that were given, and of what goes along them the constant rates."""
+    given = problem.guess_lines
+    if not given:
+        return {}
+    rates = problem.quantities.rates()
+    whole = sum(spec.expected for spec in problem.specs)
+    slopes = {rates[k]: ((b - a) / whole, (b - a) / whole) for k, (a, b) in given.items() if k in rates}
+    return {**slopes, **given}
+
+
+def _run(problem: Problem) -> Result:
+    q = problem.quantities
+    inputs: dict[str, Any] = {port.name: min(max(port.start, port.min), port.max) for port in q.u}
+    inputs |= problem.guess_inputs
+    begin = q.begin.t
+    names = q.parameters.names
+    declared = problem.compiled.parameter_values
+    own = {n: float(v) for n, v, d in zip(names, q.p, declared, strict=True) if v != d and n != "stabilisation.rate"}
+    expected = sum(spec.expected for spec in problem.specs)
+    return simulate(
+        problem.compiled,
+        inputs=inputs,
+        parameters=own,
+        start_time=begin,
+        stop_time=begin + expected,
+        tolerance=1e-6,
+    )
+
+
+def _reader(
+    q: Quantities,
+    run: Result,
+    first: float,
+    last: float,
+    lines: dict[int, tuple[float, float]],
+    share: tuple[float, float],
+) -> Callable[[Vector], tuple[Vector, Vector, Vector]]:
+    stored = [_stored(run, ports.names) for ports in (q.states, q.z, q.u)]
+
+    def at(fractions: Vector) -> tuple[Vector, Vector, Vector]:
+        # beside an event, the side that belongs to the phase; straight between rows, which is near enough for a guess
+        times = first + (last - first) * np.clip(fractions, 1e-9, 1 - 1e-9)
+        parts = [np.array([np.interp(times, run.time, row) for row in rows]) for rows in stored]
+        x, z, u = (part.reshape(len(rows), len(times)) for part, rows in zip(parts, stored, strict=True))
+        x = q.coordinates.of(x)
+        for place, (a, b) in lines.items():
+            x[place] = a + (b - a) * (share[0] + (share[1] - share[0]) * fractions)
+        return x, z, u
+
+    return at
+
+
+def _stored(run: Result, names: Sequence[str]) -> Vector:
+    """Values at the rows of a run, shape (names, rows)."""
+    return np.array([run[name] for name in names]).reshape(len(names), len(run.time))
+
+
+def _end(problem: Problem, run: Result, spec: PhaseSpec, first: float) -> float:
+    """When the run fulfils what ends the phase, after `first`."""
+    assert spec.switch is not None
+    guard = problem.guards[spec.switch]
+    later = first + 1e-9 * (run.time[-1] - run.time[0])
+    if guard.relation is not None:
+        text = problem.compiled.events.texts[guard.relation]
+        for event in run.events:
+            if event.time > later and text in event.condition.split("; "):
+                return event.time
+    rows = np.flatnonzero(run.time > first)
+    values = _guard_values(problem, spec.switch, run, rows)
+    after = np.flatnonzero((values[:-1] <= 0.0) & (values[1:] > 0.0))
+    if not len(after):
+        raise _not_reached(problem, run, spec)
+    k = int(after[0])
+    low, high = run.time[rows[k]], run.time[rows[k + 1]]
+    return float(low + (high - low) * values[k] / (values[k] - values[k + 1]))
+
+
+def _guard_values(problem: Problem, switch: int, run: Result, rows: Any) -> Vector:
+    """Values of a guard at rows of a run, shape (n,)."""
+    q, guard = problem.quantities, problem.guards[switch]
+    n = len(rows)
+    if not n:
+        return np.zeros(0)
+    if guard.relation is not None:
+        columns = [_stored(run, ports.names)[:, rows] for ports in (q.states, q.z, q.u)]
+        point = [ca.DM(c) if c.size else ca.DM(c.shape[0], n) for c in (run.time[None, rows], *columns)]
+        point.append(ca.repmat(ca.DM(q.p), 1, n))
+        modes = q.compiled.all_modes.map(n)(*point)
+        return np.asarray(np.array(q.compiled.events.distances.map(n)(*point, modes))[guard.relation])
+    symbols = [q.time, *q.symbols, *(d[3] for d in q.decided)]
+    function = ca.Function("guard", symbols, [guard.expression])
+    columns = [run.time[rows], *_stored(run, [o.name for o in q.outputs])[:, rows]]
+    columns += [np.full(n, q.p[place]) for place, *_ in q.decided]
+    return np.array(function.map(n)(*(c[None, :] for c in columns))).ravel()
+
+
+def _not_reached(problem: Problem, run: Result, spec: PhaseSpec) -> OptimizationError:
+    text = problem.guards[spec.switch].text if spec.switch is not None else "its end"
+    seen = [f"{e.time:.4g} s  {e.condition}" for e in run.events[:6]]
+    return OptimizationError(
+        "AC705",
+        f"the run behind the guess does not get to the end of phase '{spec.name}': {text}",
+        evidence=[f"it goes from {run.time[0]:g} to {run.time[-1]:g} s", *seen],
+        help="give inputs that do, and durations: problem.guess(inputs={...}), phase(expected=...)",
+    )

@@ -1,0 +1,60 @@
+"""The equations of a phase as the program needs them: numbers for parameters that nobody decides, linear z solved for.
+
+Known numbers fold: of a robot's inertias most products are zero or one. Derivatives are then taken of what is left.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+Vector = NDArray[np.float64]
+
+# Algebraic variables that are solved for as a formula; beyond, unknowns of the program are sparser.
+_MOST_SOLVED = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Law:
+    """The equations with open parameters w.
+
+    Attributes
+    ----------
+    equations
+        `(t, x, z, u, w) -> (ode, alg, y)`: y has the rows that were wanted; z and alg are empty where they are solved.
+    algebraic
+        `(t, x, u, w) -> z` where the algebraic equations are linear and solved; else None.
+    wanted
+        Places of the rows of y among all outputs.
+    """
+
+    equations: Any
+    algebraic: Any
+    wanted: tuple[int, ...]
+
+
+def law_of(dae: Any, p: Vector, places: Sequence[int], wanted: Sequence[int]) -> Law:
+    """The equations of `dae` with all parameters but those at `places` at their values in p, shape (np,)."""
+    t, x, z, u, _ = (ca.SX.sym(dae.name_in(k), dae.numel_in(k)) for k in range(5))
+    w, full = ca.SX.sym("w", len(places)), ca.SX(ca.DM(p))
+    for k, place in enumerate(places):
+        full[place] = w[k]
+    ode, alg, y = dae(t, x, z, u, full)
+    y = y[list(wanted)] if len(wanted) else ca.SX(0, 1)
+    algebraic = None
+    if 0 < z.numel() <= _MOST_SOLVED:
+        slope = ca.jacobian(alg, z)
+        if not ca.depends_on(slope, z):
+            at_zero = ca.substitute(alg, z, ca.SX(z.numel(), 1))
+            found = -ca.solve(slope, ca.densify(at_zero))
+            algebraic = ca.Function("algebraic", [t, x, u, w], [found])
+            ode, y = ca.substitute([ode, y], [z], [found])
+            z, alg = ca.SX(0, 1), ca.SX(0, 1)
+    names = ["t", "x", "z", "u", "w"], ["ode", "alg", "y"]
+    outputs = [ca.densify(v) for v in (ode, alg, y)]
+    return Law(ca.Function("law", [t, x, z, u, w], outputs, *names), algebraic, tuple(wanted))

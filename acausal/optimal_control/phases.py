@@ -1,0 +1,253 @@
+"""The equations of every phase, and what the events at their ends change."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.analyse.delays import PADE, refuse_delays
+from acausal.errors import OptimizationError
+from acausal.export.forms import Form, check
+from acausal.lower.compiled import CompiledModel, Symbols
+from acausal.optimal_control.branches import branched
+from acausal.optimal_control.guess import PhaseGuess
+from acausal.optimal_control.problem import Problem
+from acausal.optimal_control.radau import Dynamics
+from acausal.optimal_control.trajectory import PhaseTrajectory, Trajectory
+
+Vector = NDArray[np.float64]
+
+SMOOTH = Form(
+    "a problem without phases",
+    events=False,
+    ends=False,
+    instead="end a phase with each event, in their order: problem.phase(until='...') with the relation that "
+    "compiled.events.texts lists",
+)
+# Where the equations of a phase are looked at: its inside, as shares.
+_INSIDE = np.linspace(0.02, 0.98, 33)
+# How far, by magnitude, what a guess does at an event may be from what its clauses say.
+_SAME = 1e-4
+# How far rates and equations may be from those of the model, by their magnitude.
+_OFF = 1e-6
+
+
+def dynamics_of(problem: Problem, guesses: Sequence[PhaseGuess]) -> list[Dynamics]:
+    """The equations of all phases.
+
+    Raises
+    ------
+    ExportError
+        AC608 for a model that events change, where no phase ends with one.
+    OptimizationError
+        AC704 for events at the end of a phase that do more than the clauses of its relation.
+    """
+    q = problem.quantities
+    compiled, dae = q.compiled, q.dae()
+    switches = [problem.guards[s.switch].relation if s.switch is not None else None for s in problem.specs]
+    if all(k is None for k in switches):
+        check(compiled, SMOOTH, q.outputs)
+    else:
+        refuse_delays(compiled.flat, "optimal control", PADE)
+        _refuse_clocks(compiled)
+    begins = q.begin.t + np.cumsum([0.0, *(guess.duration for guess in guesses)])
+    inside = [_arguments(guess, _INSIDE, begin, q.p) for guess, begin in zip(guesses, begins[:-1], strict=True)]
+    found = []
+    for k, (law, relation) in enumerate(zip(branched(dae, inside), switches, strict=True)):
+        if relation is None:
+            found.append(Dynamics(law))
+            continue
+        s = Symbols(compiled)
+        arguments = s.inputs[:-1]
+        modes = compiled.all_modes(*arguments)
+        distance = compiled.events.distances(*arguments, modes)[relation]
+        guard = q.coordinates.inside(ca.Function("guard", arguments, [distance]))
+        following = guesses[k + 1] if k + 1 < len(guesses) else None
+        ends = _arguments(guesses[k], np.array([1.0]), begins[k], q.p)
+        jump = _jump(problem, relation, ends, following, problem.specs[k].name)
+        found.append(Dynamics(law, guard, jump))
+    return found
+
+
+def _arguments(guess: PhaseGuess, shares: Vector, begin: float, p: Vector) -> list[Vector]:
+    """Arguments of the equations at shares of a guessed phase, columns are instants."""
+    x, z, u = guess.at(shares)
+    times = (begin + guess.duration * shares)[None, :]
+    return [times, x, z, u, np.repeat(p[:, None], len(shares), axis=1)]
+
+
+def _refuse_clocks(compiled: CompiledModel) -> None:
+    if compiled.state_events.samples:
+        raise OptimizationError(
+            "AC704",
+            f"{compiled.name} has clocks: what samples change belongs to no phase",
+            help="leave the sampled controller out, or make its output an input: acausal.free(model, name)",
+        )
+
+
+def _jump(problem: Problem, relation: int, ends: list[Vector], following: PhaseGuess | None, name: str) -> Any:
+    """`(t, x, z, u, p) -> x` of what the clauses of a relation change; None where they change nothing.
+
+    `ends` are the arguments at the end of the phase in the guess.
+
+    Raises
+    ------
+    OptimizationError
+        AC704 where the guess goes on somewhere else.
+    """
+    q = problem.quantities
+    compiled, events = q.compiled, q.compiled.state_events
+    if q.coordinates.angles:
+        raise OptimizationError(
+            "AC704",
+            f"phase '{name}' ends with an event of a model whose states are replaced by angles",
+            help="declare the angles in the model, with the constraints solved for x and y",
+        )
+    s = Symbols(compiled)
+    arguments = s.inputs[:-1]
+    place = compiled.n_modes - len(events.relations) + relation
+    before = compiled.all_modes(*arguments)
+    before[place] = 0
+    after = ca.SX(before)
+    after[place] = 1
+    reactions = compiled.events.reactions
+    truth = [
+        np.array(ca.Function("c", arguments, [reactions(*arguments, m)[2]])(*ends)).ravel() > 0.5
+        for m in (before, after)
+    ]
+    rising = dict(zip(events.conditions, (truth[1] & ~truth[0]).tolist(), strict=True))
+    held = dict(zip(events.conditions, truth[1].tolist(), strict=True))
+    _, assigned, _, values, _, _ = reactions(*arguments, after)
+    new, k = ca.SX(s.x), 0
+    for clause in events.clauses:
+        acts = any(rising[c] for c in clause.conditions) and not any(held[c] for c in clause.earlier)
+        for position, _ in clause.actions:
+            if acts:
+                new[position] = values[k]
+            k += 1
+    for j, assignment in enumerate(events.assignments):
+        new[assignment.position] = assigned[j]
+    jump = ca.Function("jump", arguments, [new])
+    found = np.array(jump(*ends)).ravel()
+    if following is not None:
+        _check_guess(compiled, found, following, ends, name)
+    return jump if not ca.is_equal(new, s.x, 3) else None
+
+
+def _check_guess(compiled: CompiledModel, found: Vector, following: PhaseGuess, ends: list[Vector], name: str) -> None:
+    """AC704 where the run behind the guess goes on somewhere else than the clauses say."""
+    x = following.at(np.array([0.0]))[0].ravel()
+    size = np.maximum(np.abs(ends[1]).ravel(), compiled.nominal_x)
+    off = np.abs(x - found) / size
+    if off.max(initial=0.0) > _SAME:
+        k = int(np.argmax(off))
+        raise OptimizationError(
+            "AC704",
+            f"more happens at the end of phase '{name}' than its event says",
+            evidence=[f"{compiled.states[k]} goes on at {x[k]:.6g}, by the clauses at {found[k]:.6g}"],
+            cause="events that set off others at the same instant",
+            help="problems with such events are not taken: replace them by one clause in the model",
+        )
+
+
+def verified(problem: Problem, laws: Sequence[Dynamics], trajectory: Trajectory) -> None:
+    """Refuse an optimum that takes branches which the model does not take there, or passes over an event.
+
+    Raises
+    ------
+    OptimizationError
+        AC706 for branches, AC704 for events inside of a phase.
+    """
+    dae = problem.quantities.dae()
+    for phase, law in zip(trajectory.phases, laws, strict=True):
+        columns = _collocated(phase, trajectory.p)
+        if law.dae is not dae:
+            _check_branches(problem, dae, law, phase, columns)
+        if problem.quantities.compiled.state_events.clauses:
+            _check_events(problem, phase, columns)
+        _check_instants(problem, dae, phase, trajectory.p)
+
+
+def _check_instants(problem: Problem, dae: Any, phase: PhaseTrajectory, p: Vector) -> None:
+    """Refuse instants inside of a phase at which sources of the model make rates jump; kinks are for the mesh."""
+    instants = np.unique(np.array(problem.quantities.compiled.instants(p)).ravel())
+    share = (instants - phase.begin) / phase.duration
+    for t, at in zip(instants, share, strict=True):
+        if not 1e-6 < at < 1 - 1e-6:
+            continue
+        x, z, u = phase.at(np.array([at]))
+        beside = [np.array(dae(t + side * 1e-9 * phase.duration, x, z, u, p)[0]).ravel() for side in (-1, 1)]
+        size = np.maximum(np.abs(beside[0]), np.abs(beside[1]))
+        jumps = np.flatnonzero(np.abs(beside[1] - beside[0]) > _OFF * size)
+        if len(jumps):
+            k = int(jumps[0])
+            raise OptimizationError(
+                "AC704",
+                f"the model switches inside of {phase.name}, at t = {t:.6g} s",
+                evidence=[
+                    f"the rate of {problem.quantities.x.names[k]} goes from {beside[0][k]:.6g} to {beside[1][k]:.6g}"
+                ],
+                help=f"end a phase there: problem.phase(until=problem.time >= {t:.6g})",
+            )
+
+
+def _collocated(phase: PhaseTrajectory, p: Vector) -> list[Vector]:
+    """Arguments of the equations at the collocation points but the last, which lies on what ends the phase."""
+    points = phase.basis.points
+    at = [phase.interval(k, points) for k in range(len(phase.mesh))]
+    times = np.concatenate([phase.time(k, points) for k in range(len(phase.mesh))])[None, :-1]
+    x, z, u = (np.hstack([a[k] for a in at])[:, :-1] for k in range(3))
+    return [times, x, z, u, np.repeat(p[:, None], times.shape[1], axis=1)]
+
+
+def _evaluated(function: Any, columns: Sequence[Vector]) -> list[Vector]:
+    n = columns[0].shape[1]
+    given = [ca.DM(c) if c.size else ca.DM(c.shape[0], n) for c in columns]
+    found = function.map(n)(*given)
+    return [np.array(v) for v in (found if isinstance(found, tuple | list) else [found])]
+
+
+def _check_branches(problem: Problem, dae: Any, law: Dynamics, phase: PhaseTrajectory, columns: list[Vector]) -> None:
+    q = problem.quantities
+    names = (q.x.names, q.z.names, tuple(o.name for o in q.outputs))
+    words = ("the rate of {}", "the equation of {}", "{}")
+    for own, model, group, text in zip(
+        _evaluated(law.dae, columns), _evaluated(dae, columns), names, words, strict=True
+    ):
+        size = np.maximum(np.abs(model).max(axis=1, initial=0.0), np.abs(own).max(axis=1, initial=0.0))[:, None]
+        off = np.abs(own - model) / np.where(size > 0.0, size, 1.0)
+        if off.max(initial=0.0) > _OFF or not np.isfinite(off).all():
+            k, j = np.unravel_index(int(np.argmax(np.nan_to_num(off, nan=np.inf))), off.shape)
+            t = float(columns[0][0, j])
+            raise OptimizationError(
+                "AC706",
+                f"{phase.name} leaves the branch that it was solved on, at t = {t:.6g} s",
+                evidence=[f"{text.format(group[k])} is {model[k, j]:.6g} there, and was taken for {own[k, j]:.6g}"],
+                cause="a switch inside of the phase: the order of the switches is another one than in the guess",
+                help="declare it as the end of a phase of its own, or keep away from it: phase.subject_to(...)",
+            )
+
+
+def _check_events(problem: Problem, phase: PhaseTrajectory, columns: list[Vector]) -> None:
+    compiled = problem.quantities.compiled
+    s = Symbols(compiled)
+    arguments = s.inputs[:-1]
+    conditions = compiled.events.reactions(*arguments, compiled.all_modes(*arguments))[2]
+    inside = problem.quantities.coordinates.inside(ca.Function("conditions", arguments, [conditions]))
+    (truth,) = _evaluated(inside, columns)
+    rising = (truth[:, 1:] > 0.5) & (truth[:, :-1] < 0.5)
+    for clause in compiled.state_events.clauses:
+        places = [compiled.state_events.conditions.index(c) for c in clause.conditions]
+        seen = np.flatnonzero(rising[places].any(axis=0))
+        if len(seen) and clause.actions:
+            raise OptimizationError(
+                "AC704",
+                f"an event happens inside of {phase.name}, at about t = {columns[0][0, seen[0] + 1]:.4g} s: "
+                f"{clause.text}",
+                where=(clause.where,),
+                help="end a phase with it, or keep away from it: phase.subject_to(...)",
+            )

@@ -1,0 +1,443 @@
+"""An optimal-control problem as it is written down: a model, phases, an objective, constraints."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import casadi as ca
+
+from acausal.errors import UsageError, calling_span
+from acausal.language.component import Component
+from acausal.lower.compile import compile
+from acausal.lower.compiled import CompiledModel
+from acausal.optimal_control.declare import Constraint, Guard, Mesh, PhaseSpec, Value
+from acausal.optimal_control.quantities import Quantities
+from acausal.result import Result
+
+if TYPE_CHECKING:
+    from acausal.optimal_control.controller import Controller
+    from acausal.optimal_control.optimum import Optimum
+
+_RELATIONS = {ca.OP_LE: 1, ca.OP_LT: 1, ca.OP_EQ: 0}
+
+
+class Problem:
+    """An optimal-control problem on a model.
+
+    `problem["drill.s"]` is a variable of the model as a CasADi symbol, for use in constraints and in the objective;
+    parameters stand for their values unless `decide` makes them decisions. All quantities are in SI units.
+
+    The states begin at the start values of the model, the declared limits of its inputs hold. Phases follow each other
+    in the order in which they are declared; a problem without any declared has one.
+
+    Parameters
+    ----------
+    model
+        A component, or what `compile` made of it.
+    parameters
+        Values of parameters by path.
+    free_start
+        Names of states whose start values are decisions.
+
+    Raises
+    ------
+    UsageError
+        AC010 for an unknown name.
+    """
+
+    def __init__(
+        self,
+        model: Component | CompiledModel,
+        *,
+        parameters: Mapping[str, float] | None = None,
+        free_start: Sequence[str] = (),
+    ) -> None:
+        self.compiled = model if isinstance(model, CompiledModel) else compile(model)
+        self.quantities = Quantities(self.compiled, dict(parameters or {}))
+        self.free_start = tuple(self.quantities.state(name) for name in free_start)
+        self.specs: list[PhaseSpec] = []
+        self.guards: list[Guard] = []
+        self.durations: list[Any] = []
+        self.values: list[Value] = []
+        self.constraints: list[Constraint] = []
+        self.objective: Any = None
+        self._spoken = False
+        self.guess_run: Result | None = None
+        self.guess_inputs: dict[str, Any] = {}
+        self.guess_lines: dict[int, tuple[float, float]] = {}
+
+    def __repr__(self) -> str:
+        return f"Problem({self.compiled.name}: {len(self.specs)} phases, {len(self.constraints)} constraints)"
+
+    def __getitem__(self, name: str) -> Any:
+        """A variable or parameter by name, as a CasADi symbol; an array as a column.
+
+        Raises
+        ------
+        UsageError
+            AC010 for an unknown name.
+        """
+        return self.quantities[name]
+
+    @property
+    def time(self) -> Any:
+        """The time [s], as a symbol that varies."""
+        return self.quantities.time
+
+    @property
+    def duration(self) -> Any:
+        """The duration of all phases together [s]."""
+        return sum(self.durations[1:], self.durations[0]) if self._begun() else None
+
+    def phase(
+        self,
+        name: str = "",
+        *,
+        duration: float | tuple[float, float] = (0.0, math.inf),
+        until: str | Any = None,
+        intervals: int = 10,
+        expected: float | None = None,
+    ) -> Phase:
+        """A further phase.
+
+        Parameters
+        ----------
+        duration
+            A fixed one [s], or the limits of a free one.
+        until
+            What ends the phase: a relation of the model as its events print it ("h < 0"), whose `when` clauses then
+            act, or a relation of expressions (`problem["drill.s"] >= 0.004`).
+        intervals
+            Intervals of the collocation, at first of equal length.
+        expected
+            Duration in the guess; by default the moment when the run behind the guess fulfils `until`, else the
+            geometric mean of the limits, else the model's stop time.
+
+        Raises
+        ------
+        UsageError
+            AC010 for a relation that the model does not have, AC050 for limits that are none, and for a phase after
+            what was said of all phases.
+        """
+        shortest, longest = (duration, duration) if isinstance(duration, int | float) else duration
+        if not 0.0 <= shortest <= longest or longest <= 0.0 or intervals < 1:
+            raise UsageError(
+                "AC050",
+                f"a phase of {shortest:g} to {longest:g} s in {intervals} intervals is none",
+                where=calling_span(),
+                help="duration=(shortest, longest) in s, not negative, and at least one interval",
+            )
+        if expected is None:
+            known = shortest > 0.0 and math.isfinite(longest)
+            expected = math.sqrt(shortest * longest) if known else self.compiled.flat.experiment.stop_time
+            expected = min(max(expected, shortest), longest)
+        if self._spoken:
+            raise UsageError(
+                "AC050",
+                f"a phase comes after what was said of all {len(self.specs)} phases",
+                where=calling_span(),
+                help="declare all phases first, then minimize, subject_to, end, integral",
+            )
+        number = len(self.specs)
+        switch = None
+        if until is not None:
+            switch = len(self.guards)
+            self.guards.append(self.quantities.guard(until))
+        label = name or f"phase {number + 1}"
+        if any(spec.name == label for spec in self.specs):
+            raise UsageError("AC050", f"there is a phase '{label}' already", where=calling_span(), help="name= another")
+        self.specs.append(PhaseSpec(label, shortest, longest, expected, Mesh.uniform(intervals), switch))
+        self.durations.append(ca.MX.sym(f"duration of {label}"))
+        return Phase(self, number)
+
+    def start(self, what: str | Any) -> Any:
+        """Value of a variable or an expression at the start of the first phase."""
+        return self._begun() and Phase(self, 0).start(what)
+
+    def end(self, what: str | Any) -> Any:
+        """Value of a variable or an expression at the end of the last phase."""
+        return self._begun() and Phase(self, len(self.specs) - 1).end(what)
+
+    def integral(self, what: str | Any) -> Any:
+        """Integral of a variable or an expression over all phases."""
+        self._begun()
+        parts = [Phase(self, k).integral(what) for k in range(len(self.specs))]
+        return sum(parts[1:], parts[0])
+
+    def decide(self, name: str, *, min: float | None = None, max: float | None = None) -> Any:
+        """Make a parameter of the model a decision, within limits; by default those that it declares.
+
+        Raises
+        ------
+        UsageError
+            AC010 for an unknown parameter.
+        """
+        return self.quantities.decide(name, min, max)
+
+    def minimize(self, objective: Any) -> None:
+        """Say what is to become as small as possible: an expression of durations, values at ends, integrals."""
+        self.objective = ca.MX(objective)
+        if self.objective.numel() != 1 or self.quantities.varies(self.objective):
+            raise UsageError(
+                "AC053",
+                f"{objective} is no single number to minimize",
+                where=calling_span(),
+                help="take its integral, or its value at an end: problem.integral(...), problem.end(...)",
+            )
+
+    def subject_to(
+        self,
+        what: str | Any,
+        *,
+        min: float = -math.inf,
+        max: float = math.inf,
+        equals: float | None = None,
+        name: str = "",
+    ) -> None:
+        """Demand something, in all phases where it varies: `subject_to("drill.F_f", max=4e3)`.
+
+        Parameters
+        ----------
+        what
+            Name of a variable with `min`, `max` or `equals`; or a relation or an expression with them.
+        name
+            What multipliers and figures call it; by default it is written as it was given.
+
+        Raises
+        ------
+        UsageError
+            AC010 for an unknown name, AC051 for a demand without content.
+        """
+        self._begun()
+        self._demand(what, min, max, equals, name, tuple(range(len(self.specs))))
+
+    def periodic(self, *names: str, shift: float = 0.0) -> None:
+        """Demand that states end where they began, or `shift` further."""
+        for name in names:
+            demand = self.end(name) - self.start(name)
+            self.subject_to(demand, equals=shift, name=f"{name} is periodic")
+
+    def guess(
+        self,
+        run: Result | None = None,
+        *,
+        inputs: Mapping[str, Any] | None = None,
+        lines: Mapping[str, tuple[float, float]] | None = None,
+    ) -> None:
+        """Say where the search begins; otherwise a run with the inputs' declared defaults, or 0.
+
+        Parameters
+        ----------
+        run
+            A result of this model, or of a problem before.
+        inputs
+            For the run that is made, as for `simulate`.
+        lines
+            States that go straight from one value to another instead, over all phases.
+        """
+        self.guess_run = run
+        self.guess_inputs = dict(inputs or {})
+        self.guess_lines = {self.quantities.state(name): ends for name, ends in (lines or {}).items()}
+
+    def solve(
+        self,
+        *,
+        tolerance: float = 1e-8,
+        degree: int = 3,
+        control: int = 2,
+        accuracy: float | None = None,
+        refinements: int = 5,
+        shooting: str | None = None,
+        steps: int = 4,
+        solver: str = "ipopt",
+        options: Mapping[str, Any] | None = None,
+    ) -> Optimum:
+        """The optimum, by Radau collocation and ipopt, or by multiple shooting.
+
+        Parameters
+        ----------
+        tolerance
+            Of ipopt, on the scaled program.
+        degree
+            Collocation points in each interval (Radau IIA; order 2 degree - 1).
+        control
+            Degree of the inputs as polynomials in each interval: 0 constant, 1 straight, 2 parabolas. Their Bernstein
+            coefficients keep the limits, so that they hold between the points, too.
+        accuracy
+            Largest error of a state over one interval, by its magnitude, that the mesh may leave: intervals in which
+            IDAS goes elsewhere are halved, and the problem is solved again. None leaves the mesh as it is.
+        refinements
+            How often at most.
+        shooting, steps
+            Instead of collocation, a method of the exported steps, "rk2", "rk4", "rosenbrock" or "sdirk", and its steps
+            in each interval. Inputs are then constant in an interval, limits hold at its end, and between the borders
+            results are interpolated.
+        solver
+            "ipopt", or "fatrop" as CasADi ships it.
+        options
+            Further options of the solver.
+
+        Raises
+        ------
+        OptimizationError
+            AC701 for demands that contradict each other, AC702 where there is no smallest value, AC703 when ipopt gives
+            up, AC704 for events that no phase ends with, AC705 when the guess does not get to the end of a phase,
+            AC707 when the mesh is still too coarse after all refinements.
+        """
+        from acausal.optimal_control.shooting import Steps
+        from acausal.optimal_control.solve import Choices, solved
+
+        self._begun()
+        bridge = Steps(shooting, steps) if shooting is not None else None
+        how = Choices(tolerance, degree, control, accuracy, refinements, bridge, solver, dict(options or {}))
+        return solved(self, how)
+
+    def controller(
+        self,
+        *,
+        varying: Sequence[str] = (),
+        tolerance: float = 1e-6,
+        degree: int = 3,
+        options: Mapping[str, Any] | None = None,
+    ) -> Controller:
+        """The problem as a predictive controller: its one phase is the horizon, its intervals are the samples.
+
+        Parameters
+        ----------
+        varying
+            Names of parameters that may have other values at each sample.
+        tolerance, degree, options
+            As for `solve`.
+
+        Raises
+        ------
+        UsageError
+            AC010 for an unknown parameter, AC053 for several phases, a free duration, or decided parameters.
+        """
+        from acausal.optimal_control.controller import Controller
+
+        self._begun()
+        return Controller(self, tolerance, degree, varying, dict(options or {}))
+
+    def _begun(self) -> bool:
+        """One phase at least; a free one by default."""
+        if not self.specs:
+            self.phase()
+        self._spoken = True
+        return True
+
+    def _expression(self, what: str | Any) -> Any:
+        return self[what] if isinstance(what, str) else ca.MX(what)
+
+    def _value(self, phase: int, kind: str, what: str | Any) -> Any:
+        """The symbol of a value at one instant or of an integral."""
+        expression = self._expression(what)
+        named = what if isinstance(what, str) else str(what)
+        place = f" of {self.specs[phase].name}" if len(self.specs) > 1 else ""
+        words = {"start": f"{named} at the start{place}", "end": f"{named} at the end{place}"}
+        symbol = ca.MX.sym(words.get(kind, f"integral of {named}{place}"), expression.numel())
+        self.values.append(Value(symbol, phase, kind, expression))
+        return symbol
+
+    def _demand(
+        self, what: Any, lower: float, upper: float, equals: float | None, name: str, phases: tuple[int, ...]
+    ) -> None:
+        if equals is not None:
+            lower = upper = equals
+        is_name = isinstance(what, str)
+        expression = self._expression(what)
+        label = name or (what if is_name else "")
+        op = expression.op() if not is_name and expression.n_dep() == 2 else None
+        if op in _RELATIONS:
+            expression, lower, upper = _relation(expression, op)
+        if lower > upper or (lower == -math.inf and upper == math.inf):
+            raise UsageError(
+                "AC051",
+                f"the constraint on {label or expression} bounds nothing: {lower:g} ... {upper:g}",
+                where=calling_span(),
+                help="min=, max= or equals=, or a relation: subject_to(a <= b)",
+            )
+        varies = self.quantities.varies(expression)
+        where = calling_span()
+        for k, entry in enumerate(ca.vertsplit(ca.vec(expression)) if expression.numel() > 1 else [expression]):
+            names = self.quantities.entries(what) if is_name else ()
+            own = label or str(expression)
+            own = own if expression.numel() == 1 else (names[k] if is_name and not name else f"{own}[{k}]")
+            text = own if name else _written(own, lower, upper)
+            scale = self.quantities.nominal(names[k]) if is_name else _magnitude(lower, upper)
+            variable = names[k] if is_name else None
+            if any(c.name == text and (c.lower, c.upper) != (lower, upper) for c in self.constraints):
+                raise UsageError(
+                    "AC051", f"there is a constraint '{text}' with other limits", where=where, help="name= another"
+                )
+            self.constraints.append(
+                Constraint(text, entry, lower, upper, phases if varies else (), variable, scale, where)
+            )
+
+
+class Phase:
+    """One phase of a problem, to speak of its ends, its duration and what holds in it."""
+
+    def __init__(self, problem: Problem, number: int) -> None:
+        self.problem, self.number = problem, number
+
+    def __repr__(self) -> str:
+        return f"Phase({self.problem.specs[self.number].name})"
+
+    @property
+    def duration(self) -> Any:
+        """Its duration [s]."""
+        return self.problem.durations[self.number]
+
+    def start(self, what: str | Any) -> Any:
+        """Value of a variable or an expression at its start."""
+        return self.problem._value(self.number, "start", what)
+
+    def end(self, what: str | Any) -> Any:
+        """Value of a variable or an expression at its end, before what happens there."""
+        return self.problem._value(self.number, "end", what)
+
+    def integral(self, what: str | Any) -> Any:
+        """Integral of a variable or an expression over it."""
+        return self.problem._value(self.number, "integral", what)
+
+    def subject_to(
+        self,
+        what: str | Any,
+        *,
+        min: float = -math.inf,
+        max: float = math.inf,
+        equals: float | None = None,
+        name: str = "",
+    ) -> None:
+        """Demand something in this phase only; see `Problem.subject_to`."""
+        self.problem._demand(what, min, max, equals, name, (self.number,))
+
+
+def _relation(expression: Any, op: int) -> tuple[Any, float, float]:
+    """A relation as an expression and its limits; a constant side becomes the limit."""
+    left, right = expression.dep(0), expression.dep(1)
+    if right.is_constant() and right.numel() == 1:
+        limit = float(right.to_DM())
+        return left, limit if _RELATIONS[op] == 0 else -math.inf, limit
+    if left.is_constant() and left.numel() == 1:
+        limit = float(left.to_DM())
+        return right, limit, limit if _RELATIONS[op] == 0 else math.inf
+    return left - right, 0.0 if _RELATIONS[op] == 0 else -math.inf, 0.0
+
+
+def _magnitude(lower: float, upper: float) -> float:
+    finite = [abs(v) for v in (lower, upper) if math.isfinite(v) and v != 0.0]
+    return max(finite, default=1.0)
+
+
+def _written(name: str, lower: float, upper: float) -> str:
+    if lower == upper:
+        return f"{name} == {lower:g}"
+    if lower == -math.inf:
+        return f"{name} <= {upper:g}"
+    if upper == math.inf:
+        return f"{name} >= {lower:g}"
+    return f"{lower:g} <= {name} <= {upper:g}"

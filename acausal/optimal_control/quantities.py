@@ -1,0 +1,189 @@
+"""Variables and parameters of a model under their names, as symbols of constraints and objectives."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.errors import UsageError, calling_span, nearest
+from acausal.export.casadi_model import Ports
+from acausal.export.functions import Begin, begin_of, dae_function, init_function
+from acausal.export.ports import Output, named_outputs, parameter_ports, variable_ports
+from acausal.lower.compiled import CompiledModel
+from acausal.optimal_control.coordinates import coordinates_of
+from acausal.optimal_control.declare import Guard
+from acausal.simulate.arguments import parameter_vector
+
+Vector = NDArray[np.float64]
+
+
+class Quantities:
+    """The symbols of one problem: the time, variables of the model that were asked for, and decided parameters.
+
+    Attributes
+    ----------
+    p
+        Values of all parameters; of decided ones, the guess.
+    states, x, first
+        The states of the model; the coordinates of the search, and their values at the start.
+    outputs
+        Variables that were asked for, in order; `symbols` are theirs.
+    decided
+        `(place in p, lower, upper, symbol)` of parameters that are decisions.
+    """
+
+    def __init__(self, compiled: CompiledModel, parameters: dict[str, float]) -> None:
+        self.compiled = compiled = compiled.unchanging("optimal control")
+        self.p = parameter_vector(compiled, parameters)
+        self.begin: Begin = begin_of(compiled, self.p)
+        inputs = compiled.solution.structure.reduced.inputs
+        self.states: Ports = variable_ports(compiled, compiled.state_variables, self.begin.x)
+        self.coordinates = coordinates_of(compiled, self.states, self.begin.x, self.p)
+        if self.coordinates.complete:
+            self.p[-1] = 0.0  # nothing is left to stabilise
+        self.x: Ports = self.coordinates.ports
+        self.first: Vector = self.coordinates.of(self.begin.x[:, None]).ravel()
+        self.z: Ports = variable_ports(compiled, compiled.solution.algebraic, self.begin.z)
+        self.u: Ports = variable_ports(compiled, inputs, self.begin.u)
+        self.parameters: Ports = parameter_ports(compiled)
+        self.time = ca.MX.sym("time")
+        self.outputs: list[Output] = []
+        self.symbols: list[Any] = []
+        self.decided: list[tuple[int, float, float, Any]] = []
+        self._known: dict[str, Any] = {}
+
+    def __getitem__(self, name: str) -> Any:
+        if name not in self._known:
+            places = {port.name: k for k, port in enumerate(self.parameters)}
+            if name in places:
+                return ca.MX(self.p[places[name]])
+            found = named_outputs(self.compiled, [name])
+            column = [self._scalar(output) for output in found]
+            self._known[name] = column[0] if len(column) == 1 else ca.vertcat(*column)
+        return self._known[name]
+
+    def _scalar(self, output: Output) -> Any:
+        for known, symbol in zip(self.outputs, self.symbols, strict=True):
+            if known.scalar == output.scalar:
+                return symbol
+        self.outputs.append(output)
+        self.symbols.append(ca.MX.sym(output.name))
+        return self.symbols[-1]
+
+    def entries(self, name: str) -> tuple[str, ...]:
+        """Names of the scalars behind a name."""
+        return tuple(output.name for output in named_outputs(self.compiled, [name]))
+
+    def nominal(self, name: str) -> float:
+        """Declared magnitude of a scalar variable."""
+        (output,) = named_outputs(self.compiled, [name])
+        return float(output.declaration.nominal)
+
+    def varies(self, expression: Any) -> bool:
+        """Whether an expression holds the time or variables, rather than numbers alone."""
+        own = [self.time, *self.symbols]
+        return any(ca.is_equal(s, v) for s in ca.symvar(expression) for v in own)
+
+    def decide(self, name: str, lower: float | None, upper: float | None) -> Any:
+        """The symbol of a parameter that becomes a decision."""
+        place = self.parameters.position(name)
+        port = self.parameters[place]
+        low, high = port.min if lower is None else lower, port.max if upper is None else upper
+        if place in self.coordinates.bound:
+            raise UsageError(
+                "AC053",
+                f"{name} cannot be decided: the angle that replaces states of {self.compiled.name} depends on it",
+                where=calling_span(),
+                help="declare the angle in the model, with the constraint solved for x and y",
+            )
+        symbol = ca.MX.sym(name)
+        self.decided.append((place, low, high, symbol))
+        self._known[name] = symbol
+        return symbol
+
+    def place(self, name: str) -> tuple[str, int, int] | None:
+        """Vector, place and sign of a scalar that is a state or an input under any of its names; else None."""
+        (output,) = named_outputs(self.compiled, [name])
+        reduced = self.compiled.solution.structure.reduced
+        op, *rest = reduced.pool.nodes[reduced.image[output.scalar]]
+        sign = 1
+        if op == "neg":
+            op, *rest = reduced.pool.nodes[rest[0]]
+            sign = -1
+        if op == "var":
+            kept = [self.compiled.state_variables[k] for k in self.coordinates.kept]
+            for vector, variables in (("x", kept), ("u", list(reduced.inputs))):
+                if rest[0] in variables:
+                    return vector, variables.index(rest[0]), sign
+        return None
+
+    def state(self, name: str) -> int:
+        """Place of a state among the coordinates; AC010 for anything else, and for states that an angle replaces."""
+        if name in self.x.names:
+            return self.x.position(name)
+        found = self.place(name)
+        if found is None or found[0] != "x" or found[2] < 0:
+            close = nearest(name, self.x.names)
+            raise UsageError(
+                "AC010",
+                f"{name} is no state of {self.compiled.name}",
+                where=calling_span(),
+                evidence=[f"nearest  {', '.join(close)}"] if close else [],
+                help=f"its states: {', '.join(self.x.names)}",
+            )
+        return found[1]
+
+    def guard(self, until: str | Any) -> Guard:
+        """What ends a phase, as an expression that becomes positive there."""
+        if isinstance(until, str):
+            return self._relation(until)
+        op = until.op() if until.n_dep() == 2 else None
+        if op not in (ca.OP_LE, ca.OP_LT):
+            raise UsageError(
+                "AC051",
+                f"a phase ends with a relation, not with {until}",
+                where=calling_span(),
+                help='until=problem["drill.s"] >= 0.01, or the text of an event of the model',
+            )
+        return Guard(until.dep(1) - until.dep(0), None, str(until))
+
+    def _relation(self, text: str) -> Guard:
+        texts = self.compiled.events.texts
+        for k, known in enumerate(texts):
+            if known.replace(" ", "") == text.replace(" ", ""):
+                return Guard(None, k, text)
+        close = nearest(text, texts)
+        raise UsageError(
+            "AC010",
+            f"{self.compiled.name} has no event '{text}'",
+            where=calling_span(),
+            evidence=[f"nearest  {', '.join(close)}"] if close else [],
+            help=f"its relations: {'; '.join(texts[:8]) or 'none'}",
+        )
+
+    def dae(self) -> Any:
+        """`(t, x, z, u, p) -> (ode, alg, y)` with what was asked for as y."""
+        return self.coordinates.equations(dae_function(self.compiled, self.outputs))
+
+    def rates(self) -> dict[int, int]:
+        """For each coordinate whose rate of change is another coordinate, the place of that."""
+        dae = self.dae()
+        arguments = [ca.SX.sym(dae.name_in(k), dae.numel_in(k)) for k in range(5)]
+        ode, c = dae(*arguments)[0], ca.vertsplit(arguments[1])
+        return {k: j for k in range(len(c)) for j, other in enumerate(c) if ca.is_equal(ode[k], other)}
+
+    def start(self, p: Any) -> Any:
+        """The coordinates at the start of the model with other parameters, an expression."""
+        x = init_function(self.compiled, self.begin)(p)[0]
+        return self.coordinates.reduce(x) if self.coordinates.angles else x
+
+
+def magnitude(port_nominal: Vector, seen: Vector) -> Vector:
+    """Declared magnitudes, and where none was declared the largest value seen in the guess."""
+    undeclared = port_nominal == 1.0
+    usable = np.isfinite(seen) & (seen > 0.0)
+    return np.where(undeclared & usable, np.clip(seen, 1e-12, math.inf), port_nominal)

@@ -1,0 +1,192 @@
+"""What wanted outputs depend on: through definitions, blocks, rates of states, events and conditions at the start."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+from acausal.analyse.blocks.solve import Solution, needed
+from acausal.analyse.start import start_problem
+from acausal.flatten.flat import FlatWhen
+from acausal.flatten.reduced import ReducedSystem
+from acausal.structure import Incidence, match
+
+
+@dataclass(frozen=True, eq=False)
+class Dependence:
+    """Who depends directly on whom in a solution.
+
+    Attributes
+    ----------
+    nodes
+        A variable depends on all variables of its nodes.
+    at_start
+        And, for its start value, on these.
+    """
+
+    nodes: dict[int, tuple[int, ...]]
+    at_start: dict[int, frozenset[int]]
+
+    def closure(self, solution: Solution, variables: Iterable[int]) -> frozenset[int]:
+        """All variables that these depend on, themselves included; inputs too."""
+        pool = solution.structure.reduced.pool
+        found: set[int] = set()
+        stack = list(variables)
+        while stack:
+            v = stack.pop()
+            if v not in found:
+                found.add(v)
+                stack.extend(pool.variables_in(*self.nodes.get(v, ())))
+                stack.extend(self.at_start.get(v, ()))
+        return frozenset(found)
+
+
+def dependence(solution: Solution) -> Dependence:
+    """Direct dependences of all variables of a solution."""
+    structure = solution.structure
+    reduced = structure.reduced
+    nodes: dict[int, list[int]] = {v: [n] for v, n in solution.definitions}
+    for iterated, residuals in loops(solution):
+        for z in iterated:
+            nodes[z] = list(residuals)
+    for x in structure.states:
+        nodes.setdefault(x, []).append(reduced.pool.var(structure.derivative(x)))
+    for _, node in structure.invariants:
+        for x in reduced.pool.variables_in(node):
+            nodes.setdefault(x, []).append(node)
+    for when, found in zip(reduced.flat.whens, reduced.whens, strict=True):
+        for (scalar, _), value in zip(when.actions, found.values, strict=True):
+            for x in reduced.pool.variables_in(reduced.image[scalar]):
+                nodes.setdefault(x, []).extend((*found.guards, value))
+    for assignment, value in zip(reduced.flat.assignments, reduced.assignments, strict=True):
+        for x in reduced.pool.variables_in(reduced.image[assignment.scalar]):
+            nodes.setdefault(x, []).append(value)
+    return Dependence({v: tuple(n) for v, n in nodes.items()}, _at_start(solution, nodes))
+
+
+def _at_start(solution: Solution, nodes: dict[int, list[int]]) -> dict[int, frozenset[int]]:
+    """What else is needed at the start: all variables of the condition that a state or unknown is solved from."""
+    start = start_problem(solution)
+    if not start.conditions:
+        return {}
+    given = {*start.direct, *start.defaulted}
+    order = [*solution.algebraic, *(x for x in solution.structure.states if x not in given)]
+    place = {v: k for k, v in enumerate(order)}
+    rows = [_plain(solution, nodes, c.node) for c in start.conditions]
+    rows += [_plain(solution, nodes, r) for r in solution.residuals]
+    incidence = Incidence.from_rows([sorted(place[v] for v in row if v in place) for row in rows], len(order))
+    return {order[int(c)]: frozenset(row) for c, row in zip(match(incidence), rows, strict=True) if c >= 0}
+
+
+def _plain(solution: Solution, nodes: dict[int, list[int]], node: int) -> set[int]:
+    """Variables behind a node at one instant: through definitions, not through rates or blocks."""
+    pool = solution.structure.reduced.pool
+    ends = {*solution.structure.states, *solution.algebraic}
+    found: set[int] = set()
+    stack = list(pool.variables_in(node))
+    while stack:
+        v = stack.pop()
+        if v not in found:
+            found.add(v)
+            if v not in ends:
+                stack.extend(pool.variables_in(*nodes.get(v, ())))
+    return found
+
+
+def loops(solution: Solution) -> list[tuple[tuple[int, ...], tuple[int, ...]]]:
+    """Iterated unknowns and their residuals, block by block."""
+    found = []
+    first = 0
+    for block in solution.blocks:
+        if block.iterated:
+            last = first + len(block.iterated)
+            found.append((block.iterated, solution.residuals[first:last]))
+            first = last
+    assert first == len(solution.residuals), "every residual belongs to a block"
+    return found
+
+
+def restrict(solution: Solution, scalars: Sequence[int]) -> Solution:
+    """The part of a solution that determines flat scalars.
+
+    Everything else is left out of results as well: `left_out` of the reduced system.
+    """
+    structure = solution.structure
+    reduced = structure.reduced
+    pool = reduced.pool
+    wanted = pool.variables_in(*(reduced.image[s] for s in scalars))
+    wanted |= pool.variables_in(
+        *(n for w, found in zip(reduced.flat.whens, reduced.whens, strict=True) if _ends_runs(w) for n in found.guards)
+    )
+    kept = dependence(solution).closure(solution, wanted)
+    states = tuple(x for x in structure.states if x in kept)
+    structure = replace(
+        structure,
+        states=states,
+        invariants=tuple((e, n) for e, n in structure.invariants if pool.variables_in(n) <= kept),
+        reduced=_restricted(reduced, kept, scalars),
+    )
+    definitions = tuple(d for d in solution.definitions if d[0] in kept)
+    inside = [(iterated, residuals) for iterated, residuals in loops(solution) if iterated[0] in kept]
+    residuals = tuple(r for _, rows in inside for r in rows)
+    blocks = (replace(b, unknowns=tuple(v for v in b.unknowns if v in kept)) for b in solution.blocks)
+    return Solution(
+        structure=structure,
+        definitions=definitions,
+        algebraic=tuple(z for iterated, _ in inside for z in iterated),
+        residuals=residuals,
+        needed=needed(structure, definitions, residuals),
+        blocks=tuple(b for b in blocks if b.unknowns),
+        formulation=solution.formulation,
+    )
+
+
+def _ends_runs(when: FlatWhen) -> bool:
+    """Whether a clause acts on the run as a whole."""
+    return when.terminate is not None or not when.actions
+
+
+def _restricted(reduced: ReducedSystem, kept: frozenset[int], scalars: Sequence[int]) -> ReducedSystem:
+    """The reduced system without starts, initial equations, actions and names of what is not kept."""
+    pool, flat = reduced.pool, reduced.flat
+
+    def inside(node: int) -> bool:
+        return pool.variables_in(node) <= kept
+
+    initial = [k for k, n in enumerate(reduced.initial) if inside(n)]
+    asserts = [k for k, n in enumerate(reduced.asserts) if inside(n)]
+    assigned = [k for k, a in enumerate(flat.assignments) if inside(reduced.image[a.scalar])]
+    whens, when_nodes = [], []
+    for when, found in zip(flat.whens, reduced.whens, strict=True):
+        own = [k for k, (s, _) in enumerate(when.actions) if pool.variables_in(reduced.image[s]) & kept]
+        if own or _ends_runs(when):
+            whens.append(when._replace(actions=tuple(when.actions[k] for k in own)))
+            when_nodes.append(found._replace(values=tuple(found.values[k] for k in own)))
+    return replace(
+        reduced,
+        flat=replace(
+            flat,
+            starts={s: start for s, start in flat.starts.items() if inside(reduced.image[s])},
+            initial_equations=tuple(flat.initial_equations[k] for k in initial),
+            whens=tuple(whens),
+            assignments=tuple(flat.assignments[k] for k in assigned),
+            asserts=tuple(flat.asserts[k] for k in asserts),
+        ),
+        initial=tuple(reduced.initial[k] for k in initial),
+        whens=tuple(when_nodes),
+        assignments=tuple(reduced.assignments[k] for k in assigned),
+        asserts=tuple(reduced.asserts[k] for k in asserts),
+        left_out=_left_out(reduced, kept, scalars),
+    )
+
+
+def _left_out(reduced: ReducedSystem, kept: frozenset[int], scalars: Sequence[int]) -> frozenset[int]:
+    """Scalars that a result does not hold: whatever is not at hand anyway."""
+    asked = set(scalars)
+    pool = reduced.pool
+
+    def at_hand(node: int) -> bool:
+        inner = pool.nodes[node][1] if pool.nodes[node][0] == "neg" else node
+        return pool.nodes[inner][1] in kept if pool.nodes[inner][0] == "var" else not pool.variables_in(node)
+
+    return frozenset(s for s, node in enumerate(reduced.image) if s not in asked and not at_hand(node))

@@ -1,0 +1,86 @@
+"""Contacts that cannot come about in a model that is made smaller: which pairs of bodies can touch, proved by bounds.
+
+What moves depends on who touches whom, and the other way round. So the pairs grow: without any contact the model is
+solved, and the poses of the bodies are bounded (`acausal.reduce.motionless`); pairs whose bounds meet enter the
+equations, and so on until none is added. The model of the last round is the true one: as long as no other pair has
+touched, it moves as computed, and moving so, no other pair touches.
+
+What takes part are components with a choice of structures (`acausal.language.choices`), such as
+`library/contact/scene/scene.py`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from acausal.analyse.blocks.solve import Solution
+from acausal.errors import UsageError
+from acausal.flatten.instances import instances
+from acausal.language.choices import Changing, Choice, is_changing
+from acausal.language.component import Component
+from acausal.reduce.motionless import bounds
+from acausal.reduce.outputs import output_scalars
+from acausal.reduce.select import Left
+
+CONTACT = "contact"
+Solved = Callable[[Sequence[str], Mapping[str, Choice]], Solution]
+"""The equations that some signals need, for the model with these choices."""
+
+
+def changing(model: Component) -> dict[str, Changing]:
+    """Components whose structure changes during a run, by path."""
+    return {i.path: c for i in instances(model) if is_changing(c := i.component) and c.is_variable()}
+
+
+def confined(model: Component, solved: Solved) -> tuple[dict[str, Choice], tuple[Left, ...]]:
+    """Choices with the contacts that can come about, by path, and what was left out.
+
+    Raises
+    ------
+    UsageError
+        AC027 when contacts are kept that change the structure during a run: drills that leave several holes.
+    """
+    choices: dict[str, Choice] = {i.path: c.least(True) for i in instances(model) if is_changing(c := i.component)}
+    growing = list(choices)
+    while growing:
+        found = {path: _grown(path, choices, solved) for path in choices}
+        choices = {path: choice for path, (choice, _) in found.items()}
+        growing = [path for path, (_, grown) in found.items() if grown]
+    for path, choice in choices.items():
+        refuse_unsteady(type(model).__name__, {path: choice}, "it cannot be made smaller")
+    return choices, tuple(Left(CONTACT, f"{path}: {n}", why) for path, c in choices.items() for n, why in c.apart())
+
+
+def _grown(path: str, choices: Mapping[str, Choice], solved: Solved) -> tuple[Choice, bool]:
+    """Bound the poses and choose anew."""
+    choice = choices[path]
+    names = choice.poses()
+    if not names:
+        return choice.confined({})
+    solution = solved([_named(path, name) for name in names], choices)
+    reduced = solution.structure.reduced
+    found = {}
+    for name in names:
+        scalars = output_scalars(reduced.flat, [_named(path, name)])
+        low, high = np.array(bounds(solution, [reduced.image[s] for s in scalars.values()])).T
+        found[name] = low, high
+    return choice.confined(found)
+
+
+def _named(path: str, name: str) -> str:
+    return f"{path}.{name}" if path else name
+
+
+def refuse_unsteady(model: str, choices: Mapping[str, Choice], consequence: str) -> None:
+    """Refuse choices that a run would change (AC027)."""
+    for path, choice in choices.items():
+        names = choice.unsteady()
+        if names:
+            raise UsageError(
+                "AC027",
+                f"contacts of {model} would change the equations during a run: {consequence}",
+                evidence=[f"{path}: {name} may leave several holes" for name in names[:6]],
+                help="a drill that keeps to one hole says so: DrillBody(wanders=False, ...)",
+            )

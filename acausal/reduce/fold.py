@@ -1,0 +1,104 @@
+"""Known values put into a solution: what they make constant leaves it, and expressions become shorter."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from acausal.analyse.analyse import reordered
+from acausal.analyse.blocks.solve import BlockReport, Solution, needed, solve
+from acausal.analyse.start import imported
+from acausal.flatten.pool import LEAVES, Pool
+from acausal.flatten.reduced import ReducedSystem
+from acausal.reduce.motionless import Constants, event_nodes
+
+
+def fold(solution: Solution, constants: Constants) -> Solution:
+    """The solution without what never changes; images of constant variables are nodes of parameters."""
+    structure = solution.structure
+    reduced = structure.reduced
+    images = _images(solution, constants)
+    states = tuple(x for x in structure.states if x not in constants.variables)
+    rates = dict.fromkeys(structure.derivative(x) for x in states)
+    definitions = (
+        *((dx, constants.variables[dx]) for dx in rates if dx in constants.variables),
+        *((v, images[n]) for v, n in solution.definitions if v not in constants.variables),
+    )
+    residuals = tuple(images[r] for r in solution.residuals)
+    structure = replace(structure, states=states, reduced=_folded(reduced, images))
+    return Solution(
+        structure=structure,
+        definitions=definitions,
+        algebraic=solution.algebraic,
+        residuals=residuals,
+        needed=needed(structure, definitions, residuals),
+        blocks=_blocks(solution, constants.variables),
+        formulation=solution.formulation,
+    )
+
+
+def resolved(solution: Solution, constants: Constants, formulation: str) -> Solution:
+    """The same system solved once more with constants for the states that never move, and branches that are decided.
+
+    Blocks fall apart, and what could not be divided by in general may now be safe: a body that turns about one axis
+    only has a constant matrix of inertia. The states stay; `fold` takes them out.
+    """
+    structure = solution.structure
+    pool = structure.reduced.pool
+    still = {x: constants.variables[x] for x in structure.states if x in constants.variables}
+    decided = {n: pool.one if holds else pool.zero for n, holds in constants.relations.items()}
+    images = rewritten(pool, list(structure.residuals), still, {**constants.branches, **decided})
+    return solve(reordered(structure, [pool.collected(images[r]) for r in structure.residuals]), formulation)
+
+
+def _images(solution: Solution, constants: Constants) -> dict[int, int]:
+    """The image of every node of a solution."""
+    reduced = solution.structure.reduced
+    roots = [n for _, n in solution.definitions] + [*solution.residuals, *reduced.image, *reduced.initial]
+    roots += event_nodes(reduced)
+    return rewritten(reduced.pool, roots, constants.variables, {**constants.branches, **constants.equal})
+
+
+def rewritten(pool: Pool, roots: list[int], variables: Mapping[int, int], nodes: Mapping[int, int]) -> dict[int, int]:
+    """Images of all nodes below `roots`; variables and nodes are replaced by what they equal."""
+    done: dict[int, int] = {}
+    for number in pool.reachable(roots):
+        node = pool.nodes[number]
+        if number in nodes:
+            equal = nodes[number]
+            done[number] = done.get(equal, equal)
+        elif node[0] == "var":
+            done[number] = variables.get(node[1], number)
+        elif node[0] in LEAVES:
+            done[number] = number
+        else:
+            image = tuple(done[c] for c in node[1:])
+            done[number] = number if image == node[1:] else pool.make(node[0], *image)
+    return done
+
+
+def _folded(reduced: ReducedSystem, images: Mapping[int, int]) -> ReducedSystem:
+    """The reduced system with new images; initial equations and starts that say nothing any more are left out."""
+    pool, flat = reduced.pool, reduced.flat
+    image = tuple(images[n] for n in reduced.image)
+    kept = [k for k, n in enumerate(reduced.initial) if images[n] != pool.zero]
+    starts = {
+        s: start
+        for s, start in flat.starts.items()
+        if pool.variables_in(image[s]) or (start.is_fixed and imported(reduced, start.node) != image[s])
+    }
+    return replace(
+        reduced,
+        flat=replace(flat, starts=starts, initial_equations=tuple(flat.initial_equations[k] for k in kept)),
+        image=image,
+        initial=tuple(images[reduced.initial[k]] for k in kept),
+        whens=tuple(w.mapped(images) for w in reduced.whens),
+        assignments=tuple(images[n] for n in reduced.assignments),
+        asserts=tuple(images[n] for n in reduced.asserts),
+    )
+
+
+def _blocks(solution: Solution, gone: Mapping[int, int]) -> tuple[BlockReport, ...]:
+    """Blocks without the unknowns that are gone."""
+    found = (replace(b, unknowns=tuple(v for v in b.unknowns if v not in gone)) for b in solution.blocks)
+    return tuple(b for b in found if b.unknowns)

@@ -1,0 +1,144 @@
+"""Parameters made numbers: they cannot be changed any more without compiling, and zeros and ones disappear."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from acausal.analyse.aliases import reduce
+from acausal.errors import UsageError, nearest
+from acausal.flatten.flat import FlatEquation, FlatParameter, FlatSystem, suffixes
+from acausal.flatten.pool import LEAVES, Pool
+from acausal.flatten.reduced import nominal
+from acausal.reduce.outputs import fitting
+
+ZEROS = "zeros"
+"""Freezes every parameter whose value is zero, entry by entry."""
+
+
+def freeze(flat: FlatSystem, names: Sequence[str]) -> FlatSystem:
+    """The flat system with the named parameters as numbers, in a pool of its own.
+
+    Parameters
+    ----------
+    names
+        Parameters, entries of array parameters (`body.r_CM[1]`), components (all their parameters), patterns with `*`,
+        or "zeros": all entries whose value is zero.
+
+    Raises
+    ------
+    UsageError
+        AC020 for a name that is neither parameter nor component.
+    """
+    frozen = sorted(_frozen(flat, names))
+    if not frozen:
+        return flat
+    gone = set(frozen)
+    kept = [k for k in range(len(flat.parameter_values)) if k not in gone]
+    number = {k: i for i, k in enumerate(kept)}
+    old, new = flat.pool, Pool()
+    new.new_variables(old.n_variables)
+    new.derivative_of.update(old.derivative_of)
+    new.integral_of.update(old.integral_of)
+    image: dict[int, int] = {}
+    for k, node in enumerate(old.nodes):
+        if node[0] == "par":
+            value = flat.parameter_values[node[1]]
+            image[k] = new.const(value) if node[1] in gone else new.par(number[node[1]])
+        elif node[0] in LEAVES:
+            image[k] = new.intern(node)
+        else:
+            image[k] = new.make(node[0], *[image[c] for c in node[1:]])
+    new.slope.update((v, image[n]) for v, n in old.slope.items())
+    return replace(
+        _translated(flat, new, image),
+        parameter_values=tuple(flat.parameter_values[k] for k in kept),
+        nominals=flat.nominals or _nominals(flat),
+        frozen=(*flat.frozen, *(flat.parameter_names[k] for k in frozen)),
+    )
+
+
+def _nominals(flat: FlatSystem) -> tuple[float, ...]:
+    """Magnitude of every scalar while nothing is frozen."""
+    reduced = reduce(flat)
+    found = [flat.declaration(s).nominal for s in range(flat.n_scalars)]
+    for v, scalars in reduced.aliases.items():
+        size = nominal(reduced, v)
+        for s in scalars:
+            found[s] = size
+    return tuple(found)
+
+
+def _translated(flat: FlatSystem, pool: Pool, image: dict[int, int]) -> FlatSystem:
+    """The flat system with the images of its nodes in another pool."""
+
+    def equations(old: Sequence[FlatEquation]) -> tuple[FlatEquation, ...]:
+        return tuple(e._replace(left=image[e.left], right=image[e.right]) for e in old)
+
+    def parameter(p: FlatParameter) -> FlatParameter:
+        nodes = tuple(image[n] for n in p.nodes)
+        return p._replace(nodes=nodes, free=p.free and any(pool.nodes[n][0] == "par" for n in nodes))
+
+    return replace(
+        flat,
+        pool=pool,
+        equations=equations(flat.equations),
+        initial_equations=equations(flat.initial_equations),
+        whens=tuple(
+            w._replace(
+                conditions=tuple(image[n] for n in w.conditions),
+                earlier=tuple(image[n] for n in w.earlier),
+                actions=tuple((s, image[n]) for s, n in w.actions),
+            )
+            for w in flat.whens
+        ),
+        assignments=tuple(a._replace(node=image[a.node]) for a in flat.assignments),
+        asserts=tuple(a._replace(condition=image[a.condition]) for a in flat.asserts),
+        demands=tuple(a._replace(condition=image[a.condition]) for a in flat.demands),
+        parameters=tuple(map(parameter, flat.parameters)),
+        starts={s: start._replace(node=image[start.node]) for s, start in flat.starts.items()},
+    )
+
+
+def _frozen(flat: FlatSystem, names: Sequence[str]) -> set[int]:
+    """Positions of the free parameter scalars that names stand for."""
+    entries: dict[str, list[int]] = {}
+    for p in flat.parameters:
+        free = [flat.pool.nodes[n] for n in p.nodes]
+        numbers = [n[1] for n in free if n[0] == "par"] if p.free else []
+        entries[p.path] = numbers
+        if p.free:
+            for suffix, node in zip(suffixes(p.declaration.shape), free, strict=True):
+                entries.setdefault(p.path + suffix, [node[1]] if node[0] == "par" else [])
+        for owner in _owners(p.path):
+            entries.setdefault(owner, []).extend(numbers)
+    found: set[int] = set()
+    for name in (n.strip() for n in names):
+        if name in entries:
+            found.update(entries[name])
+        elif name == ZEROS:
+            found.update(k for k, v in enumerate(flat.parameter_values) if v == 0.0)
+        elif fit := fitting(name, entries):
+            found.update(k for e in fit for k in entries[e])
+        else:
+            raise _unknown(flat, name, list(entries))
+    return found
+
+
+def _owners(path: str) -> list[str]:
+    """Paths of the components around a parameter, the model itself left out."""
+    parts = path.split(".")[:-1]
+    return [".".join(parts[: k + 1]) for k in range(len(parts))]
+
+
+def _unknown(flat: FlatSystem, name: str, known: list[str]) -> UsageError:
+    close = nearest(name, known)
+    variables = {v.path for v in flat.variables}
+    return UsageError(
+        "AC020",
+        f"there is no parameter '{name}' to freeze in {flat.name}",
+        evidence=[f"did you mean {', '.join(close)}?"] if close else [],
+        help="it is a variable: only parameters can be frozen"
+        if name in variables
+        else "name parameters, components, patterns with *, or zeros: all parameters that are zero",
+    )

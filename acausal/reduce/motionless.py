@@ -1,0 +1,308 @@
+"""What provably never changes: states that stay where they start, relations that never switch, and all that follows.
+
+A body that is guided along one axis has eleven other states in three dimensions; they start at rest and nothing moves
+them. That is seen by assuming it: all states are taken for constant at first, every expression is evaluated under that
+assumption, and a state whose rate does not come out as exactly zero loses it again, with everything that depended on
+it. What is left at the end supports itself: these values satisfy the equations, whatever the others do, so they are the
+solution. Relations are decided in the same pass, by bounds of their two sides, because a contact that cannot come about
+is often what keeps two bodies in their planes.
+
+Parameters are symbols all the while: what is found holds for all their values, within declared limits.
+
+Source: M. N. Wegman, F. K. Zadeck, Constant propagation with conditional branches, ACM TOPLAS 13 (1991) 181-210.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+from acausal.analyse.blocks.elimination import safety
+from acausal.analyse.blocks.solve import Solution
+from acausal.analyse.start import start_problem
+from acausal.flatten.pool import LEAVES, RELATIONS
+from acausal.flatten.reduced import ReducedSystem
+from acausal.reduce.intervals import EVERYTHING, Interval, decided, interval, parameter_limits
+
+_KINKS = frozenset(("min", "max", "fabs"))
+
+
+@dataclass(frozen=True)
+class Constants:
+    """What does not change.
+
+    Attributes
+    ----------
+    variables
+        Variable -> node of parameters only that it equals all the time; states among them stay at their start.
+    equal
+        Expressions that are constant too: their nodes of parameters only.
+    branches
+        Branches and kinks of which always the same operand is taken: the operand.
+    relations
+        Relations of variables that never switch, and whether they hold.
+    """
+
+    variables: Mapping[int, int]
+    equal: Mapping[int, int]
+    branches: Mapping[int, int]
+    relations: Mapping[int, bool]
+
+
+def constants(solution: Solution) -> Constants:
+    """States, variables and relations that provably never change."""
+    return _Propagation(solution).run()
+
+
+def bounds(solution: Solution, nodes: Sequence[int]) -> list[Interval]:
+    """Bounds of nodes for all that can happen, one per node."""
+    propagation = _Propagation(solution)
+    propagation.run()
+    for node in nodes:
+        propagation.visit(node)
+    return [propagation.bounds[node] for node in nodes]
+
+
+class _Propagation:
+    def __init__(self, solution: Solution) -> None:
+        reduced = solution.structure.reduced
+        self.solution = solution
+        self.pool = reduced.pool
+        self.points = solution.structure.points
+        self.limits = parameter_limits(reduced.flat)
+        self.definition = dict(solution.definitions)
+        self.known = _resting(solution)  # variable -> node it is taken to equal
+        self.equal: dict[int, int] = {}  # node -> node of parameters that it equals
+        self.taken: dict[int, int] = {}  # branch or kink -> the one operand it always equals
+        self.bounds: dict[int, Interval] = {}
+        self.relations: dict[int, bool] = {}
+        roots = [n for _, n in solution.definitions] + list(solution.residuals)
+        roots += event_nodes(reduced)
+        self.roots = [*roots, *reduced.image, *(reduced.pool.var(self.rate(x)) for x in self.known)]
+        self.users: dict[int, list[int]] = {}
+        self.order: list[int] = []  # nodes in the order of their evaluation
+        self.definitions_of: dict[int, list[int]] = {}
+        for variable, node in solution.definitions:
+            self.definitions_of.setdefault(node, []).append(variable)
+
+    def rate(self, state: int) -> int:
+        return self.solution.structure.derivative(state)
+
+    def run(self) -> Constants:
+        self.first_pass()
+        states = [x for x in self.solution.structure.states if x in self.known]
+        while True:
+            moving = [x for x in states if self.known_value(self.rate(x)) != self.pool.zero]
+            if moving:
+                states = [x for x in states if x not in set(moving)]
+                self.lower_variables(moving)
+                continue
+            doubtful = self.unproved()
+            if not doubtful:
+                break
+            self.lower_nodes(doubtful)
+        equal = {n: k for n, k in self.equal.items() if n != k}
+        return Constants(
+            dict(self.known), equal, dict(self.taken), {n: v for n, v in self.relations.items() if self.varies(n)}
+        )
+
+    def varies(self, relation: int) -> bool:
+        """Whether a decided relation is one of things that vary."""
+        return any(a not in self.equal for a in self.pool.nodes[relation][1:])
+
+    def known_value(self, variable: int) -> int | None:
+        return self.known.get(variable)
+
+    def first_pass(self) -> None:
+        """Everything as it is if no state moves, in evaluation order."""
+        for variable, node in self.solution.definitions:
+            self.visit(node)
+            if node in self.equal:
+                self.known[variable] = self.equal[node]
+        for root in self.roots:
+            self.visit(root)
+
+    def visit(self, root: int) -> None:
+        """Evaluate all nodes below one that have not been."""
+        nodes = self.pool.nodes
+        stack = [root]
+        while stack:
+            here = stack[-1]
+            if here in self.bounds:
+                stack.pop()
+                continue
+            node = nodes[here]
+            operands = () if node[0] in LEAVES else node[1:]
+            missing = [c for c in operands if c not in self.bounds]
+            if missing:
+                stack.extend(missing)
+                continue
+            stack.pop()
+            for c in operands:
+                self.users.setdefault(c, []).append(here)
+            self.order.append(here)
+            self.evaluate(here)
+
+    def evaluate(self, number: int) -> None:
+        """The value of a node whose operands are done, and its bounds."""
+        equal = self.value(number)
+        if equal is not None:
+            self.equal[number] = equal
+        else:
+            self.equal.pop(number, None)
+        self.bounds[number] = self.bound(number)
+
+    def value(self, number: int) -> int | None:
+        """Node of parameters that a node equals; None when it varies."""
+        pool = self.pool
+        node = pool.nodes[number]
+        op = node[0]
+        self.taken.pop(number, None)
+        if op in ("const", "par"):
+            return number
+        if op == "var":
+            return self.known.get(node[1])
+        args = node[1:]
+        if op in LEAVES or op == "sample" or not args:
+            return None  # time, and what tells the first instant of a run from others
+        found = [self.equal.get(a) for a in args]
+        if op == "div" and found[0] == pool.zero and safety(self.points, args[1]) is not None:
+            return pool.zero
+        known = None if None in found else pool.make(op, *[f for f in found if f is not None])
+        if op in RELATIONS and (known is None or pool.value(known) is None):
+            known = self.decide(number, known)
+        if known is not None or op in RELATIONS:
+            return known
+        zero = pool.zero
+        if op == "mul" and zero in found:
+            return zero
+        if op == "and" and zero in found:
+            return zero
+        if op == "or" and pool.one in found:
+            return pool.one
+        chosen = self.branch(op, args, found)
+        if chosen is None:
+            return None
+        self.taken[number] = chosen
+        return self.equal.get(chosen)
+
+    def branch(self, op: str, args: tuple[int, ...], found: list[int | None]) -> int | None:
+        """The operand that a branch or a kink always equals."""
+        pool = self.pool
+        if op == "where":
+            condition = pool.value(found[0]) if found[0] is not None else None
+            if condition is not None:
+                return args[1] if condition else args[2]
+            return args[1] if found[1] is not None and found[1] == found[2] else None
+        if op in ("min", "max"):
+            a, b = (self.bounds[x] for x in args)
+            if a[0] >= b[1]:
+                return args[0] if op == "max" else args[1]
+            if b[0] >= a[1]:
+                return args[1] if op == "max" else args[0]
+        if op == "fabs" and self.bounds[args[0]][0] >= 0.0:
+            return args[0]
+        return None
+
+    def decide(self, number: int, otherwise: int | None) -> int | None:
+        """The truth of a relation by the bounds of its sides; `otherwise` where they do not tell."""
+        op, a, b = self.pool.nodes[number]
+        holds = decided(op, self.bounds[a], self.bounds[b])
+        if holds is None:
+            self.relations.pop(number, None)
+            return otherwise
+        self.relations[number] = holds
+        return self.pool.one if holds else self.pool.zero
+
+    def bound(self, number: int) -> Interval:
+        pool = self.pool
+        equal = self.equal.get(number)
+        if equal is not None and equal != number:
+            return self.parameter_bounds(equal)
+        op, *args = pool.nodes[number]
+        if op == "const":
+            return (args[0], args[0])
+        if op == "par":
+            return self.limits[args[0]] if args[0] < len(self.limits) else EVERYTHING
+        if op == "var":
+            node = self.definition.get(args[0])
+            return self.bounds.get(node, EVERYTHING) if node is not None else EVERYTHING
+        if not args:
+            return EVERYTHING
+        if number in self.taken:
+            return self.bounds.get(self.taken[number], EVERYTHING)
+        return interval(op, tuple(args), tuple(self.bounds[a] for a in args))
+
+    def parameter_bounds(self, node: int) -> Interval:
+        """Bounds of a node of parameters, which may have been made just now."""
+        for n in self.pool.reachable([node]):
+            if n not in self.bounds:
+                self.equal[n] = n
+                self.bounds[n] = self.bound(n)
+        return self.bounds[node]
+
+    def lower_variables(self, variables: Iterable[int]) -> None:
+        """These vary after all."""
+        changed = []
+        for v in variables:
+            self.known.pop(v, None)
+            changed.append(self.pool.var(v))
+        self.lower_nodes(changed)
+
+    def lower_nodes(self, nodes: Iterable[int]) -> None:
+        """Evaluate nodes again, and all that used the values they had."""
+        stack = list(nodes)
+        while stack:
+            number = stack.pop()
+            before = self.equal.get(number), self.taken.get(number)
+            self.evaluate(number)
+            if (self.equal.get(number), self.taken.get(number)) == before:
+                continue
+            stack += self.users.get(number, ())
+            for variable in self.definitions_of.get(number, ()):
+                if self.known.get(variable) is not None and number not in self.equal:
+                    del self.known[variable]
+                    stack.append(self.pool.var(variable))
+
+    def unproved(self) -> list[int]:
+        """Decisions by bounds that the final bounds do not support any more; all bounds are computed anew."""
+        self.refresh_bounds()
+        found = []
+        for number in list(self.bounds):
+            op, *args = self.pool.nodes[number]
+            if op in RELATIONS and number in self.relations:
+                a, b = args
+                if decided(op, self.bounds[a], self.bounds[b]) != self.relations[number]:
+                    found.append(number)
+            elif op in _KINKS and number in self.taken:
+                chosen = self.branch(op, tuple(args), [self.equal.get(a) for a in args])
+                if chosen != self.taken[number]:
+                    found.append(number)
+        return found
+
+    def refresh_bounds(self) -> None:
+        """Bounds in evaluation order, under what is known now."""
+        for number in self.order:
+            self.bounds[number] = self.bound(number)
+
+
+def event_nodes(reduced: ReducedSystem) -> list[int]:
+    """Nodes of everything that happens at events or is watched during a run."""
+    whens = [n for w in reduced.whens for n in (*w.guards, *w.values)]
+    return [*whens, *reduced.assignments, *reduced.asserts]
+
+
+def _resting(solution: Solution) -> dict[int, int]:
+    """States that may stay where they start: node of the start; not those that an event sets."""
+    structure = solution.structure
+    reduced = structure.reduced
+    start = start_problem(solution)
+    found = dict(start.direct)
+    for x in start.defaulted:
+        found[x] = start.guesses.get(x, reduced.pool.zero)
+    stabilised = reduced.pool.variables_in(*(node for _, node in structure.invariants))
+    for scalar in (s for when in reduced.flat.whens for s, _ in when.actions):
+        stabilised |= reduced.pool.variables_in(reduced.image[scalar])
+    for assignment in reduced.flat.assignments:
+        stabilised |= reduced.pool.variables_in(reduced.image[assignment.scalar])
+    return {x: node for x, node in found.items() if x not in stabilised}

@@ -1,0 +1,138 @@
+"""Stiff modes in their quasi-static limit: states that follow at once, as if their rates were zero.
+
+With `eps x' = f(x, y)` and a stable f the state x comes to rest at f(x, y) = 0 within a time of order eps; what is left
+is the slow motion of y, with an error of the order of eps outside that first moment. Here the rate of a named state,
+and all higher ones, become zero, and its differential equation determines the state itself. The quasi-static limit of
+a position takes its velocity along; that of a velocity alone leaves out the inertia.
+
+Source: A. N. Tikhonov, Systems of differential equations with small parameters, Mat. Sb. 31 (1952) 575-586;
+P. Kokotovic, H. Khalil, J. O'Reilly, Singular Perturbation Methods in Control (1986), chapter 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from acausal.analyse.analyse import Structure, reordered
+from acausal.analyse.blocks.solve import Solution, solve
+from acausal.errors import StructureError, UsageError, nearest
+from acausal.flatten.pool import Pool
+from acausal.flatten.reduced import ReducedSystem
+from acausal.reduce.fold import rewritten
+from acausal.reduce.motionless import event_nodes
+
+
+def quasi_static(solution: Solution, names: Sequence[str], formulation: str) -> Solution:
+    """The solution with the named states at rest relative to all others.
+
+    Parameters
+    ----------
+    names
+        States, or aliases of states up to sign; a component stands for all its states.
+
+    Raises
+    ------
+    UsageError
+        AC026 for a name that is no state of the model, or a state that cannot be taken: one that an event sets, or one
+        of a stabilised constraint.
+    StructureError
+        AC211 when the equations without these rates do not determine the states.
+    """
+    structure = solution.structure
+    fast = states_named(structure, names)
+    _check(structure, fast, names)
+    pool = structure.reduced.pool
+    gone = _rates(pool, fast)
+    fast -= gone
+    states = tuple(x for x in structure.states if x not in fast and x not in gone)
+    zeros = dict.fromkeys(gone, pool.zero)
+    images = rewritten(pool, list(structure.residuals), zeros, {})
+    residuals = [pool.collected(images[r]) for r in structure.residuals]
+    changed = replace(structure, reduced=_without(structure.reduced, zeros, fast))
+    try:
+        return solve(reordered(changed, residuals, states, gone), formulation)
+    except StructureError as error:
+        raise StructureError(
+            "AC211",
+            f"no quasi-static limit for {', '.join(names)}: the rates do not depend on the states themselves",
+            evidence=[error.fact, *error.evidence],
+            cause="a position without a spring comes to rest anywhere",
+            help="take the velocity alone, which leaves out the inertia, or the whole component that is stiff",
+        ) from None
+
+
+def states_named(structure: Structure, names: Sequence[str]) -> set[int]:
+    """States behind names.
+
+    Raises
+    ------
+    UsageError
+        AC026 for a name that stands for no state.
+    """
+    reduced = structure.reduced
+    states = set(structure.states)
+    known: dict[str, set[int]] = {}
+    for x in structure.states:
+        for name in (reduced.name(x), *(reduced.flat.scalar_name(s) for s in reduced.aliases.get(x, ()))):
+            known.setdefault(name, set()).add(x)
+    found: set[int] = set()
+    for name in names:
+        fitting = known.get(name) or {
+            x for x in states for own in [reduced.name(x)] if own.startswith((name + ".", name + "["))
+        }
+        if not fitting:
+            close = nearest(name, list(known))
+            raise UsageError(
+                "AC026",
+                f"'{name}' is no state of {reduced.flat.name}",
+                evidence=[f"nearest  {', '.join(close)}"] if close else [],
+                help="states: " + ", ".join(reduced.name(x) for x in structure.states[:12]),
+            )
+        found |= fitting
+    return found
+
+
+def _check(structure: Structure, fast: set[int], names: Sequence[str]) -> None:
+    reduced = structure.reduced
+    pool = reduced.pool
+    set_by_events = {s for when in reduced.flat.whens for s, _ in when.actions}
+    set_by_events |= {a.scalar for a in reduced.flat.assignments}
+    bound = pool.variables_in(*(reduced.image[s] for s in set_by_events))
+    constrained = pool.variables_in(*(n for _, n in structure.invariants))
+    for x in fast & (bound | constrained):
+        why = "an event sets it" if x in bound else "it is part of a stabilised constraint"
+        raise UsageError("AC026", f"{reduced.name(x)} cannot be taken as quasi-static: {why}")
+
+
+def _rates(pool: Pool, states: set[int]) -> frozenset[int]:
+    """All derivatives of variables."""
+    found = set()
+    for x in states:
+        while x in pool.derivative_of:
+            x = pool.derivative_of[x]
+            found.add(x)
+    return frozenset(found)
+
+
+def _without(reduced: ReducedSystem, zeros: dict[int, int], fast: set[int]) -> ReducedSystem:
+    """The reduced system without rates that are zero; starts of what follows at once are guesses only."""
+    pool, flat = reduced.pool, reduced.flat
+    roots = [*reduced.image, *reduced.initial, *event_nodes(reduced)]
+    images = rewritten(pool, roots, zeros, {})
+    free = {*fast, *zeros}
+    # What determined the start of a fast state now contradicts its equation.
+    kept = [k for k, n in enumerate(reduced.initial) if not pool.variables_in(n) & free]
+    starts = {
+        s: start._replace(is_fixed=start.is_fixed and not pool.variables_in(reduced.image[s]) & free)
+        for s, start in flat.starts.items()
+    }
+    return replace(
+        reduced,
+        flat=replace(flat, starts=starts, initial_equations=tuple(flat.initial_equations[k] for k in kept)),
+        image=tuple(images[n] for n in reduced.image),
+        initial=tuple(images[reduced.initial[k]] for k in kept),
+        whens=tuple(w.mapped(images) for w in reduced.whens),
+        assignments=tuple(images[n] for n in reduced.assignments),
+        asserts=tuple(images[n] for n in reduced.asserts),
+    )

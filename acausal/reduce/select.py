@@ -1,0 +1,142 @@
+"""The smallest model that gives wanted outputs: the passes between solving and lowering, and what they left out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from acausal.analyse.blocks.solve import Solution
+from acausal.errors import StructureError
+from acausal.flatten.reduced import ReducedSystem
+from acausal.flatten.text import to_text
+from acausal.reduce.cone import restrict
+from acausal.reduce.fold import fold, resolved
+from acausal.reduce.motionless import Constants, constants
+from acausal.reduce.outputs import output_scalars
+from acausal.reduce.quasi_static import quasi_static
+
+_MOST_ROUNDS = 4
+
+
+@dataclass(frozen=True)
+class Left:
+    """Something that is no part of the reduced model: `kind` is one of KINDS."""
+
+    kind: str
+    name: str
+    why: str
+
+
+KINDS = ("parameter", "contact", "motionless", "relation", "quasi-static", "state", "unknown", "event", "assert")
+
+
+@dataclass(frozen=True)
+class Selection:
+    """What was asked for, and what was left out for it.
+
+    Attributes
+    ----------
+    outputs
+        Full names of the wanted outputs; None when everything was wanted.
+    constant
+        Those of them that depend on parameters only.
+    left
+        What the full model has and this one has not, with the reasons.
+    """
+
+    outputs: tuple[str, ...] | None
+    constant: tuple[str, ...]
+    left: tuple[Left, ...]
+
+
+def select(
+    solution: Solution, outputs: Sequence[str] | None, at_once: Sequence[str], formulation: str
+) -> tuple[Solution, Selection]:
+    """Fold what never changes, then keep what the outputs depend on; None keeps everything that changes.
+
+    `at_once` names states that are taken in their quasi-static limit.
+
+    Raises
+    ------
+    UsageError
+        AC010 or AC018, see `acausal.reduce.outputs`; AC026, see `acausal.reduce.quasi_static`.
+    """
+    flat = solution.structure.reduced.flat
+    scalars = output_scalars(flat, outputs) if outputs is not None else None
+    left = [Left("parameter", name, "frozen: a number now") for name in flat.frozen]
+    if at_once:
+        full = solution
+        solution = quasi_static(full, at_once, formulation)
+        name = full.structure.reduced.name
+        gone = [name(x) for x in full.structure.states if x not in solution.structure.states]
+        left += [Left("quasi-static", x, "follows at once, as was asked for") for x in gone]
+    solution, found = _folded(solution, formulation)
+    left += _constant(solution, found)
+    solution = fold(solution, found)
+    if scalars is None:
+        return solution, Selection(None, (), tuple(dict.fromkeys(left)))
+    whole, solution = solution, restrict(solution, tuple(scalars.values()))
+    left += _dropped(whole, solution)
+    reduced = whole.structure.reduced
+    constant = [n for n, s in scalars.items() if not _varies(reduced, reduced.image[s])]
+    return solution, Selection(tuple(scalars), tuple(constant), tuple(dict.fromkeys(left)))
+
+
+def _folded(solution: Solution, formulation: str) -> tuple[Solution, Constants]:
+    """The system solved with all constants that can be found; each solution may show more of them."""
+    found = constants(solution)
+    for _ in range(_MOST_ROUNDS):
+        before = found
+        if not (found.relations or any(x in found.variables for x in solution.structure.states)):
+            break
+        try:
+            again = resolved(solution, found, formulation)
+        except StructureError:
+            break  # what keeps the equations independent is zero in this motion: the general solution is good for it
+        solution, found = again, constants(again)
+        # What was decided before stands in no equation any more.
+        found = replace(found, relations={**before.relations, **found.relations})
+        if found.variables.keys() == before.variables.keys() and found.relations == before.relations:
+            break
+    return solution, found
+
+
+def _varies(reduced: ReducedSystem, node: int) -> bool:
+    pool = reduced.pool
+    return any(pool.nodes[n][0] in ("var", "time") for n in pool.reachable([node]))
+
+
+def _constant(solution: Solution, found: Constants) -> list[Left]:
+    reduced = solution.structure.reduced
+    pool = reduced.pool
+
+    def name_of(op: str, k: int) -> str:
+        names = reduced.flat.parameter_names
+        return (names[k] if k < len(names) else "stabilisation.rate") if op == "par" else reduced.name(k)
+
+    left = [
+        Left("motionless", reduced.name(x), f"stays at {to_text(pool, found.variables[x], name_of, 80)}")
+        for x in solution.structure.states
+        if x in found.variables
+    ]
+    for number, holds in found.relations.items():
+        text = to_text(pool, number, name_of, 80)
+        left.append(Left("relation", text, "always holds" if holds else "never holds"))
+    return left
+
+
+def _dropped(whole: Solution, part: Solution) -> list[Left]:
+    reduced, kept = whole.structure.reduced, part.structure.reduced
+    why = "no output depends on it"
+    states, unknowns = set(part.structure.states), set(part.algebraic)
+    left = [Left("state", reduced.name(x), why) for x in whole.structure.states if x not in states]
+    left += [Left("unknown", reduced.name(z), why) for z in whole.algebraic if z not in unknowns]
+    sources = [w.source for w in kept.flat.whens]
+    left += [Left("event", str(w.source), why) for w in reduced.flat.whens if not any(w.source is s for s in sources)]
+    messages = [a.source for a in kept.flat.asserts]
+    left += [
+        Left("assert", a.message, "it is about what was left out")
+        for a in reduced.flat.asserts
+        if not any(a.source is m for m in messages)
+    ]
+    return left

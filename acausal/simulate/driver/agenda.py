@@ -1,0 +1,202 @@
+"""The agenda of a run: where it has to stop, and who asks for it.
+
+Some stops are known before the run begins: time events, samples, breaks of inputs over time, outputs. They are the
+`Schedule`. Others follow from what the run has come to, such as the end of the past that a delay can read: they are
+handed in by a `Source`, stretch by stretch. The driver knows neither; it goes from stop to stop.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.lower.compiled import CompiledModel
+from acausal.simulate.equations.direct import rows
+from acausal.simulate.equations.kept import kept
+from acausal.simulate.events.guards import Cause, Moment
+from acausal.simulate.events.sampling import due, sample_times
+from acausal.simulate.inputs.given import Inputs
+from acausal.simulate.record.record import Recorder
+
+Vector = NDArray[np.float64]
+# Stops nearer than this share of the run are one.
+_APART = 1e-13
+_MARGIN = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class Schedule:
+    """The segments of a run, between `n` instants that are known before it starts.
+
+    Attributes
+    ----------
+    instants
+        Start, time events and samples, stop [s]; ascending, shape (n,).
+    modes
+        Modes of the relations of time and numbers of inputs over time in each segment, shape (n - 1, n_timely).
+    samples
+        Which samples are true at each instant, shape (n, samples).
+    times
+        Output times of all segments, each up to its end, and `ends`, where those of each segment end.
+    """
+
+    instants: Vector
+    modes: Vector
+    samples: Vector
+    times: Vector
+    ends: NDArray[np.int64]
+
+    @property
+    def segments(self) -> int:
+        """Number of segments."""
+        return len(self.instants) - 1
+
+    def outputs(self, segment: int) -> Vector:
+        """Output times of one segment; the last one is its end."""
+        return self.times[self.ends[segment - 1] if segment else 0 : self.ends[segment]]
+
+
+def schedule(compiled: CompiledModel, p: Vector, inputs: Inputs, instants: Vector, grid: Vector) -> Schedule:
+    """The schedule over `instants`, with outputs on `grid` and at every instant."""
+    a, b = instants[:-1], instants[1:]
+    margin = _MARGIN * (b - a)
+    first = np.searchsorted(grid, a + margin, side="right")
+    last = np.maximum(np.searchsorted(grid, b - margin, side="left"), first)
+    marks = np.zeros(len(grid) + 1)
+    np.add.at(marks, first, 1.0)
+    np.add.at(marks, last, -1.0)
+    inside = np.cumsum(last - first)
+    middle = 0.5 * (a + b)
+    return Schedule(
+        instants,
+        inputs.into(compiled, rows(compiled.modes, (middle[:, None], p))[:, : compiled.n_timely], middle),
+        due(compiled, p, instants),
+        np.insert(grid[np.cumsum(marks[:-1]) > 0.0], inside, b),
+        inside + np.arange(1, len(b) + 1),
+    )
+
+
+Known = Callable[[CompiledModel, Vector, Inputs, float, float], Vector]
+"""Instants known in advance: `(compiled, p, inputs, start, stop) -> times`, in any order, also outside of the run."""
+
+KNOWN: tuple[Known, ...] = (
+    lambda compiled, p, inputs, start, stop: kept(compiled).instants(p)[0],
+    lambda compiled, p, inputs, start, stop: sample_times(compiled, p, start, stop),
+    lambda compiled, p, inputs, start, stop: inputs.breaks,
+)
+
+
+def known_instants(compiled: CompiledModel, p: Vector, inputs: Inputs, start: float, stop: float) -> Vector:
+    """Start, the instants known in advance inside the run, each once, and stop."""
+    least = _APART * (stop - start)
+    found = np.unique(np.concatenate([times(compiled, p, inputs, start, stop) for times in KNOWN]))
+    inside = found[np.isfinite(found) & (found > start + least) & (found < stop - least)]
+    apart = np.diff(inside, prepend=-np.inf) > least
+    return np.concatenate([[start], inside[apart], [stop]])
+
+
+class Source(Protocol):
+    """What stops a run at instants that follow from the run itself. It is asked where a stretch begins."""
+
+    def limit(self, here: float, until: float, moment: Moment) -> tuple[float, tuple[Cause, ...]]:
+        """Where the stretch from `here` on has to end, at most at `until`, and what happens at `here` because of it."""
+        ...
+
+    def prepare(self, modes: Vector) -> None:
+        """Write its own modes during the stretch into those that depend on time, shape (n_timely,)."""
+        ...
+
+    def passed(self, record: Recorder, events: Sequence[float], complete: bool) -> bool:
+        """Whether the equations hold from here on; if not, the run ends, without the event at its end.
+
+        The stretch has come to `record.time`, with `events` on the way; not `complete` where it was found to go too
+        far. Rows that should not be there may be cut from the record.
+        """
+        ...
+
+
+class TooFar(Exception):
+    """A stretch has left what a source can answer for: the rows recorded count, and it is tried again from there."""
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """From one stop to the next.
+
+    Attributes
+    ----------
+    start, end
+        Its stops [s].
+    modes
+        Modes that depend on time alone while it lasts, shape (n_timely,).
+    samples
+        Which samples are true at its start.
+    times
+        Output times, the last one is `end`.
+    opens
+        Whether it begins at an instant of the schedule; else a source has cut there, because of `causes`.
+    """
+
+    start: float
+    end: float
+    modes: Vector
+    samples: Vector
+    times: Vector
+    opens: bool = True
+    causes: tuple[Cause, ...] = ()
+
+
+@dataclass(frozen=True)
+class Place:
+    """How far a run has come: `here` [s], in which segment.
+
+    `entered` says whether the event at the start of the stretch has been, `fresh` that nothing has followed it yet.
+    """
+
+    segment: int
+    here: float
+    entered: bool
+    fresh: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Agenda:
+    """All stops of a run; `span` is its length [s]."""
+
+    schedule: Schedule
+    sources: tuple[Source, ...]
+    span: float
+
+    def stretch(self, place: Place, moment: Moment, opens: bool) -> Stretch:
+        """The stretch that begins at a place."""
+        known, k = self.schedule, place.segment
+        start, end = float(known.instants[k]), float(known.instants[k + 1])
+        whole = Stretch(start, end, known.modes[k], known.samples[k], known.outputs(k))
+        if not self.sources:
+            return whole
+        causes: tuple[Cause, ...] = ()
+        for source in self.sources:
+            end, why = source.limit(place.here, end, moment)
+            causes += why
+        modes = whole.modes.copy()
+        for source in self.sources:
+            source.prepare(modes)
+        outputs, margin = whole.times, self.margin
+        near = outputs[np.abs(outputs - end) <= margin]
+        end = float(near[0]) if len(near) else end
+        times = np.append(outputs[(outputs > place.here + margin) & (outputs < end - margin)], end)
+        samples = whole.samples if opens else np.zeros_like(whole.samples)
+        return Stretch(place.here, end, modes, samples, times, opens, causes)
+
+    @property
+    def margin(self) -> float:
+        """Instants nearer than this are one [s]."""
+        return _MARGIN * self.span
+
+    def passed(self, record: Recorder, events: Sequence[float], complete: bool) -> bool:
+        """Tell the sources how far a stretch has come; whether all of them can go on."""
+        return all([source.passed(record, events, complete) for source in self.sources])

@@ -1,0 +1,205 @@
+"""The driver: one run from its first stop to its last, whatever its equations and its stops are."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.simulate.driver.agenda import Agenda, Place, Schedule, Stretch, TooFar
+from acausal.simulate.driver.flight import Flight, Landing
+from acausal.simulate.equations.problem import Problem
+from acausal.simulate.events.guards import Cause, Moment
+from acausal.simulate.failure import integration_error
+from acausal.simulate.native.flight import FlightProgram
+from acausal.simulate.native.policy import Library
+from acausal.simulate.record.record import Recorder
+from acausal.simulate.solvers.base import Segment
+from acausal.simulate.start.initialize import Start
+
+Vector = NDArray[np.float64]
+# Calls of compiled code in a run that reports its progress.
+_REPORTS = 50
+
+
+class Dynamics(Protocol):
+    """What happens between two stops and at them: with events of variables (`Hybrid`) or without (`Smooth`)."""
+
+    terminated: str | None
+    pace: float
+    """Mean step of the stretch before [s], 0 when it is not known."""
+
+    @property
+    def reached(self) -> Moment:
+        """Where the run is."""
+        ...
+
+    @property
+    def equations(self) -> Problem:
+        """What is integrated now."""
+        ...
+
+    def begin(self, t: float, start: Start, m: Vector, flag: str | None) -> None:
+        """The start of the run; `initial()` is true for the flag "initial"."""
+        ...
+
+    def enter(self, stretch: Stretch) -> None:
+        """The event at the start of a stretch."""
+        ...
+
+    def advance(self, stretch: Stretch, place: Place) -> float | None:
+        """Go on to the next event of a variable and pass it: its time, None at the end of the stretch.
+
+        Raises
+        ------
+        RuntimeError
+            When the solver cannot go on.
+        TooFar
+            When a source of stops must be asked again.
+        """
+        ...
+
+    def moved(self, x: Vector, z: Vector, m: Vector) -> None:
+        """The run was brought to these values from outside."""
+        ...
+
+    def flight(self, schedule: Schedule) -> Flight | None:
+        """How compiled code passes stretches of this run, if it can."""
+        ...
+
+    def library(self) -> Library[FlightProgram] | None:
+        """The compiled code for what is in force, if there is one."""
+        ...
+
+    def failed(self, times: Vector) -> Segment:
+        """What could not be passed: from the last point that was reached, with the outputs left."""
+        ...
+
+    def end(self, t: float, samples: Vector) -> None:
+        """The event at the end of the run."""
+        ...
+
+
+@dataclass
+class Driver:
+    """A run on its way."""
+
+    agenda: Agenda
+    dynamics: Dynamics
+    recorder: Recorder
+    solver: str
+    report: Callable[[float], None] | None
+    interrupted: Callable[[], None]
+    stopped: Segment | None = None
+    """Where the solver could not go on."""
+    ended: bool = False
+    """Whether a source of stops has ended the run."""
+    _stretch: Stretch | None = None
+    _opened: int = -1
+    _row: int = 0
+    _boundary: int = 0
+    _before: Moment | None = None
+
+    def go(self) -> None:
+        """Go from the first stop to the last, or to the end that the model asks for.
+
+        Raises
+        ------
+        IntegrationError
+            AC400 to AC407 where the solver cannot go on.
+        """
+        known = self.agenda.schedule
+        flight = None if self.agenda.sources else self.dynamics.flight(known)
+        place = Place(0, float(known.instants[0]), False, False)
+        try:
+            while place.segment < known.segments and not self.ended:
+                if self.dynamics.terminated is not None and self.recorder.count:
+                    break
+                place = self._flown(flight, place) or self._step(place)
+                if self.report is not None and not place.entered:
+                    self.report(self.recorder.time)
+        except RuntimeError as error:
+            self.interrupted()
+            self.stopped = self.dynamics.failed(self._stretch.times if self._stretch else known.times)
+            raise integration_error(self.dynamics.equations, self.solver, self.stopped, str(error)) from None
+        if self.ended:
+            return
+        samples = known.samples[-1]
+        self.dynamics.end(self.recorder.time, samples if self.dynamics.terminated is None else 0.0 * samples)
+
+    def _flown(self, flight: Flight | None, place: Place) -> Place | None:
+        """Where compiled code comes to from here, if it does."""
+        # the first instant is that of the start, about which compiled code knows nothing
+        if flight is None or flight.is_vain or (place.segment == 0 and not place.entered):
+            return None
+        library, moment = self.dynamics.library(), self.dynamics.reached
+        if library is None:
+            return None
+        most = None if self.report is None else max(1, self.agenda.schedule.segments // _REPORTS)
+        landing = flight.go(library, Landing(place, moment.x, moment.m, self.dynamics.pace), most)
+        if landing is None:
+            return None
+        self.dynamics.moved(landing.x, moment.z, landing.m)
+        self.dynamics.pace = landing.pace
+        if landing.place.entered:
+            self._stretch = self.agenda.stretch(landing.place, self.dynamics.reached, True)
+        return landing.place
+
+    def _step(self, place: Place) -> Place:
+        """The event at the start of a stretch, or on to the next stop."""
+        if not place.entered:
+            opens = place.segment != self._opened
+            self._before = self.dynamics.reached
+            self._stretch = self.agenda.stretch(place, self._before, opens)
+            self._opened = place.segment
+            self._row, self._boundary = self.recorder.count, len(self.recorder.boundaries)
+            self.dynamics.enter(self._stretch)
+            return Place(place.segment, self._stretch.start, True, True)
+        assert self._stretch is not None, "a stretch is entered before it is passed"
+        try:
+            stop = self.dynamics.advance(self._stretch, place)
+        except TooFar:
+            _, x, z, _ = self.recorder.point(self.recorder.count - 1)
+            self.dynamics.moved(x, z, self.dynamics.reached.m)
+            return self._left(self._stretch, place, complete=False)
+        if stop is not None and self.dynamics.terminated is None:
+            return replace(place, here=stop, fresh=False)
+        return self._left(self._stretch, place, complete=True)
+
+    def _left(self, stretch: Stretch, place: Place, complete: bool) -> Place:
+        """The end of a stretch: what a source had to do with its start is told, and the sources are."""
+        if not stretch.opens:
+            self._explain(stretch, self.agenda.schedule.outputs(place.segment))
+        here, end = self.recorder.time, float(self.agenda.schedule.instants[place.segment + 1])
+        events = [t for t, _, _ in self.recorder.boundaries[self._boundary :]]
+        self.ended = not self.agenda.passed(self.recorder, events, complete)
+        if self.recorder.time < here:
+            self.dynamics.terminated = None  # what ended the run has been cut
+        ended = here >= end or (complete and stretch.end >= end)
+        return Place(place.segment + ended, here, False, False)
+
+    def _explain(self, stretch: Stretch, outputs: Vector) -> None:
+        """Say what happened where a source has cut, or leave the cut out of the result when nothing has."""
+        causes = (*stretch.causes, *self._flipped())
+        _, *happened = self.recorder.boundaries[self._boundary]
+        if causes or any(happened):
+            self.recorder.explain(self._boundary, causes)
+            return
+        self.recorder.hide(self._row, self._boundary)
+        if not (np.abs(outputs - stretch.start) <= self.agenda.margin).any():
+            self.recorder.hide(self._row - 1)
+
+    def _flipped(self) -> tuple[Cause, ...]:
+        """Relations that have changed where the stretch begins."""
+        assert self._before is not None, "kept where the stretch began"
+        compiled = self.recorder.compiled
+        first = compiled.n_modes - len(compiled.state_events.relations)
+        after = self.recorder.point(self._row)[3][first:]
+        flipped = after != self._before.m[first:]
+        held = [h.relation for h in self._before.regime.holds]  # recorded as the multipliers that hold them
+        flipped[held] &= (after[held] <= 0.0) | (after[held] >= 1.0)
+        texts, places = compiled.events.texts, compiled.events.places
+        return tuple(Cause(texts[k], *places[k]) for k in np.flatnonzero(flipped).tolist())

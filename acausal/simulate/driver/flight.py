@@ -1,0 +1,220 @@
+"""Segments and ordinary events passed in compiled code, where a run has it.
+
+Between two calls of an integrator Python takes half a millisecond, and as long again for an event; C takes a few
+microseconds. The meaning of events is that of `iteration.py`; what is not ordinary is left to it (`native/flight.c`
+says what that is). A flight ends before such an event, and the next one starts behind it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.simulate.driver.agenda import Place, Schedule
+from acausal.simulate.equations.problem import Problem
+from acausal.simulate.events.guards import Cause
+from acausal.simulate.events.rest import Bounces
+from acausal.simulate.native.flight import FlightProgram, FlightStructure
+from acausal.simulate.native.policy import Library
+from acausal.simulate.record.record import Recorder
+from acausal.simulate.solvers import Solver
+from acausal.simulate.solvers.base import Segment, counted, growth
+
+Vector = NDArray[np.float64]
+Explain = Callable[[list[int], list[int]], tuple[Cause, ...]]
+_MOST_EVENTS = 1024
+_ACTS = 16
+# Flights in a row that ended where they began, after which no more are tried.
+_VAIN = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Landing:
+    """Where a flight has come to, with states and modes."""
+
+    place: Place
+    x: Vector
+    m: Vector
+    pace: float = 0.0
+
+
+def can_fly(problem: Problem, solver: Solver) -> bool:
+    """Whether runs of this problem can be passed in compiled code: those of one-step methods on ODEs."""
+    compiled = problem.compiled
+    apart = range(compiled.n_dynamic, compiled.n_dynamic + compiled.quadratures)
+    return (
+        solver.native == "integrator"
+        and not compiled.algebraic
+        and compiled.n_dynamic > 0
+        and not compiled.delays
+        and not compiled.solution.structure.invariants
+        and not any(position in apart for c in compiled.state_events.clauses for position, _ in c.actions)
+    )
+
+
+class Flight:
+    """The flights of one run.
+
+    `explain` says what the relations and clauses with these numbers are; `bounces` is kept up to date.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        recorder: Recorder,
+        schedule: Schedule,
+        template: Segment,
+        span: float,
+        bounces: Bounces | None = None,
+        explain: Explain = lambda relations, clauses: (),
+    ) -> None:
+        self.problem, self.recorder, self.schedule, self.template = problem, recorder, schedule, template
+        self.span, self.bounces, self.explain = span, bounces, explain
+        compiled = problem.compiled
+        self._vain = 0
+        self._states = compiled.states
+        self._known: dict[tuple[bytes, tuple[int, ...], bytes], tuple[tuple[Cause, ...], tuple[str, ...]]] = {}
+        self._structure: FlightStructure | None = None
+        longest = int(np.max(np.diff(schedule.ends, prepend=0)))
+        rows, self._acts = longest + 4 * _MOST_EVENTS, _ACTS * _MOST_EVENTS
+        self.x, self.m = np.empty(len(compiled.states)), np.empty(compiled.n_modes)
+        self.row_time, self.row_x = np.empty(rows), np.empty((rows, len(compiled.states)))
+        self.row_m = np.empty((rows, compiled.n_modes))
+        self.event_time, self.event_row = np.empty(_MOST_EVENTS), np.empty(_MOST_EVENTS, dtype=np.int64)
+        self.acts_end, self.act = np.empty(_MOST_EVENTS, dtype=np.int64), np.empty(self._acts, dtype=np.int64)
+        self.fired = np.empty((_MOST_EVENTS, len(compiled.state_events.relations)), dtype=np.uint8)
+
+    @property
+    def is_vain(self) -> bool:
+        """Whether flights have not got anywhere for so long that no more should be tried."""
+        return self._vain >= _VAIN
+
+    def go(self, library: Library[FlightProgram], start: Landing, segments: int | None = None) -> Landing | None:
+        """Where a flight comes to, over so many segments at most; None when it does not get anywhere."""
+        place, x, m = start.place, start.x, start.m
+        flight = self._prepared(library)
+        last = self.schedule.segments if segments is None else min(place.segment + segments, self.schedule.segments)
+        flight.boundaries = last + 1
+        flight.segment, flight.here = place.segment, place.here
+        flight.entered, flight.fresh, flight.first = place.entered, place.fresh, start.pace
+        self.x[:], self.m[:] = x, m
+        bounces = self.bounces
+        if bounces is not None:
+            flight.count = bounces.count
+        flight.rows = flight.events = flight.acts = 0
+        flight.steps = flight.rejected = flight.rhs = flight.jacobians = 0
+        try:
+            library.run.run(flight)
+        except KeyboardInterrupt:
+            if flight.rows:
+                self._record(flight, place.here, x)
+            raise
+        if bounces is not None:
+            bounces.count = flight.count
+        self._vain = 0 if flight.rows else self._vain + 1
+        if not flight.rows:
+            return None
+        self._record(flight, place.here, x)
+        here = Place(flight.segment, flight.here, bool(flight.entered), bool(flight.fresh))
+        return Landing(here, self.x.copy(), self.m.copy(), float(flight.first))
+
+    def _prepared(self, library: Library[FlightProgram]) -> FlightStructure:
+        """What the program has to know of the run; made once."""
+        if self._structure is not None:
+            return self._structure
+        problem, schedule, compiled = self.problem, self.schedule, self.problem.compiled
+        events = compiled.state_events
+        (constants,) = library.constants(problem.p, problem.u)
+        numbers = {
+            "states": len(compiled.states),
+            "dynamic": compiled.n_dynamic,
+            "discretes": compiled.discretes,
+            "modes": compiled.n_modes,
+            "timely": schedule.modes.shape[1],
+            "samples": len(events.samples),
+            "memories": len(events.memories),
+            "flags": len(events.flags),
+            "relations": len(events.relations),
+            "assigned": len(events.assignments),
+            "conditions": len(events.conditions),
+            "clauses": len(events.clauses),
+            "actions": sum(len(c.actions) for c in events.clauses),
+            "asserts": len(events.asserts),
+            "constants": len(constants),
+            "span": self.span,
+            "relative": self.template.tolerance,
+            "absolute": self.template.absolute,
+            "step": self.template.step or 0.0,
+            "row_capacity": len(self.row_time),
+            "event_capacity": _MOST_EVENTS,
+            "act_capacity": self._acts,
+        }
+        whole = partial(np.array, dtype=np.int64)
+        real = partial(np.ascontiguousarray, dtype=np.float64)
+        arrays = {
+            "assigned_at": whole([a.position for a in events.assignments]),
+            "ends": whole([c.terminate is not None for c in events.clauses]),
+            "scale": real(problem.scale_x),
+            "nominal": real(compiled.nominal_x),
+            "constant": real(constants),
+            "u": real(problem.u),
+            "p": real(problem.p),
+            "boundary": real(schedule.instants),
+            "timely_modes": real(schedule.modes),
+            "due": real(schedule.samples),
+            "times": real(schedule.times),
+            "times_end": schedule.ends,
+            **{name: getattr(self, name) for name in ("x", "m", "row_time", "row_x", "row_m", "event_time")},
+            **{name: getattr(self, name) for name in ("event_row", "acts_end", "act", "fired")},
+        }
+        if self.bounces is not None:
+            arrays |= {name: getattr(self.bounces, name) for name in ("last", "crowd", "impossible")}
+        self._structure = library.run.structure(numbers, arrays)
+        return self._structure
+
+    def _record(self, flight: FlightStructure, start: float, x_start: Vector) -> None:
+        """Record what a flight has passed."""
+        n = flight.rows
+        times, x, m = self.row_time[:n].copy(), self.row_x[:n].T.copy(), self.row_m[:n].T.copy()
+        starts = self.event_row[: flight.events]
+        self._fill(times, x, m, starts, start, x_start)
+        before = np.hstack([x_start[:, None], x[:, :-1]])
+        moved = (x[:, starts] != before[:, starts]).T
+        ends = [0, *self.acts_end[: flight.events].tolist()]
+        acts = self.act[: ends[-1]].tolist()
+        boundaries = []
+        for k, t in enumerate(self.event_time[: flight.events].tolist()):
+            happened = self.fired[k].tobytes(), tuple(acts[ends[k] : ends[k + 1]]), moved[k].tobytes()
+            if happened not in self._known:  # the same few things happen again and again
+                causes = self.explain(np.flatnonzero(self.fired[k]).tolist(), list(happened[1]))
+                self._known[happened] = causes, tuple(self._states[j] for j in np.flatnonzero(moved[k]).tolist())
+            boundaries.append((t, *self._known[happened]))
+        stats = {"n_steps": flight.steps, "n_rhs": flight.rhs, "n_jac": flight.jacobians, "n_reject": flight.rejected}
+        self.recorder.extend(times, x, m, boundaries, counted(stats))
+
+    def _fill(
+        self, times: Vector, x: Vector, m: Vector, starts: NDArray[np.int64], start: float, x_start: Vector
+    ) -> None:
+        """The integrals that are solved apart, into the rows and the state that was reached."""
+        compiled = self.problem.compiled
+        own = slice(compiled.n_dynamic, compiled.n_dynamic + compiled.quadratures)
+        if not compiled.quadratures:
+            return
+        # stretches between two events, and the rows behind the first instant of theirs
+        owner = np.searchsorted(starts, np.arange(len(times)), side="right")
+        begins = np.append(start, times[starts])
+        behind = times > begins[owner]
+        used, stretches = np.unique(owner[behind], return_inverse=True)
+        grown, total = np.zeros((compiled.quadratures, len(times))), np.zeros((compiled.quadratures, len(begins) + 1))
+        if len(used):
+            first, discrete = np.searchsorted(owner, used), slice(len(x) - compiled.discretes, None)
+            values = m[:, first].T, x[discrete, first].T
+            grown[:, behind] = growth(self.problem, begins[used], times[behind], stretches, *values, self.template)
+            total[:, used + 1] = grown[:, np.searchsorted(owner, used, side="right") - 1]
+        reached = x_start[own, None] + np.cumsum(total, axis=1)
+        x[own] = reached[:, owner] + grown
+        self.x[own] = reached[:, -1]

@@ -1,0 +1,380 @@
+"""A run with events: stretches in which the modes hold, and what happens between them."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.simulate.driver.agenda import Place, Schedule, Stretch
+from acausal.simulate.driver.flight import Flight, can_fly
+from acausal.simulate.equations.problem import Problem
+from acausal.simulate.events.errors import RestlessKink, accumulated
+from acausal.simulate.events.guards import INSTANT, Cause, Guards, Moment, Tolerances, Truth, resting_band
+from acausal.simulate.events.iteration import Happened, Iteration
+from acausal.simulate.events.regime import Regime
+from acausal.simulate.events.rest import Bounces
+from acausal.simulate.events.search import Arrival, Search
+from acausal.simulate.events.stopping import Stop, compiled_program, integrate_to_event
+from acausal.simulate.interrupt import Interrupted
+from acausal.simulate.native.flight import FlightProgram
+from acausal.simulate.native.policy import Library
+from acausal.simulate.record.record import Recorder
+from acausal.simulate.solvers import Solver
+from acausal.simulate.solvers.base import Piece, Segment, pace
+from acausal.simulate.solvers.patience import PATIENCE
+from acausal.simulate.start.initialize import Start
+
+Vector = NDArray[np.float64]
+Integrate = Callable[[Regime, Segment], Piece]
+_log = logging.getLogger(__name__)
+# A guard creeps if it is so much slower than what is behind it.
+_CREEPING = 1e-3
+# Share of the run that is integrated at once at least.
+_SHORTEST = 1e-9
+# Looks of a one-step method in a whole run, and in any stretch.
+_LOOKS, _FEWEST_LOOKS = 64, 4
+# So many failures must have brought a run on by this share of it.
+_MANY, _PROGRESS = 100, 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Passage:
+    """An event as it was passed: the guard that was reached (None at a known instant), and what followed from it."""
+
+    time: float
+    left: Moment
+    guard: int | None
+    happened: Happened
+
+
+@dataclass
+class Hybrid:
+    """The events of one run."""
+
+    problem: Problem
+    solver: Solver
+    recorder: Recorder
+    integrate: Integrate
+    explore: Integrate
+    tolerances: Tolerances
+    template: Segment
+    span: float
+    traced: bool = False
+    moment: Moment | None = None
+    notes: list[str] = field(default_factory=list)
+    passages: list[Passage] = field(default_factory=list)
+    terminated: str | None = None
+    pace: float = 0.0
+    history: list[tuple[float, Regime]] = field(default_factory=list)
+    _gap: float = np.inf
+    _failed: bool = False
+
+    def __post_init__(self) -> None:
+        self.guards = Guards(self.problem, self.tolerances, self.span)
+        self.iteration = Iteration(self.problem, self.guards)
+        self.bounces = Bounces(self.problem, self.guards, self.span)
+        self.search = Search(self.guards, self.solver, self.explore, self.span)
+        self.single_step = self.solver.stops and not self.problem.compiled.algebraic
+        # without states there is no error to choose a step by
+        self.single_step &= self.problem.n_dynamic > 0
+        # what is delayed is recorded by integrations that go on to their end
+        self.single_step &= not self.problem.compiled.delays
+
+    def begin(self, t: float, start: Start, m: Vector, flag: str | None) -> None:
+        """The event at the start of the run; `m` is what the start has decided.
+
+        `initial()` is true, unless `flag` is None: in a run that goes on with given states.
+        """
+        moment = Moment(start.x, start.z, m.copy(), Regime(self.problem))
+        self.bounces.begin(t)
+        self._say(self.iteration.settle(t, moment, m, flag=flag), t)
+
+    def regime_at(self, t: float) -> Regime:
+        """The regime in force just after a time."""
+        return next(regime for start, regime in reversed(self.history) if start <= t)
+
+    @property
+    def reached(self) -> Moment:
+        """The moment that the run has reached."""
+        assert self.moment is not None, "a run begins before its first stretch"
+        return self.moment
+
+    @property
+    def equations(self) -> Problem:
+        """What is integrated now."""
+        return self.reached.regime.problem
+
+    def moved(self, x: Vector, z: Vector, m: Vector) -> None:
+        """The run was brought to these values from outside."""
+        self.moment = replace(self.reached, x=x, z=z, m=m)
+
+    def flight(self, schedule: Schedule) -> Flight | None:
+        """How compiled code passes stretches and ordinary events of this run, if it can."""
+        if self.traced or not self.single_step or not can_fly(self.problem, self.solver):
+            return None
+        return Flight(self.problem, self.recorder, schedule, self.template, self.span, self.bounces, self._explained)
+
+    def library(self) -> Library[FlightProgram] | None:
+        """The compiled code for the regime in force, if there is one."""
+        regime = self.reached.regime
+        return None if regime.holds else compiled_program(regime, self.template, self.solver.name)
+
+    def failed(self, times: Vector) -> Segment:
+        """What could not be passed: from the last point that was reached, with the outputs left."""
+        here = self.recorder.time if self.recorder.segments else self.template.start
+        moment = self.reached
+        return replace(self.template, start=here, times=times[times > here], x=moment.x, z=moment.z, p=moment.m)
+
+    def _explained(self, relations: list[int], clauses: list[int]) -> tuple[Cause, ...]:
+        """What relations and clauses are, in the user's words."""
+        acting = (self.problem.compiled.state_events.clauses[k] for k in clauses)
+        return (*(self.guards.causes[k] for k in relations), *(Cause(c.text, c.where, c.component) for c in acting))
+
+    def enter(self, stretch: Stretch) -> None:
+        """The event at the start of a stretch."""
+        moment, here = self.reached, stretch.start
+        changed = moment.m.copy()
+        changed[: len(stretch.modes)] = stretch.modes
+        happened = self.iteration.settle(here, replace(moment, m=changed), moment.m, samples=stretch.samples)
+        self.passages.append(Passage(here, moment, None, happened))
+        self._record_start(here, self._say(happened, here), happened)
+        self._gap = np.inf  # what was known of the stretches before need not hold behind it
+
+    def advance(self, stretch: Stretch, place: Place) -> float | None:
+        """Integrate to the next event, or to the end of the stretch, and pass it; see `driver.Dynamics`."""
+        here, moment, times = place.here, self.reached, stretch.times
+        if not place.fresh:
+            times = times[times > here + 1e-13 * max(self.span, abs(here))]
+        if not len(times):
+            return None
+        rest = self._due(here, moment, float(times[-1]))
+        if rest is not None:
+            times = np.append(times[times < rest], rest)
+        asked = replace(self.template, start=here, times=times, x=moment.x, z=moment.z, p=moment.m, first=self.pace)
+        stop = self.integrated(asked, moment)
+        if stop.time is None:
+            self.moment = replace(moment, x=stop.x, z=stop.z)
+            return None if rest is None else self._rested(rest)
+        self._gap = max(stop.time - here, self._gap / 8 if np.isfinite(self._gap) else 0.0)
+        here = stop.time
+        left = self.iteration.consistent(here, replace(moment, x=stop.x, z=stop.z))
+        self._record(np.array([here]), left.x[:, None], left.z[:, None], left, {})
+        fired = self.guards.fired(here, left)
+        happened = self.event(here, left, fired)
+        self.passages.append(Passage(here, left, int(np.argmax(fired)), happened))
+        self._record_start(here, self._say(happened, here), happened)
+        return here
+
+    def _near(self, t: float) -> float:
+        """The last instant that cannot be told from this one."""
+        return t + INSTANT * max(self.span, abs(t))
+
+    def _due(self, here: float, moment: Moment, end: float) -> float | None:
+        """When the flights of something held at rest end, if that is within a stretch."""
+        while (due := self.bounces.due(moment.regime)) is not None and due[0] <= self._near(here):
+            del self.bounces.resting[due[1]]  # what was said of it at its last impact is enough
+        return due[0] if due is not None and due[0] <= end else None
+
+    def _rested(self, t: float) -> float:
+        """The event of flights that end: nothing jumps, what was lower than the noise is zero."""
+        found = [k for k, rest in self.bounces.resting.items() if rest.time <= self._near(t)]
+        ended = [self.bounces.resting.pop(k) for k in found]
+        causes, notes = tuple(rest.cause for rest in ended), tuple(rest.note for rest in ended)
+        happened = Happened(self.reached, causes, notes=notes)
+        self._record_start(t, self._say(happened, t), happened)
+        return t
+
+    def end(self, t: float, samples: Vector) -> None:
+        """The event at the end of the run: guards that are reached, `terminal()`, perhaps a sample."""
+        if self.moment is not None and not self.traced:
+            self._finish(t, self.moment)
+        if self.moment is None or not ("terminal" in self.iteration.flag_names or samples.any()):
+            return
+        happened = self.iteration.settle(t, self.moment, self.moment.m, samples=samples, flag="terminal")
+        if happened.causes:
+            self._record_start(t, self._say(happened, t), happened)
+
+    def _finish(self, t: float, left: Moment) -> None:
+        """The event of guards that end the run on zero: what cannot be told from zero counts as reached.
+
+        Nothing follows that would show the crossing; whether a solver has found it just before is left to rounding.
+        """
+        if not left.regime.owners:
+            return
+        g, (rate, noise) = self.guards.distances(t, left), self.guards.rates(t, left)
+        relations = np.array([side < 0 for _, side in left.regime.owners], dtype=bool)
+        fired = relations & (np.abs(g) <= noise) & (rate < -noise)
+        if fired.any():
+            happened = self.event(t, left, fired)
+            self._record_start(t, self._say(happened, t), happened)
+        self._note_stuck(t, left, relations & (np.abs(g) <= noise) & (rate <= 0.0), rate)
+
+    def _note_stuck(self, t: float, left: Moment, close: Truth, rate: Vector) -> None:
+        """Say of guards that a run has crept up to without passing them if the equations behind them lead away.
+
+        A tank that drains by the root of its level is empty to the tolerance, at a rate that is zero to its root:
+        whether a solver's steps go below zero, where the model goes on otherwise, is left to its rounding.
+        """
+        watched = self.problem.compiled.state_events.watched
+        for k in np.flatnonzero(close).tolist():
+            relation = left.regime.owners[k][0]
+            if relation in watched:
+                continue
+            beyond = self.iteration.consistent(t, self.iteration.flipped(left, np.arange(len(close)) == k))
+            rates, noises = self.guards.rates(t, beyond)
+            if rates[k] > noises[k] and -rate[k] < _CREEPING * rates[k]:
+                text = self.guards.texts[relation]
+                self._note(f"{text}: zero to the tolerance at the end, and what holds behind it leads away from there")
+
+    def event(self, t: float, left: Moment, fired: Truth) -> Happened:
+        """Flip what has reached its guard, and iterate."""
+        relations = [left.regime.owners[k][0] for k in np.flatnonzero(fired)]
+        happened = self.iteration.settle(t, self.iteration.flipped(left, fired), left.m)
+        held, landed = self.bounces.landed(t, left, happened, relations)
+        if landed:
+            after = self.iteration.settle(t, self.iteration.consistent(t, held), happened.moment.m)
+            changed = tuple(dict.fromkeys((*happened.changed, *after.changed)))
+            notes = [rest.note for rest in landed if rest.time <= self._near(t)]
+            causes, notes = (*happened.causes, *after.causes), [*happened.notes, *notes, *after.notes]
+            happened = replace(after, causes=causes, changed=changed, notes=tuple(notes))
+        self.bounces.saw(t, relations)
+        if self.bounces.endless:
+            names = [self.guards.texts[k] for k in self.bounces.endless]
+            error = accumulated(self.problem.compiled.name, t, self.bounces.count, names)
+            if self.problem.compiled.state_events.watched.issuperset(self.bounces.endless):
+                raise RestlessKink(error.code, error.fact, evidence=error.evidence, cause=error.cause, help=error.help)
+            raise error
+        return replace(happened, causes=(*(self.guards.causes[k] for k in relations), *happened.causes))
+
+    def integrated(self, segment: Segment, moment: Moment) -> Stop:
+        """Integrate and record up to the next event, or to the end."""
+        if not self.single_step:
+            return self.searched(segment, moment, self.band(segment.start, moment))
+        failures, mark = 0, segment.start
+        while True:
+            # errors that an implicit step leaves; those of an explicit one have not relaxed
+            self.guards.step = self.pace if self.solver.name == "rosenbrock" else 0.0
+            looks = self.looks(segment)
+            wide = replace(segment, times=np.union1d(segment.times[segment.times <= looks[-1]], looks))
+            try:
+                stop = integrate_to_event(self.guards, moment, wide, self.solver.name)
+            except Interrupted as interrupted:
+                self._rescue(segment, moment, interrupted.got)
+                raise
+            except RuntimeError:
+                # frozen modes may lead where nothing is defined, just beyond an event: not so far, then
+                reach = float(looks[-1]) - segment.start
+                failures += 1
+                # near a pole small pieces arrive somewhere again and again, without getting on
+                if reach <= 2 * _SHORTEST * self.span:
+                    raise
+                if failures % _MANY == 0:
+                    if segment.start - mark < _PROGRESS * self.span:
+                        raise
+                    mark = segment.start
+                self._gap, self._failed = reach / 64, True
+                segment = replace(segment, patience=PATIENCE)
+                continue
+            keep = np.isin(stop.times, segment.times)
+            self._record(stop.times[keep], stop.piece.x[:, keep], stop.piece.z[:, keep], moment, stop.piece.counters)
+            reached = stop.time if stop.time is not None else float(looks[-1])
+            self.pace = pace(segment.start, reached, stop.piece.counters)
+            self.guards.step = self.pace if self.solver.name == "rosenbrock" else 0.0
+            if stop.time is not None or reached >= segment.times[-1]:
+                return stop
+            self._gap = reached - segment.start
+            rest = segment.times[segment.times > reached]
+            segment = replace(segment, start=reached, times=rest, x=stop.x, z=stop.z, first=self.pace)
+            moment = replace(moment, x=stop.x, z=stop.z)
+
+    def _rescue(self, segment: Segment, moment: Moment, got: Stop | None) -> None:
+        """Record what an interrupted stretch had come to."""
+        if got is not None:
+            keep = np.isin(got.times, segment.times)
+            self._record(got.times[keep], got.piece.x[:, keep], got.piece.z[:, keep], moment, got.piece.counters)
+
+    def searched(self, segment: Segment, moment: Moment, band: Vector) -> Stop:
+        """The same with solvers that do not stop by themselves."""
+        none = Piece(np.zeros((len(moment.x), 0)), np.zeros((len(moment.z), 0)), {})
+
+        def record(times: Vector, piece: Piece) -> None:
+            if not self.problem.compiled.delays:
+                self._record(times, piece.x, piece.z, moment, piece.counters)
+
+        if self.problem.compiled.delays and not moment.regime.owners:
+            reached = Arrival(None, moment.x, moment.z)
+        else:
+            reached = self.search.to_event(segment, moment, band, self._gap, record)
+            vague = None if reached.vague is None else moment.regime.owners[reached.vague][0]
+            if vague is not None and vague not in self.problem.compiled.state_events.watched:
+                self._note_vague(self.guards.texts[vague])
+        if not self.problem.compiled.delays:
+            return Stop(none, segment.times[:0], reached.time, reached.x, reached.z)
+        # what is delayed is remembered of the stretch as it is, and of nothing beyond it
+        times = segment.times
+        if reached.time is not None:
+            times = np.append(times[times < reached.time], reached.time)
+        piece = self.integrate(moment.regime, replace(segment, times=times))
+        keep = np.isin(times, segment.times) & (times != reached.time)
+        self._record(times[keep], piece.x[:, keep], piece.z[:, keep], moment, piece.counters)
+        return Stop(none, segment.times[:0], reached.time, piece.x[:, -1], piece.z[:, -1])
+
+    def _note_vague(self, relation: str) -> None:
+        self._note(
+            f"{relation}: what decides it may be wrong by more than its size; a tighter tolerance locates it better"
+        )
+
+    def _note(self, note: str) -> None:
+        if note not in self.notes:
+            self.notes.append(note)
+            _log.warning("%s: %s", self.problem.compiled.name, note)
+
+    def looks(self, segment: Segment) -> Vector:
+        """Where a one-step method, which stops at events by itself, ends a step to have its guards looked at.
+
+        Over the whole rest of the segment; where that has failed, not much farther than it has come.
+        """
+        end = float(segment.times[-1])
+        span = end - segment.start
+        reach = self._gap if self._failed else np.inf
+        if reach < span / 8:
+            span = min(span, max(8 * reach, _SHORTEST * self.span))
+        count = max(_FEWEST_LOOKS, min(math.ceil(_LOOKS * span / self.span), _LOOKS))  # as in a whole run
+        found = segment.start + span * np.arange(1, count + 1) / count
+        found[-1] = min(segment.start + span, end) if span < end - segment.start else end
+        return found
+
+    def band(self, t: float, moment: Moment) -> Vector:
+        """How far past its guard each one may go: the noise where it rests there and does not leave.
+
+        One that leaves it, from behind by rounding, may be there as long as it does not turn back.
+        """
+        if not moment.regime.owners:
+            return np.zeros(0)
+        g, (rate, noise) = self.guards.distances(t, moment), self.guards.rates(t, moment)
+        resting = resting_band(g, rate, noise)
+        behind = self.guards.behind(t, g, rate, noise)
+        return np.where(resting > 0.0, resting, np.where(behind, np.maximum(-2.0 * g, 0.0), 0.0))
+
+    def _say(self, happened: Happened, t: float) -> Moment:
+        self.moment = happened.moment
+        self.history.append((t, happened.moment.regime))
+        self.terminated = happened.terminated or self.terminated
+        for note in happened.notes:
+            if note not in self.notes:
+                self.notes.append(note)
+                _log.warning("%s: %s", self.problem.compiled.name, note)
+        return happened.moment
+
+    def _record_start(self, t: float, moment: Moment, happened: Happened) -> None:
+        m = moment.regime.modes(np.array([t]), moment.x[:, None], moment.z[:, None], moment.m)
+        self.recorder.begin(t, moment.x, moment.z, m, happened.causes, happened.changed)
+
+    def _record(self, times: Vector, x: Vector, z: Vector, moment: Moment, counters: dict[str, float]) -> None:
+        self.iteration.check_shares(times, x, z, moment)
+        self.recorder.add(times, Piece(x, z, counters), moment.regime.modes(times, x, z, moment.m))

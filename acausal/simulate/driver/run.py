@@ -1,0 +1,330 @@
+"""One run and all that belongs to it: solver, start values, agenda, dynamics, record, and the result made of them."""
+
+from __future__ import annotations
+
+import logging
+import math
+import time as clock
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.analyse.delays import refuse_delays
+from acausal.errors import IntegrationError, RunError
+from acausal.lower.compiled import CompiledModel
+from acausal.lower.watched import UNWATCHED, with_watched
+from acausal.numeric.samples import STABILISATION_RATE
+from acausal.result import Result
+from acausal.simulate.delay.memory import Memory, check_undelayed
+from acausal.simulate.delay.start import begin, opened
+from acausal.simulate.driver.agenda import Agenda, Source, known_instants, schedule
+from acausal.simulate.driver.driver import Driver
+from acausal.simulate.driver.hybrid import Hybrid
+from acausal.simulate.driver.smooth import Smooth
+from acausal.simulate.equations.kept import kept
+from acausal.simulate.equations.problem import Problem
+from acausal.simulate.events.errors import RestlessKink
+from acausal.simulate.events.guards import Tolerances
+from acausal.simulate.events.log import event_log
+from acausal.simulate.events.regime import Regime
+from acausal.simulate.events.truth import truths
+from acausal.simulate.impulses import corners, refuse_jumps, refuse_leaps
+from acausal.simulate.inputs.given import Inputs
+from acausal.simulate.interrupt import Interruptible
+from acausal.simulate.options import Options
+from acausal.simulate.record.dense import Dense
+from acausal.simulate.record.record import Recorder, make_result
+from acausal.simulate.rounding import MANY, STRETCH, STRETCHES, attainable, remark
+from acausal.simulate.solvers import Solver, choose, share_of
+from acausal.simulate.solvers.base import Piece, Segment
+from acausal.simulate.start.initialize import Start, consistent, initialize
+from acausal.simulate.step_limit.limit import StepLimit
+
+Vector = NDArray[np.float64]
+Progress = Callable[[float, float], None]
+_log = logging.getLogger(__name__)
+# How far points may be off the constraints with fixed steps, and at the smallest tolerances.
+_MOVED_FIXED, _MOVED_LEAST = 1e-2, 1e-9
+
+
+@dataclass
+class Run:
+    """The run while it is under way.
+
+    `given` are states to start with instead of the start conditions, `outputs` times of rows instead of the grid,
+    `sources` what stops the run besides its time events and delays. `opening` says whether `initial()` is true at the
+    start, `traced` whether all events are kept. `why` is said of a solver instead of the reason it was chosen for.
+    `watches` says whether kinks at which rates may wake are watched: only a run that this ends goes without.
+    """
+
+    compiled: CompiledModel
+    options: Options
+    p: Vector
+    inputs: Inputs
+    progress: Progress | None
+    force: bool = False
+    given: Start | None = None
+    outputs: Vector | None = None
+    opening: bool = True
+    traced: bool = False
+    sources: tuple[Source, ...] = ()
+    why: str = ""
+    watches: bool = True
+    solver: Solver = field(init=False)
+    timings: dict[str, float] = field(default_factory=dict)
+    interrupt: Interruptible = field(default_factory=Interruptible)
+    recorder: Recorder | None = None
+    stopped: Segment | None = None
+    dynamics: Smooth | Hybrid | None = None
+    _ask_at: float = STRETCHES * STRETCH
+
+    @property
+    def u(self) -> Vector:
+        """Constant inputs; what varies is among the modes."""
+        return self.inputs.u
+
+    @property
+    def hybrid(self) -> Hybrid | None:
+        """The events of variables, where there may be some."""
+        return self.dynamics if isinstance(self.dynamics, Hybrid) else None
+
+    @cached_property
+    def problem(self) -> Problem:
+        """The equations with the numbers of this run."""
+        return Problem(self.compiled, self.p, self.u, self.options.native)
+
+    @cached_property
+    def tolerances(self) -> Tolerances:
+        """What the solvers get."""
+        tolerance = share_of(self.compiled, self.solver, self.options.tolerance) * self.options.tolerance
+        return Tolerances(tolerance, tolerance * self.options.absolute_factor)
+
+    def result(self) -> Result:
+        """Run; once more without watching kinks where that holds or ends it: they make no event, whatever they tell.
+
+        Raises
+        ------
+        RunError
+            With what was computed as its `result`.
+        """
+        plain = self.compiled
+        try:
+            return self._result()
+        except (RestlessKink, IntegrationError):
+            if self.sources or self.compiled is plain:  # sources have looked at the run already
+                raise
+            self.compiled, self.watches, self.timings, self.interrupt = plain, False, {}, Interruptible()
+            self.__dict__.pop("problem", None)
+            self.__dict__.pop("tolerances", None)
+            return self._result()
+
+    def _result(self) -> Result:
+        opts = self.options
+        check_undelayed(self.compiled, self.p)
+        self.solver, reason = choose(self.compiled, opts.solver, opts.step, len(self.inputs.breaks))
+        self.why = self.why or reason
+        notes: tuple[str, ...] = ()
+        if not self.solver.fixed_step and opts.step is None and not self.traced:  # fixed steps sleep through nothing
+            self.compiled, notes = with_watched(self.compiled) if self.watches else (self.compiled, (UNWATCHED,))
+        began = clock.perf_counter()
+        instants = self.instants()
+        m = self.modes(instants[0], instants[1])
+        refuse_jumps(self.compiled, instants.tolist(), self.modes, self.p)
+        memory = self.remembering() if self.compiled.delays else None
+        start = self.begun(m) if memory is None else opened(memory, self.problem, opts.start_time, self.begun, m)
+        start = replace(start, notes=(*start.notes, *notes))
+        for note in start.notes:
+            _log.warning("%s: %s", self.compiled.name, note)
+        self.timings["initialize"] = clock.perf_counter() - began
+        self.stabilise(start, m)
+        recorder = self.recorder = Recorder(self.compiled, self.p, self.u, self.most_moved())
+        limit = StepLimit(self.problem, self.solver.name, opts, self.force)
+        limit.check_start(opts.start_time, start.x, start.z, m)
+        driver = self.driver(recorder, instants, start, m, memory)
+        began = clock.perf_counter()
+        try:
+            with self.interrupt:
+                flag = "initial" if self.opening else None
+                if memory is None:
+                    driver.dynamics.begin(opts.start_time, start, m, flag)
+                else:
+                    begin(memory, driver.dynamics, opts.start_time, start, m, flag)
+                driver.go()
+                refuse_leaps(recorder, opts.tolerance)
+        except (RunError, KeyboardInterrupt) as error:
+            self.stopped = driver.stopped
+            if not recorder.segments:
+                raise
+            error.result = self.finished(recorder, start.notes)  # type: ignore[union-attr]
+            if isinstance(error, IntegrationError):
+                limit.check_run(recorder, error.result)
+            raise
+        finally:
+            self.timings["integrate"] = clock.perf_counter() - began
+        long = memory is None and recorder.counters.get("steps", 0.0) >= MANY
+        notes = self.ruled_by_rounding(recorder, opts.stop_time) if long else ()
+        result = self.finished(recorder, (*start.notes, *notes, *corners(recorder)))
+        limit.check_run(recorder, result)
+        return result
+
+    def start(self) -> Result:
+        """Where the run starts, as a result of one row: before anything happens there."""
+        m = self.modes(*self.instants()[:2])
+        start = self.begun(m)
+        self.stabilise(start, m)
+        recorder = Recorder(self.compiled, self.p, self.u)
+        recorder.begin(self.options.start_time, start.x, start.z, m)
+        return make_result(recorder, (), {}, None)
+
+    def instants(self) -> Vector:
+        """Start, time events, samples and breaks of inputs, and stop [s]."""
+        return known_instants(self.compiled, self.p, self.inputs, self.options.start_time, self.options.stop_time)
+
+    def driver(self, recorder: Recorder, instants: Vector, start: Start, m: Vector, memory: Memory | None) -> Driver:
+        """The driver at the start of the run."""
+        opts, problem, solver = self.options, self.problem, self.solver
+        grid = opts.grid() if self.outputs is None else self.outputs
+        known = schedule(self.compiled, self.p, self.inputs, instants, grid)
+        template = self.segment(float(instants[0]), known.times, start.x, start.z, m)
+        sources: tuple[Source, ...] = self.sources if memory is None else (memory, *self.sources)
+        report = None if self.progress is None else self.report
+        if self.compiled.state_events or self.traced or memory is not None:
+            explore = self.under
+            integrate = explore if memory is None else memory.recorded(explore, solver.multistep)
+            self.dynamics = Hybrid(
+                problem, solver, recorder, integrate, explore, self.tolerances, template, opts.span, self.traced
+            )
+        else:
+            self.dynamics = Smooth(problem, solver, recorder, self.integrate, template, opts.span, report)
+        agenda = Agenda(known, sources, opts.span)
+        return Driver(agenda, self.dynamics, recorder, solver.name, report, self.interrupt.check)
+
+    def under(self, regime: Regime, segment: Segment) -> Piece:
+        """The solver under any regime; RuntimeError when it cannot go on."""
+        return self.integrate(regime.problem, segment)
+
+    def integrate(self, problem: Problem, segment: Segment) -> Piece:
+        """The solver, whose failure is KeyboardInterrupt when Ctrl-C was its reason."""
+        try:
+            piece = self.solver.integrate(problem, segment)
+        except RuntimeError:
+            self.interrupt.check()
+            raise
+        if piece.stopped:
+            self.interrupt.check()
+        return piece
+
+    def segment(self, here: float, times: Vector, x: Vector, z: Vector, m: Vector) -> Segment:
+        """What a solver is asked: from `here` over the output times `times`."""
+        relative, absolute = self.tolerances.relative, self.tolerances.absolute
+        step, longest = self.options.step, self.options.max_step
+        return Segment(here, times, x, z, m, relative, absolute, step, longest)
+
+    def report(self, t: float) -> None:
+        """Say how far the run is."""
+        if self.progress is not None:
+            self.progress((t - self.options.start_time) / self.options.span, t)
+            self.warn_of_rounding(t)
+
+    def warn_of_rounding(self, t: float) -> None:
+        """Say of a run that will be long, as soon as that shows, that rounding rules its steps.
+
+        Asked again whenever the steps have doubled: what makes noise may come later.
+        """
+        assert self.recorder is not None, "a run under way records"
+        steps = self.recorder.counters.get("steps", 0.0)
+        done = (t - self.options.start_time) / self.options.span
+        if not 0.0 < done < 1.0 or steps < self._ask_at or steps / done < MANY or self.compiled.delays:
+            return
+        self._ask_at = 2.0 * steps
+        for note in self.ruled_by_rounding(self.recorder, t):
+            _log.warning("%s: at t = %g s: %s", self.compiled.name, t, note)
+            self._ask_at = math.inf
+
+    def modes(self, a: float, b: float) -> Vector:
+        """Modes of the time events, and numbers of inputs over time, between two instants."""
+        middle = 0.5 * (a + b)
+        m: Vector = kept(self.compiled).modes(middle, self.p)[0]
+        return np.asarray(self.inputs.into(self.compiled, m[None, :], np.array([middle]))[0])
+
+    def begun(self, m: Vector) -> Start:
+        """Where the run starts: at the states it was given, or where the start conditions say."""
+        t = self.options.start_time
+        if self.given is None:
+            return initialize(self.compiled, t, self.p, self.u, m)
+        if self.compiled.state_events:
+            first = len(m) - len(self.compiled.state_events.relations)
+            m[first:] = truths(self.compiled, t, self.given.x, self.given.z, self.u, self.p, m)
+        return consistent(self.compiled, t, self.given, self.p, self.u, m)
+
+    def remembering(self) -> Memory:
+        """The past of a model with delays."""
+        if self.given is not None:
+            help_ = "give the model without contacts that change its structure"
+            refuse_delays(self.compiled.flat, "a run in pieces of different structure", help_)
+        return Memory(self.compiled, self.p, self.u, self.tolerances, self.options.span)
+
+    def stabilise(self, start: Start, m: Vector) -> None:
+        """Choose the rate of stabilised constraints by the model's own time scale at the start, unless it was given."""
+        if self.compiled.solution.structure.rate is None or self.p[-1] != STABILISATION_RATE:
+            return
+        ode = np.array(self.compiled.rhs(self.options.start_time, start.x, start.z, self.u, self.p, m)[0]).ravel()
+        fastest = float(np.max(np.abs(ode) / (np.abs(start.x) + self.compiled.nominal_x)))
+        self.p[-1] = max(2.0 * fastest, 10.0 / self.options.span)
+
+    def most_moved(self) -> float:
+        """How far recorded points may be off the constraints: ten tolerances, where a tolerance rules the steps."""
+        is_fixed = self.solver.fixed_step or self.options.step is not None
+        return _MOVED_FIXED if is_fixed else max(10 * self.options.tolerance, _MOVED_LEAST)
+
+    def again(self, recorder: Recorder, row: int, times: Vector) -> tuple[Piece, Vector]:
+        """The solution integrated again from a recorded row, and its modes at `times`; RuntimeError where it fails."""
+        here, x, z, m = recorder.point(row)
+        segment = self.segment(here, times, x, z, m)
+        if self.hybrid is None:
+            return self.solver.integrate(self.problem, segment), m
+        regime = self.hybrid.regime_at(here)
+        piece = self.solver.integrate(regime.problem, segment)
+        return piece, regime.modes(times, piece.x, piece.z, m)
+
+    def ruled_by_rounding(self, recorder: Recorder, reached: float) -> tuple[str, ...]:
+        """The note for a run of many steps up to `reached` that a finer tolerance than can be attained asked for."""
+        opts, steps = self.options, recorder.counters.get("steps", 0.0)
+        if self.solver.fixed_step or opts.step is not None or len(self.inputs.breaks):
+            return ()
+        stretches, span = [], min(reached, recorder.time) - opts.start_time
+        for t in opts.start_time + span * (np.arange(STRETCHES) + 0.5) / STRETCHES:
+            here, *at = recorder.point(recorder.before(float(t)))
+            stretches.append(self.segment(here, np.array([here + STRETCH * span / steps]), *at))
+
+        def again(segment: Segment) -> Piece:
+            problem = self.problem if self.hybrid is None else self.hybrid.regime_at(segment.start).problem
+            return self.solver.integrate(problem, segment)
+
+        return remark(attainable(again, stretches), steps, self.solver.name, opts.tolerance)
+
+    def finished(self, recorder: Recorder, notes: tuple[str, ...]) -> Result:
+        """The result of what was recorded."""
+        events = event_log(recorder.boundaries, kept(self.compiled).instants(self.p)[0], self.inputs)
+        hybrid, native = self.hybrid, self.problem.native
+        more = hybrid.notes if hybrid is not None else ()
+        stats = {
+            "solver": self.solver.name,
+            "reason": self.why,
+            "tolerance": self.options.tolerance,
+            "states": self.compiled.n_dynamic,
+            "quadratures": self.compiled.quadratures,
+            "algebraic": len(self.compiled.algebraic),
+            **recorder.counters,
+            "segments": recorder.segments,
+            "native": bool(native.used),
+            "outputs": self.compiled.asked,
+            "notes": (*self.compiled.flat.notes, *notes, *more, *native.notes(self.solver.name)),
+            **({"terminated": hybrid.terminated} if hybrid is not None and hybrid.terminated is not None else {}),
+            **({"events": len(events)} if events else {}),
+            "time": {**self.compiled.timings, **self.timings},
+        }
+        return make_result(recorder, events, stats, Dense(recorder, lambda row, at: self.again(recorder, row, at)))

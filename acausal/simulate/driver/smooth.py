@@ -1,0 +1,155 @@
+"""A run that nothing but its schedule interrupts: between two stops it is one call of the solver."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.simulate.driver.agenda import Place, Schedule, Stretch
+from acausal.simulate.driver.flight import Flight, can_fly
+from acausal.simulate.equations.problem import Problem
+from acausal.simulate.events.guards import Moment
+from acausal.simulate.events.regime import Regime
+from acausal.simulate.interrupt import Interrupted
+from acausal.simulate.native.flight import FlightProgram
+from acausal.simulate.native.policy import Library
+from acausal.simulate.record.record import Recorder
+from acausal.simulate.solvers import Solver
+from acausal.simulate.solvers.base import Piece, Segment, pace, program
+from acausal.simulate.solvers.patience import salvage
+from acausal.simulate.start.initialize import Start, consistent
+
+Vector = NDArray[np.float64]
+_log = logging.getLogger(__name__)
+# Steps times variables that take about a second.
+_LONG = 1e6
+
+
+@dataclass
+class Smooth:
+    """The dynamics of a model without events of variables; see `driver.Dynamics`.
+
+    `report` is told the time reached within a stretch, None when nobody asks.
+    """
+
+    problem: Problem
+    solver: Solver
+    recorder: Recorder
+    integrate: Callable[[Problem, Segment], Piece]
+    template: Segment
+    span: float
+    report: Callable[[float], None] | None = None
+    terminated: str | None = None
+    pace: float = 0.0
+    _moment: Moment | None = None
+    _failed: Segment | None = None
+
+    @property
+    def reached(self) -> Moment:
+        """Where the run is."""
+        assert self._moment is not None, "a run begins before its first stretch"
+        return self._moment
+
+    @property
+    def equations(self) -> Problem:
+        """What is integrated."""
+        return self.problem
+
+    def begin(self, t: float, start: Start, m: Vector, flag: str | None) -> None:
+        """The start of the run."""
+        self._moment = Moment(start.x, start.z, m, Regime(self.problem))
+
+    def moved(self, x: Vector, z: Vector, m: Vector) -> None:
+        """The run was brought to these values from outside."""
+        self._moment = replace(self.reached, x=x, z=z, m=m)
+
+    def enter(self, stretch: Stretch) -> None:
+        """Algebraic variables under the modes of the stretch."""
+        moment, problem = self.reached, self.problem
+        m = moment.m.copy()
+        m[: len(stretch.modes)] = stretch.modes
+        start = Start(moment.x, moment.z, ())
+        start = consistent(problem.compiled, stretch.start, start, problem.p, problem.u, m)
+        self.moved(start.x, start.z, m)
+        self.recorder.begin(stretch.start, start.x, start.z, m)
+
+    def advance(self, stretch: Stretch, place: Place) -> None:
+        """Integrate to the end of the stretch."""
+        for times in self._parts(stretch.times):
+            moment = self.reached
+            here = replace(self.template, start=float(self.recorder.time), times=times, x=moment.x, z=moment.z)
+            here = replace(here, p=moment.m, first=self.pace)
+            piece = self._integrated(here)
+            self.pace = pace(here.start, float(times[-1]), piece.counters)
+            piece = self._record(times[-piece.x.shape[1] :], piece)
+            self.moved(piece.x[:, -1], piece.z[:, -1], moment.m)
+
+    def _record(self, times: Vector, piece: Piece) -> Piece:
+        return self.recorder.add(times, piece, self.reached.m)
+
+    def _integrated(self, segment: Segment) -> Piece:
+        """The solver; where it fails, what can be saved in smaller pieces."""
+
+        def solved(part: Segment) -> Piece:
+            return self.integrate(self.problem, part)
+
+        try:
+            return solved(segment)
+        except Interrupted as stop:
+            if stop.got is not None:
+                self._record(segment.times[: stop.got.x.shape[1]], stop.got)
+            raise
+        except RuntimeError as error:
+            _log.debug("%s: %s", self.solver.name, error)
+            self._failed, last = salvage(solved, segment, self._record)
+            if last is not None:
+                return last  # in smaller pieces it went through
+            raise
+
+    def _parts(self, times: Vector) -> Iterator[Vector]:
+        """Output times in chunks, after each of which progress is reported and the run can be stopped.
+
+        One without progress; with it, the first fiftieth tells whether there is reason for more: each chunk restarts
+        the solver, at the cost of steps and of accuracy. Steps are counted, not seconds, so that a run gives the same
+        result every time.
+        """
+        if self.report is None or len(times) < 100:
+            yield times
+            return
+        before = self.recorder.counters.get("steps", 0.0)
+        few = len(times) // 50
+        yield times[:few]
+        self.report(self.recorder.time)
+        steps = 50.0 * (self.recorder.counters.get("steps", 0.0) - before)
+        compiled = self.problem.compiled
+        work = steps * (10 + len(compiled.states) + len(compiled.algebraic)) / _LONG
+        parts = np.array_split(times[few:], int(np.clip(12 * work, 12, 50)) if work > 1.0 else 1)
+        for part in parts[:-1]:
+            yield part
+            self.report(self.recorder.time)
+        yield parts[-1]
+
+    def flight(self, schedule: Schedule) -> Flight | None:
+        """How compiled code passes the segments by itself, if it can."""
+        # one segment is faster as it is, and can be passed in parts
+        if schedule.segments < 2 or not can_fly(self.problem, self.solver):
+            return None
+        return Flight(self.problem, self.recorder, schedule, self.template, self.span)
+
+    def library(self) -> Library[FlightProgram] | None:
+        """The compiled integrator, if there is one."""
+        return program(self.problem, self.solver, self.template)
+
+    def failed(self, times: Vector) -> Segment:
+        """What could not be passed."""
+        if self._failed is not None:
+            return self._failed
+        here, moment = self.recorder.time, self.reached
+        return replace(self.template, start=here, times=times[times > here], x=moment.x, z=moment.z, p=moment.m)
+
+    def end(self, t: float, samples: Vector) -> None:
+        """Nothing happens at the end."""

@@ -1,0 +1,1 @@
+"""One model with its numbers: the functions that integrators and events call."""

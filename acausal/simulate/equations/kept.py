@@ -1,0 +1,187 @@
+"""What the runs of a compiled model share: functions made at the first need, and kept as long as the model is."""
+
+from __future__ import annotations
+
+import threading
+from functools import cached_property
+from typing import Any
+from weakref import WeakKeyDictionary, ref
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.lower.compiled import CompiledModel, DefiningBuilder, Symbols
+from acausal.simulate.equations.quick import Quick
+from acausal.simulate.equations.shares import Shares
+from acausal.simulate.start.newton import Newton
+from acausal.simulate.start.open_start import OpenStart
+
+Vector = NDArray[np.float64]
+
+# Functions of single signals that are kept, and who may make one: a builder is not for two threads.
+_MOST_OBSERVED = 256
+_OBSERVING = threading.Lock()
+
+
+class Kept:
+    """Functions of one model, of `(t, x, z, u, p, m)` where nothing else is said."""
+
+    def __init__(self, compiled: CompiledModel) -> None:
+        self._model = ref(compiled)  # what is kept for a model must not keep it alive
+        self._several: dict[int, Quick] = {}
+        self._newton: dict[tuple[int, ...], Newton | None] = {}
+        self._observers: dict[bool, tuple[Symbols, DefiningBuilder]] = {}
+        self._observed: dict[tuple[tuple[int, ...], bool], Quick] = {}
+
+    @property
+    def compiled(self) -> CompiledModel:
+        """The model."""
+        model = self._model()
+        assert model is not None, "only who holds the model asks"
+        return model
+
+    @cached_property
+    def rhs(self) -> Quick:
+        """`-> (ode, alg)`."""
+        return Quick(self.compiled.rhs)
+
+    @cached_property
+    def observe(self) -> Quick:
+        """`-> every trajectory at one instant`."""
+        return Quick(self.compiled.observe)
+
+    def observing(self, columns: tuple[int, ...], blend: bool) -> Quick:
+        """`-> some of the trajectories`, by their places in `columns` of the model; `blend` for modes between 0 and 1.
+
+        The builder stays: what it has lowered for one signal is there for the next.
+        """
+        with _OBSERVING:
+            if (columns, blend) not in self._observed:
+                if blend not in self._observers:
+                    self._observers[blend] = self._observer(blend)
+                symbols, builder = self._observers[blend]
+                y = builder.column([builder.replaced(self.compiled.columns[k]) for k in columns])
+                while len(self._observed) >= _MOST_OBSERVED:
+                    del self._observed[next(iter(self._observed))]
+                self._observed[columns, blend] = Quick(ca.Function("observing", symbols.inputs, [ca.densify(y)]))
+            return self._observed[columns, blend]
+
+    def _observer(self, blend: bool) -> tuple[Symbols, DefiningBuilder]:
+        symbols = Symbols(self.compiled)
+        builder = symbols.builder(self.compiled)
+        builder.blend = blend
+        builder.define(self.compiled.solution.definitions, self.compiled.rewritten)
+        return symbols, builder
+
+    @cached_property
+    def reactions(self) -> Quick:
+        """See `EventFunctions.reactions`."""
+        return Quick(self.compiled.events.reactions)
+
+    @cached_property
+    def round(self) -> Quick:
+        """See `acausal.lower.event_round.Round`."""
+        return Quick(self.compiled.events.round)
+
+    @cached_property
+    def distances(self) -> Quick:
+        """`-> distance`, one per relation."""
+        return Quick(self.compiled.events.distances)
+
+    @cached_property
+    def watch(self) -> Quick:
+        """`-> distances` with the sign of their modes, positive while these hold."""
+        return Quick(self.compiled.events.watch)
+
+    @cached_property
+    def rates(self) -> Quick:
+        """See `guard_rates`."""
+        return Quick(self.compiled.events.rates)
+
+    @cached_property
+    def guess(self) -> Quick:
+        """`(p) -> (x, z)` as declared."""
+        return Quick(self.compiled.guess)
+
+    @cached_property
+    def constants(self) -> Quick:
+        """`(p) -> c`, in the order of `constant_nodes`."""
+        return Quick(self.compiled.constants)
+
+    @cached_property
+    def instants(self) -> Quick:
+        """`(p) -> times of the relations of time`."""
+        return Quick(self.compiled.instants)
+
+    @cached_property
+    def modes(self) -> Quick:
+        """`(t, p) -> m`."""
+        return Quick(self.compiled.modes)
+
+    def island_rates(self, times: Vector, u: Vector, p: Vector, m: Vector, d: Vector) -> Vector:
+        """Rates at n instants, shape (nq, n), of the integrals of time that are solved apart.
+
+        They are by their nominal magnitudes; `m` and `d` have a row for each instant.
+        """
+        n = len(times)
+        if n not in self._several:  # a run asks for the same few numbers of instants as the one before
+            if len(self._several) > 32:
+                self._several.clear()
+            self._several[n] = Quick(self.islands.map(n))
+        return self._several[n](times, np.tile(u, n), np.tile(p, n), m.ravel(), d.ravel())[0]
+
+    @cached_property
+    def islands(self) -> Any:
+        """`(t, u, p, m, d) -> rates` of the integrals of time that are solved apart, by their nominal magnitudes."""
+        compiled = self.compiled
+        s = Symbols(compiled)
+        n, nq, nd = compiled.n_dynamic, compiled.quadratures, compiled.discretes
+        d = ca.SX.sym("d", nd)
+        rates = compiled.rhs(s.t, ca.vertcat(ca.SX(n + nq, 1), d), s.z, s.u, s.p, s.m)[0][n : n + nq]
+        scaled = ca.densify(rates / ca.DM(compiled.nominal_x[n : n + nq]))
+        return ca.Function("islands", [s.t, s.u, s.p, s.m, d], [scaled])
+
+    @cached_property
+    def shares(self) -> Shares | None:
+        """Statically undetermined loads; None where there can be none."""
+        return Shares.of(self.compiled)
+
+    @cached_property
+    def switched(self) -> tuple[int, ...]:
+        """Expressions of time that switch, are differentiated and are no derivatives themselves: nodes of the pool."""
+        pool = self.compiled.solution.structure.reduced.pool
+        timely = [n for n in pool._slopes if pool.nodes[n][0] == "where" and not pool.variables_in(n)]
+        rates = set(pool.reachable(pool._slopes.values())) if timely else set()
+        return tuple(n for n in timely if n not in rates)
+
+    @cached_property
+    def switches(self) -> Quick:
+        """`(t, p, m) -> their values`."""
+        s = Symbols(self.compiled)
+        builder = s.builder(self.compiled)
+        builder.define([], self.compiled.rewritten)
+        column = ca.vertcat(*builder.lower([builder.replaced(n) for n in self.switched]))
+        return Quick(ca.Function("switched", [s.t, s.p, s.m], [ca.densify(column)]))
+
+    @cached_property
+    def open_start(self) -> OpenStart | None:
+        """What the start conditions leave open or say twice; None where they are decided outright."""
+        return OpenStart.of(self.compiled)
+
+    def newton(self, free: tuple[int, ...] = ()) -> Newton | None:
+        """Newton's method for the algebraic variables and these states; None where no such step can be made."""
+        if free not in self._newton:
+            self._newton[free] = Newton.of(self.compiled, free)
+        return self._newton[free]
+
+
+_KEPT: WeakKeyDictionary[CompiledModel, Kept] = WeakKeyDictionary()
+
+
+def kept(compiled: CompiledModel) -> Kept:
+    """What is kept for a model; models are compared by identity, and forgotten when nobody else holds them."""
+    found = _KEPT.get(compiled)
+    if found is None:
+        found = _KEPT[compiled] = Kept(compiled)
+    return found

@@ -1,0 +1,290 @@
+"""The equations of a model, scaled: as CasADi's integrators get them.
+
+What parameters and inputs alone determine is computed once per run, which halves the operations of a drill on its
+guide. It is an argument, so that functions and integrators serve all runs, whatever their parameters: ThickBlock makes
+43 integrators, a quarter of a first run. In large models it is numbers in the expressions instead, which evaluate up to
+a fifth faster there, and functions and integrators are kept for the last few values.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections import OrderedDict
+from functools import cached_property
+from typing import Any
+from weakref import WeakKeyDictionary
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.lower.compiled import CompiledModel
+from acausal.simulate.equations.factorisation import FEW, Factorisation, factorisation
+from acausal.simulate.equations.quick import Quick
+from acausal.simulate.native.equations import equations
+
+Vector = NDArray[np.float64]
+_DAE_IN = ["t", "x", "z", "p", "u"]
+_DAE_OUT = ["ode", "alg", "quad", "zero"]
+# Forms of the equations, and integrators for each of these, that are kept. Large models keep no integrators: they take
+# a hundred megabytes, and next to a run their making is nothing.
+_FORMS, _INTEGRATORS, _LARGEST = 4, 128, 1000
+# Instructions of equations whose parameters are arguments.
+_LARGEST_SHARED = 2000
+UNIT = 2.0**20
+"""How long a stretched interval is: its shortest piece is far from what SUNDIALS' interfaces take for nothing."""
+# What is left of an algebraic equation at its root, as a share of what its unknowns can make of it, and besides; and
+# the iterations to it.
+_ROOT, _ROUNDING = 1e-8, 1e-12
+_MOST_ITERATIONS = 40
+
+
+class Numbered:
+    """Equations of `compiled`.
+
+    The parameter vector of all forms is `[c, m, d, shift]`: what parameters and inputs alone determine, modes of
+    events, discrete variables, and the time at which a segment starts (a CasADi integrator has its time frozen at
+    construction).
+    """
+
+    def __init__(self, compiled: CompiledModel, zeros: tuple[int, ...], values: tuple[Vector, Vector] | None) -> None:
+        """For parameters that are zero at `zeros`, or with these `values` of p and u as numbers; c is empty then."""
+        self.n, self.nq, self.nd = compiled.n_dynamic, compiled.quadratures, compiled.discretes
+        self.nz, self.nm = len(compiled.algebraic), compiled.n_modes
+        self._rhs = compiled.rhs
+        self._scale_x, self._scale_z = compiled.nominal_x[: self.n], compiled.nominal_z
+        self._shared: Any = None
+        if values is None:
+            self._shared, constants = equations(compiled, zeros)
+            self._constants = Quick(constants)
+        else:
+            self._p, self._u = (v.copy() for v in values)
+            self._columns = compiled.mapped(zeros)
+        self._integrators: OrderedDict[tuple[Any, ...], Any] = OrderedDict()
+        self._slowed: dict[tuple[int, float], Any] = {}
+        self._stretched: dict[int, Any] = {}
+        self._reordered: dict[int, Any] = {}
+
+    @property
+    def is_shared(self) -> bool:
+        """Whether it serves all parameters that are zero at the same places."""
+        return self._shared is not None
+
+    def constants(self, p: Vector, u: Vector) -> Vector:
+        """What parameters and inputs alone determine, c."""
+        return np.zeros(0) if self._shared is None else self._constants(p, u)[0]
+
+    @cached_property
+    def scaled(self) -> tuple[Any, ...]:
+        """Symbols t, x, z, [c, m, d, shift], and the scaled expressions ode and alg."""
+        n, nm, nd = self.n, self.nm, self.nd
+        t = ca.SX.sym("t")
+        x, z = ca.SX.sym("x", n), ca.SX.sym("z", self.nz)
+        if self._shared is not None:
+            p = ca.SX.sym("p", self._shared.numel_in("p"))
+            return t, x, z, p, *self._shared(t, x, z, p, ca.SX(0, 1))[:2]
+        p = ca.SX.sym("p", nm + nd + 1)
+        m, d, shift = ca.vertsplit(p, [0, nm, nm + nd, nm + nd + 1])  # p[0:0] would be p[0]
+        full_x = ca.vertcat(x * ca.DM(self._scale_x), ca.SX(self.nq, 1), d)
+        ode, alg = self._rhs(t + shift, full_x, z * ca.DM(self._scale_z), self._u, self._p, m)
+        return t, x, z, p, ca.densify(ode)[:n] / ca.DM(self._scale_x), ca.densify(alg)
+
+    @cached_property
+    def dae(self) -> Any:
+        """`(t, x, z, p, u) -> (ode, alg, quad, zero)` for integrators that take algebraic variables.
+
+        SX, or MX with each pattern of repeated components once (`acausal.lower.columns.mapped`).
+        """
+        if self._shared is not None:
+            return self._shared
+        form = self._columns
+        if form is not None:
+            constants = np.array(form.constants(self._p, self._u)).ravel()
+            if np.isfinite(constants).all():
+                return form.dae(self._scale_x, self._scale_z, constants)
+        t, x, z, p, ode, alg = self.scaled
+        none = ca.SX(0, 1)
+        return ca.Function("dae", [t, x, z, p, ca.SX.sym("u", 0)], [ode, alg, none, none], _DAE_IN, _DAE_OUT)
+
+    @cached_property
+    def quick(self) -> Quick:
+        """`dae`, for single points."""
+        return Quick(self.dae)
+
+    @cached_property
+    def ode(self) -> Any:
+        """The same without algebraic variables: a rootfinder solves for them; its start is appended to `p`.
+
+        Where it does not converge the rates are nan: adaptive methods try a shorter step, others end there.
+        """
+        if self.nz == 0:
+            return self.dae
+        t, x, z, p, ode, alg = self.scaled
+        full = ca.Function("full", [t, x, z, p], [ode])
+        time, state, par = ca.MX.sym("t"), ca.MX.sym("x", x.numel()), ca.MX.sym("p", p.numel())
+        z0 = ca.MX.sym("z0", self.nz)
+        solved: Any = self._root(t, x, z, p, alg)(z0, ca.vertcat(time, state, par))
+        solved = ca.if_else(self.is_root(time, state, solved, par), solved, float("nan"))
+        none = ca.MX(0, 1)
+        arguments: list[Any] = [time, state, ca.MX.sym("z", 0), ca.vertcat(par, z0), ca.MX.sym("u", 0)]
+        return ca.Function("ode", arguments, [full(time, state, solved, par), none, none, none], _DAE_IN, _DAE_OUT)
+
+    @cached_property
+    def is_root(self) -> Any:
+        """`(t, x, z, [c, m, d, shift]) -> 1` where the algebraic equations hold, all scaled."""
+        t, x, z, p, _, alg = self.scaled
+        reach = ca.fabs(ca.jacobian(alg, z)) @ (1 + ca.fabs(z))
+        return ca.Function("is_root", [t, x, z, p], [ca.mmax(ca.fabs(alg) - _ROOT * reach) <= _ROUNDING])
+
+    @cached_property
+    def slope(self) -> Quick:
+        """`(t, x, z, [c, m, d, shift]) -> (d alg/dz, size of the terms of alg)`, all scaled."""
+        t, x, z, p, _, alg = self.scaled
+        by_x, by_z = ca.jacobian(alg, x), ca.jacobian(alg, z)
+        sizes = ca.fabs(by_x) @ ca.fabs(x) + ca.fabs(by_z) @ ca.fabs(z)
+        return Quick(ca.Function("slope", [t, x, z, p], [ca.densify(by_z), ca.densify(sizes)]))
+
+    @cached_property
+    def quick_is_root(self) -> Quick:
+        """`is_root`, for single points."""
+        return Quick(self.is_root)
+
+    @cached_property
+    def halting_dae(self) -> Any:
+        """`dae`, with steps that end at outputs."""
+        return halting(self.dae)
+
+    @cached_property
+    def halting_ode(self) -> Any:
+        """`ode`, with steps that end at outputs."""
+        return halting(self.ode)
+
+    @cached_property
+    def algebraic_root(self) -> Quick:
+        """Rootfinder for consistent algebraic variables: `(z, [t, x, c, m, d, shift]) -> z`, all scaled."""
+        t, x, z, p, _, alg = self.scaled
+        return Quick(self._root(t, x, z, p, alg))
+
+    def _root(self, t: Any, x: Any, z: Any, p: Any, alg: Any) -> Any:
+        """Rootfinder `(z0, [t, x, p]) -> z` for the scaled algebraic equations."""
+        residual = ca.Function("residual", [z, ca.vertcat(t, x, p)], [alg], ["z", "q"], ["r"])
+        return ca.rootfinder(
+            "algebraic",
+            "newton",
+            residual,
+            {"abstol": 1e-13, "abstolStep": 1e-10, "max_iter": _MOST_ITERATIONS, "error_on_fail": False},
+        )
+
+    def slowed(self, dae: Any, unit: float) -> Any:
+        """One of these forms with time in another unit [s]."""
+        key = int(dae.__hash__()), unit
+        if key not in self._slowed:
+            arguments = dae.sx_in() if dae.is_a("SXFunction") else dae.mx_in()
+            ode, *others = dae(unit * arguments[0], *arguments[1:])
+            slow = ca.Function(dae.name(), arguments, [unit * ode, *others], dae.name_in(), dae.name_out())
+            self._slowed[key] = slow
+        return self._slowed[key]
+
+    @cached_property
+    def factorisation(self) -> Factorisation:
+        """How the Newton matrices of `dae` are factorised."""
+        if self.n + self.nz <= FEW:
+            return Factorisation()
+        dae = self.dae
+        places = (("ode", "x"), ("ode", "z"), ("alg", "x"), ("alg", "z")) if self.nz else (("ode", "x"),)
+        blocks = [ca.DM(dae.jac_sparsity(dae.index_out(f), dae.index_in(v))) for f, v in places]
+        whole = ca.blockcat([blocks[:2], blocks[2:]]) if self.nz else blocks[0]
+        return factorisation((whole + ca.DM.eye(self.n + self.nz)).sparsity(), self.n)
+
+    def reordered(self, dae: Any) -> Any:
+        """One of these forms with its variables in the order of `factorisation`."""
+        x, z = self.factorisation.x, self.factorisation.z
+        if x is None or z is None:
+            return dae
+        key = int(dae.__hash__())
+        if key not in self._reordered:
+            kind: Any = ca.SX if dae.is_a("SXFunction") else ca.MX
+            arguments = [kind.sym(name, dae.numel_in(k)) for k, name in enumerate(_DAE_IN)]
+            t, own_x, own_z, *others = arguments
+            ode, alg, *more = dae(t, own_x[np.argsort(x).tolist()], own_z[np.argsort(z).tolist()], *others)
+            results = [ode[x.tolist()], alg[z.tolist()], *more]
+            self._reordered[key] = ca.Function("dae", arguments, results, _DAE_IN, _DAE_OUT)
+        return self._reordered[key]
+
+    def stretched(self, dae: Any) -> Any:
+        """One of these forms over a time from 0 to `UNIT` (`stretched`)."""
+        key = int(dae.__hash__())
+        if key not in self._stretched:
+            self._stretched[key] = stretched(dae)
+        return self._stretched[key]
+
+    def integrator(self, plugin: str, dae: Any, grid: Vector, settings: dict[str, Any]) -> Any:
+        """An integrator of `dae`, one of these equations in some form, from 0 over the times of `grid`."""
+        if self.n + self.nz > _LARGEST:
+            return ca.integrator("segment", plugin, dae, 0.0, grid.tolist(), settings)
+        # a function has one memory that is its own: no two threads may share it
+        key = plugin, dae.__hash__(), grid.tobytes(), repr(sorted(settings.items())), threading.get_ident()
+        found = self._integrators.pop(key, None)
+        if found is None:
+            found = ca.integrator("segment", plugin, dae, 0.0, grid.tolist(), settings)
+        self._integrators[key] = found
+        if len(self._integrators) > _INTEGRATORS:
+            self._integrators.popitem(last=False)
+        return found
+
+
+def stretched(dae: Any) -> Any:
+    """The same over a time from 0 to `UNIT`, whose length [s] is one more parameter."""
+    kind: Any = ca.SX if dae.is_a("SXFunction") else ca.MX
+    t, x, z, p, u = (kind.sym(name, dae.numel_in(k)) for k, name in enumerate(_DAE_IN))
+    length = kind.sym("length")
+    ode, *others = dae(t * (length / UNIT), x, z, p, u)
+    arguments = [t, x, z, ca.vertcat(p, length), u]
+    return ca.Function("dae", arguments, [length / UNIT * ode, *others], _DAE_IN, _DAE_OUT)
+
+
+def halting(dae: Any) -> Any:
+    """The same with a control that acts on nothing.
+
+    CasADi's one-step methods interpolate outputs between their steps, by a polynomial that holds for slow components
+    only: of a fast one that follows a source the rows are 20 mV off where the steps are right to 1e-10 V. A step ends
+    where a control changes, so one that is another number at each output makes each output a step.
+    """
+    kind: Any = ca.SX if dae.is_a("SXFunction") else ca.MX
+    t, x, z, p = (kind.sym(name, dae.numel_in(name)) for name in _DAE_IN[:4])
+    return ca.Function("dae", [t, x, z, p, kind.sym("u")], dae(t, x, z, p, kind(0, 1)), _DAE_IN, _DAE_OUT)
+
+
+def controls(count: int) -> Vector:
+    """Values of that control in the intervals before `count` outputs."""
+    return np.array(np.arange(count) % 2, dtype=np.float64)
+
+
+_MADE: WeakKeyDictionary[CompiledModel, OrderedDict[Any, Numbered]] = WeakKeyDictionary()
+
+
+def numbered(compiled: CompiledModel, p: Vector, u: Vector) -> Numbered:
+    """The equations for these values, from the last few forms that were asked for."""
+    zeros = tuple(np.flatnonzero(p == 0.0).tolist())
+    if compiled.rhs.n_instructions() <= _LARGEST_SHARED and compiled.mapped(zeros) is None:
+        found = _kept(compiled, zeros, None)
+        if np.isfinite(found.constants(p, u)).all():
+            return found
+    return with_values(compiled, p, u)
+
+
+def with_values(compiled: CompiledModel, p: Vector, u: Vector) -> Numbered:
+    """The equations with these values as numbers: what was divided by zero may be multiplied by zero again."""
+    return _kept(compiled, tuple(np.flatnonzero(p == 0.0).tolist()), (p, u))
+
+
+def _kept(compiled: CompiledModel, zeros: tuple[int, ...], values: tuple[Vector, Vector] | None) -> Numbered:
+    made = _MADE.setdefault(compiled, OrderedDict())
+    key = zeros if values is None else tuple(v.tobytes() for v in values)
+    found = made.pop(key, None)
+    if found is None:
+        found = Numbered(compiled, zeros, values)
+    made[key] = found
+    if len(made) > _FORMS:
+        made.popitem(last=False)
+    return found

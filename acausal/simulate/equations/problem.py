@@ -1,0 +1,146 @@
+"""The DAE as the integrators get it: scaled variables, time counted from the segment's start, one parameter vector."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.lower.compiled import CompiledModel
+from acausal.simulate.equations.numbered import Numbered, numbered
+from acausal.simulate.native.policy import Native
+from acausal.simulate.record.marching import CLOSE, followed
+
+if TYPE_CHECKING:
+    from acausal.simulate.solvers.base import Segment
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """A compiled model seen by an integrator, for one run.
+
+    States and algebraic variables are divided by their nominal magnitudes, so that one absolute tolerance fits all.
+    The model's parameters `p` and inputs `u` come to the equations as what they alone determine (`numbered.py`).
+
+    `wanted_native` is the run's option `native`: whether to use the equations as compiled C.
+    """
+
+    compiled: CompiledModel
+    p: Vector
+    u: Vector
+    wanted_native: bool | None = None
+
+    @property
+    def n_dynamic(self) -> int:
+        """Number of states of the coupled system; the others are integrated apart."""
+        return self.compiled.n_dynamic
+
+    def numbers(self, m: Vector, x: Vector, start: float) -> Vector:
+        """What varies from segment to segment: modes, discrete variables out of all states, start of the segment."""
+        return np.concatenate([m, x[len(x) - self.compiled.discretes :], [start]])
+
+    def vector(self, m: Vector, x: Vector, start: float) -> Vector:
+        """The parameter vector of the equations: what p and u alone determine, then `numbers`."""
+        return np.concatenate([self._constants, self.numbers(m, x, start)])
+
+    @cached_property
+    def _constants(self) -> Vector:
+        return self.numbered.constants(self.p, self.u)
+
+    @cached_property
+    def scale_x(self) -> Vector:
+        """Nominal magnitudes of the dynamic states."""
+        return self.compiled.nominal_x[: self.n_dynamic]
+
+    @property
+    def scale_z(self) -> Vector:
+        """Nominal magnitudes of the algebraic variables."""
+        return self.compiled.nominal_z
+
+    @cached_property
+    def native(self) -> Native:
+        """The model's compiled C, as far as there is any."""
+        return Native(self.compiled, self.wanted_native, self.p)
+
+    @cached_property
+    def numbered(self) -> Numbered:
+        """The equations as integrators get them, with `p` and `u` as they are when this is first asked for."""
+        return numbered(self.compiled, self.p, self.u)
+
+    def solve_algebraic(self, segment: Segment, x: Vector) -> Vector:
+        """Algebraic variables at the times of a segment whose states are `x`; shape (nz, n).
+
+        They are followed from the start of the segment, and must be the ones with which the rates were computed.
+
+        Raises
+        ------
+        RuntimeError
+            Where they end: an integrator that has eliminated them goes on with those of another branch.
+        """
+        nz = len(self.compiled.algebraic)
+        found = np.empty((nz, len(segment.times)))
+        if nz == 0:
+            return found
+        first = here = segment.z / self.scale_z
+        before = segment.start, segment.x[: self.n_dynamic] / self.scale_x
+        for k, time in enumerate(segment.times.tolist()):
+            states, numbers = x[: self.n_dynamic, k] / self.scale_x, self.vector(segment.p, x[:, k], 0.0)
+            # the rates had their root from the start of the segment
+            used = self._root(first, time, states, numbers)
+            if not self.numbered.quick_is_root(time, states, used, numbers)[0][0]:
+                raise RuntimeError("CONV_FAIL: the algebraic equations have no solution there")
+            if not _are_close(used, here):
+                here = self._followed(before, (time, states), here, used, numbers)
+                if not _are_close(used, here):
+                    raise RuntimeError("CONV_FAIL: the algebraic variables leave their branch")
+            here, before = used, (time, states)
+            found[:, k] = here * self.scale_z
+        return found
+
+    def _root(self, guess: Vector, t: float, states: Vector, numbers: Vector) -> Vector:
+        return self.numbered.algebraic_root(guess, np.concatenate([[t], states, numbers]))[0]
+
+    def _residual(self, t: float, states: Vector, z: Vector, numbers: Vector) -> float:
+        return float(np.max(np.abs(self.numbered.quick(t, states, z, numbers, [])[1])))
+
+    def _followed(
+        self, a: tuple[float, Vector], b: tuple[float, Vector], z: Vector, end: Vector, numbers: Vector
+    ) -> Vector:
+        """Algebraic variables at `b = (t, states)` along the cubic that leaves `a` and arrives there with its rates."""
+        (ta, xa), (tb, xb) = a, b
+        h = tb - ta
+        fa, fb = (self.numbered.quick(t, s, w, numbers, [])[0] for (t, s), w in ((a, z), (b, end)))
+
+        def at(t: float) -> Vector:
+            s = (t - ta) / h
+            bend = s * (s - 1) * ((1 - 2 * s) * (xb - xa) + h * ((s - 1) * fa + s * fb))
+            return np.asarray(xa + s * (xb - xa) + bend)
+
+        def solve(t: float, guess: Vector) -> Vector:
+            return self._root(guess, t, at(t), numbers)
+
+        def residual(t: float, value: Vector) -> float:
+            return self._residual(t, at(t), value, numbers)
+
+        return followed(solve, residual, ta, np.array([tb]), z)[:, 0]
+
+    def follow_algebraic(self, start: float, times: Vector, x: Vector, z: Vector, p: Vector) -> Vector:
+        """The same where nothing is integrated: from the values `z` at `start` along their branch; shape (nz, n)."""
+        numbers = self.vector(p, x, 0.0)
+
+        def solve(t: float, guess: Vector) -> Vector:
+            return self._root(guess, t, np.zeros(0), numbers)
+
+        def residual(t: float, value: Vector) -> float:
+            return self._residual(t, np.zeros(0), value, numbers)
+
+        return followed(solve, residual, start, times, z / self.scale_z) * self.scale_z[:, None]
+
+
+def _are_close(a: Vector, b: Vector) -> bool:
+    return bool((np.abs(a - b) <= CLOSE * (1.0 + np.abs(b))).all())  # false for nan

@@ -1,0 +1,1 @@
+"""Events: where they are, what they mean, what follows from them."""

@@ -1,0 +1,142 @@
+"""The first crossing of any guard between two points of a solution, proved by points that are all as good as steps.
+
+At a point the distances of the guards and their rates are known. Between two points a guard is passed where its sign
+changes; it may be passed there and back where the tangents at both ends meet near zero (a kink, `abs(x) < 1e-3`), or
+where the cubic through both goes below zero. Such an interval gets another point, where the cubic says that the
+crossing is or where the dip is lowest, until nothing is left to doubt. The new point is integrated, not interpolated:
+dense output of stiff components is thousands of tolerances off. `native/bracketing.c` and `flight.c` do the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Vector = NDArray[np.float64]
+# A dip is looked into when its tangents meet below this share of what they fall and rise.
+_LOW = 0.05
+# Every so many points one is put in the middle of its interval, so that each interval shrinks.
+_HALVE = 4
+_MOST_POINTS = 400
+
+
+@dataclass(frozen=True, eq=False)
+class Node:
+    """A point of the solution: states `x`; of k guards what is left `above` zero, rates, and what counts as zero."""
+
+    t: float
+    x: Vector
+    above: Vector
+    rate: Vector
+    near: Vector
+
+
+def first_crossing(left: Node, right: Node, instant: float, integrate: Callable[[Node, float], Node]) -> Node | None:
+    """Where the first guard is reached between two nodes, or None.
+
+    Parameters
+    ----------
+    instant
+        Two times are one when they are no farther apart [s].
+    integrate
+        The node at a time after another node.
+
+    Raises
+    ------
+    RuntimeError
+        No end is found: a guard oscillates faster than the points follow.
+    """
+    start, pending = left, [right]
+    for count in range(_MOST_POINTS):
+        right = pending[-1]
+        passed = right.above < 0.0
+        if (passed & (left.above <= left.near) & (left.rate < 0.0)).any() and left is not start:
+            return left
+        wide = right.t - left.t > instant
+        is_there = bool(passed.any()) and (not wide or bool((right.above >= -right.near)[passed].all()))
+        # others may have been passed there and back before one is reached
+        trial = min(_doubts(left, right, passed, is_there), default=None) if wide else None
+        if trial is None:
+            if is_there:
+                return right
+            left = pending.pop()
+            if not pending:
+                return None
+            continue
+        if count % _HALVE == _HALVE - 1:
+            trial = 0.5 * (left.t + right.t)
+        if trial - left.t <= instant:
+            if passed.any() and not is_there:
+                return left
+            trial = left.t + instant
+        pending.append(integrate(left, min(trial, right.t - 0.5 * instant)))
+    raise RuntimeError("no first crossing was found")
+
+
+def _doubts(left: Node, right: Node, passed: NDArray[np.bool_], is_there: bool) -> Iterator[float]:
+    """Times in an interval at which a guard may be passed; those that are `passed` at its end may just be reached."""
+    width = right.t - left.t
+    near = np.maximum(left.near, right.near)
+    p0, p1, a, b = left.above, right.above, left.rate * width, right.rate * width
+    for k in np.flatnonzero(passed) if not is_there else ():
+        yield left.t + width * _drop(p0[k], a[k], p1[k], b[k])
+    turning = ~passed & (a < 0.0) & (b > 0.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        where = (p1 - p0 - b) / (a - b)
+        low = p0 + a * where
+        kinks = turning & ((low < -near) | ((low < _LOW * (b - a)) & (np.minimum(p0, p1) > near)))
+    for k in np.flatnonzero(kinks):
+        yield left.t + width * min(max(float(where[k]), 0.02), 0.98)
+    # a cubic is nowhere below its control points
+    for k in np.flatnonzero(~passed & ~kinks & ((p0 + a / 3 < -near) | (p1 - b / 3 < -near))):
+        at, value = _lowest(p0[k], a[k], p1[k], b[k])
+        if value < -near[k]:
+            yield left.t + width * at
+
+
+def _cubic(p0: float, a: float, p1: float, b: float) -> tuple[float, float]:
+    """Coefficients of s**2 and s**3 of the cubic from p0 with slope a at s = 0 to p1 with slope b at s = 1."""
+    return 3 * (p1 - p0) - 2 * a - b, a + b - 2 * (p1 - p0)
+
+
+def _turns(p0: float, a: float, p1: float, b: float) -> list[float]:
+    """Where that cubic is level inside (0, 1), in order."""
+    square, cube = _cubic(p0, a, p1, b)
+    inside = square * square - 3 * a * cube
+    if inside <= 0.0:
+        return []
+    q = -(square + np.copysign(inside**0.5, square))
+    found = [q / (3 * cube) if cube else 2.0, a / q if q else 2.0]
+    return sorted(float(s) for s in found if 0.0 < s < 1.0)
+
+
+def _value(p0: float, a: float, p1: float, b: float, s: float) -> float:
+    square, cube = _cubic(p0, a, p1, b)
+    return float(p0 + s * (a + s * (square + s * cube)))
+
+
+def _lowest(p0: float, a: float, p1: float, b: float) -> tuple[float, float]:
+    """Where the cubic is lowest inside (0, 1), and how low; (0.5, inf) where it is level nowhere."""
+    found = [(_value(p0, a, p1, b, s), s) for s in _turns(p0, a, p1, b)]
+    value, at = min(found, default=(np.inf, 0.5))
+    return at, value
+
+
+def _drop(p0: float, a: float, p1: float, b: float) -> float:
+    """Where the cubic from p0 >= 0 to p1 < 0 falls below zero for the first time."""
+    low, high = 0.0, 1.0
+    for turn in _turns(p0, a, p1, b):
+        if _value(p0, a, p1, b, turn) < 0.0:
+            high = turn
+            break
+        low = turn
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        if _value(p0, a, p1, b, middle) < 0.0:
+            high = middle
+        else:
+            low = middle
+    return 0.5 * (low + high)

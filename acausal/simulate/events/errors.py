@@ -1,0 +1,81 @@
+"""Errors of the event iteration: they name who takes part."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from acausal.analyse.state_events import Assert, Clause
+from acausal.errors import EventError, Span
+
+
+class RestlessKink(EventError):
+    """A watched kink is passed again and again without time passing: it decides nothing, and is better let alone."""
+
+
+def accumulated(model: str, t: float, count: int, names: Sequence[str]) -> EventError:
+    """Events without end in next to no time."""
+    return EventError(
+        "AC502",
+        f"{count} events follow one another at t = {t:.9g} s in {model} without time passing",
+        evidence=[f"relations that take part: {'; '.join(names[:4])}"],
+        cause="events that come ever sooner (Zeno) and whose limit is no state of rest that could be held",
+        help="let the model come to rest below a threshold, or use a compliant contact or a smooth switch",
+    )
+
+
+def unsettled(model: str, t: float, names: Sequence[str]) -> EventError:
+    """An event iteration without end."""
+    return EventError(
+        "AC501",
+        f"events do not settle at t = {t:.9g} s in {model}: {'; '.join(names)}",
+        evidence=[f"changes again and again: {n}" for n in names],
+        cause="each of the two modes leads straight back to the other (chattering)",
+        help="give the relation a hysteresis, or declare the switch smooth: where(..., smooth=True), no_event(...)",
+    )
+
+
+def overloaded(model: str, t: float, names: Sequence[str]) -> EventError:
+    """Stuck elements whose loads no equation determines, and whose motions contradict each other."""
+    return EventError(
+        "AC506",
+        f"{model}: nothing that is stuck gives way at t = {t:.9g} s, although not all of it can hold",
+        evidence=[f"loads that the equations leave open: {', '.join(names)}"],
+        cause="a motion is prescribed where an element is held, or the limits of what is stuck are infinite",
+        help="give the elements finite largest forces, or let a spring or an inertia take up the motion",
+    )
+
+
+def violated(model: str, t: float, broken: Assert) -> EventError:
+    """An assertion that does not hold."""
+    where: tuple[Span, ...] = (broken.where,)
+    place = f" in {broken.component}" if broken.component else ""
+    return EventError(
+        "AC503",
+        f"{model} stopped at t = {t:.9g} s: {broken.message}",
+        where=where,
+        evidence=[f"an assertion of the model{place} does not hold"],
+        help="the model says itself what it cannot do: look at its parameters and inputs",
+    )
+
+
+def not_a_clock(model: str, first: float, interval: float, clauses: Sequence[Clause]) -> EventError:
+    """A sample whose instants cannot be listed."""
+    return EventError(
+        "AC505",
+        f"{model}: sample({first:g}, {interval:g}) has no instants: its interval is {interval:g} s",
+        where=tuple(c.where for c in clauses),
+        evidence=[c.text for c in clauses],
+        help="give a positive interval in seconds",
+    )
+
+
+def contradicting(model: str, t: float, name: str, clauses: Sequence[Clause]) -> EventError:
+    """Two `when`s that act at one instant and disagree."""
+    return EventError(
+        "AC504",
+        f"{name} is set to different values at t = {t:.9g} s in {model}",
+        where=tuple(c.where for c in clauses),
+        evidence=[c.text for c in clauses],
+        cause="two `when`s become true at the same instant; neither comes first",
+        help="make them branches of one: when(...).elsewhen(...), of which the first that becomes true acts",
+    )

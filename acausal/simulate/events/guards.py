@@ -1,0 +1,158 @@
+"""Where the guards of a regime stand: distances, rates, and how far they can be wrong."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.errors import Span
+from acausal.simulate.equations.kept import kept
+from acausal.simulate.equations.problem import Problem
+from acausal.simulate.events.regime import Regime
+
+Vector = NDArray[np.float64]
+Truth = NDArray[np.bool_]
+# Instants are located to this share of the run, or of the time.
+INSTANT = 1e-12
+# So many instants late a mode may begin: its guards are behind zero then, by more than their noise.
+LATE = 100
+# What rounding makes of loads.
+_ROUNDED = 1e-13
+# Guards are located to this share of the noise.
+LOCATED = 1e-2
+# No guard is farther: where a limit is infinite, differences of guards are numbers all the same.
+FAR = 1e100
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """States, algebraic variables and modes at one instant, and the regime they belong to."""
+
+    x: Vector
+    z: Vector
+    m: Vector
+    regime: Regime
+
+
+@dataclass(frozen=True)
+class Cause:
+    """What made an event: its words, and where it stands in the source."""
+
+    text: str
+    where: Span | None = None
+    component: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Tolerances:
+    """Tolerances of the solver, relative and absolute (in nominal magnitudes)."""
+
+    relative: float
+    absolute: float
+
+
+class Guards:
+    """Distances of one problem; the regime says which of them count."""
+
+    def __init__(self, problem: Problem, tolerances: Tolerances, span: float) -> None:
+        self.problem = problem
+        self.tolerances = tolerances
+        self.span = span
+        self.step = 0.0
+        """Mean step of the solver [s], as far as it is known."""
+        compiled = problem.compiled
+        self.first = compiled.n_modes - len(compiled.state_events.relations)
+
+    @cached_property
+    def texts(self) -> tuple[str, ...]:
+        """The relations as the user reads them."""
+        return self.problem.compiled.events.texts
+
+    @cached_property
+    def causes(self) -> tuple[Cause, ...]:
+        """The relations with the place of the first statement that holds each; no words where it is no event."""
+        places, watched = self.problem.compiled.events.places, self.problem.compiled.state_events.watched
+        shown = ("" if k in watched else text for k, text in enumerate(self.texts))
+        return tuple(Cause(text, *place) for text, place in zip(shown, places, strict=True))
+
+    def distances(self, t: float, at: Moment) -> Vector:
+        """Guards of the regime: positive while it lasts."""
+        return np.minimum(at.regime.guards(t, at.x, at.z, self.problem.u, self.problem.p, at.m)[0], FAR)
+
+    def rates(self, t: float, at: Moment, *, between: bool = False) -> tuple[Vector, Vector]:
+        """Time derivatives of the guards along the solution, and by how much the distances can be wrong.
+
+        `between` says that the point is no end of a step: errors of it have not relaxed.
+        """
+        problem = self.problem
+        errors = self._error(at.x, self._nominal), self._error(at.z, problem.compiled.nominal_z)
+        own, noise, by_z, alg, alg_z = at.regime.rates(t, at.x, at.z, problem.u, problem.p, at.m, *errors)
+        if len(at.z):
+            moved = np.linalg.lstsq(alg_z.reshape(len(at.z), -1), alg.ravel(), rcond=None)[0]
+            own = own - by_z.reshape(len(own), -1) @ moved
+        if self.step > 0.0 and not between and (noise > np.abs(self.distances(t, at))).any():
+            noise = np.minimum(noise, self._relaxed(t, at, errors[0]))
+        # never quite nothing: values are rounded, and instants are found to rounding only
+        noise += 1e-15 + np.abs(own) * (INSTANT * max(self.span, abs(t)))
+        if kept(problem.compiled).shares is not None:
+            # an element that carries its limit beside others that are stuck is at its guard but for rounding of loads
+            noise += _ROUNDED * (1.0 + np.abs(at.z).max())
+        return own, noise if np.isfinite(noise).all() else np.nan_to_num(noise, nan=1e-15, posinf=1e-15)
+
+    def _relaxed(self, t: float, at: Moment, error: Vector) -> Vector:
+        """How far guards can be wrong when errors of the states have relaxed over a step (`Held.relaxed`).
+
+        One by one, errors of states that follow others at once are no errors of a solution: the current through
+        1e-5 Ohm would be known to several ampere at a tolerance of 1e-4, and a diode conducted backwards as far. What
+        the solver leaves of them is what an implicit step of its length does.
+        """
+        p = self.problem
+        found = at.regime.relaxed(t, at.x, at.z, p.u, p.p, at.m, error, self.step)[0]
+        return np.where(np.isfinite(found), found, np.inf)
+
+    def _error(self, values: Vector, nominal: Vector) -> Vector:
+        """How far values may be off."""
+        return np.asarray(10 * (self.tolerances.relative * np.abs(values) + self.tolerances.absolute * nominal))
+
+    def behind(self, t: float, g: Vector, rate: Vector, noise: Vector) -> Truth:
+        """Guards that are zero to rounding, or in a mode that began some instants late, which they are about to be."""
+        return np.asarray((np.abs(g) <= noise) | (-g <= rate * (LATE * INSTANT * max(self.span, abs(t)))))
+
+    def held(self, t: float, at: Moment) -> Vector:
+        """States nearest to those given that are on the guards which the regime holds."""
+        x = at.x.copy()
+        for _ in range(4):
+            value, slope, ways = at.regime.kept(t, x, at.z, self.problem.u, self.problem.p, at.m)
+            slope, ways = slope.reshape(len(value), -1), ways.reshape(len(x), -1)
+            x = x - ways @ np.linalg.lstsq(slope @ ways, value, rcond=None)[0]
+        return x
+
+    @cached_property
+    def _nominal(self) -> Vector:
+        return self.problem.compiled.nominal_x
+
+    def along(self, times: Vector, x: Vector, z: Vector, m: Vector, regime: Regime) -> Vector:
+        """Guards at n instants, shape (n, guards)."""
+        return np.minimum(regime.guards.many(times[:, None], x.T, z.T, self.problem.u, self.problem.p, m), FAR)
+
+    def fired(self, t: float, at: Moment) -> Truth:
+        """Guards that end the regime at this event: all that are reached and falling; at least the nearest."""
+        g = self.distances(t, at)
+        rate, noise = self.rates(t, at)
+        near = np.abs(g) <= np.maximum(LOCATED * noise, np.abs(rate) * INSTANT * max(self.span, abs(t)))
+        found = (g < 0) | (near & (rate < 0))
+        if not found.any():
+            found[int(np.argmin(np.abs(g) / np.maximum(np.abs(rate), 1e-30)))] = True
+        return np.asarray(found)
+
+
+def resting_band(g: Vector, rate: Vector, noise: Vector) -> Vector:
+    """How far past its guard one may go that rests there: the noise; 0 for all others.
+
+    One that was kept in its mode for a moment more falls on: it goes no farther than is needed to see that.
+    """
+    width = np.where(rate < -noise, 2 * LOCATED * noise, 2 * noise)
+    return np.where((g <= LOCATED * noise) & (rate <= noise), width, 0.0)

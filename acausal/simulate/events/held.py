@@ -1,0 +1,239 @@
+"""Equations, guards and multipliers of a model while some of its relations are held at their guard.
+
+They are made once for all runs: a ball that comes to rest does so in each of them.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+from weakref import WeakKeyDictionary, ref
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.lower.compiled import CompiledModel, Symbols
+from acausal.lower.event_functions import guard_rates
+from acausal.simulate.equations.kept import kept
+from acausal.simulate.equations.quick import Quick
+from acausal.simulate.equations.shares import Border
+
+Vector = NDArray[np.float64]
+# Sets of held relations whose equations are kept for one model.
+_MOST = 64
+
+
+@dataclass(frozen=True)
+class Hold:
+    """A relation that is held at its guard: by its own mode, or by the rate of the state at position `target`."""
+
+    relation: int
+    target: int | None = None
+
+
+class Held:
+    """Functions of `(t, x, z, u, p, m)` for one set of held relations of a model, perhaps none."""
+
+    def __init__(self, free: CompiledModel, holds: tuple[Hold, ...], border: Border | None) -> None:
+        self._free = ref(free)  # what is kept for a model must not keep it alive
+        self.holds, self.border = holds, border
+        self.first = free.n_modes - len(free.state_events.relations)
+        """Position of the first relation among the modes."""
+
+    @property
+    def free(self) -> CompiledModel:
+        """The model with no relation held."""
+        model = self._free()
+        assert model is not None, "only who holds the model asks"
+        return model
+
+    @property
+    def compiled(self) -> CompiledModel:
+        """The model with these equations."""
+        return self.free if not self.holds and self.border is None else self._variant
+
+    @cached_property
+    def owners(self) -> tuple[tuple[int, int], ...]:
+        """Of each guard the relation, and -1 for its distance, 0 and 1 for the lower and the upper end of a hold."""
+        held = {h.relation for h in self.holds}
+        count = len(self.free.state_events.relations)
+        ends = [(h.relation, side) for h in self.holds for side in ((0, 1) if h.target is None else (0,))]
+        return (*((k, -1) for k in range(count) if k not in held), *ends)
+
+    @cached_property
+    def watch(self) -> Any:
+        """`(t, x, z, u, p, m) -> g`: the guards."""
+        if not self.holds:
+            return self.free.events.watch  # made once for all runs
+        e = self._equations
+        s = e.s
+        distance = self.free.events.distances(*s.inputs)
+        held = {h.relation for h in self.holds}
+        signs = 2 * s.m[self.first :] - 1
+        parts = [signs[k] * distance[k] for k in range(distance.numel()) if k not in held]
+        for k, hold in enumerate(self.holds):
+            parts += [e.solved[k], 1 - e.solved[k]] if hold.target is None else [-e.forces[k]]
+        g = ca.densify(ca.vertcat(*parts)) if parts else ca.SX(0, 1)
+        return ca.Function("watch", s.inputs, [g], ["t", "x", "z", "u", "p", "m"], ["g"])
+
+    @cached_property
+    def guards(self) -> Quick:
+        """`-> (g,)`."""
+        return Quick(self.watch) if self.holds else kept(self.free).watch
+
+    @cached_property
+    def rates(self) -> Quick:
+        """Time derivatives of the guards and how far these can be wrong, as `guard_rates` says."""
+        if not self.holds and self.border is None:
+            return kept(self.free).rates
+        return Quick(guard_rates(self.compiled, self.watch))
+
+    @cached_property
+    def relaxed(self) -> Any:
+        """`(t, x, z, u, p, m, e, h) -> |dg/dx (I - h J)^-1| e`: errors of guards when those of states have relaxed.
+
+        J are the slopes of the rates with algebraic variables that follow the states; e are errors of the states, and
+        h is the step over which they relax, as an implicit step lets them.
+        """
+        s = Symbols(self.compiled)
+        ode, alg = self.compiled.rhs(*s.inputs)
+        nx, nz = s.x.numel(), s.z.numel()
+        parts = [ca.jacobian(f, v) for f in (ode, alg, self.watch(*s.inputs)) for v in (s.x, s.z)]
+        inputs = [ca.MX.sym(name, v.numel()) for name, v in zip("txzupm", s.inputs, strict=True)]
+        e, h = ca.MX.sym("e", nx), ca.MX.sym("h")
+        fx, fz, ax, az, gx, gz = ca.Function("slopes", s.inputs, parts).call(inputs)
+        matrix = ca.blockcat([[ca.MX.eye(nx) - h * fx, -h * fz], [ax, az]])
+        # a pivot may be zero that no Jacobian has
+        solved: Any = ca.solve(matrix.T, ca.densify(ca.horzcat(gx, gz).T), "qr") if gx.size1() else ca.MX(nx + nz, 0)
+        found = ca.fabs(solved[:nx, :].T) @ e
+        return ca.Function("relaxed", [*inputs, e, h], [ca.densify(found)])
+
+    @cached_property
+    def quick_relaxed(self) -> Quick:
+        """`relaxed`, for single points."""
+        return Quick(self.relaxed)
+
+    @cached_property
+    def multipliers(self) -> Any:
+        """`(t, x, z, u, p, m) -> mu`: modes of the sliding relations, added rates of the resting states."""
+        e = self._equations
+        return ca.Function("multipliers", e.s.inputs, [e.solved], ["t", "x", "z", "u", "p", "m"], ["mu"])
+
+    @cached_property
+    def is_possible(self) -> bool:
+        """Whether the guards are known from the states, so that their rates need no rates of algebraic variables."""
+        return not any(ca.depends_on(v, self._equations.s.z) for v in self._equations.kept)
+
+    @cached_property
+    def effect(self) -> Quick:
+        """`-> (slope, slope elsewhere)`: what the multipliers do to what is held, at two values of theirs."""
+        e = self._equations
+        return Quick(ca.Function("slope", e.s.inputs, [ca.densify(e.slope), ca.densify(e.other_slope)]))
+
+    @cached_property
+    def kept_of(self) -> Any:
+        """`(t, x, z, u, p, m) -> k`: what the holds keep at zero."""
+        e = self._equations
+        return ca.Function("kept_of", e.s.inputs, [ca.densify(ca.vertcat(*e.kept))])
+
+    @cached_property
+    def kept(self) -> Quick:
+        """`-> (k, dk/dx, d)`: what the holds keep at zero, and the directions in which states may move for it.
+
+        At rest those are the held state itself and what it drives, so that nobody else moves: the ball, not the floor.
+        """
+        e = self._equations
+        k = ca.vertcat(*e.kept)
+        slope = ca.jacobian(k, e.s.x)
+        scale = ca.DM(self.free.nominal_x)
+        ways, row = [], 0
+        for hold in self.holds:
+            if hold.target is None:
+                ways.append(scale**2 * slope[row, :].T)
+            else:
+                own = ca.SX(len(self.free.states), 1)
+                own[hold.target] = 1
+                ways += [ca.jacobian(e.ode, e.s.x[hold.target]), own]
+            row += 1 if hold.target is None else 2
+        outputs = [ca.densify(v) for v in (k, slope, ca.horzcat(*ways))]
+        return Quick(ca.Function("kept", e.s.inputs, outputs))
+
+    @cached_property
+    def _variant(self) -> CompiledModel:
+        if not self.holds and self.border is not None:
+            return self.border.compiled  # the same for all runs
+        e = self._equations
+        names = ["t", "x", "z", "u", "p", "m"]
+        rhs = ca.Function("rhs", e.s.inputs, [e.ode, e.alg], names, ["ode", "alg"])
+        return replace(self.free, rhs=rhs, varied=True)
+
+    @cached_property
+    def _equations(self) -> _Equations:
+        compiled = self.free
+        s = Symbols(compiled)
+        none = ca.SX(0, 1)
+        if not self.holds:
+            ode, alg = compiled.rhs(*s.inputs)
+            return _Equations(s, ode, alg, none, none, none, none, ())
+        mu = ca.SX.sym("mu", len(self.holds))
+        m = ca.SX(s.m)
+        for k, hold in enumerate(self.holds):
+            if hold.target is None:
+                m[self.first + hold.relation] = mu[k]
+        free, alg = compiled.blended(s.t, s.x, s.z, s.u, s.p, m)
+        if self.border is not None:
+            alg = self.border.added(alg, s.m)
+        ode = ca.SX(free)
+        for k, hold in enumerate(self.holds):
+            if hold.target is not None:
+                ode[hold.target] += mu[k]
+        distance = compiled.events.distances(*s.inputs)
+        tx, rate = ca.vertcat(s.t, s.x), ca.vertcat(1, ode)
+        kept, residuals = [], []
+        for hold in self.holds:
+            v = distance[hold.relation]
+            kept.append(v)
+            if hold.target is not None:  # the approach to the guard, which is to stay zero
+                v = ca.jtimes(v, tx, ca.vertcat(1, free))
+                kept.append(v)
+            residuals.append(ca.jtimes(v, tx, rate))
+        r = ca.vertcat(*residuals)
+        # inside the interval a blend is affine, which its formula, safe against infinite branches, does not show
+        slope, here = (ca.substitute(e, mu, ca.DM([0.5] * len(self.holds))) for e in (ca.jacobian(r, mu), r))
+        solved = 0.5 - (ca.solve(slope, here) if len(self.holds) > 1 else here / slope)
+        ode, alg = (ca.densify(ca.substitute(e, mu, solved)) for e in (ode, alg))
+        other = ca.substitute(ca.jacobian(r, mu), mu, ca.DM([0.25] * len(self.holds)))
+        return _Equations(s, ode, alg, ca.densify(solved), slope, other, ca.diag(slope) * solved, tuple(kept))
+
+
+@dataclass(frozen=True, eq=False)
+class _Equations:
+    """Symbols, rates and residuals of a regime; its multipliers, their effect (at two values), and what they keep."""
+
+    s: Symbols
+    ode: Any
+    alg: Any
+    solved: Any
+    slope: Any
+    other_slope: Any
+    forces: Any
+    kept: tuple[Any, ...]
+
+
+_MADE: WeakKeyDictionary[CompiledModel, OrderedDict[Any, Held]] = WeakKeyDictionary()
+
+
+def held(free: CompiledModel, holds: tuple[Hold, ...], border: Border | None) -> Held:
+    """The equations of a model for these holds, from those that were asked for before."""
+    made = _MADE.setdefault(free, OrderedDict())
+    key = holds, border
+    found = made.pop(key, None)
+    if found is None:
+        found = Held(free, holds, border)
+    made[key] = found
+    if len(made) > _MOST:
+        made.popitem(last=False)
+    return found

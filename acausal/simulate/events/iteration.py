@@ -1,0 +1,373 @@
+"""What happens at an event: rounds of the compiled event iteration, and relations that flip between them.
+
+A round (`acausal.lower.event_round`) is the meaning of discrete equations, `when` and `pre`. Between its calls
+algebraic variables are solved for and relations that do not hold are flipped: all at once at first; a loop of modes
+that does not settle so is walked one relation at a time, the one of lowest number first, which ends for every P-matrix,
+that is for passive circuits and for friction (K. G. Murty, Note on a Bard-type scheme for solving the complementarity
+problem, Opsearch 11, 1974).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.analyse.state_events import Clause
+from acausal.diagnose.words import listed
+from acausal.lower.event_round import Round
+from acausal.simulate.equations.kept import kept
+from acausal.simulate.equations.problem import Problem
+from acausal.simulate.equations.shares import Border
+from acausal.simulate.events.errors import contradicting, overloaded, unsettled, violated
+from acausal.simulate.events.guards import INSTANT, LOCATED, Cause, Guards, Moment, Truth
+from acausal.simulate.events.held import Hold
+from acausal.simulate.events.regime import Regime
+from acausal.simulate.start.initialize import Start, consistent
+
+Vector = NDArray[np.float64]
+_MOST_ROUNDS = 400
+_AT_ONCE = 12
+_MOST_SINGLE = 2000
+# A relation that has flipped so often at one instant leads back to itself from both sides.
+_CHATTER = 3
+# A relation is kept in its mode for a moment so many times, each within this share of the run from the one before.
+_MOST_KEPT, _SOON = 20, 1e-6
+_SCALARS = ("level", "settled", "clash")
+
+
+@dataclass(frozen=True, eq=False)
+class Jump:
+    """Actions taken at a moment, one truth for each action of the model; and whether `pre` advanced behind them."""
+
+    moment: Moment
+    applied: Truth
+    advances: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Happened:
+    """The moment after an event, what is said of it, what clauses did on the way, and which of them acted."""
+
+    moment: Moment
+    causes: tuple[Cause, ...] = ()
+    changed: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    terminated: str | None = None
+    jumps: tuple[Jump, ...] = ()
+    acted: tuple[int, ...] = ()
+
+
+@dataclass
+class _Walk:
+    """What is remembered over one event: flips of each relation, how far each can be wrong, and turns so far."""
+
+    flips: NDArray[np.int_]
+    doubt: Vector
+    turn: int = 0
+
+
+@dataclass
+class _Story:
+    """What is told of an event."""
+
+    causes: list[Cause] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    jumps: list[Jump] = field(default_factory=list)
+    acted: list[int] = field(default_factory=list)
+    terminated: str | None = None
+
+
+class Iteration:
+    """The event iteration of one problem."""
+
+    def __init__(self, problem: Problem, guards: Guards) -> None:
+        self.problem = problem
+        self.guards = guards
+        compiled = problem.compiled
+        self.events = compiled.state_events
+        self.round = kept(compiled).round
+        self.shares = kept(compiled).shares
+        self._kept: dict[int, tuple[float, int]] = {}
+        self._noted: set[tuple[str, ...]] = set()
+        self._regimes: dict[tuple[tuple[Hold, ...], Border | None], Regime] = {}
+        self.first, self.dynamic = guards.first, compiled.n_dynamic
+        self.most_rounds = _MOST_ROUNDS + 4 * len(self.events.clauses)
+        first_sample = compiled.n_timely
+        first_memory = first_sample + len(self.events.samples)
+        first_flag = first_memory + len(self.events.memories)
+        self.samples = slice(first_sample, first_memory)
+        self.memories = slice(first_memory, first_flag)
+        self.flags = slice(first_flag, first_flag + len(self.events.flags))
+        nodes = compiled.solution.structure.reduced.pool.nodes
+        self.flag_names = [nodes[n][0] for n in self.events.flags]
+        self.assigned = np.array([a.position for a in self.events.assignments], dtype=int)
+
+    def settle(
+        self,
+        t: float,
+        moment: Moment,
+        before: Vector,
+        *,
+        samples: Vector | None = None,
+        flag: str | None = None,
+    ) -> Happened:
+        """Iterate from modes that have changed already.
+
+        Parameters
+        ----------
+        before
+            The modes that held before the event; a `when` acts if its condition was false under them.
+        samples, flag
+            Which samples are true now; "initial" or "terminal" at the ends of a run.
+        """
+        m = moment.m.copy()
+        m[self.samples] = 0.0 if samples is None else samples
+        m[self.flags] = [float(name == flag) for name in self.flag_names]
+        x_before, none = moment.x, np.zeros(len(self.events.conditions))
+        was = self._round(t, replace(moment, m=before), none, none, 0.0).conditions
+        story = _Story()
+        moment, last = self._rounds(t, replace(moment, m=m), was, story)
+        moment = self._over(t, moment)
+        self._shared(t, moment, story.notes)
+        states = self.problem.compiled.states
+        changed = tuple(states[k] for k in np.flatnonzero(moment.x != x_before).tolist())
+        self._check(t, last.asserts, story.notes)
+        jumps, acted = tuple(story.jumps), tuple(story.acted)
+        return Happened(moment, tuple(story.causes), changed, tuple(story.notes), story.terminated, jumps, acted)
+
+    def _rounds(self, t: float, moment: Moment, was: Vector, story: _Story) -> tuple[Moment, Round]:
+        """Rounds until one changes nothing; the moment then, and what that round gave."""
+        decided, level, acting = np.zeros_like(was), 0.0, np.zeros(0, dtype=int)
+        count = len(moment.m) - self.first
+        walk = _Walk(np.zeros(count, dtype=int), np.zeros(count))
+        for _ in range(self.most_rounds):
+            moment, found = self.decide(t, moment, story.notes, walk, (was, decided, level))
+            advances = found.level == 0.0
+            if found.clash:
+                raise self._clash(t, moment, found)
+            acting = np.flatnonzero(found.acting) if advances else np.zeros(0, dtype=int)
+            story.acted += acting.tolist()
+            for k in acting:
+                clause = self.events.clauses[k]
+                story.causes.append(Cause(clause.text, clause.where, clause.component))
+                story.terminated = clause.terminate or story.terminated
+            if found.settled:
+                return moment, found
+            applied = found.applied > 0.5
+            if applied.any() or not np.array_equal(found.m, moment.m):
+                story.jumps.append(Jump(moment, applied, advances))
+            if not np.array_equal(found.x[: self.dynamic], moment.x[: self.dynamic]):
+                walk = _Walk(np.zeros(count, dtype=int), np.zeros(count))  # other states: no relation leads back yet
+            moment = replace(moment, x=found.x, m=found.m)
+            was, decided, level = found.was, found.decided, float(found.level)
+        texts = [self.events.clauses[k].text for k in acting]
+        raise unsettled(self.problem.compiled.name, t, texts or [a.text for a in self.events.assignments])
+
+    def _shared(self, t: float, moment: Moment, notes: list[str]) -> None:
+        """Refuse modes that contradict each other, and say which loads nothing determines."""
+        if self.shares is None or moment.regime.border is None:
+            return
+        at = t, moment.x, moment.z, self.problem.u, self.problem.p, moment.m
+        names = self.shares.open(*at)
+        if self.shares.contradicts(*at):
+            raise overloaded(self.problem.compiled.name, t, names)
+        if names not in self._noted:
+            self._noted.add(names)
+            least = "the least of it is taken" if len(names) == 1 else "the shares of least squares are taken"
+            notes.append(f"statically undetermined from t = {t:.9g} s on: {listed(names)}; {least}")
+
+    def check_shares(self, times: Vector, x: Vector, z: Vector, moment: Moment) -> None:
+        """Refuse rows at which equations that were taken to depend on each other contradict each other.
+
+        A mechanism that has stood in a singular position and has left it: what held it there no longer does.
+        """
+        if self.shares is None or moment.regime.border is None:
+            return
+        for k, t in enumerate(times.tolist()):
+            at = t, x[:, k], z[:, k], self.problem.u, self.problem.p, moment.m
+            if self.shares.contradicts(*at):
+                raise overloaded(self.problem.compiled.name, t, self.shares.open(*at))
+
+    def _clash(self, t: float, moment: Moment, found: Round) -> Exception:
+        """The error for clauses that act at one instant and disagree; found by what each would set."""
+        compiled = self.problem.compiled
+        values = kept(compiled).reactions(t, moment.x, moment.z, self.problem.u, self.problem.p, moment.m)[3]
+        setters: dict[int, tuple[Clause, float]] = {}
+        acting = (found.applied > 0.5).tolist()
+        actions = [(clause, place) for clause in self.events.clauses for place, _ in clause.actions]
+        for (clause, place), acts, value in zip(actions, acting, values.tolist(), strict=True):
+            if acts:
+                first, other = setters.setdefault(place, (clause, value))
+                if other != value:
+                    return contradicting(compiled.name, t, compiled.states[place], (first, clause))
+        return unsettled(compiled.name, t, [c.text for c, _ in setters.values()])
+
+    def _over(self, t: float, moment: Moment) -> Moment:
+        """The moment after the instant: samples and flags are false again, also to what remembers them."""
+        m = moment.m.copy()
+        m[self.samples] = 0.0
+        m[self.flags] = 0.0
+        if len(self.events.memories) and not np.array_equal(m, moment.m):
+            none = np.zeros(len(self.events.conditions))
+            m[self.memories] = self._round(t, replace(moment, m=m), none, none, 0.0).remembered
+        return replace(moment, m=m)
+
+    def decide(
+        self, t: float, moment: Moment, notes: list[str], walk: _Walk, progress: tuple[Vector, Vector, float]
+    ) -> tuple[Moment, Round]:
+        """Flip relations and apply discrete equations until all hold at this point, or leave their guard rightly.
+
+        `progress` is how far the round has come: was, decided, level. The result is the moment and what the round makes
+        of it. A relation at its guard that is about to leave it to the wrong side is flipped only when what is
+        remembered is up to date: a thermostat that has just switched off must have noticed it before the falling
+        temperature makes `T < limit` true again.
+        """
+        flips = walk.flips
+        for _ in range(_MOST_SINGLE):
+            moment = self.consistent(t, moment)
+            found = self._round(t, moment, *progress)
+            if not (found.assigned == moment.x[self.assigned]).all():
+                # relations are judged by what follows from them: a step behind, they would run in circles
+                x = moment.x.copy()
+                x[self.assigned] = found.assigned
+                moment = replace(moment, x=x)
+                continue
+            wrong = np.zeros(0, dtype=bool)
+            if len(moment.regime.owners):
+                wrong = self._wrong(t, moment, walk, np.array_equal(found.remembered, moment.m[self.memories]))
+            if not wrong.any():
+                return moment, found
+            if walk.turn >= _AT_ONCE:
+                wrong[int(np.argmax(wrong)) + 1 :] = False
+            owners = moment.regime.owners
+            moment = self.flipped(moment, wrong)
+            ours = [owners[k][0] for k in np.flatnonzero(wrong)]
+            flips[ours] += 1
+            back = [k for k in ours if flips[k] >= _CHATTER and k not in self.events.watched]
+            if walk.turn < _AT_ONCE and back:
+                held = self._slide(t, moment, back, notes)
+                if held is not None:
+                    moment = held
+                    flips[:] = 0
+            walk.turn += 1
+        names = [self.guards.texts[k] for k in np.argsort(-flips)[:4] if flips[k] > 1]
+        raise unsettled(self.problem.compiled.name, t, names or [a.text for a in self.events.assignments])
+
+    def flipped(self, moment: Moment, which: Truth) -> Moment:
+        """The other mode for each guard that is reached: a relation flips, a held one is let go."""
+        m, regime = moment.m.copy(), moment.regime
+        let_go: set[int] = set()
+        for k in np.flatnonzero(which):
+            relation, side = regime.owners[k]
+            if side < 0:
+                m[self.first + relation] = 1.0 - m[self.first + relation]
+            else:
+                let_go.add(relation)
+                sliding = next(h for h in regime.holds if h.relation == relation).target is None
+                m[self.first + relation] = float(side) if sliding else 0.0
+        if let_go:
+            regime = Regime(regime.free, tuple(h for h in regime.holds if h.relation not in let_go))
+        return Moment(moment.x, moment.z, m, regime)
+
+    def consistent(self, t: float, moment: Moment) -> Moment:
+        """Algebraic variables for these modes; far out where the equations contradict each other in them."""
+        if not len(moment.z):
+            return moment
+        problem, start = moment.regime.free, Start(moment.x, moment.z, ())
+        numbers = problem.u, problem.p, moment.m
+        if self.shares is None:
+            problem = moment.regime.problem
+            return replace(moment, z=consistent(problem.compiled, t, start, problem.p, problem.u, moment.m).z)
+        border = self.shares.border(problem.compiled, t, moment.x, moment.z, *numbers)
+        regime = self.regime(moment.regime, border)
+        moment = replace(moment, regime=regime)
+        z = consistent(regime.compiled, t, start, problem.p, problem.u, moment.m).z
+        if border is not None and self.shares.contradicts(t, moment.x, z, *numbers):
+            m = moment.m.copy()
+            m[self.shares.place] = self.shares.creep(t, moment.x, z, *numbers)
+            z = consistent(problem.compiled, t, start, problem.p, problem.u, m).z
+        return replace(moment, z=z)
+
+    def regime(self, of: Regime, border: Border | None) -> Regime:
+        """The same holds with these equations."""
+        if of.border is border:
+            return of
+        key = of.holds, border
+        if key not in self._regimes:
+            self._regimes[key] = Regime(of.free, of.holds, border)
+        return self._regimes[key]
+
+    def _wrong(self, t: float, moment: Moment, walk: _Walk, leaving: bool) -> Truth:
+        """Guards of the regime that do not hold, or, if `leaving` is asked for, are at zero and about not to.
+
+        `walk.doubt` gathers how far each relation can be wrong in all modes seen so far: one that has flipped and come
+        back is judged by the largest of these. Judged finely in one mode and coarsely in the next, four diodes at the
+        zero crossing of their source would go round for ever.
+        """
+        g = self.guards.distances(t, moment)
+        if (g > 1.0).all():  # far from everything: no rates needed
+            return np.zeros(len(g), dtype=bool)
+        rate, noise = self.guards.rates(t, moment)
+        for k, (relation, side) in enumerate(moment.regime.owners):
+            if side < 0:
+                walk.doubt[relation] = max(walk.doubt[relation], noise[k])
+                noise[k] = walk.doubt[relation] if walk.flips[relation] > 1 else noise[k]
+        wrong = g < -2 * noise
+        # not the whole noise: a thin plate has its other side within it; but as near as instants are found
+        at = g <= np.maximum(LOCATED * noise, np.abs(rate) * INSTANT * max(self.guards.span, abs(t)))
+        leaves = at & (rate < -noise)
+        # an instant that was found early: one mode still holds for nanoseconds, the other one does not yet
+        back = np.array([walk.flips[r] for r, _ in moment.regime.owners]) >= _CHATTER
+        early = leaves & (g > 0.0) & back
+        # or one holds no more, and the other one does some instants from now
+        wrong &= ~(back & (rate > 0.0) & self.guards.behind(t, g, rate, noise))
+        found = np.asarray(wrong | leaves & ~early if leaving else wrong)
+        if early.any() and not found.any():
+            self._stay(t, [moment.regime.owners[k][0] for k in np.flatnonzero(early)])
+        return found
+
+    def _stay(self, t: float, relations: list[int]) -> None:
+        """Count modes that were kept for a moment more; what chatters would be kept so at each of its switchings."""
+        for relation in relations:
+            last, count = self._kept.get(relation, (-np.inf, 0))
+            count = count + 1 if t - last <= _SOON * self.guards.span else 1
+            self._kept[relation] = t, count
+            if count > _MOST_KEPT:
+                raise unsettled(self.problem.compiled.name, t, [self.guards.texts[relation]])
+
+    def _slide(self, t: float, moment: Moment, relations: list[int], notes: list[str]) -> Moment | None:
+        """Hold relations between their two modes; None when that is no solution."""
+        regime = moment.regime
+        border = regime.border
+        for relation in relations:
+            if any(h.relation == relation for h in regime.holds):
+                continue
+            regime = Regime(regime.free, (*regime.holds, Hold(relation)), border)
+        if len(regime.holds) == len(moment.regime.holds) or not regime.is_possible:
+            return None
+        trial = self.consistent(t, Moment(moment.x, moment.z, moment.m, regime))
+        if not regime.is_solvable(t, trial.x, trial.z, trial.m):
+            return None
+        trial = self.consistent(t, replace(trial, x=self.guards.held(t, trial)))
+        ends = [k for k, (r, side) in enumerate(regime.owners) if side >= 0 and r in relations]
+        if (self.guards.distances(t, trial)[ends] < 0).any():
+            return None
+        for relation in relations:
+            notes.append(f"sliding mode from t = {t:.9g} s on: {self.guards.texts[relation]} is held at its switch")
+        return trial
+
+    def _round(self, t: float, moment: Moment, was: Vector, decided: Vector, level: float) -> Round:
+        p = self.problem
+        found = self.round(t, moment.x, moment.z, p.u, p.p, moment.m, was, decided, level)
+        scalars = {name: float(found[k][0]) for k, name in enumerate(Round._fields) if name in _SCALARS}
+        return Round(*found)._replace(**scalars)
+
+    def _check(self, t: float, holds: Vector, notes: list[str]) -> None:
+        for broken, truth in zip(self.events.asserts, holds, strict=True):
+            if truth <= 0.5:
+                error = violated(self.problem.compiled.name, t, broken)
+                if broken.level == "error":
+                    raise error
+                notes.append(f"t = {t:.9g} s: {broken.message}")

@@ -1,0 +1,127 @@
+"""Where a solver is asked for what it has, between its start and its next event."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.simulate.equations.problem import Problem
+from acausal.simulate.solvers.base import Segment
+
+Vector = NDArray[np.float64]
+
+# Looks at once: fewer when there are many numbers to each.
+_LOOKS, _FEWEST, _NUMBERS = 256, 4, 4e6
+# Looks move apart by this factor: evenly spaced they could fall in with an oscillation.
+_GROWTH = 1.02
+# The first look is so many first steps away, the next ones are so many times as far: a multistep method begins with a
+# tiny step and doubles it.
+_FIRST, _RAMP, _MOST_RAMPS = 16.0, 4.0, 15
+_ROUNDINGS = 64
+
+
+def first_step(problem: Problem, segment: Segment, horizon: float) -> float:
+    """The step in which the states change by half their tolerance, at most a thousandth of the horizon.
+
+    As IDAS has it (`IDASolve`), but for the distance of the first output: nothing may depend on outputs.
+    """
+    n = problem.n_dynamic
+    x = segment.x[:n] / problem.scale_x
+    numbers = problem.vector(segment.p, segment.x, segment.start)
+    rate = problem.numbered.quick(0.0, x, segment.z / problem.scale_z, numbers, [])[0]
+    weighted = np.asarray(rate).ravel() / (segment.tolerance * np.abs(x) + segment.absolute)
+    size = float(np.sqrt(np.mean(weighted**2))) if n else 0.0
+    step = 1e-3 * horizon
+    return min(step, 0.5 / size) if np.isfinite(size) and size > 0.0 else step
+
+
+def resolution(t: float, span: float) -> float:
+    """What two looks must be apart at least."""
+    return float(_ROUNDINGS * np.spacing(max(abs(t), span)))
+
+
+def most(problem: Problem) -> int:
+    """Looks at once."""
+    return int(np.clip(_NUMBERS / (1 + problem.n_dynamic + len(problem.scale_z)), 32, _LOOKS))
+
+
+@cache
+def shares(ramps: int, count: int) -> Vector:
+    """Looks that move apart, as shares of the time from their start to the last.
+
+    `ramps` of them are ever four times as far from the start as the one before, up to a spacing; then come `count`, the
+    first one spacing away, each a little farther from the one before. An integrator for these is kept over stretches
+    and runs, and so there are few.
+    """
+    ramp = _RAMP ** np.arange(-ramps, 0.0)
+    spaced = _total(np.arange(1, count + 1))
+    return np.asarray(np.append(ramp, spaced) / spaced[-1])
+
+
+@cache
+def even(count: int) -> Vector:
+    """Looks that are as far apart, as shares of the time to the last."""
+    return np.linspace(0.0, 1.0, count + 1, dtype=np.float64)[1:]
+
+
+def _total(count: NDArray[np.int64]) -> Vector:
+    """How far so many looks reach, in spacings."""
+    return np.asarray((_GROWTH**count - 1.0) / (_GROWTH - 1.0), dtype=np.float64)
+
+
+def growing(length: float, first: float, spacing: float, most: int, least: float) -> tuple[float, Vector]:
+    """How far looks reach, at most over a length, and their shares of it (`shares`).
+
+    `first` is the first step of the solver, inf where it begins with steps of any length; `least` what looks must be
+    apart.
+    """
+    spacing = max(spacing, least)
+    counts = _FEWEST * 2 ** np.arange(1 + int(math.log2(most // _FEWEST)))
+    reach = spacing * _total(counts)
+    k = int(np.argmax(reach >= length)) if reach[-1] >= length else len(counts) - 1
+    if reach[k] >= length:
+        spacing *= length / float(reach[k])
+    d = max(min(_FIRST * first, spacing), least)
+    ramps = math.ceil(math.log(max(spacing / d, 1.0), _RAMP) - 1e-9)
+    while ramps > 0 and spacing * _RAMP**-ramps < least:
+        ramps -= 1
+    return min(float(reach[k]), length), shares(min(ramps, _MOST_RAMPS), int(counts[k]))
+
+
+def begun(shares: Vector, length: float, first: float) -> float:
+    """The first step with such looks: one for each grid that begins with it, else `first`."""
+    own = float(shares[0]) * length / _FIRST
+    return own if 0.99 * first <= _RAMP * own <= _RAMP * first else min(first, length)
+
+
+def stepped(start: float, outputs: Vector, end: float, step: float, count: int) -> Vector:
+    """Looks for fixed steps: every other step of those that outputs are apart by, so that they cost no further ones."""
+    stops = np.append(outputs[outputs < end], end)
+    parts, here = [], start
+    total = 0
+    for stop in stops:
+        n = max(1, int(np.ceil((stop - here) / (2.0 * step) - 1e-9)))
+        parts.append(here + (stop - here) * np.arange(1, n + 1) / n)
+        parts[-1][-1] = stop
+        total, here = total + n, float(stop)
+        if total >= count:
+            break
+    return np.concatenate(parts)[: max(count, 1)]
+
+
+def merged(looks: Vector, outputs: Vector) -> tuple[Vector, Vector]:
+    """Looks, moved onto outputs that are all but there, and both together up to the last look."""
+    outputs = outputs[outputs <= looks[-1]]
+    if not len(outputs):
+        return looks, looks
+    place = np.clip(np.searchsorted(outputs, looks), 0, len(outputs) - 1)
+    below = np.maximum(place - 1, 0)
+    near = np.where(np.abs(outputs[place] - looks) < np.abs(outputs[below] - looks), outputs[place], outputs[below])
+    gaps = np.diff(looks, prepend=min(looks[0], outputs[0]) if len(looks) == 1 else 2 * looks[0] - looks[1])
+    close = np.abs(near - looks) <= 1e-3 * np.abs(gaps)
+    close[-1] = False
+    moved = np.unique(np.where(close, near, looks))
+    return moved, np.union1d(moved, outputs)

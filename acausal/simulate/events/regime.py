@@ -1,0 +1,130 @@
+"""What is integrated between two events: the equations of fixed modes, and relations that are held at their guard.
+
+A held relation is one of two things. In a *sliding mode* both sides of a relation lead back to it, a relay at its
+switching point: its mode is then a number between 0 and 1, the one that keeps the distance to the guard constant
+(A. F. Filippov, Differential Equations with Discontinuous Righthand Sides, 1988; V. I. Utkin, Sliding Modes in Control
+and Optimization, 1992). At *rest* a `when` that resets a velocity has acted ever sooner, a ball on the floor: the rate
+of that velocity is then the one that keeps distance and approach at zero, until it would have to pull.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.lower.compiled import CompiledModel
+from acausal.simulate.equations.problem import Problem
+from acausal.simulate.equations.quick import Quick
+from acausal.simulate.equations.shares import Border
+from acausal.simulate.events.held import Held, Hold, held
+from acausal.simulate.native.policy import Library
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Regime:
+    """What is integrated by one run for one set of held relations; `free` is the problem of the free model.
+
+    With a `border` the equations of the mode leave loads open (`simulate/equations/shares.py`).
+
+    The guards are positive while the regime lasts: the directed distance of each relation that is free, then for each
+    held one what must not become negative: mode and one minus mode, or the force that keeps it at rest.
+    """
+
+    free: Problem
+    holds: tuple[Hold, ...] = ()
+    border: Border | None = None
+    _constants: Vector | None = None
+
+    @cached_property
+    def held(self) -> Held:
+        """The functions, which all runs share."""
+        return held(self.free.compiled, self.holds, self.border)
+
+    @cached_property
+    def problem(self) -> Problem:
+        """The problem to integrate."""
+        if not self.holds and self.border is None:
+            return self.free
+        return Problem(self.held.compiled, self.free.p, self.free.u, self.free.wanted_native)
+
+    def constants(self, library: Library[Any]) -> Vector:
+        """What parameters and inputs alone determine, for compiled code; computed once."""
+        if self._constants is None:
+            (found,) = library.constants(self.free.p, self.free.u)
+            object.__setattr__(self, "_constants", found)
+            return found
+        return self._constants
+
+    @property
+    def compiled(self) -> CompiledModel:
+        """The model of `problem`."""
+        return self.held.compiled
+
+    @property
+    def owners(self) -> tuple[tuple[int, int], ...]:
+        """See `Held.owners`."""
+        return self.held.owners
+
+    @property
+    def watch(self) -> Any:
+        """See `Held.watch`."""
+        return self.held.watch
+
+    @property
+    def guards(self) -> Quick:
+        """See `Held.guards`."""
+        return self.held.guards
+
+    @property
+    def rates(self) -> Quick:
+        """See `Held.rates`."""
+        return self.held.rates
+
+    @property
+    def relaxed(self) -> Quick:
+        """See `Held.relaxed`."""
+        return self.held.quick_relaxed
+
+    @property
+    def kept_of(self) -> Any:
+        """See `Held.kept_of`."""
+        return self.held.kept_of
+
+    @property
+    def kept(self) -> Quick:
+        """See `Held.kept`."""
+        return self.held.kept
+
+    @property
+    def is_possible(self) -> bool:
+        """See `Held.is_possible`."""
+        return self.held.is_possible
+
+    def modes(self, t: Vector, x: Vector, z: Vector, m: Vector) -> Vector:
+        """Modes along n instants, shape (nm, n) or, when none slides, (nm,)."""
+        sliding = [(k, h.relation) for k, h in enumerate(self.holds) if h.target is None]
+        if not sliding or not len(t):
+            return m
+        n = len(t)
+        wide = [np.tile(v[:, None], (1, n)) for v in (self.free.u, self.free.p, m)]
+        found = np.array(self.held.multipliers.map(n)(t[None, :], x, z, *wide))
+        rows: Vector = wide[2]
+        for k, relation in sliding:
+            rows[self.held.first + relation] = found[k]
+        return rows
+
+    def is_solvable(self, t: float, x: Vector, z: Vector, m: Vector) -> bool:
+        """Whether each multiplier has an effect at this point, in proportion to its size."""
+        count = len(self.holds)
+        slope, other = (v.reshape(count, count) for v in self.held.effect(t, x, z, self.free.u, self.free.p, m))
+        size = np.abs(slope).max(axis=1)
+        if not np.isfinite(slope).all() or not (size > 0).all():
+            return False
+        affine = (np.abs(slope - other) <= 1e-9 * size[:, None]).all()
+        return bool(affine and np.linalg.cond(slope / size[:, None]) < 1e12)

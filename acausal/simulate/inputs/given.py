@@ -1,0 +1,308 @@
+"""Inputs of a run as they are given: constants as the vector u, what varies as polynomials."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from numbers import Real as Number
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.errors import AcausalError, UsageError
+from acausal.flatten.parameters import check_limit
+from acausal.language.declare import Declaration
+from acausal.lower.chebyshev import INPUT_WIDTH
+from acausal.lower.compiled import CompiledModel
+from acausal.result import Result
+from acausal.series import TimeSeries, read_series
+from acausal.simulate.arguments import input_vector
+from acausal.simulate.inputs.pieces import Pieces, held, sampled, straight
+from acausal.units import format_dimension, in_si, parse
+
+Vector = NDArray[np.float64]
+# Share of the tolerance by which an input may be off, by the size of its variation.
+_SHARE = 0.1
+# The least size of its variation, by the largest one: most of the values may be equal.
+_LEAST = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Inputs:
+    """Inputs of one run.
+
+    Attributes
+    ----------
+    u
+        Constants, shape (nu,); 0 for what varies.
+    places, pieces
+        Places in u of what varies, and its polynomials over the run.
+    """
+
+    u: Vector
+    places: tuple[int, ...] = ()
+    pieces: tuple[Pieces, ...] = ()
+
+    @property
+    def breaks(self) -> Vector:
+        """Where the run is to be cut [s]."""
+        return np.concatenate([np.zeros(0), *(p.breaks for p in self.pieces)])
+
+    @property
+    def jumps(self) -> Vector:
+        """Where an input jumps [s]."""
+        return np.concatenate([np.zeros(0), *(p.jumps for p in self.pieces)])
+
+    def numbers(self, times: Vector) -> Vector:
+        """The numbers of all polynomials at n instants, shape (n, INPUT_WIDTH * len(places))."""
+        return np.hstack([np.zeros((len(times), 0)), *(p.at(times) for p in self.pieces)])
+
+    def into(self, compiled: CompiledModel, modes: Vector, times: Vector) -> Vector:
+        """Modes of the relations of time at n instants, shape (n, k), with these numbers in their places."""
+        first = len(compiled.time_events.relations)
+        modes[:, first : first + INPUT_WIDTH * len(self.places)] = self.numbers(times)
+        return modes
+
+
+def given_inputs(compiled: CompiledModel, given: Any, start: float, stop: float, tolerance: float) -> Inputs:
+    """What `simulate(inputs=...)` was given, for a run from `start` to `stop` [s].
+
+    Raises
+    ------
+    UsageError
+        AC033 for names and constants, AC044 for what is no function of time or does not cover the run, AC045 for files.
+    DeclarationError
+        AC136 for values outside the limits of the input.
+    UnitError
+        AC151 for a unit that does not fit.
+    """
+    if not isinstance(given, Mapping):
+        return Inputs(input_vector(compiled, given))
+    varying = {n: v for n, v in given.items() if n in compiled.inputs and not isinstance(v, Number)}
+    varying = {n: v for n, v in varying.items() if np.ndim(v) > 0 or callable(v) or _is_data(v)}
+    u = input_vector(compiled, {n: 0.0 if n in varying else v for n, v in given.items()}, unchecked=varying)
+    if not varying:
+        return Inputs(u)
+    places = tuple(k for k, name in enumerate(compiled.inputs) if name in varying)
+    pieces = []
+    for k in places:
+        name, declared = compiled.inputs[k], compiled.flat.declaration(compiled.flat.inputs[k])
+        pieces.append(_pieces(name, declared, varying[name], start, stop, _SHARE * tolerance))
+    return Inputs(u, places, tuple(pieces))
+
+
+def _is_data(value: Any) -> bool:
+    return isinstance(value, str | Result | TimeSeries) or (hasattr(value, "index") and hasattr(value, "to_numpy"))
+
+
+def _pieces(name: str, declared: Declaration, value: Any, start: float, stop: float, share: float) -> Pieces:
+    if callable(value) and not isinstance(value, Result):
+        signal = _called(value, name)
+        look = signal(np.linspace(start, stop, 1001))
+        _check_limits(name, declared, look, share * _size(look))
+        return sampled(signal, np.array([start, stop]), share * _size(look), f"input {name}")
+    series, exact = series_of(name, value)
+    series = _in_unit(name, declared, series)
+    times, values = _covering(name, series, start, stop)
+    inside = (times >= start) & (times <= stop)
+    own = values[inside] if inside.any() else values
+    error = share * _size(own)
+    _check_limits(name, declared, own, 10.0 * error / _SHARE)
+    if series.interpolation == "hold":
+        return held(times, values)
+    if series.interpolation == "linear":
+        return straight(times, values, error)
+    return _smooth(name, times, values, error, exact)
+
+
+@dataclass(frozen=True, eq=False)
+class _Chords:
+    """Straight lines through points."""
+
+    times: Vector
+    values: Vector
+
+    def __call__(self, at: Vector) -> Vector:
+        return np.asarray(np.interp(at, self.times, self.values))
+
+
+def _size(values: Vector) -> float:
+    """How much a signal varies: the mean distance from its middle, which a single peak does not make large."""
+    return max(float(np.abs(values - np.median(values)).mean()), _LEAST * float(np.ptp(values)))
+
+
+def _called(function: Callable[[float], Any], name: str) -> Callable[[Vector], Vector]:
+    """The function at many instants."""
+
+    def signal(times: Vector) -> Vector:
+        found = np.empty(len(times))
+        for k, t in enumerate(times.tolist()):
+            try:
+                found[k] = float(function(t))
+            except (TypeError, ValueError, ArithmeticError) as error:
+                raise UsageError(
+                    "AC044",
+                    f"input {name} at t = {t:.9g} s: {error}",
+                    help="a function takes the time in s and returns one number",
+                ) from error
+            if not np.isfinite(found[k]):
+                raise UsageError("AC044", f"input {name} is {found[k]} at t = {t:.9g} s", help="return a finite number")
+        return found
+
+    return signal
+
+
+def series_of(name: str, value: Any) -> tuple[TimeSeries, Callable[[Vector], Vector] | None]:
+    """The series behind data of any kind, and its values at any time where these are known better than by its rows."""
+    if isinstance(value, TimeSeries):
+        return value, None
+    if isinstance(value, str):
+        head, colon, tail = value.rpartition(":")
+        file, column = (head, tail) if colon and Path(head).suffix else (value, None)
+        if Path(file).suffix:
+            return read_series(file, column), None
+    if isinstance(value, tuple) and len(value) == 2 and isinstance(value[0], Result):
+        result, signal = value
+        return _of_result(result, str(signal))
+    if isinstance(value, Result):
+        return _of_result(value, name)
+    if hasattr(value, "to_numpy"):
+        return _of_pandas(name, value), None
+    try:
+        if isinstance(value, tuple) and len(value) == 2:
+            time, values = (np.asarray(v, dtype=np.float64) for v in value)
+        else:
+            rows = np.asarray(value, dtype=np.float64)
+            if rows.ndim != 2 or rows.shape[1] != 2:
+                raise ValueError(f"an array of shape {rows.shape}")
+            time, values = rows.T
+    except (TypeError, ValueError) as error:
+        raise UsageError(
+            "AC044",
+            f"input {name} = {_short(value)} is no function of time: {error}",
+            help="a number, a function of time, (times, values), rows (time, value), TimeSeries, a Result, "
+            "a pandas Series, or 'file.csv:column'",
+        ) from None
+    return TimeSeries(time, values, name=f"input {name}"), None
+
+
+def _short(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def _of_result(result: Result, signal: str) -> tuple[TimeSeries, Callable[[Vector], Vector] | None]:
+    series = TimeSeries(result.time, result[signal], "smooth", result.unit(signal), f"{signal} of {result.model}")
+    if result.dense is None:
+        return series, None
+    return series, lambda times: np.asarray(result.at(times, signal))
+
+
+def _of_pandas(name: str, value: Any) -> TimeSeries:
+    """A Series over time, or a DataFrame with a column of that name, or with one column only."""
+    if hasattr(value, "columns"):
+        columns = [c for c in value.columns if str(c).lower().partition(" [")[0] not in ("time", "t")]
+        clock = [c for c in value.columns if c not in columns]
+        fitting = [c for c in columns if str(c).partition(" [")[0] == name] or (columns if len(columns) == 1 else [])
+        if len(fitting) != 1:
+            raise UsageError(
+                "AC045",
+                f"the table for input {name} has no column of this name",
+                evidence=[f"its columns: {', '.join(map(str, columns[:8]))}"],
+                help=f"inputs={{'{name}': table['column']}}",
+            )
+        time, column = value[clock[0]] if clock else value.index, value[fitting[0]]
+        label, head = str(fitting[0]), str(clock[0]) if clock else str(value.index.name)
+    else:
+        time, column, label, head = value.index, value, str(value.name), str(value.index.name)
+    unit, second = (text.partition(" [")[2].rstrip("] ") for text in (label, head))
+    unit = unit or str(getattr(column, "attrs", {}).get("units", ""))
+    try:
+        seconds = np.asarray(time, dtype=np.float64) * (in_si(1.0, second) if second else 1.0)
+    except (TypeError, ValueError) as error:
+        raise UsageError("AC044", f"the index of the data for input {name} is no time in s: {error}") from None
+    return TimeSeries(seconds, column.to_numpy(dtype=np.float64), "linear", unit, f"input {name}")
+
+
+def _in_unit(name: str, declared: Declaration, series: TimeSeries) -> TimeSeries:
+    """The series in the unit of the input, which is coherent."""
+    if not series.unit or series.unit == declared.unit:
+        return series
+    try:
+        source = parse(series.unit)
+        if declared.unit and source.dimension != parse(declared.unit).dimension:
+            raise UsageError(
+                "AC151",
+                f"{series.name} in {series.unit} does not fit input {name} in {declared.unit}",
+                evidence=[f"{series.unit} has the dimension {format_dimension(source.dimension)}"],
+            )
+        zero = in_si(0.0, series.unit)
+        values = series.values * (in_si(1.0, series.unit) - zero) + zero
+    except UsageError:
+        raise
+    except AcausalError as error:
+        raise UsageError(error.code, f"{series.name}: {error.fact}", evidence=error.evidence, help=error.help) from None
+    return replace(series, value=values, unit=declared.unit)
+
+
+def _covering(name: str, series: TimeSeries, start: float, stop: float) -> tuple[Vector, Vector]:
+    """The rows that the run needs: those inside, and one more at each end.
+
+    Raises
+    ------
+    UsageError
+        AC044 where the run begins before the series, or ends after it.
+    """
+    times, values = series.times, series.values
+    slack = 1e-9 * (stop - start)
+    if times[0] > start + slack or times[-1] < stop - slack:
+        raise UsageError(
+            "AC044",
+            f"{series.name} goes from {times[0]:.9g} s to {times[-1]:.9g} s, the run from {start:.9g} to {stop:.9g} s",
+            cause="what an input is where it was not measured is not known",
+            help=f"simulate from start_time={max(times[0], start):.9g} to stop_time={min(times[-1], stop):.9g}, "
+            f"or give input {name} rows up to the end",
+        )
+    first = max(int(np.searchsorted(times, start, side="right")) - 1, 0)
+    last = min(int(np.searchsorted(times, stop, side="left")), len(times) - 1)
+    if first == last:
+        first = last - 1
+    margin = 3 if series.interpolation == "smooth" else 0  # a spline knows its neighbours
+    rows = slice(max(first - margin, 0), last + margin + 1)
+    return times[rows], values[rows]
+
+
+def _check_limits(name: str, declared: Declaration, values: Vector, slack: float) -> None:
+    """AC136 for values outside the declared limits by more than `slack`: results are as exact as their tolerance."""
+    for value in (values.min(), values.max()):
+        nearest = min(max(float(value), declared.min), declared.max)
+        if abs(nearest - value) > slack:
+            check_limit(name, "", declared, float(value))
+
+
+def _smooth(name: str, times: Vector, values: Vector, error: float, exact: Callable[[Vector], Vector] | None) -> Pieces:
+    """A spline between jumps; the solver's own values where they are at hand and the spline is not as good."""
+    from scipy.interpolate import CubicSpline
+
+    doubles = (np.flatnonzero(np.diff(times) == 0.0) + 1).tolist()
+    bounds = [(i, j) for i, j in zip([0, *doubles], [*doubles, len(times)], strict=True) if j - i > 1]
+    curves: list[Callable[[Vector], Vector]] = []
+    for i, j in bounds:
+        t, v = times[i:j], values[i:j]
+        chord = v[0] + (v[-1] - v[0]) * ((t - t[0]) / (t[-1] - t[0]))
+        if float(np.abs(chord - v).max()) <= error and (j - i > 2 or exact is None):
+            curves.append(_Chords(t, v))
+        elif j - i < 8:
+            curves.append(exact or CubicSpline(t, v))
+        else:  # every second point left out: sixteen times the error
+            off = float(np.abs(CubicSpline(t[::2], v[::2])(t[: len(t[::2]) * 2 - 1]) - v[: len(t[::2]) * 2 - 1]).max())
+            curves.append(exact if exact is not None and off > 16.0 * error else CubicSpline(t, v))
+    knots = np.array([*(times[i] for i, _ in bounds), times[bounds[-1][1] - 1]])
+
+    def signal(at: Vector) -> Vector:
+        k = int(np.clip(np.searchsorted(knots, at[len(at) // 2], side="right") - 1, 0, len(curves) - 1))
+        return np.asarray(curves[k](at))
+
+    return sampled(signal, knots, error, f"input {name}")

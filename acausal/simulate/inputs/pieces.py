@@ -1,0 +1,217 @@
+"""A signal over time as polynomials: the run is cut where one ends, and nowhere else.
+
+Measured values that a solver could not tell from a smooth curve become one polynomial over as many of them as possible;
+noise is followed from instant to instant. What is left out is a share of the tolerance, relative to the size of the
+signal's variation. Polynomials pass through the signal at both ends, so that they make no jumps of their own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.errors import UsageError
+from acausal.lower.chebyshev import INPUT_DEGREE, INPUT_WIDTH
+from acausal.simulate.equations.chebyshev import between, fitted, value
+
+Vector = NDArray[np.float64]
+Signal = Callable[[Vector], Vector]
+# Pieces in which a function is looked at first: a pulse of a thousandth of the run is seen.
+_FIRST = 64
+_MOST = 20_000
+# The shortest piece by the run, and the instants between those of the polynomial at which it is compared.
+_SHORTEST = 1e-11
+_BETWEEN = -np.cos(np.pi * (np.arange(INPUT_DEGREE) + 0.5) / INPUT_DEGREE)
+# Stretches between instants that are no longer tried as one polynomial, but as straight lines.
+_FEW = 6
+
+
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """Polynomials one after the other.
+
+    Attributes
+    ----------
+    breaks
+        Where they begin, and where the last one ends [s]; shape (n + 1,).
+    numbers
+        Centre, one over half the width, and coefficients of each; shape (n, INPUT_WIDTH).
+    """
+
+    breaks: Vector
+    numbers: Vector
+
+    def at(self, times: Vector) -> Vector:
+        """The numbers of the pieces in which n instants lie, shape (n, INPUT_WIDTH)."""
+        place = np.searchsorted(self.breaks, times, side="right") - 1
+        return np.asarray(self.numbers[np.clip(place, 0, len(self.numbers) - 1)])
+
+    @property
+    def jumps(self) -> Vector:
+        """Breaks at which the value itself jumps [s]."""
+        left = self.numbers[:-1, 2:].sum(axis=1)
+        right = self.numbers[1:, 2:] @ (-1.0) ** np.arange(INPUT_DEGREE + 1)
+        size = np.abs(self.numbers[:, 2:]).sum(axis=1)
+        return np.asarray(self.breaks[1:-1][np.abs(right - left) > 1e-12 * (size[:-1] + size[1:])])
+
+
+def _row(a: float, b: float, coefficients: Vector) -> Vector:
+    found = np.zeros(INPUT_WIDTH)
+    found[:2] = 0.5 * (a + b), 2.0 / (b - a)
+    found[2 : 2 + len(coefficients)] = coefficients
+    return found
+
+
+def _joined(parts: Sequence[tuple[float, float, Vector]]) -> Pieces:
+    breaks = np.array([*(a for a, _, _ in parts), parts[-1][1]])
+    return Pieces(breaks, np.array([_row(*part) for part in parts]))
+
+
+def held(times: Vector, values: Vector) -> Pieces:
+    """Each value up to the next instant; equal ones in a row are one piece."""
+    starts = [0, *(k for k in range(1, len(times) - 1) if values[k] != values[k - 1] or times[k] == times[k + 1])]
+    starts = [k for k in starts if times[k] < times[k + 1]]
+    ends = [float(times[k]) for k in starts[1:]] + [float(times[-1])]
+    return _joined([(float(times[k]), end, values[k : k + 1]) for k, end in zip(starts, ends, strict=True)])
+
+
+def straight(times: Vector, values: Vector, error: float) -> Pieces:
+    """Straight lines through all points, or what comes within `error` of them with fewer breaks."""
+    parts: list[tuple[float, float, Vector]] = []
+    doubles = (np.flatnonzero(np.diff(times) == 0.0) + 1).tolist()
+    for first, last in zip([0, *doubles], [*doubles, len(times)], strict=True):
+        if last - first > 1:
+            parts += _lines(times[first:last], values[first:last], error)
+    return _joined(parts)
+
+
+def _lines(times: Vector, values: Vector, error: float) -> list[tuple[float, float, Vector]]:
+    """Without jumps: polynomials over intervals that are halved where they are too far off."""
+    parts: list[tuple[float, float, Vector]] = []
+    stack = [(0, len(times) - 1)]
+    while stack:
+        i, j = stack.pop()
+        if j - i <= _FEW:
+            parts += _chords(times, values, i, j, error)
+            continue
+        a, b = float(times[i]), float(times[j])
+        nodes = np.interp(between(a, b, INPUT_DEGREE), times[i : j + 1], values[i : j + 1])
+        coefficients = fitted(nodes)
+        seen = np.append(times[i + 1 : j], 0.5 * (times[i:j] + times[i + 1 : j + 1]))
+        off = np.abs(
+            value(coefficients, (2 * seen - a - b) / (b - a)) - np.interp(seen, times[i : j + 1], values[i : j + 1])
+        )
+        worst = float(off.max())
+        if worst <= error:
+            parts.append((a, b, coefficients))
+            continue
+        # noise needs no second look at intervals half as long
+        count = 2 if worst <= 1e3 * error else 8
+        marks = np.unique(np.linspace(i, j, count + 1).round().astype(int)).tolist()
+        stack += list(pairwise(marks))[::-1]
+    return parts
+
+
+def _chords(times: Vector, values: Vector, i: int, j: int, error: float) -> list[tuple[float, float, Vector]]:
+    """Straight lines over as many points as stay within the error."""
+    parts = []
+    while i < j:
+        end = j
+        while end > i + 1:
+            t, v = times[i : end + 1], values[i : end + 1]
+            if (np.abs(v[0] + (v[-1] - v[0]) * ((t - t[0]) / (t[-1] - t[0])) - v) <= error).all():
+                break
+            end -= 1
+        left, right = float(values[i]), float(values[end])
+        parts.append((float(times[i]), float(times[end]), np.array([0.5 * (left + right), 0.5 * (right - left)])))
+        i = end
+    return parts
+
+
+def sampled(signal: Signal, knots: Vector, error: float, name: str) -> Pieces:
+    """A function, within `error` as far as it was looked at; `knots` are where it may jump or have a kink.
+
+    Intervals are halved until the polynomial through eight values is right at seven others; then neighbours are joined
+    again as far as one polynomial does for both.
+
+    Raises
+    ------
+    UsageError
+        AC044 for a function that keeps changing however closely one looks.
+    """
+    span = float(knots[-1] - knots[0])
+    parts: list[tuple[float, float, Vector]] = []
+    for a, b in zip(knots[:-1].tolist(), knots[1:].tolist(), strict=True):
+        count = max(1, round(_FIRST * (b - a) / span))
+        marks = np.linspace(a, b, count + 1)
+        part: list[tuple[float, float, Vector]] = []
+        for left, right in zip(marks[:-1].tolist(), marks[1:].tolist(), strict=True):
+            part += _halved(signal, left, right, error, span, name)
+        parts += _merged(signal, part, error)
+    return _joined(_closed(parts, float(knots[0]), float(knots[-1])))
+
+
+def _fit(signal: Signal, a: float, b: float) -> tuple[Vector, float]:
+    """Coefficients on [a, b], and how far they are off between their points."""
+    inner = between(a, b, INPUT_DEGREE)
+    # just inside: at a jump at the end the value of this side counts
+    inner[0], inner[-1] = np.nextafter(a, b), np.nextafter(b, a)
+    coefficients = fitted(signal(inner))
+    seen = 0.5 * (a + b) + 0.5 * (b - a) * _BETWEEN
+    return coefficients, float(np.abs(value(coefficients, _BETWEEN) - signal(seen)).max())
+
+
+def _halved(
+    signal: Signal, a: float, b: float, error: float, span: float, name: str
+) -> list[tuple[float, float, Vector]]:
+    parts: list[tuple[float, float, Vector]] = []
+    first, stack, looks = a, [(a, b)], 0
+    while stack:
+        a, b = stack.pop()
+        looks += 1
+        coefficients, off = _fit(signal, a, b)
+        if off <= error:
+            parts.append((a, b, coefficients))
+        elif b - a > _SHORTEST * max(span, abs(a), abs(b)):
+            middle = 0.5 * (a + b)
+            stack += [(middle, b), (a, middle)]
+        # else there is a jump in between: its neighbours meet there
+        if looks > _MOST:
+            raise UsageError(
+                "AC044",
+                f"{name} keeps changing between t = {first:.6g} s and {b:.6g} s: polynomials do not follow it",
+                cause="a function is sampled until a polynomial of degree 7 passes through what lies between",
+                help="noise is a series: sample it yourself and give TimeSeries(time, value)",
+            )
+    return parts
+
+
+def _merged(
+    signal: Signal, parts: list[tuple[float, float, Vector]], error: float
+) -> list[tuple[float, float, Vector]]:
+    found: list[tuple[float, float, Vector]] = []
+    for part in parts:
+        found.append(part)
+        while len(found) > 1 and found[-2][1] == found[-1][0]:
+            a, b = found[-2][0], found[-1][1]
+            coefficients, off = _fit(signal, a, b)
+            if off > error:
+                break
+            found[-2:] = [(a, b, coefficients)]
+    return found
+
+
+def _closed(parts: list[tuple[float, float, Vector]], first: float, last: float) -> list[tuple[float, float, Vector]]:
+    """Without the slivers in which jumps lie: what is before lasts to what follows."""
+    found = []
+    for k, (a, b, coefficients) in enumerate(parts):
+        begin, end = a if k else first, parts[k + 1][0] if k + 1 < len(parts) else last
+        if (begin, end) != (a, b):  # the same polynomial, a little further
+            inside = (2.0 * between(begin, end, INPUT_DEGREE) - (a + b)) / (b - a)
+            coefficients = fitted(value(coefficients, np.clip(inside, -1.0, 1.0)))
+        found.append((begin, end, coefficients))
+    return found

@@ -1,0 +1,92 @@
+/* Where a guard may be passed between two points of a solution (simulate/events/bracketing.py). */
+
+#include <string.h>
+
+#define LOW 0.05
+
+/* `Node` of bracketing.py. */
+struct node {
+  double t, *x, *above, *rate, *near;
+};
+
+static double most(double a, double b) { return a > b ? a : b; }
+
+/* The cubic from p at 0 to q at 1 with slopes a and b, as in bracketing.py. */
+struct cubic {
+  double p, a, square, cube, turn[2];
+  int turns;
+};
+
+static double value_of(const struct cubic* c, double s) { return c->p + s * (c->a + s * (c->square + s * c->cube)); }
+
+static struct cubic cubic_of(double p, double a, double q, double b) {
+  struct cubic c;
+  double inside, r, found[2];
+  int k;
+  c.p = p; c.a = a; c.square = 3 * (q - p) - 2 * a - b; c.cube = a + b - 2 * (q - p); c.turns = 0;
+  inside = c.square * c.square - 3 * a * c.cube;
+  if (inside <= 0) return c;
+  r = -(c.square + copysign(sqrt(inside), c.square));
+  found[0] = c.cube != 0 ? r / (3 * c.cube) : 2.0;
+  found[1] = r != 0 ? a / r : 2.0;
+  if (found[1] < found[0]) { double other = found[0]; found[0] = found[1]; found[1] = other; }
+  for (k = 0; k < 2; ++k)
+    if (found[k] > 0 && found[k] < 1) c.turn[c.turns++] = found[k];
+  return c;
+}
+
+/* Where a cubic from p >= 0 to below zero falls below zero for the first time. */
+static double drop_of(const struct cubic* c) {
+  double low = 0.0, high = 1.0;
+  int k;
+  for (k = 0; k <= c->turns; ++k) {
+    high = k < c->turns ? c->turn[k] : 1.0;
+    if (value_of(c, high) < 0) break;
+    low = high;
+  }
+  for (k = 0; k < 60; ++k) {
+    double middle = 0.5 * (low + high);
+    if (value_of(c, middle) < 0) high = middle;
+    else low = middle;
+  }
+  return 0.5 * (low + high);
+}
+
+/* First time between two nodes at which a guard may be passed; INFINITY where none is in doubt. */
+static double doubt_of(long long relations, const struct node* left, const struct node* right, int is_there) {
+  double width = right->t - left->t, found = INFINITY;
+  long long k;
+  for (k = 0; k < relations; ++k) {
+    double p = left->above[k], q = right->above[k], a = left->rate[k] * width, b = right->rate[k] * width;
+    double near = most(left->near[k], right->near[k]), least = p < q ? p : q, at = INFINITY;
+    struct cubic c;
+    if (q < 0) {
+      if (is_there) continue;
+      c = cubic_of(p, a, q, b);
+      at = drop_of(&c);
+    } else {
+      if (a < 0 && b > 0) { /* the tangents meet near zero: a kink */
+        double where = (q - p - b) / (a - b), low = p + a * where;
+        if (low < -near || (low < LOW * (b - a) && least > near)) at = where < 0.02 ? 0.02 : where > 0.98 ? 0.98 : where;
+      }
+      if (at > 1 && (p + a / 3 < -near || q - b / 3 < -near)) { /* a cubic is nowhere below its control points */
+        double lowest = -near;
+        int j;
+        c = cubic_of(p, a, q, b);
+        for (j = 0; j < c.turns; ++j)
+          if (value_of(&c, c.turn[j]) < lowest) { at = c.turn[j]; lowest = value_of(&c, at); }
+      }
+    }
+    if (left->t + width * at < found) found = left->t + width * at;
+  }
+  return found;
+}
+
+static void copied(long long states, long long relations, const struct node* from, struct node* to) {
+  to->t = from->t;
+  memcpy(to->x, from->x, states * sizeof(double));
+  memcpy(to->above, from->above, relations * sizeof(double));
+  memcpy(to->rate, from->rate, relations * sizeof(double));
+  memcpy(to->near, from->near, relations * sizeof(double));
+}
+

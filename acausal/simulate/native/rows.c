@@ -1,0 +1,116 @@
+/* Rows inside of a step.
+
+   Dense output of CasADi's one-step methods holds for what is slow; of a component that follows its source at once it is
+   as wrong as a polynomial through stages that are not on it. So each step with rows inside is looked at in three points:
+   what its polynomial p leaves of the equations, p' - f(p), carried over to the states by the matrix of the step, is the
+   error of the polynomial there (W. H. Enright, Continuous numerical methods for ODEs with defect control, Journal of
+   Computational and Applied Mathematics 125, 2000; the matrix for what is stiff). A polynomial of degree four that is
+   right at both ends and at three points between is right. Where it is not, the step is taken again up to the row.
+
+   Steps leave of what is stiff much less than a tolerance, and guards live on that: the current of a diode is a voltage
+   by micro-ohms. So in each row what the defect makes of stiff components is taken away: with e for the error above and
+   A = M/(h gamma) - J for the matrix, e - A^-1 M e/(h gamma), which is e where J is large and nothing where it is small. */
+
+enum { ROWS_MOST = 20000, ROWS_POINTS = 3, ROWS_LONGEST = 64 };
+/* How many tolerances such an error may be. Steps that just pass their error test have one of what is slow, which is three
+   tolerances of its true error (measured). */
+#define ROWS_GOOD 2.0
+
+struct acausal_rows {
+  int point;               /* of the step that is being looked at, 0 for none, ROWS_POINTS + 1 for the row */
+  casadi_real good;        /* start of the step that was good */
+  casadi_int halting, bad; /* rows that are ends of steps without more ado, and how many it was the last time */
+  casadi_real *y, *f;
+};
+
+/* Ask for the equations at the next point of the step; the last one is the row. */
+static int acausal_look(struct casadi_ivp_data* d, struct acausal_rows* r) {
+  const struct casadi_ivp_prob* p = d->prob;
+  d->t_arg = ++r->point > ROWS_POINTS ? d->t_out : d->t0 + r->point * d->h / (ROWS_POINTS + 1.);
+  if (r->point > ROWS_POINTS) casadi_copy(d->y_out, p->ny, r->y);
+  else casadi_ivp_interpolate(d, d->t_arg, r->y);
+  d->y_arg = r->y;
+  d->res = r->f;
+  return casadi_ivp_request(d, IVP_EVAL_RHS, IVP_DONE);
+}
+
+/* The largest error of the polynomial at this point, in tolerances; `f` becomes what has to be added to it. */
+static casadi_real acausal_error(struct casadi_ivp_data* d, METHOD_DATA* e, struct acausal_rows* r) {
+  const struct casadi_ivp_prob* p = d->prob;
+  casadi_int i, k, first[3], count[3];
+  casadi_real found = 0, theta = (d->t_arg - d->t0) / d->h, scale = -1. / d->h;
+  first[0] = 0; first[1] = p->nx; first[2] = p->nx + p->nz;
+  count[0] = p->nx_err; count[1] = p->nz_err; count[2] = p->nq_err;
+  casadi_clear(d->w_dense, p->n_stages);
+  for (k = 0; k < p->n_dense; ++k) {
+    casadi_axpy(p->n_stages, (k + 1) * scale, p->m_dense + k * p->n_stages, d->w_dense);
+    scale *= theta;
+  }
+  for (k = 0; k < p->n_stages; ++k) { /* algebraic equations have no rates */
+    casadi_axpy(p->nx, d->w_dense[k], d->U + k * p->ny, r->f);
+    casadi_axpy(p->nq, d->w_dense[k], d->U + k * p->ny + first[2], r->f + first[2]);
+  }
+  METHOD_RELAX(d, e, r->f);
+  for (k = 0; k < 3; ++k)
+    for (i = first[k]; i < first[k] + count[k]; ++i) {
+      casadi_real a = fabs(d->y0[i]), b = fabs(d->y[i]); /* as the error test of the step has it */
+      casadi_real error = fabs(r->f[i]) / (p->abstol + p->reltol * (a > b ? a : b));
+      if (!(error <= found)) found = error;
+      if (!casadi_ivp_isfinite(found)) return found;
+    }
+  return found;
+}
+
+#ifdef METHOD_IS_STIFF
+/* Take from the row what is wrong with stiff components. */
+static void acausal_correct(struct casadi_ivp_data* d, METHOD_DATA* e, struct acausal_rows* r) {
+  const struct casadi_ivp_prob* p = d->prob;
+  casadi_int n = p->nx + p->nz;
+  casadi_axpy(n, 1., r->f, d->y_out);
+  casadi_clear(r->f + p->nx, p->nz + p->nq);
+  casadi_scal(p->nx, 1. / e->h_gamma, r->f);
+  METHOD_RELAX(d, e, r->f);
+  casadi_axpy(n, -1., r->f, d->y_out);
+}
+#endif
+
+/* The method up to the next row, and the looks at a step with rows inside: 1 while a task is to be carried out. */
+static int acausal_going(struct casadi_ivp_data* d, METHOD_DATA* e, struct acausal_rows* r) {
+  if (r->point == 0) {
+    if (METHOD(d, e)) return 1;
+    if (d->status != IVP_SUCCESS || d->t == d->t_out) return 0;
+    if (d->t0 == r->good) r->point = ROWS_POINTS;
+    return acausal_look(d, r);
+  }
+  ++d->n_rhs;
+  if (!d->fail && acausal_error(d, e, r) <= ROWS_GOOD) {
+    if (r->point <= ROWS_POINTS) return acausal_look(d, r);
+    METHOD_CORRECT(d, e, r);
+    r->point = 0;
+    r->good = d->t0;
+    r->bad = 0;
+    return 0;
+  }
+  /* again, up to the row */
+  r->point = 0;
+  r->bad = r->bad ? (2 * r->bad < ROWS_LONGEST ? 2 * r->bad : ROWS_LONGEST) : 1;
+  r->halting = r->bad;
+  if (d->prob->ne > 0 && d->ev_fired >= 0) {
+    --d->n_events;
+    d->ev_restart = 0;
+  }
+  casadi_copy(d->y0, d->prob->ny, d->y);
+  d->h_next = d->h;
+  casadi_ivp_reset(d, d->t0, d->u, 0);
+  casadi_ivp_advance(d, d->t_out, d->t_out, 0);
+  return METHOD(d, e);
+}
+
+/* Go on to row k, and no farther than there where steps end at rows. */
+static void acausal_to_row(struct casadi_ivp_data* d, struct acausal_rows* r, const struct acausal_run* run, casadi_int k) {
+  int halts = d->prob->step_size > 0 || d->prob->ny > ROWS_MOST || r->halting > 0;
+  if (r->halting > 0) --r->halting;
+  if (k && d->prob->step_size > 0) casadi_ivp_reset(d, run->grid[k - 1], d->u, 0);
+  casadi_ivp_advance(d, run->grid[k], run->grid[halts ? k : run->n - 1], 0);
+}
+

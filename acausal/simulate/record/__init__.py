@@ -1,0 +1,1 @@
+"""What a run has computed, and what is put right before it is shown."""

@@ -1,0 +1,104 @@
+"""Integrals of functions of time that act on nothing: solved apart, so that they neither cost steps nor lose accuracy.
+
+Their rates are Chebyshev series on panels, halved until the series ends; integrated term by term, they give every
+output time at once. Source: J. P. Boyd, Chebyshev and Fourier Spectral Methods (2001), chapter 2. An integrator per
+segment costs three times as much, most of it to be made.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.polynomial import chebyshev
+from numpy.typing import NDArray
+
+Vector = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+_ORDER = 16
+_POINTS = np.cos(np.pi * (np.arange(_ORDER + 1) + 0.5) / (_ORDER + 1))
+_SERIES = np.linalg.inv(chebyshev.chebvander(_POINTS, _ORDER)).T
+"""Values at the points, as a row, times this are the coefficients of the series."""
+_INTEGRAL = chebyshev.chebint(np.eye(_ORDER + 1), lbnd=-1, axis=1)
+"""Coefficients times this are those of the integral from the left end."""
+_DEGREES = np.arange(_ORDER + 2)
+_SMALLEST = 1e-12
+"""Width of a panel, relative to the whole, below which a jump of the rate is left as it is."""
+
+
+def integrals(
+    rates: Callable[[Vector, Indices], Vector],
+    starts: Vector,
+    times: Vector,
+    stretches: Indices,
+    tolerance: float,
+    absolute: float,
+) -> Vector:
+    """Integrals over k stretches, at n instants; shape (nq, n).
+
+    Parameters
+    ----------
+    rates
+        Of instants and the stretches they belong to, both of shape (m,), the rates, shape (nq, m).
+    starts
+        Where each stretch starts; shape (k,).
+    times, stretches
+        The instants, ascending within each stretch, and the stretch of each, ascending; shape (n,). None is without.
+    tolerance, absolute
+        Accuracy of each integral, relative to its change and as it is.
+
+    Raises
+    ------
+    RuntimeError
+        A rate is not finite.
+    """
+    a, b = starts, times[np.searchsorted(stretches, np.arange(len(starts)), side="right") - 1]
+    whole, stretch = b - a, np.arange(len(starts))
+    found: list[tuple[Vector, Vector, Indices, Vector]] = []
+    while len(a):
+        half = 0.5 * (b - a)
+        nodes = a[:, None] + half[:, None] * (1.0 + _POINTS)
+        values = rates(nodes.ravel(), np.repeat(stretch, len(_POINTS))).reshape(-1, *nodes.shape)
+        if not np.isfinite(values).all():
+            raise RuntimeError("the solution is not finite")
+        series = values @ _SERIES
+        tail = 2.0 * half * np.abs(series[:, :, -3:]).max(axis=2)
+        size = 2.0 * half * np.abs(values).max(axis=2)
+        short = (tail > absolute + tolerance * size).any(axis=0) & (b - a > _SMALLEST * whole[stretch])
+        done = ~short
+        found.append((a[done], b[done], stretch[done], (half[:, None] * series @ _INTEGRAL)[:, done]))
+        middle = (a + half)[short]
+        a, b = np.concatenate([a[short], middle]), np.concatenate([middle, b[short]])
+        stretch = np.concatenate([stretch[short], stretch[short]])
+    if len(found) == 1:  # no panel was halved: one for each stretch, in order
+        left, right, _, panels = found[0]
+        inside, before = stretches, np.zeros((len(panels), len(times)))
+    else:
+        left, right, inside, panels, before = _assembled(found, len(starts), times, stretches)
+    width = (right - left)[inside]  # 0 where an event is found at the very start of its stretch
+    at = 2.0 * (times - left[inside]) / np.where(width > 0.0, width, 1.0) - 1.0
+    rising = np.cos(np.arccos(np.clip(at, -1.0, 1.0))[:, None] * _DEGREES)
+    return np.asarray(before + np.einsum("qkc,kc->qk", panels[:, inside], rising))
+
+
+def _assembled(
+    found: list[tuple[Vector, Vector, Indices, Vector]], count: int, times: Vector, stretches: Indices
+) -> tuple[Vector, Vector, Indices, Vector, Vector]:
+    """Ends of all panels in order, the panel of each instant, the series, and what was gathered before each instant."""
+    left, right = np.concatenate([f[0] for f in found]), np.concatenate([f[1] for f in found])
+    owner = np.concatenate([f[2] for f in found])
+    order = np.lexsort((left, owner))
+    left, right, owner = left[order], right[order], owner[order]
+    panels = np.concatenate([f[3] for f in found], axis=1)[:, order]
+    # since its stretch began; polynomials of Chebyshev are 1 at the right end of a panel
+    total = np.cumsum(panels.sum(axis=2), axis=1)
+    before = np.hstack([np.zeros((len(total), 1)), total[:, :-1]])
+    first = np.searchsorted(owner, np.arange(count))
+    before -= before[:, first[owner]]
+    inside = first[stretches]
+    ends = np.append(first[1:], len(left))
+    for k in np.flatnonzero(ends - first > 1).tolist():  # the last panel that begins before the instant
+        here = slice(*np.searchsorted(stretches, [k, k + 1]))
+        inside[here] += np.maximum(np.searchsorted(left[first[k] : ends[k]], times[here]) - 1, 0)
+    return left, right, inside, panels, before[:, inside]

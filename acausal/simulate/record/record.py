@@ -1,0 +1,303 @@
+"""What a run has computed so far, and the result made of it."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.flatten.flat import suffixes
+from acausal.lower.compiled import CompiledModel
+from acausal.result import Event, Result, Signal
+from acausal.simulate.equations.direct import rows
+from acausal.simulate.equations.kept import kept
+from acausal.simulate.events.guards import Cause
+from acausal.simulate.record.project import off_constraints, projection
+from acausal.simulate.solvers.base import Piece
+
+Vector = NDArray[np.float64]
+
+
+class Recorder:
+    """Rows of time, states, algebraic variables and modes, in order; observed variables are computed at the end."""
+
+    def __init__(self, compiled: CompiledModel, p: Vector, u: Vector, most_moved: float = np.inf) -> None:
+        self.compiled, self.most_moved = compiled, most_moved
+        self.p, self.u = p, u
+        self.counters: dict[str, float] = {}
+        self.boundaries: list[tuple[float, tuple[Cause, ...], tuple[str, ...]]] = []
+        self.segments = 0
+        self.count = 0  # rows so far
+        self._size = np.zeros(len(compiled.states))  # largest magnitude of each state
+        self._hidden: list[int] = []
+        self._starts: list[int] = []
+        self._times: list[Vector] = []
+        self._x: list[Vector] = []
+        self._z: list[Vector] = []
+        self._m: list[Vector] = []
+
+    @property
+    def time(self) -> float:
+        """The time reached."""
+        return float(self._times[-1][-1])
+
+    def begin(
+        self, t: float, x: Vector, z: Vector, m: Vector, causes: tuple[Cause, ...] = (), changed: tuple[str, ...] = ()
+    ) -> None:
+        """The first row of a segment: the values after the event, what happened in it, or the values at the start."""
+        if self._times:
+            self.boundaries.append((t, causes, changed))
+        self.segments += 1
+        self._append(np.array([t]), x[:, None], z[:, None], m)
+
+    def add(self, times: Vector, piece: Piece, m: Vector) -> Piece:
+        """Rows from a solver, projected onto the constraints; returns them as they are recorded.
+
+        Raises
+        ------
+        IntegrationError
+            AC407 where that moves them too far; the rows before are recorded.
+        """
+        found = projection(self.compiled, times, piece.x, piece.z, self.u, self.p, m)
+        self._count(piece.counters)
+        if found is None:
+            self._append(times, piece.x, piece.z, m)
+            return piece
+        self.counters["drift"] = max(self.counters.get("drift", 0.0), found.drift)
+        self._size = np.maximum(self._size, np.abs(found.x).max(axis=1, initial=0.0, where=np.isfinite(found.x)))
+        moved = found.moved / (self.compiled.nominal_x + self._size)[:, None]
+        far = moved.max(axis=0) > self.most_moved
+        good = int(np.argmax(far)) if far.any() else len(times)
+        own = m if m.ndim == 1 else m[:, :good]
+        self._append(times[:good], found.x[:, :good], piece.z[:, :good], own)
+        if good < len(times):
+            states = piece.x[:, good], found.x[:, good], moved[:, good]
+            raise off_constraints(self.compiled, float(times[good]), *states, self.most_moved)
+        return Piece(found.x, piece.z, piece.counters)
+
+    def extend(
+        self,
+        times: Vector,
+        x: Vector,
+        m: Vector,
+        boundaries: list[tuple[float, tuple[Cause, ...], tuple[str, ...]]],
+        counters: dict[str, float],
+    ) -> None:
+        """Rows of many segments of a model without algebraic variables or constraints, and the events in them."""
+        self.boundaries += boundaries
+        self.segments += len(boundaries)
+        self._append(times, x, np.zeros((0, len(times))), m)
+        self._count(counters)
+
+    def _append(self, times: Vector, x: Vector, z: Vector, m: Vector) -> None:
+        if not len(times):
+            return
+        self._starts.append(self.count)
+        self.count += len(times)
+        self._times.append(times)
+        self._x.append(x)
+        self._z.append(z)
+        self._m.append(m if m.ndim == 2 else np.tile(m[:, None], (1, len(times))))
+
+    def cut(self, row: int) -> None:
+        """Forget all rows behind one, and what has happened from its instant on; that row is shown."""
+        part = bisect_right(self._starts, row) - 1
+        keep = row - self._starts[part] + 1
+        for rows_ in (self._starts, self._times, self._x, self._z, self._m):
+            del rows_[part + 1 :]
+        self._times[part] = self._times[part][:keep]
+        for columns in (self._x, self._z, self._m):
+            columns[part] = columns[part][:, :keep]
+        self.count = row + 1
+        self.boundaries = [b for b in self.boundaries if b[0] < self.time]
+        self._hidden = [k for k in self._hidden if k < row]
+
+    def since(self, row: int) -> Result:
+        """What was recorded from one row on."""
+        part = bisect_right(self._starts, row) - 1
+        skip = row - self._starts[part]
+        times = np.concatenate(self._times[part:])[skip:]
+        x, z, m = (np.hstack(columns[part:])[:, skip:] for columns in (self._x, self._z, self._m))
+        return _table(self, (times, x, z, m))
+
+    def hide(self, row: int, boundary: int | None = None) -> None:
+        """Leave a row out of the result, and a boundary at which nothing has happened."""
+        self._hidden.append(row)
+        if boundary is not None:
+            del self.boundaries[boundary]
+
+    def explain(self, boundary: int, causes: tuple[Cause, ...]) -> None:
+        """Further causes of what happened at a boundary."""
+        t, known, changed = self.boundaries[boundary]
+        self.boundaries[boundary] = t, (*causes, *known), changed
+
+    def shown(self) -> tuple[Vector, Vector, Vector, Vector]:
+        """The rows of the result, as `rows` gives them."""
+        times, *columns = self.rows()
+        if not self._hidden:
+            return times, *columns  # type: ignore[return-value]
+        keep = np.ones(len(times), dtype=bool)
+        keep[self._hidden] = False
+        return times[keep], *(a[:, keep] for a in columns)  # type: ignore[return-value]
+
+    def _count(self, counters: dict[str, float]) -> None:
+        for name, count in counters.items():
+            self.counters[name] = self.counters.get(name, 0.0) + count
+
+    def rows(self) -> tuple[Vector, Vector, Vector, Vector]:
+        """(times, x, z, modes) of all rows; columns are instants."""
+        return np.concatenate(self._times), *(np.hstack(a) for a in (self._x, self._z, self._m))  # type: ignore[return-value]
+
+    def before(self, t: float) -> int:
+        """The last row not after `t`."""
+        times = np.concatenate(self._times)
+        return int(np.searchsorted(times, t, side="right")) - 1
+
+    def point(self, k: int) -> tuple[float, Vector, Vector, Vector]:
+        """Time, states, algebraic variables and modes of one row."""
+        part = bisect_right(self._starts, k) - 1
+        j = k - self._starts[part]
+        return float(self._times[part][j]), self._x[part][:, j], self._z[part][:, j], self._m[part][:, j]
+
+    def observe(self, times: Vector, x: Vector, z: Vector, m: Vector, columns: Sequence[int] | None = None) -> Vector:
+        """All trajectories, or those of some columns, shape (rows, columns).
+
+        The points lie on the constraints, so nothing is stabilised here: over a very short run the square of the rate
+        would make forces of rounding errors.
+        """
+        p = self.p.copy()
+        if self.compiled.solution.structure.rate is not None:
+            p[-1] = 0.0
+        first = len(m) - len(self.compiled.state_events.relations)
+        slides = bool(((m[first:] > 0.0) & (m[first:] < 1.0)).any())
+        arguments = times[:, None], x.T, z.T, self.u, p, m.T
+        if columns is None:
+            return rows(self.compiled.blended_observe if slides else self.compiled.observe, arguments)
+        at_hand = len(x) + len(z)
+        found = np.empty((len(times), len(columns)))
+        asked = [(k, c) for k, c in enumerate(columns) if c >= at_hand]
+        for k, c in enumerate(columns):
+            if c < at_hand:
+                found[:, k] = x[c] if c < len(x) else z[c - len(x)]
+        if asked:
+            function = kept(self.compiled).observing(tuple(c for _, c in asked), slides)
+            found[:, [k for k, _ in asked]] = function.many(*arguments)
+        return found
+
+
+def make_result(
+    recorder: Recorder,
+    events: tuple[Event, ...],
+    stats: dict[str, object],
+    dense: Callable[[Vector], Vector] | None,
+) -> Result:
+    """The result of what was recorded."""
+    return replace(_table(recorder, recorder.shown()), events=events, stats=stats, dense=dense)
+
+
+def _table(recorder: Recorder, recorded: tuple[Vector, Vector, Vector, Vector]) -> Result:
+    """The values of some rows."""
+    return Result(
+        model=recorder.compiled.name,
+        time=recorded[0],
+        trajectories=lambda: recorder.observe(*recorded),
+        signals=Described(recorder.compiled, recorder.p),
+        some=lambda columns: recorder.observe(*recorded, columns),
+    )
+
+
+class Described(Mapping[str, Signal]):
+    """The signals of a run by name, made when the first of them is asked for: that takes longer than a short run."""
+
+    def __init__(self, compiled: CompiledModel, p: Vector) -> None:
+        self._compiled, self._p = compiled, p
+
+    @cached_property
+    def _made(self) -> dict[str, Signal]:
+        return signals(self._compiled, self._p)
+
+    @cached_property
+    def _moving(self) -> dict[str, Signal]:
+        """Signals of variables, the same for all runs; of those that are constant without their values."""
+        return described(self._compiled)[0]
+
+    def __getitem__(self, name: str) -> Signal:
+        found = self._moving.get(name)
+        return found if found is not None and found.column is not None else self._made[name]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._moving or name in self._made
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._made)
+
+    def __len__(self) -> int:
+        return len(self._made)
+
+
+def signals(compiled: CompiledModel, p: Vector) -> dict[str, Signal]:
+    """Where every variable and parameter of the model is found, by path."""
+    moving, fixed = described(compiled)
+    found = dict(moving)
+    constants = dict(zip(compiled.constant_nodes, kept(compiled).constants(p)[0].tolist(), strict=True))
+    for name, node in fixed:
+        found[name] = Signal(name, found[name].unit, found[name].doc, value=constants[node])
+    for parameter in compiled.flat.parameters:
+        values = compiled_parameters(compiled, parameter.nodes, p)
+        for suffix, value in zip(suffixes(parameter.declaration.shape), values, strict=True):
+            name = parameter.path + suffix
+            d = parameter.declaration
+            found[name] = Signal(name, d.unit, d.doc, value=value, parameter=True)
+    return found
+
+
+_Variables = tuple[dict[str, Signal], list[tuple[str, int]]]
+# The same for every run of a compiled model; a sweep would make thousands of signals anew for each.
+_described: WeakKeyDictionary[CompiledModel, _Variables] = WeakKeyDictionary()
+
+
+def described(compiled: CompiledModel) -> _Variables:
+    """What `signals` says of variables, made once for a model."""
+    if compiled not in _described:
+        _described[compiled] = _variables(compiled)
+    return _described[compiled]
+
+
+def _variables(compiled: CompiledModel) -> _Variables:
+    """Signals of all variables, and (name, node) of those that are constant, whose values are still missing."""
+    reduced = compiled.solution.structure.reduced
+    nodes = reduced.pool.nodes
+    column = {node: k for k, node in enumerate(compiled.columns)}
+    found: dict[str, Signal] = {}
+    fixed: list[tuple[str, int]] = []
+    for variable in reduced.flat.variables:
+        d = variable.declaration
+        for k, suffix in enumerate(suffixes(d.shape)):
+            name, node = variable.path + suffix, reduced.image[variable.first + k]
+            if variable.first + k in reduced.left_out:
+                continue
+            if node in column:
+                found[name] = Signal(name, d.unit, d.doc, column=column[node])
+            elif nodes[node][0] == "neg" and nodes[node][1] in column:
+                found[name] = Signal(name, d.unit, d.doc, column=column[nodes[node][1]], sign=-1)
+            else:
+                found[name] = Signal(name, d.unit, d.doc)
+                fixed.append((name, node))
+    return found, fixed
+
+
+def compiled_parameters(compiled: CompiledModel, nodes: tuple[int, ...], p: Vector) -> list[float]:
+    """Values of parameter expressions of the flat pool."""
+    pool = compiled.flat.pool
+    simple = [pool.nodes[n] for n in nodes]
+    if all(s[0] == "par" for s in simple):
+        return [float(p[s[1]]) for s in simple]
+    from acausal.numeric.evaluate import values
+
+    found = values(pool, nodes, {"par": p.__getitem__, "time": lambda _: 0.0})
+    return [float(found[n]) for n in nodes]

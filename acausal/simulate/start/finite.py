@@ -1,0 +1,141 @@
+"""Which equation has no finite value at a point."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from acausal.flatten.flat import FlatEquation
+from acausal.flatten.pool import LEAVES
+from acausal.flatten.reduced import ReducedSystem
+from acausal.flatten.text import NameOf, to_text
+from acausal.lower.compiled import CompiledModel
+from acausal.numeric.evaluate import values
+from acausal.simulate.equations.kept import kept
+
+Vector = np.ndarray[Any, np.dtype[np.float64]]
+Leaves = Mapping[str, Callable[[int], Any]]
+
+UNDEFINED = "a division by zero, or a root or logarithm of a negative number"
+_MOST_CHECKED = 3000
+_WORDS = {
+    "div": "it divides by `{}`, which is",
+    "log": "it takes the logarithm of `{}`, which is",
+    "sqrt": "it takes the square root of `{}`, which is",
+    "asin": "it takes the arcsine of `{}`, which is",
+    "acos": "it takes the arccosine of `{}`, which is",
+    "exp": "it takes the exponential of `{}`, which is",
+    "sinh": "it takes the hyperbolic sine of `{}`, which is",
+    "cosh": "it takes the hyperbolic cosine of `{}`, which is",
+    "pow": "it raises `{}`, which is",
+}
+_SIMPLE = ("var", "par", "const", "time", "neg")
+
+
+class Undefined(NamedTuple):
+    """A variable without a finite value, the equation it is solved from, `name = value` of what is in that, and why.
+
+    `reason` is None where no single operation is to blame; `parameter` is the path of the one whose value is.
+    """
+
+    variable: str
+    equation: FlatEquation
+    inside: tuple[str, ...]
+    reason: str | None = None
+    parameter: str | None = None
+
+
+def first_undefined(
+    compiled: CompiledModel, t: float, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector
+) -> Undefined | None:
+    """The first variable, in solving order, that has no finite value; None where all have one.
+
+    In large models only the rates are looked at: the function of all variables costs more than the run.
+    """
+    functions = kept(compiled)
+    ode, alg = functions.rhs(t, x, z, u, p, m)
+    is_finite = bool(np.isfinite(ode).all() and np.isfinite(alg).all())
+    solution = compiled.solution
+    if is_finite and len(solution.definitions) > _MOST_CHECKED:
+        return None
+    if is_finite and np.isfinite(functions.observe(t, x, z, u, p, m)[0]).all():
+        return None if np.isfinite(functions.constants(p)[0]).all() else _constant(compiled, p)
+    reduced = solution.structure.reduced
+    known = dict(zip(compiled.state_variables, x, strict=True))
+    known.update(zip(solution.algebraic, z, strict=True))
+    known.update(zip(reduced.inputs, u, strict=True))
+    leaves: Leaves = {"var": known.__getitem__, "par": p.__getitem__, "time": lambda _: t}
+    rows = {v: b.rows for b in solution.structure.blocks for v in b.columns}
+    for variable, node in solution.definitions:
+        value = float(np.ravel(values(reduced.pool, [node], leaves)[node])[0])
+        known[variable] = value
+        if not np.isfinite(value):
+            equation = reduced.flat.equations[solution.structure.flat_equation(rows[variable][0])]
+            return Undefined(
+                reduced.name(variable), equation, _inside(reduced, node, leaves), *_why(reduced, node, leaves)
+            )
+    return None
+
+
+def _name_of(reduced: ReducedSystem) -> NameOf:
+    names = (*reduced.flat.parameter_names, "stabilisation.rate")
+    return lambda op, k: names[k] if op == "par" else reduced.name(k)
+
+
+def _inside(reduced: ReducedSystem, node: int, leaves: Leaves) -> tuple[str, ...]:
+    """`name = value` of the variables and parameters below a node, variables first."""
+    found = {reduced.pool.nodes[n] for n in reduced.pool.reachable([node])}
+    known = len(reduced.flat.parameter_names)  # behind them is the rate of stabilisation, which nobody has given
+    leaf = ((op, k) for op, *rest in found if op in ("var", "par") for k in rest)
+    held = sorted((op != "var", k, op) for op, k in leaf if op == "var" or k < known)
+    return tuple(f"{_name_of(reduced)(op, k)} = {float(leaves[op](k)):g}" for _, k, op in held)
+
+
+def _why(reduced: ReducedSystem, node: int, leaves: Leaves) -> tuple[str | None, str | None]:
+    """What the first operation without a finite value does to finite numbers, and the parameter it does it to."""
+    pool = reduced.pool
+    known = values(pool, [node], leaves)
+
+    def is_finite(n: int) -> bool:
+        return bool(np.isfinite(np.ravel(known[n])[0]))
+
+    while True:
+        op, *operands = pool.nodes[node]
+        if op == "where" and is_finite(operands[0]):
+            operands = [operands[1 if np.ravel(known[operands[0]])[0] else 2]]
+        unknown = [] if op in LEAVES else [n for n in operands if not is_finite(n)]
+        if not unknown:
+            break
+        node = unknown[0]
+    said = _WORDS.get(op)
+    if said is None or is_finite(node):
+        return None, None
+    guilty = operands[1 if op == "div" else 0]
+    shown = to_text(pool, guilty, _name_of(reduced), 60)
+    value = float(np.ravel(known[guilty])[0])
+    tail = f", to the power of {float(np.ravel(known[operands[1]])[0]):g}" if op == "pow" else ""
+    is_parameter = pool.nodes[guilty][0] == "par"
+    return f"{said.format(shown)} {value:g}{tail}", shown if is_parameter else None
+
+
+def _constant(compiled: CompiledModel, p: Vector) -> Undefined | None:
+    """The first variable that is computed from parameters alone and has no finite value."""
+    reduced = compiled.solution.structure.reduced
+    pool = reduced.pool
+    computed = {
+        node: scalar
+        for scalar, node in enumerate(reduced.image)
+        if scalar not in reduced.left_out and pool.nodes[node][0] not in _SIMPLE and not pool.variables_in(node)
+    }
+    known = values(pool, list(computed), {"par": p.__getitem__, "time": lambda _: 0.0})
+    for node, scalar in computed.items():
+        if not np.isfinite(np.ravel(known[node])[0]):
+            flat = reduced.flat
+            holds = (e for e in flat.equations if scalar in flat.pool.variables_in(e.left, e.right))
+            equation = next(holds, flat.equations[0])
+            leaves: Leaves = {"par": p.__getitem__, "time": lambda _: 0.0}
+            inside, why = _inside(reduced, node, leaves), _why(reduced, node, leaves)
+            return Undefined(flat.scalar_name(scalar), equation, inside, *why)
+    return None

@@ -1,0 +1,1 @@
+"""How large fixed steps may be."""

@@ -1,0 +1,174 @@
+"""Runs with fixed steps that would amplify a mode are refused, with the mode by its states and the step that works.
+
+Cheap: eigenvalues at the start before the run, and at a few points of the run after it. A mode is amplified when
+|R(h*lambda)| > 1 (`amplification.py`); what counts is the growth that accumulates, so that the harmless growth of an
+undamped oscillation by Heun's method with small steps passes.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.errors import IntegrationError
+from acausal.result import Result
+from acausal.simulate.equations.problem import Problem
+from acausal.simulate.options import Options
+from acausal.simulate.record.record import Recorder
+from acausal.simulate.step_limit.amplification import MOST_GROWTH, Method, method_of
+from acausal.simulate.step_limit.state_matrix import LARGEST_DENSE, StateMatrix
+
+Vector = NDArray[np.float64]
+
+# Growth in the first part of the run by which the start alone condemns it.
+_CERTAIN = math.log(1e3)
+_FIRST_PART = 0.05
+_POINTS, _POINTS_OF_SMALL, _SMALL = 12, 400, 50
+_FIRST_STEPS = 3
+_FEWEST_SHOWN = 0.1
+
+
+@dataclass
+class StepLimit:
+    """Watches one run; does nothing unless the solver has fixed steps and is explicit.
+
+    `force` leaves runs alone.
+    """
+
+    problem: Problem
+    solver: str
+    options: Options
+    force: bool = False
+    method: Method | None = field(init=False)
+
+    def __post_init__(self) -> None:
+        found = method_of(self.solver) if self.options.step is not None and not self.force else None
+        guarded = found is not None and found.explicit and self.problem.n_dynamic > 0 and not self.matrix.inert
+        self.method = found if guarded else None
+
+    def check_start(self, t: float, x: Vector, z: Vector, m: Vector) -> None:
+        """Refuse (AC405) a step that amplifies the start's modes a thousandfold within a twentieth of the run.
+
+        The first steps count too: a tool that stands beside the work is in stiff contact after one of them.
+        """
+        if self.method is None:
+            return
+        span = self.options.stop_time - self.options.start_time
+        n = self.problem.n_dynamic
+        for _ in range(_FIRST_STEPS):
+            rate = float(self._rates(np.array([t]), x[:, None], z[:, None], m[:, None])[0])
+            if rate * max(_FIRST_PART * span, self.step) > _CERTAIN:
+                raise self._refusal(t, x, z, m, rate * span)
+            speed, second = self.matrix.rates(t, x, z, m)
+            ahead = x[:n] + self.step * speed + 0.5 * self.step**2 * second
+            if not np.isfinite(ahead).all():
+                return
+            t, x = t + self.step, np.concatenate([ahead, x[n:]])
+
+    def check_run(self, recorder: Recorder, result: Result) -> None:
+        """Refuse (AC405) a run after it was made, when its step amplified a mode somewhere; also one that failed.
+
+        The error carries `result`.
+        """
+        if self.method is None or not recorder.segments:
+            return
+        times, x, z, m = recorder.rows()
+        good = np.flatnonzero(np.isfinite(x).all(axis=0) & np.isfinite(z).all(axis=0))
+        if not len(good):
+            return
+        count = min(_POINTS_OF_SMALL if self.problem.n_dynamic <= _SMALL else _POINTS, len(good))
+        chosen = np.unique(good[np.linspace(0, len(good) - 1, count).round().astype(int)])
+        rates = self._rates(times[chosen], x[:, chosen], z[:, chosen], m[:, chosen])
+        at = times[chosen]
+        reach = np.diff(np.concatenate([[at[0]], 0.5 * (at[1:] + at[:-1]), [at[-1]]]))
+        amplified = np.where(rates > 0.0, rates * np.maximum(reach, self.step), 0.0)
+        # what comes behind the row at which errors have outgrown the solution is no solution any more
+        worst = int(np.argmax(rates[: int(np.argmax(np.cumsum(amplified) > MOST_GROWTH)) + 1]))
+        if amplified.sum() > MOST_GROWTH:
+            k = chosen[worst]
+            error = self._refusal(float(times[k]), x[:, k], z[:, k], m[:, k], float(amplified.sum()))
+            error.result = result
+            raise error
+
+    @property
+    def step(self) -> float:
+        """The step really taken [s]: some methods divide every output interval into equal steps."""
+        step, interval = self.options.step or math.inf, self.options.output_interval
+        if self.solver == "erk":
+            return min(step, self.options.stop_time - self.options.start_time)
+        return interval / max(1, math.ceil(interval / step - 1e-9))
+
+    @property
+    def matrix(self) -> StateMatrix:
+        """The linearised states of this run."""
+        return StateMatrix(self.problem.compiled, self.problem.p, self.problem.u)
+
+    def _rates(self, times: Vector, x: Vector, z: Vector, m: Vector) -> Vector:
+        """Largest rate of numerical growth [1/s] at each point; 0 where none can be computed."""
+        assert self.method is not None
+        if self.problem.n_dynamic <= _SMALL and len(self.problem.compiled.algebraic) <= _SMALL:
+            spectra = list(self.matrix.spectra(times, x, z, m))
+        else:
+            found = (self.matrix.eigenvalues(float(t), x[:, k], z[:, k], m[:, k]) for k, t in enumerate(times))
+            spectra = [np.full(1, np.nan, dtype=complex) if modes is None else modes for modes in found]
+        rates = np.zeros(len(times))
+        for k, modes in enumerate(spectra):
+            if np.isfinite(modes).all() and len(modes):
+                rates[k] = np.max(self.method.growth(modes, self.step))
+        return rates
+
+    def _refusal(self, t: float, x: Vector, z: Vector, m: Vector, growth: float) -> IntegrationError:
+        assert self.method is not None
+        modes = self.matrix.eigenvalues(t, x, z, m)
+        assert modes is not None
+        worst = modes[int(np.argmax(self.method.growth(modes, self.step)))]
+        # of an undamped mode no step is stable: one that is harmless in this run
+        largest = self.method.largest_step(modes)[0] or self.method.usable_step(modes, self.options.span)[0]
+        size = float(np.abs(self.method.amplification(self.step * worst)))
+        names = ", ".join(self._participants(t, x, z, m, worst))
+        factor = f"{math.exp(growth):.2g}" if growth < 500.0 else f"10^{growth / math.log(10.0):.0f}"
+        return IntegrationError(
+            "AC405",
+            f"a step of {self.step:.4g} s is unstable with {self.method.title}: the largest stable step at "
+            f"t = {t:.6g} s is {largest:.4g} s",
+            evidence=[
+                f"mode      {_text(worst)} 1/s at t = {t:.6g} s, in the states {names}",
+                f"one step  multiplies it by {size:.4g}, the run by {factor}",
+            ],
+            cause="the explicit method with this step leaves its stability region",
+            help=f"--step {0.9 * largest:.2g}, or an implicit solver (--solver rosenbrock); --force runs it anyway",
+        )
+
+    def _participants(self, t: float, x: Vector, z: Vector, m: Vector, mode: complex) -> list[str]:
+        """Names of the states that take part in a mode, the most first."""
+        matrix = self.matrix
+        found = matrix.at(t, x, z, m) if matrix.size <= LARGEST_DENSE else None
+        if found is None:
+            return ["(too many states to name them)"]
+        share = participation(found, mode)
+        order = np.argsort(-share, kind="stable")[:3]
+        return [matrix.names[k] for k in order if share[k] >= _FEWEST_SHOWN * share[order[0]]]
+
+
+def participation(matrix: Vector, mode: complex) -> Vector:
+    """Share of each state in the mode next to `mode`; sums to 1.
+
+    |left eigenvector entry * right eigenvector entry|, which does not depend on units (I. J. Perez-Arriaga,
+    G. C. Verghese, F. C. Schweppe, IEEE Trans. PAS-101 (1982) 3117).
+    """
+    from scipy.linalg import eig
+
+    found: Any = eig(matrix, left=True, right=True)
+    values, left, right = found
+    k = int(np.argmin(np.abs(values - mode)))
+    share = np.abs(left[:, k].conj() * right[:, k])
+    total = float(share.sum())
+    return np.asarray(share / total if total > 0.0 else np.full(len(share), 1.0 / len(share)))
+
+
+def _text(mode: complex) -> str:
+    return f"{mode.real:.4g}" if mode.imag == 0.0 else f"{mode.real:.4g} +- {abs(mode.imag):.4g}i"

@@ -1,0 +1,1 @@
+"""Parameters from measurements: least squares on runs of a model."""

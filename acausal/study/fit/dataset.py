@@ -1,0 +1,154 @@
+"""Measured signals of an experiment, and what the model has to be given to run the same."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.errors import UsageError, nearest
+from acausal.result import Result
+from acausal.series import TimeSeries, read_all
+from acausal.units import format_dimension, in_si, parse
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Dataset:
+    """One experiment.
+
+    Attributes
+    ----------
+    data
+        Measured signals: a CSV file (`time [s], mass.s [mm], ...`), a pandas DataFrame over time, a `Result`, or a
+        mapping from names to `TimeSeries` or `(times, values)`. Columns named as an input of the model drive it, those
+        named as a variable are compared with it; each needs one or the other.
+    inputs, start, parameters
+        As `simulate` takes them, for this experiment only.
+    sigma
+        Standard deviations of the noise by name of a signal, in SI; estimated where they are not given.
+    name
+        For messages and pictures.
+    """
+
+    data: Any
+    inputs: Mapping[str, Any] = field(default_factory=dict)
+    start: Mapping[str, object] = field(default_factory=dict)
+    parameters: Mapping[str, object] = field(default_factory=dict)
+    sigma: Mapping[str, float] = field(default_factory=dict)
+    name: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """One measured signal in SI: its name in the model, times [s] and values, both of shape (n,)."""
+
+    name: str
+    times: Vector
+    values: Vector
+
+
+def columns_of(dataset: Dataset) -> dict[str, TimeSeries]:
+    """The columns of a data set by name.
+
+    Raises
+    ------
+    UsageError
+        AC014, AC044 and AC045 for data that cannot be read, AC055 for what is no data.
+    """
+    data = dataset.data
+    if isinstance(data, str | Path):
+        if Path(data).suffix.lower() != ".csv":
+            from acausal.files import read
+
+            return _of_result(Result(**vars(read(Path(data)))))
+        return read_all(data)
+    if isinstance(data, Result):
+        return _of_result(data)
+    if isinstance(data, Mapping):
+        return {str(n): _series(str(n), v) for n, v in data.items()}
+    if hasattr(data, "columns") and hasattr(data, "to_numpy"):
+        return _of_frame(data)
+    raise UsageError(
+        "AC055",
+        f"data of type {type(data).__name__} are no measurements",
+        help="a CSV file, a DataFrame over time, a Result, or {'mass.s': (times, values)}",
+    )
+
+
+def _series(name: str, value: Any) -> TimeSeries:
+    if isinstance(value, TimeSeries):
+        return value
+    if not isinstance(value, tuple) or len(value) != 2:
+        raise UsageError("AC055", f"{name} is no TimeSeries and no pair of times and values")
+    return TimeSeries(value[0], value[1], name=name)
+
+
+def _of_result(result: Result) -> dict[str, TimeSeries]:
+    moving = [n for n in result.names if result.signals[n].column is not None]
+    return {n: TimeSeries(result.time, result[n], unit=result.unit(n), name=n) for n in moving}
+
+
+def _of_frame(frame: Any) -> dict[str, TimeSeries]:
+    clock = next((c for wanted in ("time", "t") for c in frame.columns if str(c).lower() == wanted), None)
+    times = np.asarray((frame.index if clock is None else frame[clock]).to_numpy(), dtype=np.float64)
+    units = frame.attrs.get("units", {})
+    found = {}
+    for column in frame.columns:
+        if column != clock:
+            values = np.asarray(frame[column].to_numpy(), dtype=np.float64)
+            there = np.isfinite(values)
+            found[str(column)] = TimeSeries(times[there], values[there], unit=units.get(column, ""), name=str(column))
+    return found
+
+
+def drives(columns: Mapping[str, TimeSeries], inputs: tuple[str, ...]) -> dict[str, TimeSeries]:
+    """The columns that are inputs of the model."""
+    return {name: series for name, series in columns.items() if name in inputs}
+
+
+def measured(columns: Mapping[str, TimeSeries], inputs: tuple[str, ...], run: Result) -> tuple[Measured, ...]:
+    """The columns to compare with the model, in SI; `run` is one of it and knows its signals.
+
+    Raises
+    ------
+    UsageError
+        AC055 for a column that is no signal of the model, or no column at all to compare.
+    UnitError
+        AC151 for a unit that does not fit.
+    """
+    found = []
+    for name, series in columns.items():
+        if name in inputs:
+            continue
+        if name not in run or run.elements(name)[0]:
+            close = nearest(name, [*inputs, *run.names])
+            raise UsageError(
+                "AC055",
+                f"column '{name}' is neither a variable nor an input of {run.model}",
+                evidence=[f"did you mean {', '.join(close)}?"] if close else [],
+                help="rename the column, or leave it out",
+            )
+        found.append(Measured(name, series.times, _in_si(name, series, run.unit(name))))
+    if not found:
+        raise UsageError("AC055", f"the data hold inputs of {run.model} only: there is nothing to compare it with")
+    return tuple(found)
+
+
+def _in_si(name: str, series: TimeSeries, declared: str) -> Vector:
+    if series.unit in ("", declared):
+        return series.values
+    have, need = parse(series.unit).dimension, parse(declared).dimension
+    if have != need:
+        raise UsageError(
+            "AC151",
+            f"{series.name} is in {series.unit}, {format_dimension(have)}; {name} is in {declared}",
+            help="correct the unit in the first row",
+        )
+    offset = in_si(0.0, series.unit)
+    return np.asarray(series.values * (in_si(1.0, series.unit) - offset) + offset)

@@ -1,0 +1,352 @@
+"""Parameters by least squares on runs, with what the data say about each of them.
+
+Gauss and Newton's method in a trust region (scipy's `least_squares`), on derivatives by differences of runs: these go
+through events, delays and contacts as the runs do. Every signal is weighted by the standard deviation of its noise;
+where that is not known it is estimated from the residuals of a first fit, and the fit is made again (Bates and Watts,
+Nonlinear Regression Analysis and Its Applications, 1988, chapters 2 and 4).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.errors import RunError, UsageError, nearest
+from acausal.flatten.parameters import entries
+from acausal.language.component import Component
+from acausal.lower.compile import compile
+from acausal.lower.compiled import CompiledModel
+from acausal.result import Result
+from acausal.study.fit.dataset import Dataset
+from acausal.study.fit.judge import Judgement, judge
+from acausal.study.fit.trial import Trial, trial_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Vector = NDArray[np.float64]
+
+# Relative change of a parameter for a difference, and the tolerance of the runs that makes it worth 1e-4.
+_STEP = 1e-4
+_TOLERANCE = 1e-8
+# Relative change of the sum of squares, and of the parameters, at which the first fit, whose weights are guesses, is
+# good enough, and the last one: a parameter is then a few hundredths of its standard deviation from its end at most.
+_ROUGH = 1e-3
+_FINE = 1e-6
+_MOST = 100
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Parameters that fit the measurements best, n of them.
+
+    Attributes
+    ----------
+    model
+        Its name.
+    names, units, guess, value
+        Paths of the parameters, their units, where the search began, and what it found, in SI; shape (n,).
+    std, interval
+        Standard deviations, shape (n,), and 95 % confidence intervals, shape (n, 2), by Student's distribution and the
+        linearised model; infinite where the data say nothing.
+    covariance, correlation
+        Shape (n, n).
+    rms, noise
+        Root mean square of the residuals by signal, in its unit, and the standard deviation they were weighted by.
+    rows, runs
+        Number of values compared, and of simulations made.
+    results
+        One run with the found parameters for each data set.
+    notes
+        What to doubt: parameters that the data do not tell apart, residuals that are no noise, values at a limit.
+    """
+
+    model: str
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    guess: Vector
+    value: Vector
+    std: Vector
+    interval: Vector
+    covariance: Vector
+    correlation: Vector
+    rms: Mapping[str, float]
+    noise: Mapping[str, float]
+    rows: int
+    runs: int
+    results: tuple[Result, ...]
+    trials: tuple[Trial, ...] = field(repr=False)
+    notes: tuple[str, ...] = ()
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """What was found, as `simulate(parameters=...)` takes it."""
+        return dict(zip(self.names, self.value.tolist(), strict=True))
+
+    def plot(self, file: str | None = None) -> Figure:
+        """Measured points on simulated lines, residuals below, one column of panels per signal."""
+        from acausal.study.fit.picture import picture
+
+        return picture(self, file)
+
+
+def fit(
+    model: Component | CompiledModel,
+    data: Any,
+    free: Sequence[str] | Mapping[str, tuple[float, float]],
+    *,
+    parameters: Mapping[str, object] | None = None,
+    inputs: Mapping[str, Any] | None = None,
+    start: Mapping[str, object] | None = None,
+    tolerance: float | None = None,
+    solver: str | None = None,
+    native: bool | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> Fit:
+    """Fit parameters of a model to measurements.
+
+    Parameters
+    ----------
+    model
+        A component, or a compiled model.
+    data
+        A `Dataset`, or what one holds as data; a list for several experiments, which share the parameters.
+    free
+        Paths of the parameters to find, scalar and no structural ones; as a mapping, with lower and upper limits in SI.
+        The search begins at the model's values, or at those in `parameters`.
+    parameters, inputs, start
+        As `simulate` takes them, for all experiments; those of a data set come first.
+    tolerance
+        Of the runs; that of the model, at most 1e-8, by default: derivatives are differences of runs.
+    progress
+        Called with a sentence after each step of the search.
+
+    Raises
+    ------
+    UsageError
+        AC055 for data that do not fit the model, AC056 for parameters that cannot be free, AC057 for more parameters
+        than values.
+    AcausalError
+        Whatever the first run raises; later ones that fail are steps too far, and shortened.
+    """
+    compiled = model if isinstance(model, CompiledModel) else compile(model, parameters=parameters)
+    values = parameters if isinstance(model, CompiledModel) else None
+    sets = [d if isinstance(d, Dataset) else Dataset(d) for d in (data if isinstance(data, list | tuple) else [data])]
+    unknown = _unknowns(compiled, free, values or {})
+    wanted = {"tolerance": tolerance or min(compiled.flat.experiment.tolerance, _TOLERANCE), "solver": solver}
+    wanted |= {"native": native}
+    common = Dataset(None, inputs or {}, start or {}, values or {})
+    trials = tuple(trial_of(compiled, d, k, common, unknown.guess_by_name, wanted) for k, d in enumerate(sets))
+    search = _Search(trials, unknown, progress)
+    if search.rows <= len(unknown.names):
+        raise UsageError("AC057", f"{search.rows} measured values cannot tell {len(unknown.names)} parameters")
+    return search.solved(compiled)
+
+
+@dataclass(frozen=True, eq=False)
+class Unknowns:
+    """Parameters to find: paths, units, guesses, limits and magnitudes, each of shape (n,)."""
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    guess: Vector
+    low: Vector
+    high: Vector
+
+    @property
+    def guess_by_name(self) -> dict[str, float]:
+        """Where the search begins."""
+        return dict(zip(self.names, self.guess.tolist(), strict=True))
+
+    @property
+    def scale(self) -> Vector:
+        """What each is measured in: its guess, or the width of its limits where that is zero."""
+        width = np.where(np.isfinite(self.high - self.low), self.high - self.low, 1.0)
+        return np.where(self.guess != 0.0, np.abs(self.guess), width)
+
+
+def _unknowns(
+    compiled: CompiledModel, free: Sequence[str] | Mapping[str, tuple[float, float]], given: Mapping[str, object]
+) -> Unknowns:
+    names = tuple(free)
+    if isinstance(free, str) or not names:
+        raise UsageError("AC056", "no parameter is free", help="free=['drill.k_c11', 'drill.z']")
+    declared = {p.path: p for p in compiled.flat.parameters}
+    present = dict(zip(compiled.parameters, compiled.parameter_values, strict=True))
+    units, rows = [], []
+    for name in names:
+        base = declared.get(name) or declared.get(name.rpartition("[")[0])
+        if base is None or name not in present:
+            raise _unfit(compiled, name, base is not None, list(present))
+        low, high = base.declaration.min, base.declaration.max
+        if isinstance(free, Mapping):
+            low, high = max(low, free[name][0]), min(high, free[name][1])
+        guess = entries(name, (), given.get(name, present[name]), base.declaration.unit)[0]
+        if not low <= guess <= high or low >= high:
+            raise UsageError("AC056", f"{name} begins at {guess:g}, which is not between its limits {low:g}, {high:g}")
+        units.append(base.declaration.unit)
+        rows.append((guess, low, high))
+    return Unknowns(names, tuple(units), *np.array(rows, dtype=np.float64).T)
+
+
+def _unfit(compiled: CompiledModel, name: str, known: bool, free: list[str]) -> UsageError:
+    close = nearest(name, free)
+    return UsageError(
+        "AC056",
+        f"{name} follows from other parameters of {compiled.name}" if known else f"there is no parameter '{name}'",
+        evidence=[f"did you mean {', '.join(close)}?"] if close else [],
+        help="free those, or give it a value of its own, where the search begins"
+        if known
+        else "acausal info lists all parameters",
+    )
+
+
+@dataclass
+class _Search:
+    """The search while it is under way: parameters in multiples of their scale, residuals of all trials in a row."""
+
+    trials: tuple[Trial, ...]
+    unknown: Unknowns
+    progress: Callable[[str], None] | None
+    runs: int = 0
+    noise: Mapping[str, float] = field(default_factory=dict)
+    known: dict[bytes, Vector | None] = field(default_factory=dict)
+
+    @property
+    def rows(self) -> int:
+        """Number of measured values."""
+        return sum(len(s.values) for t in self.trials for s in t.signals)
+
+    def residuals(self, q: Vector) -> Vector | None:
+        """Simulated less measured, in SI, shape (rows,); None where a run fails."""
+        if q.tobytes() not in self.known:
+            values = dict(zip(self.unknown.names, (q * self.unknown.scale).tolist(), strict=True))
+            try:
+                found: Vector | None = np.concatenate([t.residuals(values) for t in self.trials])
+            except RunError:
+                found = None
+            self.known[q.tobytes()] = found
+            self.runs += len(self.trials)
+        return self.known[q.tobytes()]
+
+    def derivatives(self, q: Vector) -> Vector:
+        """Of the residuals by the scaled parameters, shape (rows, n): one run for each."""
+        here = self.residuals(q)
+        columns = []
+        high = self.unknown.high / self.unknown.scale
+        for k in range(len(q)):
+            step = _STEP * max(abs(q[k]), _STEP)
+            for signed in (step, -step) if q[k] + step <= high[k] else (-step,):
+                moved = q.copy()
+                moved[k] += signed
+                there = self.residuals(moved)
+                if here is not None and there is not None:
+                    columns.append((there - here) / signed)
+                    break
+            else:
+                name = self.unknown.names[k]
+                raise UsageError("AC056", f"no run beside {name} = {q[k] * self.unknown.scale[k]:.6g} succeeds")
+        return np.column_stack(columns)
+
+    def weights(self) -> Vector:
+        """One over the standard deviation of each value's noise."""
+        return np.concatenate(
+            [np.full(len(s.values), 1.0 / self.noise[s.name]) for t in self.trials for s in t.signals]
+        )
+
+    def by_signal(self, values: Vector) -> dict[str, Vector]:
+        """The rows that belong to each signal, of all trials."""
+        found: dict[str, list[Vector]] = {}
+        place = 0
+        for t in self.trials:
+            for s in t.signals:
+                found.setdefault(s.name, []).append(values[place : place + len(s.values)])
+                place += len(s.values)
+        return {name: np.concatenate(parts) for name, parts in found.items()}
+
+    def least(self, q: Vector, enough: float) -> Vector:
+        from scipy.optimize import least_squares
+
+        weights = self.weights()
+
+        def weighted(q: Vector) -> Vector:
+            found = self.residuals(np.asarray(q))
+            if self.progress is not None:
+                size = "a run fails" if found is None else f"rms {np.sqrt(np.mean((weights * found) ** 2)):.4g}"
+                self.progress(f"{self.runs} runs: {size}")
+            # a step that is not finite is shortened
+            return np.full(self.rows, np.nan) if found is None else weights * found
+
+        def slope(q: Vector) -> Vector:
+            found: Vector = weights[:, None] * self.derivatives(np.asarray(q))
+            return found
+
+        low, high = self.unknown.low / self.unknown.scale, self.unknown.high / self.unknown.scale
+        unasked: Any = None
+        jac: Any = slope
+        solution = least_squares(
+            weighted,
+            q,
+            jac,
+            bounds=(low, high),
+            x_scale="jac",
+            ftol=enough if enough == _ROUGH else enough / max(1.0, self.rows / 1000.0),
+            xtol=enough,
+            gtol=unasked,
+            max_nfev=_MOST,
+        )
+        return np.asarray(solution.x)
+
+    def solved(self, compiled: CompiledModel) -> Fit:
+        """Two fits, the second with the noise that the first has found."""
+        q = self.unknown.guess / self.unknown.scale
+        given = {name: s for t in self.trials for name, s in t.sigma.items()}
+        measured = self.by_signal(np.concatenate([s.values for t in self.trials for s in t.signals]))
+        spread = {n: float(np.ptp(v)) or float(np.abs(v).max()) or 1.0 for n, v in measured.items()}
+        self.noise = {n: given.get(n, spread[n]) for n in measured}
+        single = len(measured) == 1 or set(measured) <= set(given)
+        q = self.least(q, _FINE if single else _ROUGH)
+        for last in () if single else (False, True):
+            rms = {n: float(np.sqrt(np.mean(r**2))) for n, r in self.by_signal(self._must(q)).items()}
+            self.noise = {n: given.get(n, max(rms[n], _TOLERANCE * spread[n])) for n in measured}
+            q = self.least(q, _FINE) if not last else q
+        rest = self._must(q)
+        parts = self.by_signal(rest)
+        said: Judgement = judge(
+            self.weights() * rest,
+            self.weights()[:, None] * self.derivatives(q),
+            q,
+            self.unknown,
+            set(measured) <= set(given),
+            parts,
+        )
+        unknown = self.unknown
+        found = dict(zip(unknown.names, (q * unknown.scale).tolist(), strict=True))
+        return Fit(
+            compiled.name,
+            unknown.names,
+            unknown.units,
+            unknown.guess,
+            q * unknown.scale,
+            said.std,
+            said.interval,
+            said.covariance,
+            said.correlation,
+            {n: float(np.sqrt(np.mean(r**2))) for n, r in parts.items()},
+            dict(self.noise),
+            self.rows,
+            self.runs,
+            tuple(t.run(found) for t in self.trials),
+            self.trials,
+            said.notes,
+        )
+
+    def _must(self, q: Vector) -> Vector:
+        found = self.residuals(q)
+        if found is None:  # the first run raises what there is to say; later ones are never left where they fail
+            raise AssertionError("the search ended where runs fail")
+        return found

@@ -1,0 +1,234 @@
+"""By how much a run multiplies small errors that are made on the way: the variational equation along the run.
+
+Variations of the states are carried over the parts of a run, and through its events, by the linear maps of
+`acausal.export.sensitivity`, each part anew from the unit vectors; the growth from an instant to the end is the norm
+of the product of the maps between. Eigenvalues of frozen matrices tell nothing of the kind: along an orbit one has a
+positive real part all the time, and errors grow in proportion to time.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.errors import AcausalError
+from acausal.export.forms import SENSITIVITIES, check
+from acausal.export.sensitivity import Chain
+from acausal.lower.compiled import CompiledModel
+from acausal.result import Result
+from acausal.simulate.arguments import input_vector, parameter_vector
+from acausal.simulate.driver.run import Run
+from acausal.simulate.inputs.given import Inputs
+from acausal.simulate.options import options as run_options
+from acausal.simulate.step_limit.state_matrix import StateMatrix
+from acausal.study.stability.trajectory import points
+
+Vector = NDArray[np.float64]
+
+_PARTS = 40
+# Up to so many states the maps are computed whole, beyond along a few directions.
+_WHOLE, _DIRECTIONS = 24, 6
+_MOST_EVENTS = 300
+_KEPT = 30.0
+# Points at which the fastest mode is looked for, and decades between the parts that resolve it.
+_LOOKS, _RATIO = 12, 1.5
+# States smaller than this share of their nominal magnitude ask for no digits (`bench.distance`).
+_LEAST = 1e-3
+_TOLERANCE = 1e-6
+
+
+@dataclass(frozen=True)
+class Growth:
+    """The largest growth of an error until the end of a run.
+
+    Attributes
+    ----------
+    factor
+        With every state in units of its largest magnitude from that instant on; at least 1.
+    relative
+        With every state in units of its magnitude at the time: what happens to the number of digits.
+    since
+        The instant [s] of the error that `factor` is for.
+    names
+        States that have most of it at the end.
+    """
+
+    factor: float
+    relative: float
+    since: float
+    names: tuple[str, ...]
+
+    @property
+    def text(self) -> str:
+        """What it says in one sentence without a subject."""
+        digits = f", against the solution at the time {self.relative:.2g} times" if self.kept else ""
+        return f"grow up to {self.factor:.2g} times until the end of the run{digits}"
+
+    @property
+    def kept(self) -> bool:
+        """Whether the solution grows as its errors do, so that it keeps its digits."""
+        return self.factor > _KEPT * self.relative
+
+    def content(self) -> dict[str, object]:
+        """For JSON."""
+        return {
+            "factor": self.factor,
+            "relative": self.relative,
+            "since": self.since,
+            "states": list(self.names),
+        }
+
+
+def growth(
+    compiled: CompiledModel, parameters: Mapping[str, float] | None, run_as: Mapping[str, Any], span: float
+) -> Growth | None:
+    """The growth of errors in the first `span` seconds of a run; None where it cannot be measured.
+
+    Parameters
+    ----------
+    run_as
+        Options of `simulate`; of these the start time and the inputs count.
+
+    Beyond 24 states errors are followed in six directions from the start on, which the fastest growth dominates after a
+    while. Delays and sliding modes that have no derivatives, and runs that fail, have no growth here.
+    """
+    try:
+        check(compiled, SENSITIVITIES, [])
+        n = compiled.n_dynamic
+        if not n:
+            return None
+        run, result = _traced(compiled, parameters, run_as, span)
+        if len(run.hybrid.passages) > _MOST_EVENTS:  # type: ignore[union-attr]
+            return None
+        chain = Chain(run, [], [], _TOLERANCE)
+        rows = np.abs([np.asarray(result[name], dtype=float) for name in compiled.states[:n]])
+        least = _LEAST * compiled.nominal_x[:n]
+        floor = np.clip(rows.max(axis=1), least, compiled.nominal_x[:n])
+        times, maps = _maps(chain, n, span, _fastest(run, result))
+        if not all(np.isfinite(part).all() for part in maps):
+            return None
+    except (AcausalError, RuntimeError, np.linalg.LinAlgError):
+        return None
+    values = np.array([np.asarray(result.at(times, name), dtype=float) for name in compiled.states[:n]])
+    moving = floor[:, None] + np.abs(values)
+    sizes = [_sizes(result, rows, float(t), least) for t in times]
+    largest, first, share = _largest(maps, lambda k: (sizes[k], sizes[k]))
+    relative, *_ = _largest(maps, lambda k: (moving[:, k], moving[:, -1]))
+    order = np.argsort(-share, kind="stable")[:3]
+    names = tuple(compiled.states[k] for k in order if share[k] >= 0.1 * share[order[0]])
+    return Growth(largest, relative, float(times[first]), names)
+
+
+def _traced(
+    compiled: CompiledModel, parameters: Mapping[str, float] | None, run_as: Mapping[str, Any], span: float
+) -> tuple[Run, Result]:
+    opts = run_options(compiled.flat.experiment, start_time=run_as.get("start_time"), tolerance=_TOLERANCE)
+    opts = run_options(
+        compiled.flat.experiment,
+        start_time=opts.start_time,
+        stop_time=opts.start_time + span,
+        tolerance=_TOLERANCE,
+        solver="rosenbrock",
+        output_interval=span / 500,
+    )
+    p, u = parameter_vector(compiled, parameters or {}), input_vector(compiled, run_as.get("inputs") or {})
+    run = Run(compiled, opts, p, Inputs(u), None, traced=True)
+    log = logging.getLogger("acausal")
+    level = log.level
+    log.setLevel(logging.ERROR)  # what happens in this run was said of the one that is studied
+    try:
+        return run, run.result()
+    finally:
+        log.setLevel(level)
+
+
+def _maps(chain: Chain, n: int, span: float, fastest: float) -> tuple[Vector, list[Vector]]:
+    """Instants, and the maps of variations of the first n states from each to the next, the events between included.
+
+    Shape (n, n); beyond 24 states the variations themselves, (n, 6), at the instants after the first.
+    """
+    whole = n <= _WHOLE
+    unit = np.eye(chain.nx, n)
+    x = unit if whole else np.random.default_rng(1).standard_normal((chain.nx, _DIRECTIONS))
+    times, maps = [chain.passages[0].time], [x[:n]] if not whole else []
+    for k, passage in enumerate(chain.passages):
+        stretch = chain.stretch(k)
+        if k:
+            x = chain.event(passage)[0] @ x
+        if stretch.end <= stretch.start:
+            continue
+        count = max(1, round(_PARTS * (stretch.end - stretch.start) / span))
+        ends = np.linspace(stretch.start, stretch.end, count + 1)
+        for end, onward in stretch.parts(_resolved(ends, fastest, whole)):
+            x = onward(x)
+            if end not in ends:
+                continue
+            times.append(end)
+            maps.append(x[:n])
+            # what the other states remember of a variation is lost here: discrete ones rule what comes after an event
+            x = unit if whole else x
+    return np.array(times), maps
+
+
+def _sizes(result: Result, rows: Vector, t: float, least: Vector) -> Vector:
+    """The largest magnitude of each state from an instant on, or from the middle of the run if that comes first.
+
+    What a state was before says nothing of errors made since: some decay through ten decades.
+    """
+    first, last = float(result.time[0]), float(result.time[-1])
+    later = result.time >= min(t, 0.5 * (first + last))
+    return np.asarray(np.maximum(rows[:, later].max(axis=1), least))
+
+
+def _resolved(ends: Vector, fastest: float, again: bool) -> Vector:
+    """Ends of parts, each begun by short ones that are as fast as the fastest mode [1/s], from the first on, or all.
+
+    A unit vector points off the slow solution. A step as long as that allows would not damp it: the matrix of the
+    method at a point far off is another one.
+    """
+    found = []
+    for k, (a, b) in enumerate(pairwise(ends)):
+        length = float(b - a)
+        decades = math.log10(max(1.0, fastest * length)) if again or not k else 0.0
+        found += [a + length * 10.0**-d for d in np.arange(decades, 0.5, -_RATIO).tolist()]
+        found.append(b)
+    return np.array(found)
+
+
+def _fastest(run: Run, result: Result) -> float:
+    """The largest |eigenvalue| at some points of the run [1/s]."""
+    c, p = run.compiled, run.p
+    matrix = StateMatrix(c, p, run.u)
+    found = (matrix.eigenvalues(at.t, at.x, at.z, at.m) for at in points(c, result, p, run.u, _LOOKS))
+    return max((float(np.abs(v).max(initial=0.0)) for v in found if v is not None), default=0.0)
+
+
+def _largest(maps: list[Vector], scales: Callable[[int], tuple[Vector, Vector]]) -> tuple[float, int, Vector]:
+    """The largest growth from an instant until the end, the place of that instant, and the error of each state then.
+
+    `scales` are the units of the states at an instant and at the end, for an error made at that instant.
+    """
+    n, columns = maps[0].shape
+    last = len(maps) if n == columns else len(maps) - 1
+    best = (1.0, last, np.ones(n))
+    product = np.eye(n)
+    for first in range(last - 1, -1, -1):
+        before, after = scales(first)
+        if n == columns:
+            product = product @ maps[first]
+            scaled = product * before / after[:, None]
+            size, shares = float(np.linalg.norm(scaled, 2)), np.linalg.norm(scaled, axis=1)
+        else:
+            scaled = maps[last] / after[:, None]
+            ratios = np.linalg.norm(scaled, axis=0) / np.linalg.norm(maps[first] / before[:, None], axis=0)
+            size, shares = float(ratios.max()), np.abs(scaled[:, int(np.argmax(ratios))])
+        if size > best[0]:
+            best = size, first, shares
+    return best

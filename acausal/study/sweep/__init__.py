@@ -1,0 +1,1 @@
+"""Many runs of one model: grids, samples, workers, one table."""

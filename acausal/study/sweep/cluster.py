@@ -1,0 +1,44 @@
+"""Dask distributed as the engine beyond one machine: an executor of its client."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from concurrent.futures import Executor
+from contextlib import contextmanager
+
+from acausal.errors import UsageError
+from acausal.study.sweep.tables import package
+
+
+@contextmanager
+def cluster(address: str, workers: int) -> Iterator[tuple[Executor, int]]:
+    """An executor of the scheduler at `host:port`, or of a cluster of `workers` processes here, and its threads.
+
+    Raises
+    ------
+    UsageError
+        AC015 where `distributed` is not installed, AC063 where no scheduler answers.
+    """
+    distributed = package("distributed")
+    if not address:
+        own = distributed.LocalCluster(
+            n_workers=workers, threads_per_worker=1, dashboard_address=None, silence_logs=logging.ERROR
+        )
+        with own, distributed.Client(own) as client:
+            yield client.get_executor(pure=False, retries=0), workers
+        return
+    try:
+        client = distributed.Client(f"tcp://{address}", timeout="10s")
+    except (OSError, ValueError) as error:
+        raise UsageError(
+            "AC063",
+            f"no Dask scheduler answers at {address}",
+            evidence=[str(error)],
+            help="dask scheduler starts one, dask worker HOST:PORT its workers; dask:// alone makes a cluster here",
+        ) from error
+    with client:
+        threads = sum(client.nthreads().values())
+        if not threads:
+            raise UsageError("AC063", f"the Dask scheduler at {address} has no workers", help="dask worker HOST:PORT")
+        yield client.get_executor(pure=False, retries=0), threads

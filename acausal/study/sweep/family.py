@@ -1,0 +1,193 @@
+"""The outcome of a sweep: one table of members, and families of curves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.errors import UsageError, nearest
+from acausal.signals import Signal
+from acausal.study.sweep import tables
+from acausal.study.sweep.store import Store
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Sweep:
+    """Many runs of one model: n members, k varied parameters, s signals on r times.
+
+    Parameters
+    ----------
+    model
+        Name of the model.
+    parameters, values
+        What was varied, and its values in SI, shape (n, k).
+    time
+        Times of the rows, shape (r,). [s]
+    signals
+        The signals that were kept.
+    finals, rows
+        Values at the end of each run, shape (n, s), and over time, shape (n, r, s); nan for members that failed, and
+        behind runs that ended themselves.
+    status
+        "ok", "failed" or "missing" (not run yet) for each member.
+    codes, messages, notes
+        Of failed members the code and the sentence of their error, "" of others; what runs had to remark.
+    stop_times, seconds, events
+        Where each run came to, how long it took, and its number of events.
+    """
+
+    model: str
+    parameters: tuple[Signal, ...]
+    values: Vector
+    time: Vector
+    signals: tuple[Signal, ...]
+    finals: Vector
+    rows: Vector
+    status: tuple[str, ...]
+    codes: tuple[str, ...]
+    messages: tuple[str, ...]
+    notes: tuple[tuple[str, ...], ...]
+    stop_times: Vector
+    seconds: Vector
+    events: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    @cached_property
+    def failed(self) -> tuple[int, ...]:
+        """Members that have no values because their run failed."""
+        return tuple(k for k, status in enumerate(self.status) if status == "failed")
+
+    @cached_property
+    def _places(self) -> dict[str, tuple[str, int]]:
+        varied = {s.name: ("varied", k) for k, s in enumerate(self.parameters)}
+        return {**varied, **{s.name: ("signal", k) for k, s in enumerate(self.signals)}}
+
+    def __contains__(self, name: object) -> bool:
+        return name == "time" or name in self._places
+
+    def __getitem__(self, name: str) -> Vector:
+        """Values of a signal over time, shape (n, r), of a varied parameter, shape (n,), or of `time`, shape (r,).
+
+        Raises
+        ------
+        UsageError
+            AC010 for a name that was not kept.
+        """
+        if name == "time":
+            return self.time.copy()
+        kind, k = self._found(name)
+        return np.array(self.values[:, k] if kind == "varied" else self.rows[:, :, k])
+
+    def final(self, name: str) -> Vector:
+        """Values at the end of each run, shape (n,); nan for members without any."""
+        kind, k = self._found(name)
+        return np.array((self.values if kind == "varied" else self.finals)[:, k])
+
+    def unit(self, name: str) -> str:
+        """Unit of a signal or a varied parameter, as declared."""
+        kind, k = self._found(name)
+        return (self.parameters if kind == "varied" else self.signals)[k].unit
+
+    def _found(self, name: str) -> tuple[str, int]:
+        if name not in self._places:
+            close = nearest(name, list(self._places))
+            raise UsageError(
+                "AC010",
+                f"the sweep of {self.model} has kept no signal '{name}'",
+                evidence=[f"nearest  {', '.join(close)}"] if close else [],
+                help=f"signals=[{name!r}] keeps it: acausal sweep ... --signals {name}",
+            )
+        return self._places[name]
+
+    def save(self, path: str | Path) -> None:
+        """Write the table: `.parquet` or `.nc` (everything), or `.csv` (without the rows over time).
+
+        Raises
+        ------
+        UsageError
+            AC012 when the file cannot be written, AC013 for another suffix, AC015 when a package is missing.
+        """
+        tables.write(self, Path(path))
+
+    def to_xarray(self) -> Any:
+        """An `xarray.Dataset` over `member` and `time`, parameters and status as coordinates."""
+        return tables.dataset(self)
+
+    def to_pandas(self) -> Any:
+        """A `pandas.DataFrame` with one row for each member: parameters, status, and signals at the end of the run."""
+        pandas = tables.package("pandas")
+        return pandas.DataFrame(tables.columns(self)).set_index("member")
+
+    def plot(self, *names: str, by: str | None = None, file: str | Path | None = None) -> Figure:
+        """Draw families of curves; see `acausal.study.sweep.picture.plot`."""
+        from acausal.study.sweep.picture import plot
+
+        return plot(self, *names, by=by, file=file)
+
+    def __repr__(self) -> str:
+        varied = ", ".join(s.name for s in self.parameters)
+        counts = [f"{self.status.count(s)} {s}" for s in ("failed", "missing") if s in self.status]
+        return f"Sweep({', '.join([f'{self.model}: {len(self)} members over {varied}', *counts])})"
+
+
+def load_sweep(path: str | Path) -> Sweep:
+    """Read a sweep from its `.sweep` file; members that were not run yet are "missing".
+
+    Raises
+    ------
+    UsageError
+        AC014 when there is no such file, AC062 when it is no sweep.
+    """
+    if not Path(path).is_file():
+        raise UsageError("AC014", f"there is no file {path}")
+    store = Store(Path(path))
+    try:
+        return gathered(store)
+    finally:
+        store.close()
+
+
+def gathered(store: Store) -> Sweep:
+    """The sweep that a store holds."""
+    known = store.definition()
+    n, r, s = len(known.values), len(known.grid), len(known.signals)
+    finals, rows = np.full((n, s), np.nan), np.full((n, r, s), np.nan)
+    stop_times, seconds, events = np.full(n, np.nan), np.full(n, np.nan), np.zeros(n, dtype=np.int64)
+    status, codes, messages = ["missing"] * n, [""] * n, [""] * n
+    notes: list[tuple[str, ...]] = [()] * n
+    for o in store.outcomes(known):
+        finals[o.member], rows[o.member] = o.final, o.rows
+        stop_times[o.member], seconds[o.member], events[o.member] = o.stop, o.seconds, o.events
+        status[o.member] = "failed" if o.code else "ok"
+        codes[o.member], messages[o.member], notes[o.member] = o.code, o.message, o.notes
+    return Sweep(
+        known.model, known.parameters, known.values, known.grid, known.signals, finals, rows,
+        tuple(status), tuple(codes), tuple(messages), tuple(notes), stop_times, seconds, events,
+    )  # fmt: skip
+
+
+Report = Callable[["Progress"], None]
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a sweep is: members done (failed ones among them) of all, seconds since it began, and those to come."""
+
+    done: int
+    total: int
+    failed: int
+    elapsed: float
+    remaining: float

@@ -1,0 +1,170 @@
+"""What is varied, as a table with one row for each member of a sweep: grids and samples."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.errors import UsageError
+
+Vector = NDArray[np.float64]
+
+SAMPLES = ("sobol", "halton", "lhs", "random")
+# Members of one sweep; a grid of five axes with 100 points each is a slip.
+_MOST = 10**7
+
+
+@dataclass(frozen=True)
+class Range:
+    """The values from `low` to `high` (SI): `count` of them on a grid, or as many as a sample draws.
+
+    With `log` they are spread evenly in the logarithm.
+
+    Raises
+    ------
+    UsageError
+        AC060 when the ends are not finite, not ascending, or not positive with `log`, or when there are less than two
+        values.
+    """
+
+    low: float
+    high: float
+    count: int | None = None
+    log: bool = False
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.low) and math.isfinite(self.high) and self.low < self.high):
+            raise UsageError("AC060", f"a range goes from a number to a larger one, not from {self.low} to {self.high}")
+        if self.log and self.low <= 0.0:
+            raise UsageError("AC060", f"a logarithmic range has positive ends, not {self.low}")
+        if self.count is not None and self.count < 2:
+            raise UsageError("AC060", f"a range has two values at least, not {self.count}")
+
+    def levels(self) -> Vector:
+        """The values of a grid, both ends among them."""
+        if self.count is None:
+            raise UsageError(
+                "AC060",
+                f"a grid does not know how many values to take from {self.low:g} to {self.high:g}",
+                help="give their number, Range(low, high, 7), or draw a sample: sample='sobol:256'",
+            )
+        found = self.ppf(np.linspace(0.0, 1.0, self.count))
+        found[[0, -1]] = self.low, self.high
+        return found
+
+    def ppf(self, share: Vector) -> Vector:
+        """The values below which these shares lie, as distributions of `scipy.stats` have it."""
+        if self.log:
+            return np.asarray(np.exp(np.log(self.low) + share * (np.log(self.high) - np.log(self.low))))
+        return np.asarray(self.low + share * (self.high - self.low))
+
+
+def design(
+    vary: Mapping[str, Any] | Sequence[Mapping[str, float]], sample: str | None, seed: int
+) -> tuple[tuple[str, ...], Vector]:
+    """Names of what is varied and its values, shape (members, names).
+
+    Parameters
+    ----------
+    vary
+        A range, a sequence of values or a distribution (anything with `ppf`) for each parameter; or the members one by
+        one, each with its values.
+    sample
+        None for the grid of all combinations, the last name fastest; "sobol:256", "halton:100", "lhs:100" (Latin
+        hypercube) or "random:1000" for so many draws.
+    seed
+        The same seed gives the same draws.
+
+    Raises
+    ------
+    UsageError
+        AC060 for what makes no sense.
+    """
+    if not vary:
+        raise UsageError("AC060", "nothing is varied", help="vary={'mass.m': acausal.Range(1.0, 2.0, 5)}")
+    if not isinstance(vary, Mapping):
+        return _listed(vary, sample)
+    names = tuple(vary)
+    if sample is not None:
+        draws = _drawn(sample, len(names), seed)
+        columns = [_quantiles(name, vary[name], draws[:, k]) for k, name in enumerate(names)]
+        values = np.stack(columns, axis=1)
+    else:
+        axes = [_levels(name, vary[name]) for name in names]
+        _check_size(math.prod(map(len, axes)))
+        values = np.stack([a.ravel() for a in np.meshgrid(*axes, indexing="ij")], axis=1)
+    strange = np.argwhere(~np.isfinite(values))
+    if strange.size:
+        raise UsageError("AC060", f"{names[strange[0][1]]} takes a value that is not finite")
+    return names, values
+
+
+def _listed(rows: Sequence[Mapping[str, float]], sample: str | None) -> tuple[tuple[str, ...], Vector]:
+    if sample is not None:
+        raise UsageError("AC060", "members that are listed one by one leave nothing to sample")
+    names = tuple(rows[0])
+    for k, row in enumerate(rows):
+        if set(row) != set(names):
+            raise UsageError(
+                "AC060", f"member {k} has other parameters than the first", evidence=[", ".join(row), ", ".join(names)]
+            )
+    return names, np.stack([_numbers(name, [row[name] for row in rows]) for name in names], axis=1)
+
+
+def _levels(name: str, given: Any) -> Vector:
+    if isinstance(given, Range):
+        return given.levels()
+    if hasattr(given, "ppf"):
+        raise UsageError("AC060", f"{name} has a distribution, and a grid has none", help="sample='sobol:256'")
+    return _numbers(name, given)
+
+
+def _numbers(name: str, given: Any) -> Vector:
+    try:
+        values = np.asarray(given, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise UsageError("AC060", f"the values of {name} are not numbers: {given!r}") from error
+    if values.ndim != 1 or not values.size or not np.isfinite(values).all():
+        raise UsageError("AC060", f"the values of {name} are not a row of finite numbers")
+    return values
+
+
+def _quantiles(name: str, given: Any, share: Vector) -> Vector:
+    if not hasattr(given, "ppf"):
+        raise UsageError(
+            "AC060",
+            f"{name} has single values, from which no sample can be drawn",
+            help="acausal.Range(low, high), or a distribution: scipy.stats.norm(mean, deviation)",
+        )
+    return np.asarray(given.ppf(share), dtype=float)
+
+
+def _drawn(sample: str, dimensions: int, seed: int) -> Vector:
+    """Points of the open unit cube, shape (n, dimensions)."""
+    kind, _, number = sample.partition(":")
+    if kind not in SAMPLES or not number.isdecimal() or not int(number):
+        raise UsageError("AC060", f"there is no sample '{sample}'", help=f"{', '.join(SAMPLES)}, as in sobol:256")
+    _check_size(int(number))
+    if kind == "random":
+        found = np.random.default_rng(seed).random((int(number), dimensions))
+    else:
+        from scipy.stats import qmc
+
+        engines = {"sobol": qmc.Sobol, "halton": qmc.Halton, "lhs": qmc.LatinHypercube}
+        with warnings.catch_warnings():
+            # Of a number that is no power of two a Sobol sequence is less even, and still a sample.
+            warnings.simplefilter("ignore", UserWarning)
+            found = engines[kind](d=dimensions, seed=seed).random(int(number))
+    tiny = np.finfo(float).tiny
+    return np.clip(found, tiny, 1.0 - 2.0**-53)  # the ends of a normal distribution are infinite
+
+
+def _check_size(members: int) -> None:
+    if members > _MOST:
+        raise UsageError("AC060", f"a sweep of {members} members is larger than {_MOST}")

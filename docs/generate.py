@@ -1,0 +1,220 @@
+"""The reference pages, from the classes, the options and the messages themselves: `python docs/generate.py`."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import math
+import sys
+from collections.abc import Iterator, Mapping
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import typer.main
+
+import acausal
+from acausal.cli.catalogue import families, library_parts
+from acausal.cli.component import described
+from acausal.cli.main import app
+
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parent
+REFERENCE = HERE / "reference"
+
+# What each group of codes is about, by their first digit.
+GROUPS = {
+    "0": "How something was asked for",
+    "1": "What a model says",
+    "2": "The structure of its equations",
+    "3": "Its start",
+    "4": "Integration",
+    "5": "Events",
+    "6": "Export",
+    "9": "Defects of acausal",
+}
+
+
+def main() -> None:
+    """Write all pages anew."""
+    REFERENCE.mkdir(exist_ok=True)
+    for stale in REFERENCE.glob("*.md"):
+        stale.unlink()
+    pages = {f"library-{family}": _family(family) for family in families()}
+    pages |= {"commands": _commands(), "python": _python(), "errors": _errors()}
+    for name, lines in pages.items():
+        (REFERENCE / f"{name}.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _family(family: str) -> Iterator[str]:
+    yield f"# Library: {family}"
+    yield ""
+    for part in library_parts():
+        if part.family != family:
+            continue
+        content = described(part, getattr(import_module(f"acausal.library.{part.family}"), part.name))
+        file, _, line = content["source"].rpartition(":")
+        file = "library/" + file.rpartition("library/")[2]
+        yield f"## {part.name}"
+        yield ""
+        yield part.doc
+        yield ""
+        yield from ("```python", content["import"], "```", "")
+        yield f"A {part.kind}; source: `{file}`, line {line}."
+        yield ""
+        yield from _table(
+            ("connector", "type", "carries"), [(c["path"], c["type"], c["carries"]) for c in content["connectors"]]
+        )
+        for key, title in (
+            ("parameters", "parameter"),
+            ("structural", "structural argument"),
+            ("inputs", "input"),
+            ("outputs", "output"),
+            ("variables", "variable"),
+        ):
+            rows = [(d["path"], d["default"] or "", d["unit"], _limits(d), d["doc"]) for d in content[key]]
+            yield from _table((title, "default", "unit", "limits", "meaning"), rows)
+        yield from _table(("part", "type", "meaning"), [(p["path"], p["type"], p["doc"]) for p in content["parts"]])
+        if content["equations"]:
+            texts = (e["text"] + f"    # {e['when']}" * bool(e["when"]) for e in content["equations"])
+            yield from ("```python", *texts, "```", "")
+        models = content["used_in"]["models"]
+        if models:
+            yield f"Used in: {', '.join(f'`{m}`' for m in models[:8])}."
+            yield ""
+
+
+def _limits(d: Mapping[str, Any]) -> str:
+    texts = [f"≥ {d['min']:g}" * (d["min"] > -math.inf), f"≤ {d['max']:g}" * (d["max"] < math.inf)]
+    return ", ".join(t for t in texts if t)
+
+
+def _table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> Iterator[str]:
+    """A table of Markdown; the first column is code."""
+    if not rows:
+        return
+    kept = [k for k in range(len(head)) if k == 0 or any(row[k] for row in rows)]
+    yield "| " + " | ".join(head[k] for k in kept) + " |"
+    yield "|---" * len(kept) + "|"
+    for row in rows:
+        first, *rest = (row[k] for k in kept)
+        cells = [f"`{first}`", *(str(c).replace("|", "\\|").replace("\n", " ") for c in rest)]
+        yield "| " + " | ".join(cells) + " |"
+    yield ""
+
+
+def _commands() -> Iterator[str]:
+    yield "# Commands"
+    yield ""
+    group: Any = typer.main.get_command(app)
+    yield from _command("acausal", group)
+
+
+def _command(name: str, command: Any) -> Iterator[str]:
+    if name != "acausal":
+        yield f"## {name}"
+        yield ""
+        yield inspect.cleandoc(command.help or "").replace("\b", "")
+        yield ""
+    rows = []
+    for p in command.params:
+        if getattr(p, "hidden", False):
+            continue
+        spelled = ", ".join([*p.opts, *p.secondary_opts]) if p.param_type_name == "option" else (p.metavar or p.name)
+        value = "" if getattr(p, "is_flag", False) or p.param_type_name != "option" else str(p.metavar or "")
+        rows.append((spelled, value, getattr(p, "help", "") or ""))
+    yield from _table(("option", "value", "meaning"), rows)
+    for verb, inner in getattr(command, "commands", {}).items():
+        yield from _command(f"{name} {verb}", inner)
+
+
+def _python() -> Iterator[str]:
+    """Every public name by its own docstring."""
+    yield "# Python"
+    yield ""
+    names = [n for n in dir(acausal) if not n.startswith("_")] + list(acausal._LAZY)
+    for name in sorted(set(names), key=str.lower):
+        value = getattr(acausal, name)
+        doc = inspect.getdoc(value)
+        if inspect.ismodule(value) or not doc or not getattr(value, "__module__", "acausal").startswith("acausal"):
+            continue
+        yield f"## {name}"
+        yield ""
+        if callable(value):
+            yield from ("```python", f"{name}{_signature(value)}", "```", "")
+        yield from ("```text", doc, "```", "")
+
+
+def _signature(value: Any) -> str:
+    try:
+        return str(inspect.signature(value)).replace("'", "")
+    except (TypeError, ValueError):
+        return "(...)"
+
+
+def _errors() -> Iterator[str]:
+    """Every code with the words of all places that raise it, and the remedies they name."""
+    yield "# Error codes"
+    yield ""
+    yield "What stands in braces is filled in: a name, a value, a place. Several lines are several places."
+    yield ""
+    found: dict[str, list[tuple[str, str]]] = {}
+    for path in sorted((ROOT / "acausal").rglob("*.py")):
+        if "library" in path.parts or "models" in path.parts:
+            continue
+        for call in (n for n in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(n, ast.Call)):
+            if len(call.args) > 1 and isinstance(call.args[0], ast.Constant) and _is_code(call.args[0].value):
+                keys = {k.arg: k.value for k in call.keywords}
+                entry = (_words(call.args[1]), _words(keys["help"]) if "help" in keys else "")
+                found.setdefault(str(call.args[0].value), []).append(entry)
+    for digit, title in GROUPS.items():
+        codes = [c for c in sorted(found) if c[2] == digit]
+        if not codes:
+            continue
+        yield f"## {title}"
+        yield ""
+        for code in codes:
+            yield f"### {code}"
+            yield ""
+            for fact, remedy in dict.fromkeys(found[code]):
+                yield f"- {fact}" + (f"  \n  *Remedy:* {remedy}" if remedy else "")
+            yield ""
+
+
+def _is_code(value: object) -> bool:
+    return isinstance(value, str) and len(value) == 5 and value.startswith("AC") and value[2:].isdigit()
+
+
+def _words(node: ast.expr) -> str:
+    """A text as it stands in the source; names of what is filled in, in braces."""
+    if isinstance(node, ast.Constant) and isinstance(node.value, str):
+        return _plain(node.value)
+    if isinstance(node, ast.JoinedStr):
+        parts = [
+            str(v.value) if isinstance(v, ast.Constant) else f"{{{_named(v.value)}}}"  # type: ignore[attr-defined]
+            for v in node.values
+        ]
+        return _plain("".join(parts))
+    if isinstance(node, ast.IfExp):
+        return f"{_words(node.body)} / {_words(node.orelse)}"
+    if isinstance(node, ast.BinOp):
+        return f"{_words(node.left)}{_words(node.right)}"
+    return f"{{{_named(node)}}}"
+
+
+def _named(node: ast.expr) -> str:
+    names = [
+        n.attr if isinstance(n, ast.Attribute) else n.id
+        for n in ast.walk(node)
+        if isinstance(n, ast.Attribute | ast.Name)
+    ]
+    return names[0].strip("_") if names else "..."
+
+
+def _plain(text: str) -> str:
+    return text.replace("<", "&lt;").replace("*", "\\*").replace("\n", " ")
+
+
+if __name__ == "__main__":
+    main()
+    sys.exit(0)

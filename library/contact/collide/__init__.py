@@ -1,0 +1,1 @@
+"""Collision kernel: shapes, support functions, Minkowski Portal Refinement."""

@@ -1,0 +1,1 @@
+"""A line and the faces of a shape through which it passes."""

@@ -1,0 +1,1 @@
+"""Bodies that touch: laws, friction, who can touch whom."""

@@ -1,0 +1,174 @@
+"""What a contact scene knows of a body: its shape, where it can be, and what it does to another that it touches."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal import Component
+from acausal.errors import DeclarationError
+from acausal.library.contact.collide.shapes import Capsule, Cone, Cylinder, PointedDrill, Shape, Sphere
+from acausal.library.contact.scene.friction import Coulomb, FrictionLaw
+from acausal.library.contact.scene.laws import NormalLaw
+from acausal.library.contact.scene.surface import AT_FRAME, Pose, SurfaceContact
+from acausal.library.multibody.frames import Frame
+from acausal.library.multibody.orientation import Vector
+
+Corners = tuple[Vector, Vector]
+Array = NDArray[np.float64]
+PoseValue = tuple[Array, Array]
+"""Place [m], shape (3,), and rotation, shape (3, 3), of a body's frame at one instant."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ContactBody:
+    """A body that can touch others, as it is registered with a scene.
+
+    Parameters
+    ----------
+    name
+        How reports and errors call it.
+    shape
+        Its surface.
+    pose
+        Place [m] and rotation of the shape in the body's frame; of a body at rest, in world axes.
+    at_rest
+        True for what never moves: it has no frame, and two such bodies never touch.
+    reach
+        Lowest and highest corner [m] of a box in world axes that the origin of the body's frame never leaves; None
+        when nothing is known. Two bodies whose reaches keep them apart are dropped before the model is compiled.
+    group
+        Bodies of one group never touch each other: neighbours in a mechanism.
+    """
+
+    name: str
+    shape: Shape
+    pose: Pose = AT_FRAME
+    at_rest: bool = False
+    reach: Corners | None = None
+    group: str | None = None
+
+    def contact(self, other: ContactBody, surfaces: Surfaces) -> Component | None:
+        """What acts between this body and another; None leaves the decision to the other, then to the scene."""
+        return None
+
+    def ends(self, made: Component) -> tuple[Frame, Frame]:
+        """The frames of what `contact` made: of this body, and of the other."""
+        frames: tuple[Frame, Frame] = (getattr(made, "frame_a"), getattr(made, "frame_b"))  # noqa: B009
+        return frames
+
+    def accounts(self, made: Component) -> tuple[Component, ...]:
+        """Whose energies and powers make up those of a contact."""
+        return (made,)
+
+    def describe(self, other: ContactBody) -> str:
+        """How the contact of a pair is found, for the report."""
+        from acausal.library.contact.manifold.touch import method
+
+        return method(self.shape, other.shape)
+
+    @property
+    def trace(self) -> str:
+        """Signal of a contact that is positive once this body has left a trace at its place; "" without traces."""
+        return ""
+
+    def site(
+        self, other: ContactBody, own: PoseValue, others: PoseValue, known: Sequence[Array], current: int, marked: bool
+    ) -> tuple[list[Array], int]:
+        """Places of the contacts with another body [m], and the number of the present one.
+
+        `known` are the places so far, in the axes of the other's shape, `current` the one of the last choice; `marked`
+        says whether that one has a trace.
+        """
+        return list(known), 0
+
+    def overlaps(
+        self, other: ContactBody, own: PoseValue, others: PoseValue, known: Sequence[Array], current: int
+    ) -> dict[int, str]:
+        """Places of the contacts with another body that the present one gets into the way of, and what to say then."""
+        return {}
+
+    def radius(self) -> float:
+        """Largest distance of a point of the shape from the origin of the body's frame [m]."""
+        lowest, highest = (np.array(c, dtype=float) for c in self.shape.bounding_box())
+        furthest = np.maximum(np.abs(lowest), np.abs(highest))
+        return float(np.linalg.norm(furthest)) + math.hypot(*self.pose[0])
+
+    def displacement(self, before: PoseValue, r: Array, R: Array) -> Array:
+        """How far any point of the surface is from where it was [m], for n poses of the body's frame.
+
+        `r` has shape (n, 3), `R` (n, 3, 3). A round body that turns about its own axis stays where it is.
+        """
+        lowest, highest = (np.array(c, dtype=float) for c in self.shape.bounding_box())
+        if not np.isfinite(lowest).all() or not np.isfinite(highest).all():
+            moved = np.linalg.norm(r - before[0], axis=1)
+            return np.where((moved > 0) | (np.abs(R - before[1]).max(axis=(1, 2)) > 0), np.inf, 0.0)
+        place, turned = (np.array(q, dtype=float) for q in self.pose)
+        across = 0.0
+        if isinstance(self.shape, Sphere | Cylinder | Capsule | Cone | PointedDrill):
+            across = 0.0 if isinstance(self.shape, Sphere) else float(highest[0])
+            corners = np.array([[0.0, 0.0, lowest[2]], [0.0, 0.0, highest[2]]]) * (across > 0)
+        else:
+            corners = np.array(list(product(*zip(lowest, highest, strict=True))))
+        corners = place + corners @ turned.T
+        axis = turned[:, 2]
+        shift = (r - before[0])[:, None, :] + np.einsum("nij,kj->nki", R - before[1], corners)
+        tilt = np.linalg.norm((R - before[1]) @ axis, axis=1)
+        return np.asarray(np.linalg.norm(shift, axis=2).max(axis=1) + across * tilt)
+
+    def box(self, r: Array, R: Array) -> tuple[Array, Array]:
+        """Lowest and highest corner of a box around the shape [m], in world axes, for a pose of the body's frame."""
+        lowest, highest = (np.array(c, dtype=float) for c in self.shape.bounding_box())
+        turned = R @ np.array(self.pose[1], dtype=float)
+        if not np.isfinite(lowest).all() or not np.isfinite(highest).all():
+            return _unbounded(r + R @ np.array(self.pose[0]), turned)
+        middle = r + R @ np.array(self.pose[0]) + turned @ ((lowest + highest) / 2)
+        half = np.abs(turned) @ ((highest - lowest) / 2)
+        return middle - half, middle + half
+
+
+def _unbounded(origin: Array, R: Array) -> tuple[Array, Array]:
+    """Box around a half-space z <= 0: bounded on one side when its face is along the world's axes."""
+    low, high = np.full(3, -np.inf), np.full(3, np.inf)
+    up = R[:, 2]
+    k = int(np.argmax(np.abs(up)))
+    if abs(up[k]) > 1 - 1e-12:
+        (high if up[k] > 0 else low)[k] = origin[k]
+    return low, high
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Surfaces:
+    """The laws between the surfaces of a scene: one for all, or others for named pairs.
+
+    `pairs` holds rows of two names, in any order, a normal law and a friction law.
+    """
+
+    law: NormalLaw | None = None
+    friction: FrictionLaw = field(default_factory=lambda: Coulomb(mu=0.0))
+    pairs: tuple[tuple[str, str, NormalLaw, FrictionLaw], ...] = ()
+
+    def between(self, a: ContactBody, b: ContactBody) -> tuple[NormalLaw, FrictionLaw]:
+        """Laws between two bodies; DeclarationError AC171 when none is given."""
+        for one, two, law, friction in self.pairs:
+            if {one, two} == {a.name, b.name}:
+                return law, friction
+        if self.law is None:
+            raise DeclarationError(
+                "AC171",
+                f"{a.name} and {b.name} can touch, and the scene does not say with which law",
+                help="ContactScene(surfaces=Surfaces(law=HuntCrossley(...), friction=Coulomb(...)), ...)",
+            )
+        return self.law, self.friction
+
+    def contact(self, a: ContactBody, b: ContactBody) -> SurfaceContact:
+        """Contact of two bodies as surfaces."""
+        law, friction = self.between(a, b)
+        return SurfaceContact(
+            shape_a=a.shape, shape_b=b.shape, pose_a=a.pose, pose_b=b.pose, law=law, friction=friction
+        )

@@ -1,0 +1,91 @@
+"""Which pairs of bodies can touch: inflated boxes, all at once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.library.contact.scene.bodies import ContactBody
+
+Array = NDArray[np.float64]
+Pair = tuple[int, int]
+
+
+@dataclass(frozen=True)
+class Dropped:
+    """Why pairs are not in the equations, and how many."""
+
+    reason: str
+    count: int
+
+
+@dataclass(frozen=True, repr=False)
+class PairReport:
+    """Pairs of bodies kept and dropped, with the reasons.
+
+    Attributes
+    ----------
+    kept
+        Names of the bodies of each pair that is in the equations, and how its contact is found.
+    dropped
+        The other pairs, counted by reason.
+    """
+
+    bodies: int
+    kept: tuple[tuple[str, str, str], ...]
+    dropped: tuple[Dropped, ...]
+
+    def __repr__(self) -> str:
+        total = self.bodies * (self.bodies - 1) // 2
+        lines = [f"{self.bodies} bodies, {total} pairs: {len(self.kept)} in the equations"]
+        lines += [f"  {a} - {b}   {how}" for a, b, how in self.kept[:20]]
+        if len(self.kept) > 20:
+            lines.append(f"  and {len(self.kept) - 20} more")
+        lines += [f"  {d.count} dropped: {d.reason}" for d in self.dropped]
+        return "\n".join(lines)
+
+
+AT_REST = "both at rest"
+ONE_GROUP = "in one group"
+OUT_OF_REACH = "never within reach of each other"
+FAR = "too far apart now"
+CANNOT_MEET = "can never meet: bounds of their poses keep them apart"
+
+
+def candidates(bodies: Sequence[ContactBody]) -> tuple[list[Pair], dict[str, int]]:
+    """Pairs that may ever touch, by what is declared of the bodies; and the others, counted by reason."""
+    n = len(bodies)
+    first, second = np.triu_indices(n, 1)
+    rest = np.array([b.at_rest for b in bodies], dtype=bool)
+    groups = {name: k for k, name in enumerate(dict.fromkeys(b.group for b in bodies))}
+    group = np.array([groups[b.group] if b.group is not None else -1 - k for k, b in enumerate(bodies)], dtype=int)
+    low, high = np.array([_swept(b) for b in bodies]).reshape(n, 2, 3).swapaxes(0, 1)
+    left = np.ones(len(first), dtype=bool)
+    counts = {}
+    for reason, out in (
+        (AT_REST, rest[first] & rest[second]),
+        (ONE_GROUP, group[first] == group[second]),
+        (OUT_OF_REACH, ~overlapping(low, high, first, second)),
+    ):
+        counts[reason] = int(np.sum(left & out))
+        left &= ~out
+    return list(zip(first[left].tolist(), second[left].tolist(), strict=True)), counts
+
+
+def overlapping(low: Array, high: Array, first: NDArray[np.int_], second: NDArray[np.int_]) -> NDArray[np.bool_]:
+    """Whether the boxes of pairs overlap; boxes as corners of shape (n, 3) [m]."""
+    apart = (low[first] > high[second]) | (low[second] > high[first])
+    return np.asarray(~apart.any(axis=1))
+
+
+def _swept(body: ContactBody) -> tuple[Array, Array]:
+    """Box around everywhere the body can be [m]."""
+    if body.at_rest:
+        return body.box(np.zeros(3), np.eye(3))
+    if body.reach is None:
+        return np.full(3, -np.inf), np.full(3, np.inf)
+    radius = body.radius()
+    return np.array(body.reach[0]) - radius, np.array(body.reach[1]) + radius

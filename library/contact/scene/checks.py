@@ -1,0 +1,114 @@
+"""What is asked of shapes, poses and bodies before anything is computed with them; errors name the body."""
+
+from __future__ import annotations
+
+import math
+import numbers
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from acausal.errors import DeclarationError
+from acausal.library.contact.collide.shapes import Shape
+
+if TYPE_CHECKING:
+    from acausal.library.contact.scene.bodies import ContactBody
+
+_SKEW = 1e-6
+
+
+def check_shape(shape: object, body: str) -> None:
+    """Raise DeclarationError AC174 unless `shape` is one, with a volume."""
+    if not isinstance(shape, Shape):
+        raise DeclarationError(
+            "AC174",
+            f"the shape of {body} is {_shown(shape)}, not a shape",
+            help="give a Sphere, Box, Cylinder, Capsule, Cone, PointedDrill, HalfSpace or ConvexHull",
+        )
+    shape.check(body)
+
+
+def check_pose(pose: Any, body: str) -> None:
+    """Raise DeclarationError AC179 unless a pose is a place and a rotation, right-handed and of length 1."""
+    pair = pose if isinstance(pose, tuple | list) and len(pose) == 2 else (None, None)
+    place, turn = (_numbers(part, shape) for part, shape in zip(pair, ((3,), (3, 3)), strict=True))
+    fact = ""
+    if place is None or turn is None:
+        fact = f"is {_shown(pose)}, not a place of 3 numbers [m] and a rotation of 3x3 numbers"
+    elif np.abs(turn @ turn.T - np.eye(3)).max() > _SKEW or np.linalg.det(turn) < 0:
+        fact = "turns by a matrix that is no rotation: its rows are not three right-handed unit vectors"
+    if fact:
+        raise DeclarationError(
+            "AC179",
+            f"the pose of {body} {fact}",
+            help="pose=((x, y, z), axis_rotation((0, 0, 1), angle)); IDENTITY where it is not turned",
+        )
+
+
+def check_bodies(bodies: object) -> None:
+    """Names once each, shapes, poses and reaches as they must be.
+
+    Raises
+    ------
+    DeclarationError
+        AC172 for names, AC174 for shapes, AC179 for poses, reaches, and for what is no body.
+    """
+    from acausal.library.contact.scene.bodies import ContactBody
+
+    listed: list[Any] = list(bodies) if isinstance(bodies, tuple | list) else [None]
+    given = [b for b in listed if isinstance(b, ContactBody)]
+    if len(given) < len(listed):
+        wrong = next(b for b in listed if not isinstance(b, ContactBody))
+        raise DeclarationError(
+            "AC179",
+            f"the bodies of the scene are {_shown(bodies if wrong is None else wrong)}, not a tuple of bodies",
+            help="ContactScene(bodies=(ContactBody(name=..., shape=...), ...))",
+        )
+    names = [b.name for b in given]
+    twice = sorted({n for n in names if names.count(n) > 1}) if len(set(names)) < len(names) else []
+    if twice:
+        raise DeclarationError("AC172", f"the scene has two bodies '{twice[0]}'", help="give each its own name")
+    for body in given:
+        _check_body(body)
+
+
+def check_scene(skin: object, keep: object) -> None:
+    """Raise DeclarationError AC179 for a skin [m] or a number of pairs that cannot be."""
+    if not (isinstance(skin, numbers.Real) and 0.0 < float(skin) < math.inf):
+        raise DeclarationError("AC179", f"the skin of the scene is {_shown(skin)}", help="give a length above 0 m")
+    if not isinstance(keep, int) or keep < 0:
+        raise DeclarationError(
+            "AC179", f"the scene is to keep {_shown(keep)} pairs", help="give a whole number, 0 or more"
+        )
+
+
+def _check_body(body: ContactBody) -> None:
+    if not isinstance(body.name, str) or not body.name:
+        raise DeclarationError("AC172", f"a body of the scene is called {body.name!r}", help="give it a name")
+    check_shape(body.shape, body.name)
+    check_pose(body.pose, body.name)
+    if body.reach is None:
+        return
+    low, high = (_numbers(side, (3,), finite=False) for side in (*body.reach, None, None)[:2])
+    if low is None or high is None or not (low <= high).all():
+        raise DeclarationError(
+            "AC179",
+            f"the reach of {body.name} is {_shown(body.reach)}, not the lowest and the highest corner of a box",
+            help="reach=((x_min, y_min, z_min), (x_max, y_max, z_max)) in m, in world axes",
+        )
+
+
+def _numbers(value: ArrayLike | None, shape: tuple[int, ...], finite: bool = True) -> NDArray[np.float64] | None:
+    """A value as an array of a shape; None when it is not."""
+    try:
+        found = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        return None
+    wrong = found.shape != shape or np.isnan(found).any() or (finite and not np.isfinite(found).all())
+    return None if wrong else found
+
+
+def _shown(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."

@@ -1,0 +1,224 @@
+"""Which contacts of a scene are in the equations: chosen by poses while a model runs, by bounds where it is reduced."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.library.contact.scene.bodies import ContactBody, PoseValue
+from acausal.library.contact.scene.broad_phase import CANNOT_MEET, Pair, overlapping
+from acausal.library.contact.scene.surface import SurfaceContact
+
+if TYPE_CHECKING:
+    from acausal.library.contact.scene.scene import ContactScene
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class SceneChoice:
+    """The pairs of a scene that are in the equations, as `acausal.language.choices.Choice` wants it.
+
+    Attributes
+    ----------
+    pairs
+        Numbers of two bodies each.
+    places, sites
+        By pair: places of the contacts that left a trace [m], shape (3,) each, and the number of the present one.
+    overlaps
+        What to say when two places of a pair have both been used.
+    wandering
+        Pairs in which a drill may leave more than one hole.
+    steady
+        Whether pairs that are left out keep their numbers free, so that those behind them keep their names.
+    """
+
+    scene: ContactScene
+    pairs: tuple[Pair, ...]
+    places: Mapping[Pair, tuple[Array, ...]] = field(default_factory=dict)
+    sites: Mapping[Pair, int] = field(default_factory=dict)
+    overlaps: Mapping[tuple[Pair, int, int], str] = field(default_factory=dict)
+    wandering: tuple[Pair, ...] = ()
+    steady: bool = False
+
+    def applied(self) -> ContactScene:
+        """The scene with these contacts."""
+        return self.scene.with_pairs(self.pairs, self.steady)
+
+    def labels(self) -> list[tuple[str, str]]:
+        """Each contact as it is called now, and by a name that stays the same while others come and go."""
+        numbered = enumerate(self.scene.candidates if self.steady else self.pairs)
+        return [(f"contacts[{k}]", self._lasting(p, self.sites.get(p, 0))) for k, p in numbered if p in self.pairs]
+
+    def same_structure(self, other: SceneChoice) -> bool:
+        """Whether the same contacts are at the same places."""
+        return self.pairs == other.pairs and all(self.sites.get(p, 0) == other.sites.get(p, 0) for p in self.pairs)
+
+    def watched(self) -> tuple[str, ...]:
+        """Poses, and the traces that contacts leave."""
+        return (*self.poses(), *(name for pair in self.pairs if (name := self._trace(pair))))
+
+    def poses(self) -> tuple[str, ...]:
+        """The poses of the bodies that move."""
+        return tuple(f"frames[{k}].{name}" for k in range(len(self.scene.moving)) for name in ("r_0", "R"))
+
+    def following(self, seen: Mapping[str, Array]) -> SceneChoice:
+        """The pairs whose boxes, inflated by the skin, overlap at one instant."""
+        low, high = self._boxes(seen)
+        skin = self.scene.skin
+        near = overlapping(low - skin / 2, high + skin / 2, *self._ends())
+        chosen = tuple(pair for pair, is_near in zip(self.scene.candidates, near, strict=True) if is_near)
+        places, sites, overlaps = dict(self.places), dict(self.sites), dict(self.overlaps)
+        for pair in chosen:
+            self._find_site(pair, seen, places, sites, overlaps)
+        return replace(self, pairs=chosen, places=places, sites=sites, overlaps=overlaps)
+
+    def moved(self, before: Mapping[str, Array], after: Mapping[str, Array]) -> Array:
+        """By how many halves of the skin some body has moved, at n instants [1], shape (n,).
+
+        A pair that was left out is apart by the skin, so both of its bodies may move by half of it.
+        """
+        used = np.zeros(1)
+        for k, (_, body) in enumerate(self.scene.moving):
+            start = before[f"frames[{k}].r_0"], before[f"frames[{k}].R"]
+            moved = body.displacement(start, after[f"frames[{k}].r_0"], after[f"frames[{k}].R"])
+            used = np.maximum(used, moved / (self.scene.skin / 2))
+        return np.asarray(used)
+
+    def remarks(self, largest: Callable[[str], float]) -> list[str]:
+        """Places of contacts that overlap, and were both used."""
+        trace = {pair: self._maker(pair).trace for pair, _, _ in self.overlaps}
+        return [
+            text
+            for (pair, *sites), text in self.overlaps.items()
+            if all(largest(f"{self._lasting(pair, k)}.{trace[pair]}") > 0 for k in sites)
+        ]
+
+    def confined(self, bounds: Mapping[str, tuple[Array, Array]]) -> tuple[SceneChoice, bool]:
+        """With the pairs that can touch while poses stay within bounds.
+
+        True beside it when that adds some, and others may follow. Bounds are lowest and highest values of a signal,
+        each of its size.
+        """
+        before, candidates = self.pairs, self.scene.candidates
+        if not candidates:
+            return self, False
+        meet = overlapping(*self._swept(bounds), *self._ends())
+        chosen = tuple(p for p, m in zip(candidates, meet, strict=True) if m or p in before)
+        wandering = tuple(p for p in chosen if not self._keeps_to_one_hole(p, bounds))
+        # all of them are in: wider bounds change nothing but what drills may do
+        complete = len(chosen) == len(candidates) and not any(b.trace for b in self.scene.bodies)
+        grown = len(chosen) > len(before) and not complete
+        return replace(self, pairs=chosen, wandering=wandering), grown
+
+    def apart(self) -> list[tuple[str, str]]:
+        """What is not in the equations, and why: pairs that cannot meet by name, others as numbers."""
+        never = [self._named(pair) for pair in self.scene.candidates if pair not in self.pairs]
+        counted = [(f"{n} pair{'s' * (n > 1)}", reason) for reason, n in self.scene.dropped.items() if n]
+        return [(name, CANNOT_MEET) for name in never] + counted
+
+    def unsteady(self) -> list[str]:
+        """Pairs in which a drill may leave more than one hole."""
+        return [self._named(pair) for pair in self.wandering]
+
+    def _named(self, pair: Pair) -> str:
+        return " - ".join(self.scene.bodies[k].name for k in pair)
+
+    def _lasting(self, pair: Pair, site: int) -> str:
+        names = ",".join(self.scene.bodies[k].name for k in pair) + (f"#{site}" if site else "")
+        return f"contacts[{names}]"
+
+    def _maker(self, pair: Pair) -> ContactBody:
+        found: ContactBody = self.scene.bodies[self.scene.maker(*pair)]
+        return found
+
+    def _ends(self) -> tuple[Any, Any]:
+        """First and second body of all candidates."""
+        first, second = np.array(self.scene.candidates, dtype=int).reshape(-1, 2).T
+        return first, second
+
+    def _trace(self, pair: Pair) -> str:
+        """The signal by which the contact of a pair shows that it left a trace; "" when it leaves none."""
+        own = self._maker(pair).trace
+        if not own or pair not in self.pairs or not hasattr(self.scene.kind(pair), own):
+            return ""
+        return f"contacts[{self.pairs.index(pair)}].{own}"
+
+    def _find_site(
+        self,
+        pair: Pair,
+        seen: Mapping[str, Array],
+        places: dict[Pair, tuple[Array, ...]],
+        sites: dict[Pair, int],
+        overlaps: dict[tuple[Pair, int, int], str],
+    ) -> None:
+        """Where the contact of a pair is now: entered in the last three."""
+        maker = self.scene.maker(*pair)
+        body, other = self.scene.bodies[maker], self.scene.bodies[sum(pair) - maker]
+        if body.trace:
+            poses = self._pose(body, seen), self._pose(other, seen)
+            known, current = list(places.get(pair, ())), sites.get(pair, 0)
+            # Left a while ago: what is remembered was marked, or it would not be worth to be remembered.
+            marked = bool(np.any(seen.get(self._trace(pair), np.ones(1)) > 0))
+            known, current = body.site(other, *poses, known, current, marked)
+            places[pair], sites[pair] = tuple(known), current
+            near = body.overlaps(other, *poses, known, current)
+            for k in range(len(known)):
+                overlaps.pop((pair, min(k, current), max(k, current)), None)
+                if k in near:
+                    overlaps[pair, min(k, current), max(k, current)] = near[k]
+
+    def _pose(self, body: ContactBody, seen: Mapping[str, Array]) -> PoseValue:
+        k = self.scene.place(body)
+        return (np.zeros(3), np.eye(3)) if k is None else (seen[f"frames[{k}].r_0"], seen[f"frames[{k}].R"])
+
+    def _boxes(self, seen: Mapping[str, Array]) -> tuple[Array, Array]:
+        low, high = (side.copy() for side in self.scene.at_rest)
+        for place, (number, body) in enumerate(self.scene.moving):
+            low[number], high[number] = body.box(seen[f"frames[{place}].r_0"], seen[f"frames[{place}].R"])
+        return low, high
+
+    def _swept(self, bounds: Mapping[str, tuple[Array, Array]]) -> tuple[Array, Array]:
+        """Boxes around everything each body can reach within bounds of its pose [m]."""
+        low, high = (side.copy() for side in self.scene.at_rest)
+        for place, (number, body) in enumerate(self.scene.moving):
+            r, R = (bounds[f"frames[{place}].{name}"] for name in ("r_0", "R"))
+            if np.array_equal(R[0], R[1]):
+                own = body.box(np.zeros(3), R[0].reshape(3, 3))
+            else:
+                own = _turned(body, R[0].reshape(3, 3), R[1].reshape(3, 3))
+            slack = 1e-9 * (1 + np.abs(np.nan_to_num(own, posinf=0.0, neginf=0.0)).max())
+            low[number], high[number] = r[0] + own[0] - slack, r[1] + own[1] + slack
+        return low, high
+
+    def _keeps_to_one_hole(self, pair: Pair, bounds: Mapping[str, tuple[Array, Array]]) -> bool:
+        """Whether a contact leaves no trace, or its drill moves along its axis only, into a workpiece that stands."""
+        body = self._maker(pair)
+        if not body.trace or issubclass(self.scene.kind(pair), SurfaceContact):
+            return True
+        if not self.scene.bodies[sum(pair) - self.scene.maker(*pair)].at_rest:
+            return False
+        k = self.scene.place(body)
+        (low, high), R = bounds[f"frames[{k}].r_0"], bounds[f"frames[{k}].R"]
+        along = np.flatnonzero(low != high)
+        # an axis along one of the body's and of the world's, whichever way the drill has turned about it
+        own = np.array(body.pose[1])[:, 2]
+        column = int(np.argmax(np.abs(own)))
+        axis, after = (side.reshape(3, 3)[:, column] for side in R)
+        steady = abs(own[column]) > 1 - 1e-12 and np.array_equal(axis, after) and len(along) <= 1
+        return bool(steady and (not len(along) or abs(axis[along[0]]) > 1 - 1e-12))
+
+
+def _turned(body: ContactBody, low: Array, high: Array) -> tuple[Array, Array]:
+    """Box around a body whose frame stays in place and turns within bounds of its rotation [m]."""
+    sides = np.array(body.box(np.zeros(3), np.eye(3)))
+    radius = body.radius()
+    if not np.isfinite(sides).all() or not np.isfinite([low, high]).all():
+        return np.full(3, -radius), np.full(3, radius)
+    products = np.array([[entry * side for side in sides] for entry in (low, high)])
+    lowest, highest = products.min(axis=(0, 1)).sum(axis=1), products.max(axis=(0, 1)).sum(axis=1)
+    return np.maximum(lowest, -radius), np.minimum(highest, radius)

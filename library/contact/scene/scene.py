@@ -1,0 +1,221 @@
+"""A scene of bodies that touch: who can touch whom is found out, not declared."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal import (
+    Component,
+    Equations,
+    Expr,
+    Real,
+    as_expr,
+    assert_,
+    connect,
+    fabs,
+    maximum,
+    part,
+    quantity,
+    signal_output,
+    structural,
+)
+from acausal.errors import DeclarationError
+from acausal.library.contact.scene.bodies import ContactBody, Surfaces
+from acausal.library.contact.scene.broad_phase import (
+    FAR,
+    Dropped,
+    Pair,
+    PairReport,
+    candidates,
+)
+from acausal.library.contact.scene.checks import check_bodies, check_scene
+from acausal.library.contact.scene.choice import SceneChoice
+from acausal.library.multibody.frames import Frame
+from acausal.library.multibody.interfaces import PartialAbsoluteSensor
+from acausal.library.multibody.orientation import Vector
+from acausal.library.multibody.parts import Fixed
+
+Array = NDArray[np.float64]
+_SLACK = 1e-6
+"""How far [m], and by which part of its reach, a body may be beyond it: rounding, and the tolerance of a run."""
+
+
+class Untouched(PartialAbsoluteSensor):
+    """What a body feels that nothing touches: no force. It also says so for a body whose contacts come and go."""
+
+
+class Apart(Component):
+    """In the place of a contact that cannot come about: no equations. Those behind it keep their names."""
+
+
+class ContactScene(Component):
+    """Contacts between all bodies of a scene, without a list of pairs.
+
+    Bodies are registered with their shapes (`bodies`); those that move are connected: `connect(self.box.frame_a,
+    self.scene.frame("box"))`. What is at rest needs no frame. Pairs that can never touch, by what is declared, are
+    dropped when the scene is made. Of the others, up to `keep` stay in the equations for the whole run. When there are
+    more, the run is divided: only pairs whose boxes, inflated by `skin`, overlap are in the equations, until some body
+    has moved so far that this may no longer be true (docs/devdocs/contact.md).
+
+    `report()` says which pairs are in the equations, and why the others are not.
+    """
+
+    bodies: tuple[ContactBody, ...] = structural(doc="The bodies of the scene")
+    surfaces: Surfaces = structural(default=Surfaces(), doc="Laws between surfaces")
+    keep: int = structural(default=12, doc="Up to so many pairs stay in the equations for the whole run")
+    skin: float = structural(default=0.01, doc="By how much boxes are inflated [m]")
+
+    energy: Real = signal_output(unit="J", doc="Stored in all contacts")
+    power_damping: Real = signal_output(unit="W", doc="Lost by the damping of all contacts")
+    power_friction: Real = signal_output(unit="W", doc="Lost by friction in all contacts")
+    power_cutting: Real = signal_output(unit="W", doc="Power of all cuts")
+
+    frames: list[Frame] = part()
+    contacts: list[Component] = part()
+    untouched: list[Untouched] = part()
+    ground: Fixed = part()
+
+    def build(self) -> None:
+        check_bodies(self.bodies)
+        check_scene(self.skin, self.keep)
+        self.ground = Fixed()
+        self._place = {b.name: k for k, b in enumerate(b for b in self.bodies if not b.at_rest)}
+        self.frames = [Frame() for _ in self._place]
+        self.untouched = [Untouched() for _ in self._place]
+        self.moving = [(k, b) for k, b in enumerate(self.bodies) if not b.at_rest]
+        origin = np.zeros(3), np.eye(3)
+        boxes = [b.box(*origin) if b.at_rest else origin[:1] * 2 for b in self.bodies]
+        self.at_rest = tuple(np.array(boxes, dtype=float).reshape(-1, 2, 3).swapaxes(0, 1))
+        found, self.dropped = candidates(self.bodies)
+        self.candidates = tuple(found)
+        self._makers: dict[Pair, int] = {}
+        self._pairs = self.candidates
+        self.contacts = [self._contact(i, j) for i, j in self._pairs]
+        self._kinds = {pair: type(contact) for pair, contact in zip(self._pairs, self.contacts, strict=True)}
+
+    def equations(self) -> Equations:
+        for frame, untouched in zip(self.frames, self.untouched, strict=True):
+            yield connect(frame, untouched.frame_a)
+        for (i, j), contact in self._present():
+            a, b = self.bodies[i], self.bodies[j]
+            # The one that made the contact knows its frames.
+            owner, other = (a, b) if self.maker(i, j) == i else (b, a)
+            end, other_end = owner.ends(contact)
+            yield connect(self._frame_of(owner), end)
+            yield connect(self._frame_of(other), other_end)
+        for name in ("energy", "power_damping", "power_friction", "power_cutting"):
+            yield getattr(self, name) == self._sum(name)
+        for _, body in self.moving:
+            if body.reach is not None:
+                yield from self._within(body, *body.reach)
+
+    def _within(self, body: ContactBody, low: Vector, high: Vector) -> Equations:
+        """What was declared of a body holds: pairs were dropped for it."""
+        r = self.frame(body.name).r_0
+        beyond: Expr = as_expr(-1.0)
+        for k in range(3):
+            middle, half = (low[k] + high[k]) / 2, (high[k] - low[k]) / 2
+            if math.isfinite(half):
+                beyond = maximum(beyond, fabs(r[k] - quantity(middle, "m")) - quantity(half * (1 + _SLACK), "m"))
+        yield assert_(
+            ~(beyond > _SLACK),
+            f"{body.name} has left its reach, {tuple(low)} to {tuple(high)} m: what it can touch there was left out",
+        )
+
+    def _sum(self, name: str) -> Expr:
+        """Sum over the contacts that have a quantity of this name."""
+        total = as_expr(0.0)
+        for pair, contact in self._present():
+            for account in self.bodies[self.maker(*pair)].accounts(contact):
+                if hasattr(type(account), name):
+                    total = total + getattr(account, name)
+        return total
+
+    def frame(self, name: str) -> Frame:
+        """The frame of a registered body that moves.
+
+        Raises
+        ------
+        DeclarationError
+            AC170 when no moving body has this name.
+        """
+        if name not in self._place:
+            raise DeclarationError(
+                "AC170",
+                f"the scene has no moving body '{name}'",
+                evidence=[f"moving bodies: {', '.join(self._place) or 'none'}"],
+                help="register it: ContactScene(bodies=(ContactBody(name=..., shape=...), ...))",
+            )
+        found: Frame = self.frames[self._place[name]]
+        return found
+
+    def report(self) -> PairReport:
+        """Pairs kept and dropped, as the scene is now."""
+        kept = []
+        for i, j in self._pairs:
+            maker = self.maker(i, j)
+            how = self.bodies[maker].describe(self.bodies[i + j - maker])
+            kept.append((self.bodies[i].name, self.bodies[j].name, how))
+        counts = {**self.dropped, FAR: len(self.candidates) - len(self._pairs)}
+        return PairReport(len(self.bodies), tuple(kept), tuple(Dropped(r, n) for r, n in counts.items() if n))
+
+    # What `acausal.language.choices.Changing` asks of components whose structure is chosen.
+
+    def is_variable(self) -> bool:
+        """Whether the structure changes during a run."""
+        return len(self.candidates) > self.keep or any(self.bodies[self.maker(i, j)].trace for i, j in self.candidates)
+
+    def whole(self) -> SceneChoice:
+        """All pairs that may touch by what is declared."""
+        return SceneChoice(self, self.candidates, wandering=tuple(p for p in self.candidates if self._leaves_traces(p)))
+
+    def _leaves_traces(self, pair: Pair) -> bool:
+        return hasattr(self._kinds[pair], self.bodies[self.maker(*pair)].trace or "no trace")
+
+    def least(self, steady: bool) -> SceneChoice:
+        """No pairs; `steady`: those that will be added keep the numbers that they have among all."""
+        return SceneChoice(self, (), steady=steady)
+
+    def with_pairs(self, pairs: Sequence[Pair], steady: bool) -> ContactScene:
+        """The scene with the contacts of these pairs; `steady`: others leave their places empty."""
+        places = self.candidates if steady else pairs
+        contacts = [self._contact(*pair) if pair in pairs else Apart() for pair in places]
+        view = self._view({"_pairs": tuple(pairs)})
+        view._adopt("contacts", contacts)
+        return view
+
+    def kind(self, pair: Pair) -> type[Component]:
+        """Class of the contact of a pair."""
+        found: type[Component] = self._kinds[pair]
+        return found
+
+    def place(self, body: ContactBody) -> int | None:
+        """Number of the frame of a body; None for one at rest."""
+        found: int | None = self._place.get(body.name)
+        return found
+
+    def _present(self) -> Iterator[tuple[Pair, Component]]:
+        """The pairs in the equations with their contacts."""
+        contacts = [c for c in self.contacts if not isinstance(c, Apart)]
+        return zip(self._pairs, contacts, strict=True)
+
+    def maker(self, i: int, j: int) -> int:
+        """Which of two bodies makes their contact: the first that has something to say about the other."""
+        known: int | None = self._makers.get((i, j))
+        if known is None:
+            made = self.bodies[i].contact(self.bodies[j], self.surfaces)
+            other = None if made is not None else self.bodies[j].contact(self.bodies[i], self.surfaces)
+            known = self._makers[i, j] = j if other is not None else i
+        return known
+
+    def _contact(self, i: int, j: int) -> Component:
+        maker = self.maker(i, j)
+        body, other = self.bodies[maker], self.bodies[i + j - maker]
+        return body.contact(other, self.surfaces) or self.surfaces.contact(body, other)
+
+    def _frame_of(self, body: ContactBody) -> Frame:
+        return self.ground.frame_b if body.at_rest else self.frame(body.name)

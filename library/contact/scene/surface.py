@@ -1,0 +1,230 @@
+"""The contact of two bodies: compliant, with friction, at all points where their shapes touch."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from acausal import (
+    Component,
+    Equations,
+    Expr,
+    Real,
+    as_expr,
+    cross,
+    der,
+    discrete,
+    dot,
+    equals,
+    integer,
+    maximum,
+    no_event,
+    pre,
+    quantity,
+    structural,
+    variable,
+    where,
+)
+from acausal.library.contact.collide.shapes import Shape
+from acausal.library.contact.manifold.touch import Touch, touches
+from acausal.library.contact.scene.friction import Coulomb, FrictionLaw, Hybrid, LuGre, smooth_speed
+from acausal.library.contact.scene.laws import NormalLaw
+from acausal.library.multibody.frames import Frame
+from acausal.library.multibody.orientation import IDENTITY, Rotation, Vector, checked_rotation
+
+Pose = tuple[Vector, Rotation]
+_LIGHT = 1e-2
+"""Normal force [N] below which bristles do not feel the whole velocity of sliding: at touch it is not to jump."""
+_STILL = quantity(1e-9, "m/s")
+"""Velocity below which the direction of sliding is rounded."""
+_BACK = 1e-3
+"""Part of the velocity of slow sliding by which a body has to move backward to be stuck."""
+AT_FRAME: Pose = ((0.0, 0.0, 0.0), IDENTITY)
+"""A shape whose own axes are those of the frame of its body."""
+
+
+class SurfaceContact(Component):
+    """Normal force and friction between the surfaces of two bodies.
+
+    Each shape is fixed to a frame: its origin lies at `pose[0]` [m] in that frame, its axes are turned by `pose[1]`.
+    The laws hold at each point of contact: four corners on the ground are four springs. Friction by bristles has one
+    bristle per contact, bent by the mean velocity of sliding, weighted with the normal forces.
+
+    The work of all forces is accounted for: what the normal force takes is stored (`energy`) or damped
+    (`power_damping`), what friction takes is `power_friction`.
+    """
+
+    frame_a: Frame = Frame()
+    frame_b: Frame = Frame()
+
+    shape_a: Shape = structural()
+    shape_b: Shape = structural()
+    pose_a: Pose = structural(default=AT_FRAME, doc="Place [m] and rotation of shape_a in frame_a")
+    pose_b: Pose = structural(default=AT_FRAME, doc="Place [m] and rotation of shape_b in frame_b")
+    law: NormalLaw = structural(doc="Normal force at each point")
+    friction: FrictionLaw = structural(default=Coulomb(mu=0.0), doc="Friction force")
+
+    depth: Real = variable(unit="m", nominal=1e-3, doc="Overlap at the deepest point; negative when apart")
+    F_N: Real = variable(unit="N", nominal=1e3, doc="Sum of the normal forces of all points")
+    f_0: Real = variable(unit="N", shape=3, nominal=1e3, doc="Force on the body at frame_b, in world axes")
+    energy: Real = variable(unit="J", doc="Stored in the compliance")
+    power_damping: Real = variable(unit="W", doc="Taken by the damping of the normal force")
+    power_fading: Real = variable(unit="W", doc="Part of it taken by points of contact that fade: boxes on boxes")
+    slip: Real = variable(unit="m/s", shape=3, doc="Mean velocity of sliding; with bristles only")
+    power_friction: Real = variable(unit="W", doc="Taken by friction; with bristles, partly stored in them")
+    bristle: Real = variable(
+        unit="m", shape=3, nominal=1e-5, doc="Bending of the bristles, in world axes; LuGre, Hybrid"
+    )
+    mode: Real = integer(default=0, doc="0 stuck, 1 sliding slowly, 2 sliding; Hybrid only")
+    direction: Real = discrete(unit="1", shape=3, doc="Of slow sliding; Hybrid only")
+
+    def build(self) -> None:
+        checked_rotation(self.pose_a[1], "pose_a[1]")
+        checked_rotation(self.pose_b[1], "pose_b[1]")
+
+    def equations(self) -> Equations:
+        a, b = self.frame_a, self.frame_b
+        points = touches(self.shape_a, self.shape_b)(*_placed(a, self.pose_a), *_placed(b, self.pose_b))
+        loads = [self._load(point) for point in points]
+        yield self.depth == _largest([p.depth for p in points])
+        yield self.F_N == _total([load.pressed for load in loads])
+        yield self.f_0 == _total([load.force for load in loads])
+        yield self.energy == _total([load.energy for load in loads])
+        damping = _total([load.damping for load in loads])
+        # Points that slide along edges and fade take energy with them, which the law does not know of.
+        yield self.power_fading == (
+            _total([load.elastic for load in loads]) - der(self.energy)
+            if any(p.share is not None for p in points)
+            else 0.0
+        )
+        yield self.power_damping == damping + self.power_fading
+        yield self.power_friction == _total([load.friction for load in loads])
+        # Moments about the world's origin are one vector product per point; the rest is done once.
+        moment = _total([cross(p.place, load.force) for p, load in zip(points, loads, strict=True)])
+        yield a.f == a.R.T @ self.f_0
+        yield b.f == -(b.R.T @ self.f_0)
+        yield a.t == a.R.T @ (moment - cross(a.r_0, self.f_0))
+        yield b.t == -(b.R.T @ (moment - cross(b.r_0, self.f_0)))
+        if self.friction.has_bristle:
+            carried = _total([self._slip(p) * load.pressed for p, load in zip(points, loads, strict=True)])
+            yield self.slip == carried / maximum(self.F_N, _LIGHT)
+        if isinstance(self.friction, Hybrid):
+            yield from self._modes(self.friction)
+        elif isinstance(self.friction, LuGre):
+            slip = self.slip
+            straight = self.bristle / -self.friction.relaxation
+            bent = self.friction.bristle_rate(self.bristle, slip)
+            touching = no_event(self.depth > 0)
+            yield der(self.bristle) == as_expr([where(touching, bent[k], straight[k]) for k in range(3)])
+        if not self.friction.has_bristle:
+            yield self.slip == 0
+            yield self.bristle == 0
+
+    def _modes(self, law: Hybrid) -> Equations:
+        """Which mode follows which, and how the spring between the surfaces is bent."""
+        stuck, slow = (equals(pre(self.mode), m) for m in (0, 1))
+        pull, along = self._pull(law), dot(self.slip, self.direction)
+        # What does not count in a mode is kept away from its guard there.
+        breaks = where(stuck, dot(pull, pull) - law.limit * law.limit, -1.0) > 0.0
+        turns = where(slow, along + _BACK * law.v_s, law.v_s) < 0.0
+        speed = smooth_speed(self.slip, _STILL)
+        fast = where(stuck, -law.v_s, where(slow, along - law.v_s, speed - 0.5 * law.v_s)) > 0.0
+        after_slow = where(turns, 0, where(fast, 2, 1))
+        yield self.mode == where(stuck, where(breaks, 1, 0), where(slow, after_slow, where(fast, 2, 1)))
+        pulled = smooth_speed(pull, 1e-9)
+        for k in range(3):
+            # Its own velocity gives the direction of what slides, and what pulls that of what begins to.
+            sliding = where(slow, pre(self.direction[k]), self.slip[k] / speed)
+            yield self.direction[k] == where(stuck, pull[k] / pulled, sliding)
+            follows = (law.mu * self._way(k, speed) / law.s_0 - self.bristle[k]) / law.relaxation
+            held = where(no_event(self.depth > 0), self.slip[k], self.bristle[k] / -law.relaxation)
+            yield der(self.bristle[k]) == where(equals(self.mode, 0), held, follows)
+
+    def _pull(self, law: Hybrid) -> Expr:
+        """Force of the spring and the damper of a stuck contact over the normal force [1], vector."""
+        return law.s_0 * self.bristle + law.s_1 * self.slip
+
+    def _way(self, k: int, speed: Expr) -> Expr:
+        """Direction of the sliding, along one axis."""
+        return where(equals(self.mode, 1), self.direction[k], self.slip[k] / speed)
+
+    def initial_equations(self) -> Equations:
+        if self.friction.has_bristle:
+            yield self.bristle == 0
+
+    def _load(self, point: Touch) -> _Load:
+        rate = dot(point.normal, self._velocity(point))
+        pressed = self.law.force(point.depth, rate)
+        energy = self.law.energy(point.depth)
+        elastic = self.law.elastic(point.depth)
+        if point.share is not None:
+            pressed, energy, elastic = (point.share * q for q in (pressed, energy, elastic))
+        slip = self._slip(point)
+        drag = slip * (pressed * self.friction.drag(smooth_speed(slip, _STILL)))
+        if isinstance(self.friction, LuGre):
+            held = self.friction.held(self.bristle, der(self.bristle), slip)
+            drag = drag + (held - point.normal * dot(held, point.normal)) * pressed
+        if isinstance(self.friction, Hybrid):
+            drag = self._held(self.friction, point.normal, slip) * pressed
+        damping, kept = (pressed - elastic) * rate, elastic * rate
+        return _Load(point.normal * pressed + drag, pressed, energy, damping, kept, dot(drag, slip))
+
+    def _held(self, law: Hybrid, normal: Expr, slip: Expr) -> Expr:
+        """Friction over the normal force at a point [1], vector in the plane of contact."""
+        bent, speed = self.bristle * law.s_0, smooth_speed(slip, _STILL)
+        bent = bent - normal * dot(bent, normal)
+        way = self.direction - normal * dot(self.direction, normal)
+        stuck, slow = equals(self.mode, 0), equals(self.mode, 1)
+        return as_expr(
+            [where(stuck, bent[k] + law.s_1 * slip[k], law.mu * where(slow, way[k], slip[k] / speed)) for k in range(3)]
+        )
+
+    def _slip(self, point: Touch) -> Expr:
+        """Velocity of a over b in the plane of contact [m/s], in world axes."""
+        v = self._velocity(point)
+        return v - point.normal * dot(point.normal, v)
+
+    def _velocity(self, point: Touch) -> Expr:
+        """Velocity of body a against body b at a point [m/s], in world axes.
+
+        Written with what does not depend on the point in front, so that many points share it.
+        """
+        a, b = self.frame_a, self.frame_b
+        w_a, w_b = a.R @ a.w, b.R @ b.w
+        at_origin = (der(a.r_0) - cross(w_a, a.r_0)) - (der(b.r_0) - cross(w_b, b.r_0))
+        return at_origin + cross(w_a - w_b, point.place)
+
+
+@dataclass(frozen=True, eq=False)
+class _Load:
+    """What acts at one point: force on b [N] in world axes, its normal part [N], energy [J], and powers [W].
+
+    `damping` and `elastic` are the powers of the two parts of the normal force.
+    """
+
+    force: Expr
+    pressed: Expr
+    energy: Expr
+    damping: Expr
+    elastic: Expr
+    friction: Expr
+
+
+def _placed(frame: Frame, pose: Pose) -> tuple[Expr, Expr]:
+    """Place [m] and rotation of a shape in world axes."""
+    r, R = pose
+    place = frame.r_0 + frame.R @ as_expr(r) if any(r) else frame.r_0
+    return place, frame.R if R == IDENTITY else frame.R @ as_expr(R)
+
+
+def _total(terms: list[Expr]) -> Expr:
+    total = terms[0]
+    for term in terms[1:]:
+        total = total + term
+    return total
+
+
+def _largest(terms: list[Expr]) -> Expr:
+    largest = terms[0]
+    for term in terms[1:]:
+        largest = maximum(largest, term)
+    return largest

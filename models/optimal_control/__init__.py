@@ -1,0 +1,1 @@
+"""Models with free inputs, and the optimal-control problems that docs/optimal-control.md goes through."""

@@ -1,0 +1,36 @@
+"""`acausal diagram`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.cli.running import run
+from tests.diagram.drawn import drawn
+
+pytest.importorskip("dukpy")
+
+
+def test_models_and_components_are_drawn() -> None:
+    assert run("diagram", "Oscillator").code == 0
+    assert set(drawn(Path("Oscillator.svg").read_text()).blocks) == {"wall", "damper", "mass", "spring"}
+    assert run("diagram", "DrillingForce", "-o", "force.html").code == 0
+    assert "diagramLayout" in Path("force.html").read_text()
+    outcome = run("diagram", "PendulumChain", "--set", "n=2", "-o", "chain.svg")
+    assert outcome.code == 0, outcome.err
+    assert "links[1]" in drawn(Path("chain.svg").read_text()).blocks
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code"),
+    [
+        (("diagram", "Oscilator"), "AC001"),
+        (("diagram", "Oscillator", "-o", "o.png"), "AC013"),
+        (("diagram", "Oscillator", "--open", "mass"), "AC020"),
+    ],
+)
+def test_what_cannot_be_drawn_is_refused(arguments: tuple[str, ...], code: str) -> None:
+    outcome = run(*arguments)
+    assert outcome.code == 2
+    assert f"error[{code}]" in outcome.err

@@ -1,0 +1,41 @@
+"""`acausal explore`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.cli.running import run
+
+
+def test_results_are_explored() -> None:
+    run("simulate", "Oscillator", "-q")
+    run("simulate", "Oscillator", "--set", "c=200", "-o", "stiff.csv", "-q")
+    assert run("explore", "Oscillator.mat").code == 0
+    assert '"mass.s"' in Path("Oscillator.html").read_text()
+    outcome = run("explore", "Oscillator.mat", "stiff.csv", "--signal", "mass.s", "-o", "both.html")
+    assert outcome.code == 0, outcome.err
+    assert "<title>Oscillator and stiff</title>" in Path("both.html").read_text()
+
+
+def test_files_of_one_name_keep_their_folders() -> None:
+    Path("other").mkdir()
+    run("simulate", "Oscillator", "-q")
+    run("simulate", "Oscillator", "-q", "-o", "other/Oscillator.mat")
+    assert run("explore", "Oscillator.mat", "other/Oscillator.mat", "-o", "both.html").code == 0
+    assert "other/Oscillator.mat" in Path("both.html").read_text()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code"),
+    [
+        (("explore", "none.mat"), "AC014"),
+        (("explore", "x.txt"), "AC013"),
+        (("explore", "x.mat", "-o", "x.png"), "AC013"),
+    ],
+)
+def test_what_cannot_be_explored_is_refused(arguments: tuple[str, ...], code: str) -> None:
+    outcome = run(*arguments)
+    assert outcome.code == 2
+    assert f"error[{code}]" in outcome.err

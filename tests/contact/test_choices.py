@@ -1,0 +1,116 @@
+"""A run never touches its model: contacts are chosen on frozen choices, whoever runs and how often."""
+
+from __future__ import annotations
+
+import threading
+from typing import Any
+
+import numpy as np
+import pytest
+
+import acausal
+from acausal.errors import AcausalError, UsageError
+from acausal.flatten.instances import instances
+from acausal.models.contact_scenes import HolesSideBySide
+from tests.contact.test_scene import ThrownBall
+
+
+def state_of(model: acausal.Component) -> list[dict[str, Any]]:
+    """All that the components of a model hold, but the symbols that were asked for."""
+    held = (i.component.__dict__ for i in instances(model))
+    return [
+        {k: list(v) if isinstance(v, list) else dict(v) if isinstance(v, dict) else v for k, v in h.items()}
+        for h in held
+    ]
+
+
+def test_a_run_leaves_the_model_as_it_was() -> None:
+    model = ThrownBall(n=6, keep=2)
+    before, flat = state_of(model), acausal.flatten(model)
+    acausal.simulate(model, stop_time=0.2, solver="rosenbrock")
+    acausal.compile(model, outputs=["ball.r_0"])
+    after = state_of(model)
+    for a, b in zip(before, after, strict=True):
+        assert a.keys() == b.keys()
+        for name in a.keys() - {"_symbols"}:
+            if isinstance(a[name], list | tuple):
+                assert len(a[name]) == len(b[name])
+                assert all(x is y or x == y for x, y in zip(a[name], b[name], strict=True) if not hasattr(x, "op"))
+    again = acausal.flatten(model)
+    assert [v.path for v in again.variables] == [v.path for v in flat.variables]
+    assert len(again.equations) == len(flat.equations)
+
+
+def test_the_second_run_and_a_compiled_one_are_as_the_first() -> None:
+    model = ThrownBall(n=6, keep=2)
+    compiled = acausal.compile(model)
+    runs = [acausal.simulate(m, stop_time=0.3, solver="rosenbrock") for m in (model, model, compiled, compiled)]
+    for run in runs[1:]:
+        assert run.names == runs[0].names
+        np.testing.assert_array_equal(run["ball.r_0"], runs[0]["ball.r_0"])
+    moved = acausal.simulate(compiled, stop_time=0.3, solver="rosenbrock", parameters={"v": 0.5})
+    assert moved.final("ball.r_0[0]") < runs[0].final("ball.r_0[0]") - 0.05
+
+
+def test_two_threads_do_not_disturb_each_other() -> None:
+    """One model thrown at two speeds at a time: each as it goes alone."""
+    model = ThrownBall(n=8, keep=2)
+    speeds = (0.4, 1.0)
+    found: dict[tuple[str, float], Any] = {}
+
+    def run(how: str, v: float) -> None:
+        found[how, v] = acausal.simulate(model, stop_time=0.3, solver="rosenbrock", parameters={"v": v})
+
+    for v in speeds:
+        run("alone", v)
+    threads = [threading.Thread(target=run, args=("together", v)) for v in speeds]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    for v in speeds:
+        np.testing.assert_array_equal(found["together", v]["ball.r_0"], found["alone", v]["ball.r_0"])
+
+
+def test_a_parameter_of_a_contact_keeps_its_contact() -> None:
+    """Number 1 among all contacts is plate1, also while it is the only one left out; a wrong name is refused."""
+    model = HolesSideBySide(n=2)
+    values: Any = {p.path: p for p in acausal.flatten(model).parameters if p.free}
+    name = next(n for n in values if n.startswith("scene.contacts[1].")).removeprefix("scene.contacts[1]")
+    runs = [acausal.simulate(model, stop_time=0.9, parameters={f"scene.contacts[{k}]{name}": 0.012}) for k in (0, 1)]
+    found = [run[f"scene.contacts[drill,plate0]{name}"] for run in runs]
+    assert np.nanmax(found[0]) == 0.012
+    assert np.nanmax(found[1]) != 0.012
+    with pytest.raises(UsageError) as caught:
+        acausal.simulate(model, stop_time=0.3, parameters={f"scene.contacts[1]{name}x": 1.0})
+    assert caught.value.code == "AC020"
+
+
+def refused(call: Any) -> str:
+    with pytest.raises(AcausalError) as caught:
+        call()
+    return caught.value.code
+
+
+def test_holes_run_compiled_and_are_refused_where_equations_must_stay() -> None:
+    """Two holes 20 mm apart: with the equations of one hole the second would not be cut."""
+    model = HolesSideBySide(n=2)
+    compiled = acausal.compile(model)
+    result = acausal.simulate(compiled, stop_time=10.0)
+    assert np.nanmax(result["scene.contacts[drill,plate0].s_tar"]) == pytest.approx(3e-3, rel=0.05)
+    assert np.nanmax(result["scene.contacts[drill,plate0#1].s_tar"]) == pytest.approx(3e-3, rel=0.05)
+    assert refused(lambda: acausal.simulate(model, accuracy=1e-4)) == "AC027"
+    assert refused(lambda: acausal.bench(model)) == "AC027"
+    assert refused(lambda: acausal.stability(model)) == "AC027"
+    assert refused(lambda: acausal.linearize(model)) == "AC027"
+    assert refused(lambda: acausal.step_function(compiled, step=1e-3)) == "AC027"
+    assert refused(lambda: compiled.casadi()) == "AC027"
+
+
+def test_a_ball_lands_when_an_accuracy_is_asked_for() -> None:
+    """It fell through the plates: the bench ran the structure with which runs begin, without contacts.
+
+    Free fall would take it to 0.03 - g t^2 / 2 = -0.019 m; its radius is 0.02 m.
+    """
+    result = acausal.simulate(ThrownBall(n=3, keep=2), stop_time=0.1, accuracy=1e-3)
+    assert result["ball.r_0[2]"].min() > 0.018

@@ -1,0 +1,25 @@
+"""Tests of laws that do not hold yet, each with what is missing; strict: one that begins to pass has to leave the list.
+
+Names are the ends of pytest's identifiers, `file.py::test[case]`; a name without `[` stands for all its cases. What
+begins with "hangs" is not run.
+"""
+
+from __future__ import annotations
+
+KNOWN: dict[str, str] = {
+    "test_loops.py::test_random_loops_move_as_in_maximal_coordinates[stewart]": (
+        "hangs: more than eight minutes; runs crawl towards a pivot that vanishes before they begin again with others"
+    ),
+    "test_random_circuits.py::test_250_circuits[130-idas]": (
+        "seed 211 is refused (AC401): a guard that leaves zero is looked at every 0.2 ns from 0.03 us on"
+    ),
+    "test_random_starts.py::test_500_starts": (
+        "hangs: more than two minutes, and some of its 500 fail; not analysed yet (the first 200 circuits pass)"
+    ),
+}
+
+
+def reason(nodeid: str) -> str | None:
+    """Why the test with this identifier fails, if it is known to."""
+    name = nodeid.rsplit("/", 1)[-1]
+    return KNOWN.get(name) or KNOWN.get(name.split("[", 1)[0])

@@ -1,0 +1,194 @@
+"""Tables of thousands of rows: measured data, against exact sums and scipy."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.interpolate import Akima1DInterpolator
+
+import acausal
+from acausal import Component, Equations, Real, der, fixed, part, structural, time, variable
+from acausal.errors import DeclarationError
+from acausal.library.blocks import CombiTable1D, Extrapolation, Smoothness, TimeTable
+
+Rows = tuple[tuple[float, float], ...]
+TAU = 0.3
+
+
+class Lag(Component):
+    """A first-order lag behind a table of time."""
+
+    source: TimeTable = part()
+    x: Real = variable()
+    area: Real = variable()
+    rows: Rows = structural()
+
+    def build(self) -> None:
+        self.source = TimeTable(table=self.rows)
+
+    def equations(self) -> Equations:
+        yield der(self.x) == (self.source.y - self.x) / TAU
+        yield der(self.area) == self.source.y
+
+
+def lagged(t: NDArray[np.float64], y: NDArray[np.float64]) -> float:
+    """x at the last row from x = 0: exactly, from row to row."""
+    x = 0.0
+    for h, a, b in zip(np.diff(t), y, y[1:], strict=False):
+        slope = (b - a) / h
+        particular = slope * (h - TAU) + a
+        x = particular + (x - (a - slope * TAU)) * math.exp(-h / TAU)
+    return x
+
+
+def noise(n: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    rng = np.random.default_rng(17)
+    t = np.cumsum(rng.uniform(0.5, 1.5, n)) / n
+    return t - t[0], np.sin(5.0 * t) + 0.05 * rng.standard_normal(n)
+
+
+def run(rows: Rows, solver: str, native: bool = False) -> acausal.Result:
+    model = Lag(rows=rows, x=fixed(0.0), area=fixed(0.0))
+    return acausal.simulate(model, stop_time=rows[-1][0], solver=solver, tolerance=1e-7, native=native)
+
+
+@pytest.mark.parametrize(
+    ("solver", "native"), [("idas", False), ("rosenbrock", False), ("rosenbrock", True), ("erk", True)]
+)
+def test_measured_data_with_noise(solver: str, native: bool) -> None:
+    t, y = noise(3000)
+    result = run(tuple(zip(t.tolist(), y.tolist(), strict=True)), solver, native)
+    assert len(result.events) < 30
+    assert result.final("x") == pytest.approx(lagged(t, y), abs=2e-6)
+    assert result.final("area") == pytest.approx(float(np.trapezoid(y, t)), abs=2e-6)
+
+
+@pytest.mark.parametrize("solver", ["idas", "cvodes", "rosenbrock", "erk"])
+def test_short_pulses_among_many_quiet_rows_are_seen(solver: str) -> None:
+    t = np.linspace(0.0, 50.0, 5001)
+    y = np.full(5001, 0.2)
+    y[[777, 3000, 3001, 4800]] = 9.2  # triangles of 10 ms to both sides, two of them joined
+    result = run(tuple(zip(t.tolist(), y.tolist(), strict=True)), solver)
+    assert result.final("area") == pytest.approx(0.2 * 50.0 + 9.0 * 0.01 * 4, abs=1e-5)
+
+
+def test_jumps_between_long_stretches_are_exact() -> None:
+    t = np.linspace(0.0, 1.0, 400)
+    wave, other = np.cos(3.0 * t), 5.0 + t**2
+    rows = [*zip(t.tolist(), wave.tolist(), strict=True), *zip((1.0 + t).tolist(), other.tolist(), strict=True)]
+    result = run(tuple(rows), "rosenbrock")
+    assert result.at(1.0, "source.y") in (pytest.approx(float(wave[-1])), pytest.approx(5.0))
+    want = float(np.trapezoid(wave, t) + np.trapezoid(other, t))
+    assert result.final("area") == pytest.approx(want, abs=2e-6)
+
+
+class Swept(Component):
+    """A table over a ramp."""
+
+    table: CombiTable1D = part()
+    area: Real = variable()
+    points: Rows = structural()
+    smoothness: Smoothness = structural(default=Smoothness.LINEAR_SEGMENTS)
+    extrapolation: Extrapolation = structural(default=Extrapolation.LAST_TWO_POINTS)
+
+    def build(self) -> None:
+        self.table = CombiTable1D(table=self.points, smoothness=self.smoothness, extrapolation=self.extrapolation)
+
+    def equations(self) -> Equations:
+        yield self.table.u == 2.0 * time - 0.5
+        yield der(self.area) == self.table.y
+
+
+def swept(x: NDArray[np.float64], y: NDArray[np.float64], stop: float = 1.0, **how: object) -> acausal.Result:
+    points = tuple(zip(x.tolist(), y.tolist(), strict=True))
+    model = Swept(points=points, area=fixed(0.0), **how)  # type: ignore[arg-type]
+    return acausal.simulate(model, stop_time=stop, tolerance=1e-8)
+
+
+X = np.linspace(0.0, 1.0, 200) ** 1.5
+Y = np.exp(-X) * np.cos(9.0 * X)
+
+
+def test_straight_segments_and_both_ways_beyond_the_ends() -> None:
+    found = swept(X, Y)
+    u = 2.0 * found.time - 0.5
+    inside = (u >= 0.0) & (u <= 1.0)
+    assert found["table.y"][inside] == pytest.approx(np.interp(u[inside], X, Y), abs=1e-12)
+    first, last = (Y[1] - Y[0]) / (X[1] - X[0]), (Y[-1] - Y[-2]) / (X[-1] - X[-2])
+    assert (found["table.y"][0], found["table.y"][-1]) == pytest.approx((Y[0] - 0.5 * first, Y[-1] + 0.5 * last))
+    held = swept(X, Y, extrapolation=Extrapolation.HOLD_LAST_POINT)
+    assert held["table.y"] == pytest.approx(np.interp(2.0 * held.time - 0.5, X, Y), abs=1e-12)
+
+
+def test_akima_is_that_of_scipy() -> None:
+    found = swept(X, Y, smoothness=Smoothness.CONTINUOUS_DERIVATIVE)
+    u = 2.0 * found.time - 0.5
+    inside = (u >= 0.0) & (u <= 1.0)
+    assert found["table.y"][inside] == pytest.approx(Akima1DInterpolator(X, Y)(u[inside]), abs=1e-9)
+
+
+def test_steps_are_events_however_many() -> None:
+    """The integral of a staircase of 150 steps over u, exactly: only true if every step is located."""
+    steps = np.linspace(0.0, 1.0, 151)
+    found = swept(steps, np.sin(40.0 * steps), smoothness=Smoothness.CONSTANT_SEGMENTS)
+    values = np.sin(40.0 * steps)
+    want = (0.5 * values[0] + np.sum(values[:-1]) / 150.0 + 0.5 * values[-1]) / 2.0
+    assert found.final("area") == pytest.approx(want, abs=1e-7)
+
+
+class Twice(Component):
+    """A position from a table: its acceleration would be an impulse at every row."""
+
+    source: TimeTable = part()
+    a: Real = variable()
+    rows: Rows = structural()
+
+    def build(self) -> None:
+        self.source = TimeTable(table=self.rows)
+
+    def equations(self) -> Equations:
+        yield self.a == der(der(self.source.y))
+
+
+def test_a_table_of_positions_has_no_acceleration() -> None:
+    t, y = noise(500)
+    with pytest.raises(DeclarationError, match="AC128"):
+        acausal.compile(Twice(rows=tuple(zip(t.tolist(), y.tolist(), strict=True))))
+
+
+class Unit(Component):
+    """One of many equal parts."""
+
+    x: Real = variable()
+    k: Real = acausal.parameter(default=1.0)
+
+    def equations(self) -> Equations:
+        yield der(self.x) == -self.k * self.x * (1.0 + 0.1 * self.x**3 - 0.2 * self.x**2) - self.x
+
+
+class Many(Component):
+    """Equal parts, and one square of a negative difference."""
+
+    units: list[Unit] = part()
+    y: Real = variable()
+
+    def build(self) -> None:
+        self.units = [Unit(x=fixed(0.5), k=1.0 + 0.01 * k) for k in range(120)]
+
+    def equations(self) -> Equations:
+        yield der(self.y) == (self.units[90].x - self.units[3].x) ** 2 - self.y
+
+
+def test_a_square_beside_many_equal_parts_has_a_derivative() -> None:
+    """Its exponent was an operand, whose derivative is the logarithm of a negative number."""
+    compiled = acausal.compile(Many(y=fixed(0.0)))
+    columns = compiled.mapped()
+    assert columns is not None
+    n = len(compiled.states)
+    constants = np.array(columns.constants(compiled.parameter_values, [])).ravel()
+    dae = columns.dae(np.ones(n), np.ones(0), constants)
+    x = np.linspace(0.5, 0.1, n)
+    assert np.isfinite(np.array(dae.jacobian()(0.0, x, [], [0.0], [], *[0] * 4)[1])).all()

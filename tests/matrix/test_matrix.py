@@ -1,0 +1,35 @@
+"""Every feature with every verb: equal within its tolerance, or refused with a code; nothing else."""
+
+from __future__ import annotations
+
+import pytest
+from _pytest.mark import ParameterSet
+
+from acausal import AcausalError
+from tests.matrix.features import FEATURES, Feature
+from tests.matrix.verbs import SOLVERS, VERBS
+
+# What compiles no C, steps no thousand times and runs no bench.
+SLOW = (*(f"{solver} native" for solver in SOLVERS), "accuracy", "bench", "rk fixed step", "rk2 fixed step")
+
+
+def cells() -> list[ParameterSet]:
+    """Pairs of a feature and a verb; those outside the quick part are marked."""
+    found: list[ParameterSet] = []
+    for feature in FEATURES:
+        for verb in VERBS:
+            marks = (pytest.mark.slow,) if verb in SLOW or feature.cost > 2.0 else ()
+            found.append(pytest.param(feature, verb, id=f"{feature.name}, {verb}", marks=marks))
+    return found
+
+
+@pytest.mark.parametrize(("feature", "verb"), cells())
+def test_cell(feature: Feature, verb: str) -> None:
+    code = None
+    try:
+        VERBS[verb](feature)
+    except AcausalError as error:
+        code = error.code
+    assert code is None or not code.startswith("AC9"), f"{code} is a defect"
+    if feature.refused is not None and verb in ("auto", *SOLVERS):
+        assert code == feature.refused[0]

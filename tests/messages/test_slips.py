@@ -1,0 +1,557 @@
+"""Slips of a modeller: code, thing that is named in the first line, and place, one row each."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+import acausal
+from acausal import (
+    AcausalError,
+    Component,
+    Equations,
+    Real,
+    connect,
+    der,
+    fixed,
+    guess,
+    part,
+    structural,
+    time,
+    variable,
+)
+from acausal.errors import RunError
+from acausal.library import blocks, electrical, multibody, rotational
+
+rows: list[tuple[Callable[[], object], str, str, str, str]] = []
+
+
+def slip(code: str, named: str, place: str, remedy: str = "") -> Callable[[Any], Any]:
+    """A model class or a function that is refused with `code`, `named` in the fact, `place` in a line of source."""
+
+    def add(wrong: Any) -> Any:
+        def run() -> object:
+            return acausal.compile(wrong()) if isinstance(wrong, type) else wrong()
+
+        run.__name__ = wrong.__name__
+        rows.append((run, code, named, place, remedy))
+        return wrong
+
+    return add
+
+
+def named_function(name: str, function: Callable[..., object], *args: object) -> Callable[[], object]:
+    """`function` of `args` under a name of its own."""
+
+    def run() -> object:
+        return function(*args)
+
+    run.__name__ = name
+    return run
+
+
+class Shafts(Component):
+    """Three inertias in a list."""
+
+    shafts: list[rotational.Inertia] = part()
+
+    def build(self) -> None:
+        self.shafts = [rotational.Inertia(J=1.0) for _ in range(3)]
+
+
+@slip("AC103", "`shafts` is a list of 3 Inertia; it has no element [3]", "self.shafts[k + 1]")
+class OneTooFar(Shafts):
+    def equations(self) -> Equations:
+        for k in range(3):
+            yield connect(self.shafts[k].flange_b, self.shafts[k + 1].flange_a)
+
+
+@slip("AC103", "`shafts` is a list of 3 Inertia; it has no element ['first']", "self.shafts[name]")
+class ByName(Shafts):
+    def equations(self) -> Equations:
+        name: Any = "first"
+        yield self.shafts[name].w == 1.0
+
+
+@slip("AC103", "`inner.shafts` is a list of 3 Inertia; it has no element [-4]", "self.inner.shafts[-4]")
+class FromOutside(Component):
+    inner: Shafts = Shafts()
+
+    def equations(self) -> Equations:
+        yield self.inner.shafts[-4].w == 1.0
+
+
+@slip("AC103", "`shafts` is a list of no parts", "self.shafts[-1]")
+class LastOfNone(Shafts):
+    last: rotational.Inertia = part()
+
+    def build(self) -> None:
+        self.shafts = []
+        self.last = self.shafts[-1]
+
+
+@slip("AC127", "`shafts` is a list of 3 Inertia; the list has no field 'w'", "shafts.w")
+class FieldOfAList(Shafts):
+    def equations(self) -> Equations:
+        shafts: Any = self.shafts
+        yield shafts.w == 1.0
+
+
+@slip("AC118", "`shafts` is a list of 3 Inertia; none of them can be replaced", "self.shafts[0] = ")
+class ReplacedTooLate(Shafts):
+    def equations(self) -> Equations:
+        self.shafts[0] = rotational.Inertia(J=2.0)
+        yield self.shafts[0].w == 1.0
+
+
+class Pull(Component):
+    """A force and the position that it follows from."""
+
+    f: Real = variable(unit="N")
+    x: Real = variable(unit="m", shape=2)
+
+
+@slip("AC118", "Assigned.equations assigns self.f: write `yield self.f == ...`", "self.f = ")
+class Assigned(Pull):
+    def equations(self) -> Equations:
+        self.f = 2.0
+        yield self.x == 1.0
+
+
+@slip("AC118", "AtTheStart.initial_equations assigns self.f: write `yield self.f == ...`", "self.f = ")
+class AtTheStart(Pull):
+    def equations(self) -> Equations:
+        yield self.x == 1.0
+
+    def initial_equations(self) -> Equations:
+        self.f = 0.0
+        yield self.x[0] == 0.0
+
+
+@slip("AC118", "OfAPart.equations assigns self.pull.f: write `yield self.pull.f == ...`", "self.pull.f = ")
+class OfAPart(Component):
+    pull: Pull = Pull()
+
+    def equations(self) -> Equations:
+        self.pull.f = 2.0
+        yield self.pull.x == 1.0
+
+
+@slip("AC118", "`x[0]` is assigned: write `yield self.x[0] == ...`", "x[0] = ")
+class Element(Pull):
+    def equations(self) -> Equations:
+        x: Any = self.x
+        x[0] = 1.0
+        yield self.f == 1.0
+
+
+@slip("AC118", "Shortcut.equations assigns self.h, which is not declared", "self.h = ")
+class Shortcut(Pull):
+    def equations(self) -> Equations:
+        self.h = 2.0 * self.f
+        yield self.f == self.h
+
+
+@slip("AC118", "TooLate.equations assigns self.J, a parameter", "self.J = ")
+class TooLate(rotational.Inertia):
+    def equations(self) -> Equations:
+        self.J = 2.0
+        yield self.w == 1.0
+
+
+@slip("AC160", "lookup (CombiTable1D): this is no table: row 3 of 3, (1.0, 3.0), does not lie beyond", "CombiTable1D(")
+class EqualAbscissae(Component):
+    lookup: blocks.CombiTable1D = part()
+
+    def build(self) -> None:
+        self.lookup = blocks.CombiTable1D(table=((0.0, 1.0), (1.0, 2.0), (1.0, 3.0)))
+
+    def equations(self) -> Equations:
+        yield self.lookup.u == time
+
+
+@slip("AC160", "row 778 of 2000, (5.0, 0.0)", "CombiTable1D(")
+class OneOfThousands(Component):
+    lookup: blocks.CombiTable1D = part()
+
+    def build(self) -> None:
+        self.lookup = blocks.CombiTable1D(table=tuple((5.0 if k == 777 else float(k), 0.0) for k in range(2000)))
+
+    def equations(self) -> Equations:
+        yield self.lookup.u == time
+
+
+@slip(
+    "AC160",
+    "lookup (CombiTable1D): this is no table: row 2 of 3, (1.0, nan), holds a number that is not",
+    "CombiTable1D(",
+)
+class MissingValue(Component):
+    lookup: blocks.CombiTable1D = part()
+
+    def build(self) -> None:
+        self.lookup = blocks.CombiTable1D(table=((0.0, 1.0), (1.0, math.nan), (2.0, 3.0)))
+
+    def equations(self) -> Equations:
+        yield self.lookup.u == time
+
+
+@slip(
+    "AC130", "source (TimeTable): row 1 of 2 of the table, (0.0, inf), holds a number that is not finite", "TimeTable("
+)
+class MissingLevel(Component):
+    source: blocks.TimeTable = part()
+
+    def build(self) -> None:
+        self.source = blocks.TimeTable(table=((0.0, math.inf), (1.0, 2.0)))
+
+
+class Made(Component):
+    """A constructor of its own that calls nobody."""
+
+    x: Real = variable()
+
+    def __init__(self) -> None:
+        pass
+
+
+class Asking(Made):
+    """Another one, that asks for a field."""
+
+    def __init__(self) -> None:
+        assert self.x is not None
+
+
+@slip("AC109", "Made defines __init__", "def __init__(self) -> None:")
+class HoldsOne(Component):
+    made: Made = part()
+
+    def build(self) -> None:
+        self.made = Made()
+
+
+@slip("AC109", "Made defines __init__", "def __init__(self) -> None:")
+class ByDefault(Component):
+    made: Made = Made()
+
+
+@slip("AC109", "Asking defines __init__", "def __init__(self) -> None:")
+def asked() -> None:
+    Asking()
+
+
+@slip("AC129", "Singular.equation is called by nobody: the method is `equations`", "def equation(self)")
+class Singular(Component):
+    x: Real = variable()
+
+    def equation(self) -> Equations:
+        yield self.x == 1.0
+
+
+@slip("AC129", "Lost.initial_equation is called by nobody: the method is `initial_equations`", "def initial_equation(")
+class Lost(Component):
+    """It compiled, and started from somewhere else."""
+
+    x: Real = variable()
+
+    def equations(self) -> Equations:
+        yield der(self.x) == 1.0
+
+    def initial_equation(self) -> Equations:
+        yield self.x == 3.0
+
+
+@slip("AC129", "Lost.initial_equation", "def initial_equation(")
+class HoldsLost(Component):
+    inner: Lost = Lost()
+
+
+def declare(unit: str) -> None:
+    class Declared(Component):
+        angle: Real = variable(unit=unit)
+
+
+for unit, named, remedy in (
+    ("deg", "1 deg = 0.0174533 rad", 'unit="rad"'),
+    ("deg/s", "1 deg/s = 0.0174533 rad/s", 'unit="rad/s"'),
+    ("rpm", "1 rpm = 0.10472 rad/s", 'unit="rad/s"'),
+    ("degC", "0 degC = 273.15 K, 1 degC = 274.15 K", 'unit="K"'),
+    ("mm/min", "= 1.66667e-05 m/s", 'unit="m/s"'),
+):
+    slip("AC153", named, "variable(unit=unit)", remedy)(named_function(f"in_{unit}", declare, unit))
+slip("AC150", 'unknown unit "OHM"', "variable(unit=unit)", "did you mean Ohm")(named_function("OHM", declare, "OHM"))
+slip("AC150", 'unknown unit "dge"', "variable(unit=unit)", "declare in SI")(named_function("dge", declare, "dge"))
+
+
+@slip(
+    "AC132", "two sources drive one signal: sine.y and gain.y", "connect(", "to invert a model state `sine.y == gain.y`"
+)
+class TwoOutputs(Component):
+    sine: blocks.Sine = part()
+    gain: blocks.Gain = part()
+
+    def build(self) -> None:
+        self.sine = blocks.Sine(f=1.0)
+        self.gain = blocks.Gain(k=2.0)
+
+    def equations(self) -> Equations:
+        yield connect(self.sine.y, self.gain.y)
+
+
+@slip("AC203", "R.p and R.n: R is connected to nothing", "self.R = ", "or leave it out")
+class AloneResistor(Component):
+    R: electrical.Resistor = part()
+    ground: electrical.Ground = part()
+
+    def build(self) -> None:
+        self.R = electrical.Resistor(R=1.0)
+        self.ground = electrical.Ground()
+
+
+@slip("AC203", "joint.frame_a: joint is connected to nothing", "self.joint = ", "or leave it out")
+class AloneJoint(Component):
+    world: multibody.World = multibody.World()
+    joint: multibody.Revolute = part()
+
+    def build(self) -> None:
+        self.joint = multibody.Revolute()
+
+
+@slip("AC203", "rod.frame_a: what left and right move has no mass", "self.rod = ", "connect a Body to rod.frame_a")
+class RodBetweenSprings(Component):
+    """World was advised, which would hold the rod."""
+
+    world: multibody.World = multibody.World()
+    left: multibody.Spring = part()
+    rod: multibody.FixedTranslation = part()
+    right: multibody.Spring = part()
+
+    def build(self) -> None:
+        self.left = multibody.Spring(c=10.0)
+        self.rod = multibody.FixedTranslation(r=(1.0, 0.0, 0.0))
+        self.right = multibody.Spring(c=10.0)
+
+    def equations(self) -> Equations:
+        yield connect(self.world.frame_b, self.left.frame_a, self.right.frame_b)
+        yield connect(self.left.frame_b, self.rod.frame_a)
+        yield connect(self.rod.frame_b, self.right.frame_a)
+
+
+@slip("AC203", "rod.frame_a: what ball moves has no mass", "self.rod = ", "connect a Body to rod.frame_a")
+class RodOnABall(Component):
+    world: multibody.World = multibody.World()
+    ball: multibody.Spherical = part()
+    rod: multibody.FixedTranslation = part()
+
+    def build(self) -> None:
+        self.ball = multibody.Spherical()
+        self.rod = multibody.FixedTranslation(r=(1.0, 0.0, 0.0))
+
+    def equations(self) -> Equations:
+        yield connect(self.world.frame_b, self.ball.frame_a)
+        yield connect(self.ball.frame_b, self.rod.frame_a)
+
+
+@slip("AC212", "coil.heatPort is not connected", "self.coil = ", "connect coil.heatPort")
+class OpenHeatPort(Component):
+    """With an inductor in series it compiled, and no start was found for the current."""
+
+    source: electrical.SineVoltage = part()
+    coil: electrical.HeatingResistor = part()
+    inductor: electrical.Inductor = part()
+    ground: electrical.Ground = part()
+
+    def build(self) -> None:
+        self.source = electrical.SineVoltage(V=10.0, f=5.0)
+        self.coil = electrical.HeatingResistor(R_ref=5.0, alpha=1e-3)
+        self.inductor = electrical.Inductor(L=1.0)
+        self.ground = electrical.Ground()
+
+    def equations(self) -> Equations:
+        yield connect(self.source.p, self.coil.p)
+        yield connect(self.coil.n, self.inductor.p)
+        yield connect(self.inductor.n, self.source.n, self.ground.p)
+
+
+@slip("AC212", "brake.heatPort is not connected", "self.brake = ", "connect brake.heatPort")
+class OpenBrake(Component):
+    rotor: rotational.Inertia = part()
+    brake: rotational.EddyCurrentTorque = part()
+
+    def build(self) -> None:
+        self.rotor = rotational.Inertia(J=1.0, w=fixed(3.0))
+        self.brake = rotational.EddyCurrentTorque(tau_nominal=1.0, w_nominal=10.0)
+
+    def equations(self) -> Equations:
+        yield connect(self.rotor.flange_b, self.brake.flange)
+        yield self.brake.exc == 1.0
+
+
+@slip("AC204", "equations of outer, rod and mass", "self.outer = ")
+class PointOnTheAxis(Component):
+    """A point on the axis of the second joint does not turn with it: no loop is closed here, and none is named."""
+
+    world: multibody.World = multibody.World()
+    inner: multibody.Revolute = part()
+    outer: multibody.Revolute = part()
+    rod: multibody.FixedTranslation = part()
+    mass: multibody.PointMass = part()
+
+    def build(self) -> None:
+        self.inner = multibody.Revolute()
+        self.outer = multibody.Revolute(n=(1.0, 0.0, 0.0))
+        self.rod = multibody.FixedTranslation(r=(1.0, 0.0, 0.0))
+        self.mass = multibody.PointMass(m=1.0)
+
+    def equations(self) -> Equations:
+        yield connect(self.world.frame_b, self.inner.frame_a)
+        yield connect(self.inner.frame_b, self.outer.frame_a)
+        yield connect(self.outer.frame_b, self.rod.frame_a)
+        yield connect(self.rod.frame_b, self.mass.frame_a)
+
+
+@slip("AC201", "free.r_rel_a[0]", "self.free = ", "connect a Body there")
+class NothingToMove(Component):
+    world: multibody.World = multibody.World()
+    free: multibody.FreeMotion = part()
+    rod: multibody.FixedTranslation = part()
+
+    def build(self) -> None:
+        self.free = multibody.FreeMotion()
+        self.rod = multibody.FixedTranslation(r=(1.0, 0.0, 0.0))
+
+    def equations(self) -> Equations:
+        yield connect(self.world.frame_b, self.free.frame_a)
+        yield connect(self.free.frame_b, self.rod.frame_a)
+
+
+@slip("AC028", "the class Inertia is no compiled model", "step_function", "acausal.compile")
+def step_of_a_class() -> None:
+    acausal.step_function(rotational.Inertia, 1e-3)  # type: ignore[arg-type]
+
+
+@slip("AC028", "Inertia is no compiled model", "step_function", "acausal.compile")
+def step_of_a_component() -> None:
+    acausal.step_function(rotational.Inertia(J=1.0), 1e-3)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("run", "code", "named", "place", "remedy"), rows, ids=lambda v: getattr(v, "__name__", None))
+def test_slip(run: Callable[[], object], code: str, named: str, place: str, remedy: str) -> None:
+    with pytest.raises(AcausalError) as caught:
+        run()
+    error = caught.value
+    assert error.code == code, error
+    assert named in error.fact, error
+    assert any(place in span.text for span in error.where) or not error.where, error
+    assert remedy in (error.help or ""), error
+    assert len(str(error)) < 3000
+
+
+def test_a_generator_that_is_called_has_any_name() -> None:
+    """`equation` of one's own is no slip where `equations` yields from it."""
+
+    class Called(Component):
+        x: Real = variable(default=fixed(1.0))
+
+        def equation(self) -> Equations:
+            yield der(self.x) == -self.x
+
+        def equations(self) -> Equations:
+            yield from self.equation()
+
+    assert acausal.compile(Called()).states == ("x",)
+
+
+class FourBar(Component):
+    """Base, crank, coupler and rocker of given lengths; the crank starts at 1 rad/s."""
+
+    lengths: tuple[float, ...] = structural()
+    start: tuple[float, ...] = structural(doc="Angle of the crank, and where the search for the two others begins")
+    world: multibody.World = multibody.World()
+    joints: list[multibody.Revolute] = part()
+    bars: list[multibody.BodyCylinder] = part()
+    base: multibody.FixedTranslation = part()
+    last: multibody.RevolutePlanarLoopConstraint = part()
+
+    def build(self) -> None:
+        first, *others = self.start
+        self.joints = [multibody.Revolute(phi=fixed(first), w=fixed(1.0))]
+        self.joints += [multibody.Revolute(phi=guess(angle)) for angle in others]
+        self.bars = [multibody.BodyCylinder(r=(length, 0.0, 0.0), diameter=0.05) for length in self.lengths[1:]]
+        self.base = multibody.FixedTranslation(r=(self.lengths[0], 0.0, 0.0))
+        self.last = multibody.RevolutePlanarLoopConstraint()
+
+    def equations(self) -> Equations:
+        yield connect(self.world.frame_b, self.joints[0].frame_a, self.base.frame_a)
+        for k, (joint, bar) in enumerate(zip(self.joints, self.bars, strict=True)):
+            yield connect(joint.frame_b, bar.frame_a)
+            yield connect(bar.frame_b, [*self.joints[1:], self.last][k].frame_a)
+        yield connect(self.last.frame_b, self.base.frame_b)
+
+
+class DrivenFourBar(FourBar):
+    """At constant speed, whatever that takes."""
+
+    motor: rotational.Speed = part()
+
+    def build(self) -> None:
+        super().build()
+        self.joints[0] = multibody.Revolute(phi=fixed(self.start[0]))
+        self.motor = rotational.Speed()
+
+    def equations(self) -> Equations:
+        yield connect(self.motor.flange, self.joints[0].axis)
+        yield self.motor.w_ref == 1.0
+
+
+@pytest.mark.parametrize(("angle", "crank", "others"), [(0.5, 1.0, (5.0, 1.5, 1.5)), (3.0, 1.0, (2.0, 1.5, 0.5))])
+def test_a_loop_that_cannot_close_is_named_with_its_gap(
+    angle: float, crank: float, others: tuple[float, float, float]
+) -> None:
+    """A four-bar whose crank is given: the gap is what its end is away from the other pivot, less both bars."""
+    base, coupler, rocker = others
+    gap = math.hypot(base - crank * math.cos(angle), crank * math.sin(angle)) - coupler - rocker
+
+    with pytest.raises(AcausalError) as caught:
+        acausal.simulate(FourBar(lengths=(base, crank, coupler, rocker), start=(angle, 0.0, 0.0)), stop_time=0.1)
+    assert caught.value.code == "AC301"
+    found = re.search(r"no start satisfies `.*last\.frame_b\.r_0.*`: it is off by ([\d.]+)", caught.value.fact)
+    assert found is not None, caught.value
+    assert float(found[1]) == pytest.approx(gap, rel=1e-4)
+    assert "self.last = " in caught.value.where[0].text
+
+
+def test_the_solver_prints_nothing_of_its_own(capfd: pytest.CaptureFixture[str]) -> None:
+    """x' = x^2 ends at t = 1; SUNDIALS said so fifteen times, beside the error, and where a second try went well."""
+
+    class Growth(Component):
+        x: Real = variable(default=fixed(1.0))
+
+        def equations(self) -> Equations:
+            yield der(self.x) == self.x * self.x
+
+    with pytest.raises(AcausalError):
+        acausal.simulate(Growth(), stop_time=2.0, solver="idas")
+    assert capfd.readouterr().err == ""
+
+
+def test_a_mechanism_that_is_stretched_out_is_named_by_its_loop() -> None:
+    """At 1 rad/s from 0.3 rad coupler and rocker are in line when the diagonal is as long as both: law of cosines.
+
+    It was said that a speed "grows without bound", because of "feedback that nothing limits".
+    """
+    base, crank, coupler, rocker = 2.0, 1.5, 1.0, 1.0
+    angle = math.acos((base**2 + crank**2 - (coupler + rocker) ** 2) / (2.0 * base * crank))
+    model = DrivenFourBar(lengths=(base, crank, coupler, rocker), start=(0.3, 1.0, -2.5))
+    with pytest.raises(RunError) as caught:
+        acausal.simulate(model, stop_time=3.0, solver="rosenbrock")
+    assert caught.value.code == "AC402"
+    assert "last.frame_b.r_0" in caught.value.fact
+    assert "self.last = " in caught.value.where[0].text
+    stopped = re.search(r"stopped at t = ([\d.]+) s", caught.value.fact)
+    assert stopped is not None
+    assert float(stopped[1]) == pytest.approx(angle - 0.3, abs=1e-5)

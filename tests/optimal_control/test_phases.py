@@ -1,0 +1,196 @@
+"""Problems whose phases end with events of the model: the answers are known from statics and ballistics."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.text import Text
+from scipy.integrate import quad
+from scipy.optimize import minimize
+
+from acausal import Component, Equations, Real, der, fixed, maximum, quantity, signal_input, time, variable, where
+from acausal.errors import AcausalError
+from acausal.models.optimal_control.ball_target import ThrownBall, gentle_throw
+from acausal.models.optimal_control.plate_drilling import least_time
+from acausal.optimal_control import Problem
+
+
+def static_drilling_time() -> float:
+    """Time of the same plate when feed and speed follow without delay, by Kienzle's law at each depth.
+
+    Equations (1) to (10) of the founding paper: at a depth the thrust or the torque limits the feed per revolution, the
+    power then limits the speed, for the feed rate under a given power grows with the feed; both feed rates are capped.
+    """
+    d, kappa, z_E, k_c11, z, t = 16e-3, np.radians(59.0), 2, 2240e6, 0.21, 20e-3
+    slope = 2 * np.tan(kappa)
+    h_c = d / slope
+
+    def rate(s: float) -> float:
+        d_O, d_I = slope * np.clip(s, 0.0, h_c), slope * np.clip(s - t, 0.0, h_c)
+        edge = z_E / 2 * (d_O - d_I) * k_c11 * (np.sin(kappa) / 1e-3) ** -z
+        lever = (d_O + d_I) / 4
+        force = min(4e3 / np.sin(2 * kappa), 20.0 / lever)
+        f_z = (force / edge) ** (1 / (1 - z))
+        n = min(20.0, 1e3 / (2 * np.pi * force * lever))
+        return float(min(z_E * n * f_z, 20e-3 if s < t else 5e-3))
+
+    parts = [(0.0, h_c), (h_c, t), (t, t + h_c)]
+    tiny = 1e-9
+    times = [float(quad(lambda s: 1 / rate(s), a + tiny, b - tiny, limit=500)[0]) for a, b in parts]
+    return 1e-3 / 20e-3 + sum(times)
+
+
+def test_time_optimal_drilling_converges_from_the_default_guess(tmp_path: Path) -> None:
+    """With five intervals a phase the time is within half a percent of that of statics, 16.134 s."""
+    best = least_time().solve()
+    assert best.objective == pytest.approx(static_drilling_time(), rel=5e-3)
+    iterations = best.stats["iterations"]
+    assert isinstance(iterations, int)
+    assert iterations <= 40
+    held = {name: best.active(name, 0.1) for name, *_ in best.phases}
+    assert list(held) == ["air", "entering", "full", "leaving"]
+    assert "feed <= 0.02" in held["air"]
+    assert {"thrust <= 4000", "power <= 1000"} <= set(held["entering"])
+    assert set(held["full"]) == {"thrust <= 4000", "power <= 1000"}
+    assert {"torque <= 20", "power <= 1000"} <= set(held["leaving"])
+    drawing = best.plot("thrust", "torque", file=tmp_path / "drilling.png")
+    words = " ".join(t.get_text() for t in drawing.findobj(Text) if isinstance(t, Text))
+    for name, constraints in held.items():
+        assert name in words
+        assert all(c in words for c in constraints)
+    assert (tmp_path / "drilling.png").stat().st_size > 10_000
+
+
+@pytest.mark.slow
+def test_drilling_on_a_refined_mesh_is_what_idas_drills() -> None:
+    best = least_time().solve(accuracy=1e-3, refinements=10)
+    assert best.objective == pytest.approx(static_drilling_time(), rel=1.5e-3)
+    replay = best.replay()
+    assert best.error(replay)["slide.s"] < 1e-3
+    assert max(replay["power"]) < 1005.0
+    assert max(replay["torque"]) < 20.1
+
+
+@pytest.mark.parametrize(("distance", "height"), [(3.0, 0.8), (2.0, 0.5)])
+def test_ball_hits_a_target_after_one_bounce(distance: float, height: float) -> None:
+    """Ballistics: with v_h given, the instants of bounce and hit follow, and with them v_x; one number is searched."""
+    g, e = 9.81, 0.7
+
+    def speed(v_h: float) -> float:
+        down = np.sqrt(v_h**2 + 2 * g)
+        up = e * down
+        if up**2 < 2 * g * height:
+            return np.inf
+        first = (v_h + down) / g
+        hits = [first + (up + s * np.sqrt(up**2 - 2 * g * height)) / g for s in (-1, 1)]
+        return float(min((distance / t) ** 2 for t in hits) + v_h**2)
+
+    expected = minimize(lambda v: speed(v[0]), [3.5], method="Nelder-Mead", options={"xatol": 1e-10, "fatol": 1e-12})
+    best = gentle_throw(distance, height).solve()
+    assert best.objective == pytest.approx(expected.fun, rel=1e-6)
+    replay = best.replay()
+    assert replay.final("x") == pytest.approx(distance, abs=1e-6)
+    assert replay.final("h") == pytest.approx(height, abs=1e-6)
+    assert [event.time for event in replay.events] == pytest.approx([best.phases[0][2]], rel=1e-9)
+
+
+def forgotten() -> Problem:
+    """A ball that bounces, with a single phase."""
+    problem = Problem(ThrownBall())
+    problem.phase(duration=0.8)
+    problem.minimize(problem.end("x"))
+    return problem
+
+
+def too_long() -> Problem:
+    """One bounce is declared, two happen."""
+    problem = Problem(ThrownBall())
+    problem.phase("thrown", until="h < 0", intervals=3)
+    problem.phase("bounced", duration=1.5, intervals=3)
+    problem.minimize(problem.end("x"))
+    return problem
+
+
+def too_short() -> Problem:
+    """The guess ends before the ball comes down."""
+    problem = Problem(ThrownBall())
+    problem.phase("thrown", until="h < 0", expected=0.2)
+    problem.minimize(problem.end("x"))
+    return problem
+
+
+@pytest.mark.parametrize(
+    ("problem", "code", "named"),
+    [(forgotten, "AC608", "v_h"), (too_long, "AC704", "h < 0"), (too_short, "AC705", "thrown")],
+)
+def test_events_without_a_phase_are_refused(problem: object, code: str, named: str) -> None:
+    assert callable(problem)
+    with pytest.raises(AcausalError) as refused:
+        problem().solve()
+    assert refused.value.code == code
+    assert named in str(refused.value)
+    assert refused.value.help
+
+
+class Helped(Component):
+    """A rate that is chosen, and 1/s more from half a second on."""
+
+    u: Real = signal_input(unit="1/s", default=0.0, doc="Rate")
+    x: Real = variable(unit="1", default=fixed(0.0), doc="What is reached")
+
+    def equations(self) -> Equations:
+        yield der(self.x) == self.u + where(time >= 0.5, quantity(1.0, "1/s"), 0.0)
+
+
+def helped(*phases: float) -> Problem:
+    """To 1 in one second with the least integral of u**2: u = 0.5, since the other half is given."""
+    problem = Problem(Helped())
+    for duration in phases:
+        problem.phase(duration=duration, intervals=2)
+    problem.subject_to(problem.end("x") == 1.0)
+    problem.minimize(problem.integral(problem["u"] ** 2))
+    return problem
+
+
+def test_sources_switch_between_phases_only() -> None:
+    assert helped(0.5, 0.5).solve().objective == pytest.approx(0.25, rel=1e-9)
+    with pytest.raises(AcausalError, match=r"t = 0.5 s") as refused:
+        helped(1.0).solve()
+    assert refused.value.code == "AC704"
+    assert "time >= 0.5" in str(refused.value.help)
+
+
+class Kinked(Component):
+    """A position that is moved, and a way that grows beyond half a metre only."""
+
+    u: Real = signal_input(unit="m/s", min=-1.0, max=1.0, default=0.6, doc="Velocity")
+    x: Real = variable(unit="m", default=fixed(0.0), doc="Position")
+    y: Real = variable(unit="m.s", default=fixed(0.0), doc="Integral of what is beyond")
+
+    def equations(self) -> Equations:
+        yield der(self.x) == self.u
+        yield der(self.y) == maximum(self.x - quantity(0.5, "m"), 0.0)
+
+
+def there(least: float) -> Problem:
+    """To half a metre, and after a second more at 0.8 m, with the least of what is beyond in between."""
+    problem = Problem(Kinked())
+    problem.phase("near", until=problem["x"] >= 0.5, duration=(0.1, 5.0), intervals=4)
+    far = problem.phase("far", duration=1.0, intervals=10)
+    far.subject_to("x", min=least)
+    problem.subject_to(problem.end("x") == 0.8)
+    problem.minimize(problem.duration + problem.end("y"))
+    return problem
+
+
+def test_an_optimum_on_another_branch_than_the_models_is_refused() -> None:
+    """Half a second to there, waiting, and away at full speed: 0.3**2/2 of what is beyond; from nearer it is less."""
+    best = there(0.5).solve()
+    assert best.objective == pytest.approx(1.5 + 0.3**2 / 2, rel=1e-6)
+    assert max(best.error(best.replay()).values()) < 1e-5
+    with pytest.raises(AcausalError, match="far") as refused:
+        there(-1.0).solve()
+    assert refused.value.code == "AC706"
+    assert refused.value.help

@@ -1,0 +1,146 @@
+"""Random circuits of resistors, inductors, and capacitors with linear and nonlinear charges: every law, by itself.
+
+Loops of capacitors and sources, and cuts of inductors, constrain what is integrated; parallel elements say so in sums
+only. What a run records is judged by Kirchhoff's laws at every node and by each element's law in its integral form,
+with Simpson's rule over the recorded points: nothing of the compiler is used.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import cumulative_simpson
+
+import acausal
+from acausal import Component, Equations, Real, connect, der, fixed, parameter, part, structural, variable
+from acausal.library.electrical import Capacitor, Ground, Inductor, Pin, Resistor, SineVoltage
+
+Element = tuple[str, int, int, float]
+Netlist = tuple[Element, ...]
+Vector = NDArray[np.float64]
+
+
+class ChargeCapacitor(Component):
+    """Two charges of opposite sign, as charge-oriented simulators of circuits write it."""
+
+    p: Pin = Pin()
+    n: Pin = Pin()
+    q_p: Real = variable(unit="C")
+    q_n: Real = variable(unit="C")
+    C: Real = parameter(unit="F")
+    a: Real = parameter(default=0.02, unit="1/V2")
+
+    def equations(self) -> Equations:
+        v = self.p.v - self.n.v
+        yield self.q_p == self.C * v * (1 + self.a * v * v)
+        yield self.q_n == -(self.C * v * (1 + self.a * v * v))
+        yield der(self.q_p) == self.p.i
+        yield der(self.q_n) == self.n.i
+
+
+MADE: dict[str, Callable[[float], Component]] = {
+    "R": lambda x: Resistor(R=x),
+    "L": lambda x: Inductor(L=x, i=fixed(0.0)),
+    "C": lambda x: Capacitor(C=x, v=fixed(0.0)),
+    "Q": lambda x: ChargeCapacitor(C=x, q_p=fixed(0.0)),
+    "V": lambda x: SineVoltage(V=x, f=40.0),
+}
+RANGE = {"R": (5.0, 50.0), "L": (0.01, 0.1), "C": (1e-4, 1e-3), "Q": (1e-4, 1e-3), "V": (2.0, 6.0)}
+
+
+class Circuit(Component):
+    elements: list[Component] = part()
+    ground: Ground = part()
+    netlist: Netlist = structural()
+
+    def build(self) -> None:
+        self.ground = Ground()
+        self.elements = [MADE[kind](x) for kind, _, _, x in self.netlist]
+
+    def equations(self) -> Equations:
+        nodes: dict[int, list[Pin]] = {0: [self.ground.p]}
+        elements: list[Any] = list(self.elements)
+        for e, (_, a, b, _) in zip(elements, self.netlist, strict=True):
+            nodes.setdefault(a, []).append(e.p)
+            nodes.setdefault(b, []).append(e.n)
+        for pins in nodes.values():
+            if len(pins) > 1:
+                yield connect(*pins)
+
+
+def random_netlist(seed: int) -> Netlist:
+    """One source, a tree over the nodes, and chords that are often parallel to other elements."""
+    rng = np.random.default_rng(seed)
+    count = int(rng.integers(3, 6))
+    ends = [(0, 1), *((int(rng.integers(0, k)), k) for k in range(2, count))]
+    ends += [tuple(rng.choice(count, 2, replace=False).tolist()) for _ in range(int(rng.integers(1, 3)))]
+    ends += [ends[int(k)] for k in rng.integers(1, len(ends), int(rng.integers(1, 4)))]
+    kinds = ["V", *rng.choice(list("RRLCQ"), len(ends) - 1).tolist()]
+    return tuple((k, a, b, float(rng.uniform(*RANGE[k]))) for k, (a, b) in zip(kinds, ends, strict=True))
+
+
+def law(kind: str, x: float, t: Vector, v: Vector, i: Vector) -> tuple[Vector, Vector]:
+    """The two sides of an element's law in its integral form, shape (rows,) each."""
+    if kind == "R":
+        return v, x * i
+    if kind == "V":
+        return v, x * np.sin(80.0 * np.pi * t)
+    if kind == "L":
+        return x * (i - i[0]), cumulative_simpson(v, x=t, initial=0.0)
+    charge = x * v * (1.0 + (0.02 * v**2 if kind == "Q" else 0.0))
+    return charge - charge[0], cumulative_simpson(i, x=t, initial=0.0)
+
+
+def violations(netlist: Netlist) -> dict[str, float]:
+    """The largest violation of each law, by the range of its quantity."""
+    result = acausal.simulate(Circuit(netlist=netlist), stop_time=0.02, output_interval=1e-5, tolerance=1e-8)
+    t = result.time
+    currents: dict[int, list[tuple[float, np.ndarray]]] = {}
+    found = {}
+    for k, (kind, a, b, x) in enumerate(netlist):
+        here = f"elements[{k}]"
+        i, v = result[f"{here}.p.i"], result[f"{here}.p.v"] - result[f"{here}.n.v"]
+        currents.setdefault(a, []).append((1.0, i))
+        currents.setdefault(b, []).append((-1.0, i))
+        left, right = law(kind, x, t, v, i)
+        found[f"{kind}{k}"] = float(np.max(np.abs(left - right)) / (np.max(np.abs(right)) + 1e-6))
+    for node, flows in currents.items():
+        if node:
+            size = max(float(np.max(np.abs(i))) for _, i in flows)
+            found[f"node {node}"] = float(np.max(np.abs(sum(s * i for s, i in flows)))) / (size + 1e-6)
+    return found
+
+
+# C || R || C between two inductors; nonlinear capacitors beside linear ones; a loop of them with the source
+FIXED: dict[str, Netlist] = {
+    "parallel between inductors": (
+        ("V", 1, 0, 4.0), ("L", 1, 2, 0.03), ("C", 2, 3, 4e-4), ("R", 2, 3, 25.0), ("C", 2, 3, 7e-4),
+        ("L", 3, 4, 0.02), ("R", 4, 0, 12.0),
+    ),
+    "a nonlinear one between two resistors": (("V", 1, 0, 4.0), ("R", 1, 2, 15.0), ("Q", 2, 3, 5e-4), ("R", 3, 0, 9.0)),
+    "nonlinear beside linear": (
+        ("V", 1, 0, 3.0), ("R", 1, 2, 15.0), ("Q", 2, 3, 5e-4), ("C", 2, 3, 3e-4), ("R", 3, 0, 9.0), ("L", 3, 0, 0.05),
+    ),
+    "a loop with the source": (("V", 1, 0, 3.0), ("C", 1, 2, 5e-4), ("Q", 2, 0, 3e-4), ("R", 2, 0, 20.0)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", FIXED)
+def test_laws_of_circuits_whose_constraints_show_in_sums(name: str) -> None:
+    found = violations(FIXED[name])
+    assert max(found.values()) < 2e-5, found
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("chunk", range(4))
+def test_laws_of_random_circuits(chunk: int) -> None:
+    wrong = {}
+    for seed in range(25 * chunk, 25 * chunk + 25):
+        found = violations(random_netlist(seed))
+        if max(found.values()) > 2e-5:
+            wrong[seed] = found
+    assert not wrong

@@ -1,0 +1,42 @@
+"""Random networks with more friction elements than degrees of freedom against a plain complementarity simulator."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.random.friction_judge import ROWS, judged
+from tests.random.friction_networks import STOP, Discard, random_network, simulated
+
+
+def failures(seeds: range, solver: str) -> list[str]:
+    """What goes wrong with these seeds, one sentence each; and that there were networks to try."""
+    found, tried = [], 0
+    for seed in seeds:
+        network = random_network(seed)
+        try:
+            speeds = simulated(network, np.linspace(0.0, STOP, ROWS + 1))
+        except Discard:
+            continue
+        tried += 1
+        wrong = judged(network, speeds, solver)
+        if wrong is not None:
+            found.append(f"seed {seed}, {solver}: {wrong}")
+    assert tried >= 0.8 * len(seeds)
+    return found
+
+
+def test_a_few_networks() -> None:
+    assert not failures(range(4), "auto")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("first", [0, 100, 200])
+def test_300_networks(first: int) -> None:
+    assert not failures(range(first, first + 100), "auto")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("solver", ["rosenbrock", "cvodes", "erk"])
+def test_other_solvers(solver: str) -> None:
+    assert not failures(range(300, 320), solver)

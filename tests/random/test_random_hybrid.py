@@ -1,0 +1,48 @@
+"""Random models of `when`s, samples and discrete equations with every driver of events, against the plain reference."""
+
+from __future__ import annotations
+
+import pytest
+
+import acausal
+from tests.random.hybrid_judge import DRIVERS, built, expected, judged
+from tests.random.hybrid_models import random_model
+from tests.random.hybrid_reference import Discard
+
+INTERPRETED = ("rosenbrock", "erk", "idas", "cvodes", "step_function")
+
+
+def failures(seeds: range, drivers: tuple[str, ...]) -> list[str]:
+    """What goes wrong with these seeds, one sentence each; and that there were models to try."""
+    found, tried = [], 0
+    for seed in seeds:
+        model = random_model(seed)
+        try:
+            run = expected(model)
+        except Discard:
+            continue
+        tried += 1
+        compiled = acausal.compile(built(model))
+        for driver in drivers:
+            wrong = judged(model, compiled, driver, run)
+            if wrong is not None:
+                found.append(f"seed {seed}, {driver}: {wrong}")
+    assert tried >= len(seeds) // 5
+    return found
+
+
+@pytest.mark.parametrize("driver", INTERPRETED)
+def test_a_few_models(driver: str) -> None:
+    assert not failures(range(40), (driver,))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("driver", INTERPRETED)
+def test_a_thousand_models(driver: str) -> None:
+    assert not failures(range(40, 1540), (driver,))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("driver", [d for d in DRIVERS if d.endswith("native")])
+def test_compiled_events(driver: str) -> None:
+    assert not failures(range(40, 120), (driver,))

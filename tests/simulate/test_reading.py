@@ -1,0 +1,67 @@
+"""A signal that is read costs what it needs, and is what it is among all."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+import acausal
+from acausal import Component
+from acausal.models.bouncing_ball import BouncingBall
+from acausal.models.drilling_dynamic import ThickBlock
+from acausal.models.drilling_kinematic import ThinPlate
+from acausal.models.pendulum import Pendulum
+from acausal.models.rc_ladder import RCLadder
+from acausal.simulate.record import record
+
+MODELS: dict[str, Callable[[], Component]] = {
+    "ladder": lambda: RCLadder(n=40),
+    "plate": ThinPlate,
+    "ball": BouncingBall,
+    "pendulum": Pendulum,
+    "drill": ThickBlock,
+}
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_each_signal_read_alone_is_what_it_is_among_all(name: str) -> None:
+    """The same operations on the same numbers, states, signals, negated aliases, constants and vectors alike."""
+    result = acausal.simulate(MODELS[name](), stop_time=0.5, tolerance=1e-5)
+    whole = acausal.simulate(MODELS[name](), stop_time=0.5, tolerance=1e-5)
+    _ = whole.matrix
+    some = result.names[:: max(1, len(result.names) // 40)]
+    for signal in some:
+        np.testing.assert_array_equal(result[signal], whole[signal])
+    assert "matrix" not in result.__dict__
+
+
+def test_one_signal_does_not_compute_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    def all_of_them(*arguments: object) -> None:
+        raise AssertionError("the rows of all signals are computed")
+
+    monkeypatch.setattr(record, "rows", all_of_them)
+    result = acausal.simulate(RCLadder(n=30), stop_time=0.5)
+    for name in ("capacitors[3].v", "resistors[7].i", "resistors[7].v", "ground.p.i"):
+        assert result[name].shape == result.time.shape
+    assert result.final("resistors[7].i") == pytest.approx(result["resistors[7].v"][-1], rel=1e-12)  # 1 Ohm
+    with pytest.raises(AssertionError):
+        _ = result.matrix
+
+
+def test_many_signals_one_by_one_become_all_at_once() -> None:
+    """Some dozens of single functions, then the one of all: never one for each of ten thousand."""
+    result = acausal.simulate(RCLadder(n=60), stop_time=0.5)
+    for name in result.names:
+        result[name]
+    assert "matrix" in result.__dict__
+
+
+def test_a_result_that_was_pickled_has_all_of_it() -> None:
+    import pickle
+
+    result = acausal.simulate(Pendulum(), stop_time=0.2)
+    again = pickle.loads(pickle.dumps(result))
+    for name in result.names:
+        np.testing.assert_array_equal(again[name], result[name])

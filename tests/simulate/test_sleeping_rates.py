@@ -1,0 +1,208 @@
+"""Rates that are constant for long and wake for a moment: no step passes that unseen, and it is no event."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import acausal
+from acausal import (
+    Component,
+    Equations,
+    Expr,
+    Real,
+    der,
+    fabs,
+    fixed,
+    maximum,
+    minimum,
+    no_event,
+    parameter,
+    sin,
+    structural,
+    time,
+    variable,
+    where,
+)
+from acausal.lower.watched import with_watched
+
+SOLVERS = ["idas", "cvodes", "rosenbrock", "erk"]
+Rate = Callable[[Any], Expr]
+RATES: dict[str, Rate] = {
+    "maximum": lambda u: maximum(u, 0.0),
+    "minimum": lambda u: -minimum(-u, 0.0),
+    "fabs": lambda u: 0.5 * fabs(u) + 0.5 * u,
+    "no_event": lambda u: where(no_event(u > 0.0), u, 0.0),
+    "around": lambda u: no_event(where(u > 0.0, u, 0.0)),
+    "smooth": lambda u: where(u > 0.0, u, 0.0, smooth=True),
+    "shifted": lambda u: maximum(u, -0.5) - maximum(-0.5, minimum(u, 0.0)),
+}
+
+
+class Glimpse(Component):
+    """x = sin(t); y' = (x - c)+ / (integral of one glimpse): y rises by one around each pi/2 + 2 pi k.
+
+    With h = acos(c) that integral is 2 (sin h - h c); for c = 0.99999 it lasts 9 ms.
+    """
+
+    rate: Rate = structural(default=RATES["maximum"])
+    implicit: bool = structural(default=False)
+    c: Real = parameter(default=0.99999)
+    x: Real = variable(default=fixed(0.0))
+    v: Real = variable(default=fixed(1.0))
+    z: Real = variable()
+    y: Real = variable(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        h = math.acos(0.99999)
+        yield der(self.x) == self.v
+        yield der(self.v) == -self.x
+        # the monotone cubic makes z an iterated variable of a DAE; at x = c it is c
+        yield self.z == self.x if not self.implicit else self.z + 0.1 * self.z**3 == self.x + 0.1 * self.x**3
+        yield der(self.y) == self.rate(self.z - self.c) / (2.0 * (math.sin(h) - h * 0.99999))
+
+
+@pytest.mark.parametrize("rate", RATES.values(), ids=RATES)
+def test_every_way_to_write_it(rate: Rate) -> None:
+    r = acausal.simulate(Glimpse(rate=rate), stop_time=9.0, solver="idas", output_interval=9.0)
+    # a relative error of 1e-6 in x is one of 1e-6/(1 - c) = 0.1 in the height of a glimpse
+    assert r.final("y") == pytest.approx(2.0, abs=0.05)
+    assert not r.events
+
+
+@pytest.mark.parametrize("native", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("implicit", [False, True], ids=["ODE", "DAE"])
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_no_solver_steps_over_it(solver: str, implicit: bool, native: bool) -> None:
+    compiled = acausal.compile(Glimpse(implicit=implicit))
+    ends = []
+    for run in ({"stop_time": 9.0}, {"stop_time": 9.0, "output_interval": 9.0}, {"stop_time": 12.5}):
+        r = acausal.simulate(compiled, solver=solver, native=native, tolerance=1e-8, **run)  # type: ignore[arg-type]
+        ends.append(r.final("y"))
+        assert not r.events
+    # ten tolerances are a hundredth of 1 - c
+    assert ends == pytest.approx([2.0] * 3, abs=1e-2)
+    again = acausal.simulate(compiled, solver=solver, native=native, tolerance=1e-8, stop_time=9.0)
+    assert again.final("y") == ends[0]
+
+
+def test_other_parameters_of_the_same_compiled_model() -> None:
+    """y rises by (sin h - h c)/(sin h' - h' c') with h = acos(c), for c = 0.9999 beside the 0.99999 it is scaled by."""
+    run: dict[str, Any] = {"stop_time": 3.0, "solver": "idas", "tolerance": 1e-8}
+    r = acausal.simulate(acausal.compile(Glimpse()), parameters={"c": 0.9999}, **run)
+    integrals = [math.sin(h) - h * math.cos(h) for h in (math.acos(0.9999), math.acos(0.99999))]
+    assert r.final("y") == pytest.approx(integrals[0] / integrals[1], rel=1e-4)
+
+
+class Tent(Component):
+    """p' = 2 f, f a tent of 2.2 ms on a constant of -1: the rate sleeps, not at zero, under a name of its own."""
+
+    x: Real = variable(default=fixed(0.0))
+    p: Real = variable(default=fixed(0.0))
+    f: Real = variable()
+
+    def equations(self) -> Equations:
+        yield der(self.x) == 1.0
+        yield self.f == maximum(1e4 * (1e-3 - fabs(self.x - 5.0)), -1.0)
+        yield der(self.p) == 2.0 * self.f
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_a_rate_that_sleeps_at_a_constant(solver: str) -> None:
+    """The tent is 10 high, 1.1 ms to each side down to -1: area above -1 is 11 * 1.1e-3, so p(9) = 2 (0.0121 - 9)."""
+    r = acausal.simulate(Tent(), stop_time=9.0, solver=solver)
+    assert r.final("p") == pytest.approx(2.0 * (11.0 * 1.1e-3 - 9.0), abs=1e-4)
+
+
+class Pulse(Component):
+    """y' = 1e3 where |sin(t)| < 1e-3, below `no_event`: pulses of 2 ms at every multiple of pi, of time only."""
+
+    y: Real = variable(default=fixed(0.0))
+    w: Real = variable(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        yield der(self.y) == where(no_event(fabs(sin(time)) < 1e-3), 1e3, 0.0) - 0.1 * self.y
+        yield der(self.w) == self.y
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_a_function_of_time(solver: str) -> None:
+    """Pulses at 0 (half of one), pi and 2 pi of 2 asin(1e-3) s; y decays by exp(-0.1 t) behind each."""
+    r = acausal.simulate(Pulse(), stop_time=7.0, solver=solver, tolerance=1e-8)
+    half = math.asin(1e-3)
+    spans = [(0.0, half), (math.pi - half, math.pi + half), (2 * math.pi - half, 2 * math.pi + half)]
+    exact = sum(1e4 * (math.exp(-0.1 * (7.0 - b)) - math.exp(-0.1 * (7.0 - a))) for a, b in spans)
+    assert r.final("y") == pytest.approx(exact, rel=1e-5)
+
+
+class Divided(Component):
+    """A factor that is bounded does not sleep: the expression around it goes on."""
+
+    x: Real = variable(default=fixed(1.0))
+
+    def equations(self) -> Equations:
+        yield der(self.x) == -self.x / maximum(self.x * self.x, 0.25) * (2.0 + self.x)
+
+
+def test_bounded_factors_cost_nothing() -> None:
+    compiled = acausal.compile(Divided())
+    assert with_watched(compiled) == (compiled, ())
+
+
+def test_rows_are_those_of_the_grid_and_of_the_wakings() -> None:
+    r = acausal.simulate(Glimpse(), stop_time=3.0, solver="idas", output_interval=0.5, tolerance=1e-8)
+    assert np.all(np.diff(r.time) >= 0.0)
+    assert set(np.round(np.arange(0.0, 3.01, 0.5), 9)) <= set(np.round(r.time, 9))
+
+
+@pytest.mark.parametrize("solver", ["idas", "rosenbrock"])
+def test_kinks_that_cannot_be_watched_do_not_end_a_run(solver: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An operand that rests a hair beside its kink is on both sides of it to rounding: nothing may hang on it.
+
+    Where `sleeping` takes one all the same, the run is made without watching, and says so. With x' = 1 from 0 and
+    y' = (x - 1)+, y(3) is 2.
+    """
+    from acausal.lower import watched
+
+    class Resting(Component):
+        x: Real = variable(default=fixed(0.0))
+        y: Real = variable(default=fixed(0.0))
+
+        def equations(self) -> Equations:
+            second = acausal.quantity(1.0, "s")
+            yield second * der(self.x) == 1.0
+            yield second * der(self.y) == maximum(maximum(self.x - 1.0, 0.0), 1e-300)
+
+    def all_kinks(solution: Any, located: Any, discrete: Any) -> tuple[int, ...]:
+        pool = solution.structure.reduced.pool
+        nodes = [n for n in pool.reachable(solution.residuals) if pool.nodes[n][0] == "max"]
+        nodes += [n for _, d in solution.definitions for n in pool.reachable([d]) if pool.nodes[n][0] == "max"]
+        return tuple(dict.fromkeys(pool.make("gt", *pool.nodes[n][1:]) for n in nodes))
+
+    plain = acausal.compile(Resting())
+    found = with_watched(plain)[0].state_events.watched
+    assert len(found) == 1
+    monkeypatch.setattr(watched, "sleeping", all_kinks)
+    compiled = acausal.compile(Resting())
+    for _ in range(2):  # a run that goes without watching changes nothing for the next one
+        result = acausal.simulate(compiled, stop_time=3.0, solver=solver, tolerance=1e-8)
+        assert result.final("y") == pytest.approx(2.0, abs=1e-6)
+    assert with_watched(compiled)[0].state_events.watched
+
+
+@pytest.mark.parametrize("solver", ["idas", "rosenbrock", "cvodes"])
+def test_the_drill_of_one_axis_is_not_held_at_its_touch(solver: str) -> None:
+    """Its drill is pushed by 2000 N/s from 1 s on: 1 mm with 5 kg takes cbrt(6 m s / (dF/dt)) = 24.66 ms to the touch.
+
+    It hung at 1.0245 s, where forces that are zero until then were watched at 1e-300.
+    """
+    from acausal.models.drilling_one_axis import OneAxisDrilling
+
+    result = acausal.simulate(OneAxisDrilling(), stop_time=1.1, solver=solver, tolerance=1e-8, output_interval=1e-3)
+    touch = 1.0 + (6.0 * 5.0 * 1e-3 / 2000.0) ** (1.0 / 3.0)
+    assert result.at(touch, "s") == pytest.approx(0.0, abs=2e-6)
+    assert result["s"].max() < 1e-3

@@ -1,0 +1,173 @@
+"""Constraints that are switched on and off, or changed, at events: refused by that name, or right in both modes."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+import acausal
+from acausal import (
+    Component,
+    Equations,
+    Real,
+    boolean,
+    der,
+    discrete,
+    fixed,
+    reset,
+    structural,
+    time,
+    variable,
+    when,
+    where,
+)
+from acausal.errors import AcausalError
+
+Law = Callable[["Pair", Any], Any]
+
+
+class Pair(Component):
+    """Masses of 1 and 2 kg on one line; the law says what the force between them is or what it holds."""
+
+    law: Law = structural()
+    switch: str = structural(default="time")
+    begins: bool = structural(default=False)
+    x: Real = variable(default=fixed(0.0))
+    v: Real = variable(default=fixed(1.0))
+    y: Real = variable(default=fixed(1.0))
+    w: Real = variable(default=fixed(-0.5))
+    f: Real = variable()
+    on: Real = boolean(doc="Set by a `when`")
+    other: Real = boolean(default=True, doc="Cleared by a `when`")
+
+    def equations(self) -> Equations:
+        yield der(self.x) == self.v
+        yield der(self.y) == self.w
+        yield der(self.v) == -self.f
+        yield 2.0 * der(self.w) == self.f
+        yield when(time > 0.5, reset(self.on, True), reset(self.other, False))
+        yield self.law(self, self.condition())
+
+    def condition(self) -> Any:
+        """True after 0.5 s, or before."""
+        if self.switch == "boolean":
+            return self.other if self.begins else self.on
+        if self.switch == "state":
+            return self.x < 0.4 if self.begins else self.x > 0.4
+        timely = time < 0.5 if self.begins else time > 0.5
+        return timely if self.switch == "time" else acausal.no_event(timely)
+
+
+def _velocity(m: Pair, on: Any) -> Any:
+    return where(on, m.w - m.v, m.f) == 0.0
+
+
+def _position(m: Pair, on: Any) -> Any:
+    return where(on, m.y - m.x - 0.7, m.f) == 0.0
+
+
+def _turned(m: Pair, on: Any) -> Any:
+    return m.f == where(on, m.f + m.y - m.x - 0.7, 0.0)
+
+
+def _nested(m: Pair, on: Any) -> Any:
+    return where(m.y > 0.8, where(on, m.w - m.v, m.f), m.f - m.y) == 0.0
+
+
+def _factors(m: Pair, on: Any) -> Any:
+    return where(on, 1.0, 0.0) * (m.w - m.v) + where(on, 0.0, 1.0) * m.f == 0.0
+
+
+def _opposite(m: Pair, on: Any) -> Any:
+    return where(~on, m.f, m.w + 2.0 * m.v) == 0.0
+
+
+SWITCHES = ("time", "state", "boolean", "no_event")
+
+
+@pytest.mark.parametrize("law", [_velocity, _position, _turned, _nested, _factors, _opposite])
+def test_a_constraint_that_comes_and_goes_is_refused_in_either_mode(law: Law) -> None:
+    """The number of states is four without, three or two with it: no one structure is right for both."""
+    for switch, begins in itertools.product(SWITCHES, (False, True)):
+        with pytest.raises(AcausalError) as caught:
+            acausal.simulate(Pair(law=law, switch=switch, begins=begins), stop_time=1.0)
+        assert caught.value.code == "AC213", (switch, begins)
+        assert "the structure depends on the mode" in str(caught.value)
+        assert "determines f" in str(caught.value)
+
+
+def _spring(m: Pair, on: Any) -> Any:
+    return m.f == where(on, 10.0 * (m.x + 1.0 - m.y), 0.0)
+
+
+def _damper(m: Pair, on: Any) -> Any:
+    return where(on, m.f - 3.0 * (m.v - m.w), m.f) == 0.0
+
+
+def _held(m: Pair, on: Any) -> Any:
+    """Accelerations, not velocities: the structure is that of a clutch."""
+    return where(on, der(m.w) - der(m.v), m.f) == 0.0
+
+
+@pytest.mark.parametrize("law", [_spring, _damper, _held])
+def test_what_has_one_structure_runs_in_both_modes(law: Law) -> None:
+    """Momentum 1*1 - 2*0.5 = 0 is kept by any force between the two; without a force so is each velocity."""
+    for switch, begins in itertools.product(SWITCHES[:3], (False, True)):
+        result = acausal.simulate(Pair(law=law, switch=switch, begins=begins), stop_time=1.0, tolerance=1e-8)
+        momentum = result.final("v") + 2.0 * result.final("w")
+        assert momentum == pytest.approx(0.0, abs=1e-7)
+        if law is _held or not begins:
+            assert result.at(0.3, "v") == pytest.approx(1.0, abs=1e-7)
+
+
+class Shaft(Component):
+    """Masses of 1 and 2 kg with a force between them, and positions or speeds in a ratio that the law says."""
+
+    law: Callable[[Shaft], Any] = structural()
+    a: Real = variable(default=fixed(0.0))
+    v: Real = variable(default=fixed(1.0))
+    b: Real = variable()
+    w: Real = variable()
+    f: Real = variable()
+    gear: Real = discrete(default=1.0)
+    low: Real = boolean()
+
+    def equations(self) -> Equations:
+        yield der(self.a) == self.v
+        yield der(self.b) == self.w
+        yield der(self.v) == -self.f
+        yield 2.0 * der(self.w) == self.f
+        yield when(time > 0.5, reset(self.gear, 3.0), reset(self.low, True))
+        yield self.law(self)
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        lambda m: m.w == where(time > 0.5, 2.0, 1.0) * m.v,
+        lambda m: m.w == m.gear * m.v,
+        lambda m: where(m.low, m.w - 2.0 * m.v, m.w - m.v) == 0.0,
+        lambda m: m.b == where(m.a > 0.5, 2.0 * m.a - 0.5, m.a),
+        lambda m: m.b == m.a + where(m.a > 0.5, 0.3, 0.0),
+    ],
+    ids=["time", "discrete", "boolean", "kink", "step"],
+)
+@pytest.mark.parametrize("solver", ["idas", "rosenbrock", "erk"])
+def test_a_constraint_that_changes_by_a_jump_is_refused_when_it_does(law: Callable[[Shaft], Any], solver: str) -> None:
+    """Without an impulse on the first mass, momentum would come from nothing: 1*1 + 2*1 becomes 1*1 + 2*2."""
+    with pytest.raises(AcausalError) as caught:
+        acausal.simulate(Shaft(law=law), stop_time=1.0, solver=solver)
+    assert caught.value.code == "AC507"
+    assert "t = 0.5" in str(caught.value)
+    before = acausal.simulate(Shaft(law=law), stop_time=0.4, solver=solver)
+    assert before.final("w") == pytest.approx(1.0, abs=1e-6)
+
+
+def test_a_constraint_that_changes_smoothly_runs() -> None:
+    """b = a + s^2 where s = a - 1/2 > 0: from v + 2 w = 3 follows 3 s + 2 s^2 = 3 (t - 1/2)."""
+    smooth = Shaft(law=lambda m: m.b == where(m.a > 0.5, m.a + (m.a - 0.5) ** 2, m.a))
+    result = acausal.simulate(smooth, stop_time=1.0, tolerance=1e-9)
+    assert result.final("a") == pytest.approx(0.5 + (21.0**0.5 - 3.0) / 4.0, abs=1e-8)

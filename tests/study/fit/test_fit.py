@@ -1,0 +1,206 @@
+"""Parameters from measurements: against closed forms of regression, and on data whose truth is known."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from typer.testing import CliRunner
+
+import acausal
+from acausal import Component, Dataset, Equations, Real, der, fit, fixed, parameter, signal_input, variable
+from acausal.cli.main import app
+from acausal.errors import AcausalError
+from acausal.models.bouncing_ball import BouncingBall
+from acausal.models.drilling_kinematic import ThinPlate
+from acausal.models.oscillator import Oscillator
+
+Vector = NDArray[np.float64]
+
+
+class Line(Component):
+    """x = t + b*t^2, y = x + a: linear in its parameters."""
+
+    a: Real = parameter(default=0.5, unit="1")
+    b: Real = parameter(default=1.0, unit="1")
+    tau: Real = parameter(default=1.0, unit="s")
+    x: Real = variable(default=fixed(0.0), unit="1")
+    y: Real = variable(unit="1")
+
+    def equations(self) -> Equations:
+        yield self.tau * der(self.x) == 1.0 + 2.0 * self.b * acausal.time / self.tau
+        yield self.y == self.x + self.a
+
+
+class Lag(Component):
+    """First order lag of an input."""
+
+    u: Real = signal_input(unit="1")
+    T: Real = parameter(default=1.0, unit="s", min=0.0)
+    y: Real = variable(default=fixed(0.0), unit="1")
+
+    def equations(self) -> Equations:
+        yield self.T * der(self.y) == self.u - self.y
+
+
+TIMES = np.linspace(0.0, 2.0, 41)
+
+
+def noisy_line(seed: int) -> Vector:
+    """Values of y for a = 0.7, b = -0.3, with noise of 0.05."""
+    noise = np.random.default_rng(seed).normal(0.0, 0.05, len(TIMES))
+    return np.asarray(TIMES - 0.3 * TIMES**2 + 0.7 + noise)
+
+
+def test_linear_models_give_the_normal_equations() -> None:
+    """Estimates and covariance of linear regression: (X'X)^-1 X'y and s^2 (X'X)^-1."""
+    y = noisy_line(3)
+    found = fit(Line(), {"y": (TIMES, y)}, ["a", "b"])
+    x = np.column_stack([np.ones_like(TIMES), TIMES**2])
+    best, rest, *_ = np.linalg.lstsq(x, y - TIMES, rcond=None)
+    covariance = float(rest[0]) / (len(TIMES) - 2) * np.linalg.inv(x.T @ x)
+    np.testing.assert_allclose(found.value, best, rtol=1e-5)
+    np.testing.assert_allclose(found.covariance, covariance, rtol=1e-3)
+    # Student's 97.5 % quantile with 39 degrees of freedom: 2.0227
+    np.testing.assert_allclose(found.interval[:, 1] - found.value, 2.0227 * np.sqrt(np.diag(covariance)), rtol=1e-3)
+    assert not found.notes
+
+
+def test_known_noise_rules_the_intervals() -> None:
+    sigma = 0.2
+    found = fit(Line(), Dataset({"y": (TIMES, noisy_line(3))}, sigma={"y": sigma}), ["a", "b"])
+    x = np.column_stack([np.ones_like(TIMES), TIMES**2])
+    np.testing.assert_allclose(found.std, sigma * np.sqrt(np.diag(np.linalg.inv(x.T @ x))), rtol=1e-3)
+
+
+@pytest.mark.slow
+def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
+    """Of 60 intervals of 95 % fewer than 51 hold the truth once in 3000 times (binomial distribution)."""
+    model = acausal.compile(Line())
+    hits = np.zeros(2)
+    for seed in range(60):
+        found = fit(model, {"y": (TIMES, noisy_line(seed))}, ["a", "b"])
+        hits += (found.interval[:, 0] <= (0.7, -0.3)) & (found.interval[:, 1] >= (0.7, -0.3))
+    assert hits.min() >= 51
+
+
+def swing(c: float, d: float, seed: int = 1) -> dict[str, tuple[Vector, Vector]]:
+    """Position and speed of the oscillator by its closed form, 1 kg from 0.1 m, with noise of 1 mm and 50 mm/s."""
+    rng = np.random.default_rng(seed)
+    t = np.linspace(0.0, 5.0, 251)
+    damping = d / 2.0
+    w = np.sqrt(c - damping**2)
+    s = 0.1 * np.exp(-damping * t) * (np.cos(w * t) + damping / w * np.sin(w * t))
+    v = -0.1 * np.exp(-damping * t) * c / w * np.sin(w * t)
+    return {"mass.s": (t, s + rng.normal(0.0, 1e-3, len(t))), "mass.v": (t, v + rng.normal(0.0, 5e-2, len(t)))}
+
+
+def test_two_signals_are_weighted_by_their_noise() -> None:
+    found = fit(Oscillator(), swing(110.0, 1.2), ["c", "d"])
+    assert found.interval[0, 0] <= 110.0 <= found.interval[0, 1]
+    assert found.interval[1, 0] <= 1.2 <= found.interval[1, 1]
+    assert found.noise["mass.s"] == pytest.approx(1e-3, rel=0.15)
+    assert found.noise["mass.v"] == pytest.approx(5e-2, rel=0.15)
+    assert found.runs <= 30
+
+
+def test_what_the_data_do_not_tell_apart_is_named() -> None:
+    """Only c/m and d/m rule a free swing; nothing else."""
+    found = fit(Oscillator(), swing(110.0, 1.2), ["c", "d", "m"])
+    assert np.isinf(found.std).all()
+    assert any("combination of c, d, m" in note for note in found.notes)
+    assert found.value[0] / found.value[2] == pytest.approx(110.0, rel=1e-2)
+
+
+def test_residuals_that_are_no_noise_are_said() -> None:
+    """A constant is fitted to an oscillation."""
+    t = np.linspace(0.0, 2.0, 101)
+    found = fit(Line(), {"y": (t, np.sin(3.0 * t))}, ["a"])
+    assert any("follow one another" in note for note in found.notes)
+
+
+def test_the_measured_input_drives_the_model(tmp_path: Path) -> None:
+    """Step response 1 - exp(-t/T) with T = 0.4 s, in percent and milliseconds; empty cells are no measurements."""
+    t = np.linspace(0.0, 2.0, 41)
+    y = 100.0 * (1.0 - np.exp(-t / 0.4))
+    rows = [
+        f"{1e3 * a:.9g},1,{b:.9g}" if k % 3 else f"{1e3 * a:.9g},1," for k, (a, b) in enumerate(zip(t, y, strict=True))
+    ]
+    file = tmp_path / "step.csv"
+    file.write_text("\n".join(["time [ms],u,y [%]", *rows]))
+    found = fit(Lag(), str(file), ["T"])
+    assert found.parameters["T"] == pytest.approx(0.4, rel=1e-5)
+    assert found.rows == 27
+
+
+def test_events_move_with_the_parameters() -> None:
+    """The coefficient of restitution from heights: bounces are later the more elastic the ball is."""
+    truth = acausal.simulate(BouncingBall(), parameters={"e": 0.83}, stop_time=2.5, tolerance=1e-10)
+    rng = np.random.default_rng(5)
+    heights = truth["h"] + rng.normal(0.0, 1e-3, len(truth.time))
+    found = fit(BouncingBall(), {"h": (truth.time, heights)}, ["e"])
+    assert found.interval[0, 0] <= 0.83 <= found.interval[0, 1]
+    assert found.std[0] < 1e-3
+
+
+def test_several_experiments_share_the_parameters() -> None:
+    """One feed per tooth tells one k_c only; a second one tells k_c1.1 and z (Kienzle)."""
+    truth = {"drill.k_c11": 2.24e9, "drill.z": 0.21}  # 34CrMo4, as printed in the paper
+    rng = np.random.default_rng(2)
+    model = acausal.compile(ThinPlate())
+    sets = []
+    for v in (0.8e-3, 1.672e-3, 3.5e-3):
+        run = acausal.simulate(model, parameters={"v": v, **truth}, stop_time=3.0, output_interval=0.02)
+        forces = run["drill.F_c"] + rng.normal(0.0, 20.0, len(run.time))
+        sets.append(Dataset({"drill.F_c": (run.time, forces)}, parameters={"v": v}))
+    guess = {"drill.k_c11": 1.7e9, "drill.z": 0.3}
+    found = fit(model, sets, list(truth), parameters=guess)
+    for (low, high), true in zip(found.interval, truth.values(), strict=True):
+        assert low <= true <= high
+    assert found.std[0] < 0.02 * truth["drill.k_c11"]
+    assert found.runs <= 25 * len(sets)
+    alone = fit(model, sets[1], list(truth), parameters=guess)
+    assert any("combination of drill.k_c11, drill.z" in note for note in alone.notes)
+
+
+CASES: dict[str, tuple[Callable[[], object], str, str]] = {
+    "no such column": (lambda: fit(Line(), {"z": (TIMES, TIMES)}, ["a"]), "AC055", "'z'"),
+    "nothing to compare": (lambda: fit(Lag(), {"u": (TIMES, TIMES)}, ["T"]), "AC055", "nothing"),
+    "no data": (lambda: fit(Line(), 3.0, ["a"]), "AC055", "float"),
+    "no such parameter": (lambda: fit(Line(), {"y": (TIMES, TIMES)}, ["aa"]), "AC056", "'aa'"),
+    "bound parameter": (lambda: fit(Oscillator(), swing(1.0, 1.0), ["mass.m"]), "AC056", "mass.m"),
+    "no parameter": (lambda: fit(Line(), {"y": (TIMES, TIMES)}, []), "AC056", "no parameter"),
+    "outside its limits": (lambda: fit(Line(), {"y": (TIMES, TIMES)}, {"a": (1.0, 2.0)}), "AC056", "begins at 0.5"),
+    "too few values": (lambda: fit(Line(), {"y": (TIMES[:2], TIMES[:2])}, ["a", "b"]), "AC057", "2 measured values"),
+    "before the start": (lambda: fit(Line(), {"y": (TIMES - 1.0, TIMES)}, ["a"]), "AC011", "-1 s"),
+    "no deviation": (lambda: fit(Line(), Dataset({"y": (TIMES, TIMES)}, sigma={"y": 0.0}), ["a"]), "AC055", "sigma"),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_what_cannot_be_fitted_is_refused(case: str) -> None:
+    call, code, words = CASES[case]
+    with pytest.raises(AcausalError) as caught:
+        call()
+    assert caught.value.code == code
+    assert words in str(caught.value)
+
+
+def test_the_command_prints_what_was_found(tmp_path: Path) -> None:
+    file, picture = tmp_path / "swing.csv", tmp_path / "fit.png"
+    data = swing(110.0, 1.2)
+    rows = zip(data["mass.s"][0], 1e3 * data["mass.s"][1], data["mass.v"][1], strict=True)
+    text = ["time [s],mass.s [mm],mass.v [m/s]", *(",".join(f"{x:.9g}" for x in row) for row in rows)]
+    file.write_text("\n".join(text))
+    shown = CliRunner().invoke(app, ["fit", "Oscillator", str(file), "--free", "c,d=0:5", "--plot-file", str(picture)])
+    assert shown.exit_code == 0
+    assert "95 % interval" in shown.output
+    assert picture.stat().st_size > 10_000
+    again = CliRunner().invoke(app, ["fit", "Oscillator", str(file), "--free", "c,d=0:5", "--json"])
+    values = {p["name"]: p for p in json.loads(again.output)["parameters"]}
+    assert values["c"]["low"] <= 110.0 <= values["c"]["high"]
+    assert values["d"]["unit"] == "N.s/m"

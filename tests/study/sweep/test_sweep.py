@@ -1,0 +1,371 @@
+"""Members of a sweep against closed forms, and against single runs; failures, workers, and files that go on."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import subprocess
+import sys
+import time
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import acausal
+from acausal import Range
+from acausal.cli.reference import find_model
+from acausal.errors import InitializationError, RunError, UsageError
+from acausal.lower import cache
+from acausal.simulate.native import cache as cache_of_c
+from acausal.simulate.native import policy
+from acausal.study.sweep import crew
+from acausal.study.sweep import member as members
+from acausal.study.sweep.family import Progress
+from tests.lower.test_cache import Choice
+from tests.study.sweep.decays import Decay
+
+ROOT = Path(__file__).resolve().parents[3]
+GRID = {"k": Range(0.5, 2.0, 4), "a": [1.0, 3.0]}
+
+
+def decays(vary: Any = None, **options: Any) -> acausal.Sweep:
+    options = {"signals": ["x", "y"], "stop_time": 1.0, "tolerance": 1e-8, "workers": 1, **options}
+    return acausal.sweep(Decay(), GRID if vary is None else vary, **options)
+
+
+def test_members_are_exponentials() -> None:
+    """x = a exp(-k t)."""
+    found = decays()
+    k, a = found["k"], found["a"]
+    exact = a[:, None] * np.exp(-k[:, None] * found.time)
+    assert found["x"].shape == (8, 501)
+    np.testing.assert_allclose(found["x"], exact, atol=1e-7)
+    np.testing.assert_allclose(found["y"], 2.0 * exact, atol=2e-7)
+    np.testing.assert_allclose(found.final("x"), a * np.exp(-k), atol=1e-7)
+    assert found.status == ("ok",) * 8
+    assert (found.unit("x"), found.unit("k")) == ("m", "1/s")
+
+
+@pytest.mark.parametrize("how", ["processes", "threads", "executor"])
+def test_all_workers_give_the_numbers_of_single_runs(how: str) -> None:
+    single = [
+        acausal.simulate(Decay(), parameters={"k": k, "a": a}, stop_time=1.0, tolerance=1e-8, native=False)
+        for k in (0.5, 1.0, 1.5, 2.0)
+        for a in (1.0, 3.0)
+    ]
+    if how == "executor":
+        with ThreadPoolExecutor(2) as pool:
+            found = decays(executor=pool, workers=None, native=False)
+    else:
+        found = decays(executor=how, workers=2, native=False)
+    for row, own in zip(found["y"], single, strict=True):
+        place = np.searchsorted(own.time, found.time, side="right") - 1
+        assert np.array_equal(row, own["y"][place])
+
+
+def test_what_fails_is_recorded_and_the_others_go_on() -> None:
+    found = decays({"a": [1.0, 9.0, 2.0]})
+    assert found.status == ("ok", "failed", "ok")
+    assert found.failed == (1,)
+    assert found.codes[1].startswith("AC5")
+    assert "it is too long" in found.messages[1]
+    assert np.isnan(found["x"][1]).all()
+    assert np.isnan(found.final("x")[1])
+    assert found.final("x")[2] == pytest.approx(2.0 * np.exp(-1.0), abs=1e-7)
+
+
+def test_a_run_that_ends_itself_has_no_rows_behind_its_end() -> None:
+    """x = exp(-t) is below 1/2 from t = log 2 on."""
+    found = decays({"floor": [0.5, 0.1]})
+    assert found.stop_times == pytest.approx([np.log(2.0), 1.0], abs=1e-7)
+    assert found.final("x") == pytest.approx([0.5, np.exp(-1.0)], abs=1e-7)
+    behind = found.time > np.log(2.0)
+    assert np.isnan(found["x"][0, behind]).all()
+    assert np.isfinite(found["x"][0, ~behind]).all()
+
+
+def test_a_value_out_of_its_limits_fails_alone() -> None:
+    class Limited(Decay):
+        c: acausal.Real = acausal.parameter(default=1.0, min=0.0)
+
+    found = acausal.sweep(Limited(), {"c": [-1.0, 1.0]}, signals=["x"], stop_time=1.0, workers=1)
+    assert found.codes == ("AC136", "")
+
+
+def test_bound_parameters_are_replaced() -> None:
+    class Bound(acausal.Component):
+        rate: acausal.Real = acausal.parameter(default=4.0, unit="1/s")
+        inner: Decay = acausal.part()
+
+        def build(self) -> None:
+            self.inner = Decay(k=self.rate / 2.0)
+
+    found = acausal.sweep(Bound(), {"inner.k": [1.0, 3.0]}, signals=["inner.x"], stop_time=1.0, workers=1)
+    assert found.final("inner.x") == pytest.approx(np.exp([-1.0, -3.0]), abs=1e-5)
+
+
+def test_a_member_with_other_states_is_compiled_for_itself() -> None:
+    """With k = 2 the model needs other states than with k = 1/2 (AC029); its start contradicts both (AC302)."""
+    vary: Any = {"k": [0.5, 2.0]}
+    cache.forget()
+    found = acausal.sweep(acausal.compile(Choice(k=0.5)), vary, signals=["x"], stop_time=0.1, workers=1)
+    assert found.codes == ("AC302", "AC029")
+    found = acausal.sweep(Choice(k=0.5), vary, signals=["x"], stop_time=0.1, workers=1)
+    assert found.codes == ("AC302", "AC302")
+    with pytest.raises(InitializationError, match="AC302"):
+        acausal.simulate(Choice(k=2.0), stop_time=0.1)
+
+
+def test_a_process_that_dies_costs_its_member_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Workers are forks of this process, and take what stands for `simulate` here with them."""
+    if not sys.platform.startswith("linux"):
+        pytest.skip("workers are no forks here")
+    whole, own = acausal.simulate, os.getpid()
+
+    def deadly(model: Any, **options: Any) -> Any:
+        if options["parameters"]["k"] == 1.25 and os.getpid() != own:
+            os._exit(9)
+        return whole(model, **options)
+
+    monkeypatch.setattr(members, "simulate", deadly)
+    rates = [1.0, 1.125, 1.25, 1.5, 1.75, 2.0]
+    found = decays({"k": rates}, workers=2)
+    assert found.codes == ("", "", "AC412", "", "", "")
+    assert found.final("x")[3:] == pytest.approx(np.exp(-np.array(rates[3:])), abs=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("vary", "options", "code"),
+    [
+        ({"b": [1.0]}, {}, "AC020"),
+        ({"n": [1.0, 2.0]}, {}, "AC061"),
+        (None, {"signals": ["z"]}, "AC010"),
+        (None, {"signals": []}, "AC060"),
+        (None, {"solver": "magic"}, "AC032"),
+        (None, {"executor": "crowd"}, "AC060"),
+        (None, {"workers": 0}, "AC060"),
+        (None, {"resume": True}, "AC062"),
+        (None, {"inputs": {"u": 1.0}}, "AC033"),
+    ],
+)
+def test_wrong_requests_are_refused_before_the_work(vary: Any, options: Any, code: str) -> None:
+    with pytest.raises(UsageError, match=code):
+        decays(vary, **options)
+
+
+def test_many_runs_make_c_worth_it_before_there_are_workers(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """One or two runs of 60 000 evaluations do not pay for a compiler here, two hundred do: the second has it."""
+    if cache_of_c.compiler() is None:
+        pytest.skip("no C compiler")
+    monkeypatch.setenv("ACAUSAL_CACHE", str(tmp_path))
+    monkeypatch.setattr(policy, "_START", 0.3)
+    used: list[bool] = []
+
+    def watched(model: Any, **options: Any) -> Any:
+        if len(used) == 2:
+            raise RuntimeError("enough was seen")
+        result = acausal.simulate(model, **options)
+        used.append(bool(result.stats["native"]))
+        return result
+
+    monkeypatch.setattr(members, "simulate", watched)
+    vary = {"k": np.linspace(0.5, 2.0, 200)}
+    model = acausal.compile(_renamed(1.5)(), cache=False)
+    acausal.sweep(model, vary, signals=["x"], stop_time=1.0, solver="erk", step=1e-4, workers=1)
+    assert used == [False, True]
+
+
+def test_a_compiled_model_is_not_compiled_again() -> None:
+    compiled = acausal.compile(Decay())
+    found = acausal.sweep(compiled, {"k": [1.0, 2.0]}, signals=["x"], stop_time=1.0, workers=1)
+    assert found.final("x") == pytest.approx(np.exp([-1.0, -2.0]), abs=1e-5)
+    with pytest.raises(UsageError, match="AC060"):
+        acausal.sweep(compiled, {"k": [1.0]}, parameters={"a": 2.0})
+
+
+def test_an_interrupted_sweep_goes_on_where_it_was(tmp_path: Path) -> None:
+    file = tmp_path / "x.sweep"
+
+    def stop(progress: Progress) -> None:
+        if progress.done == 3:
+            raise KeyboardInterrupt
+
+    vary = {"k": np.linspace(0.5, 2.0, 8)}
+    with pytest.raises(KeyboardInterrupt):
+        # one member in a chunk: the first two run before there are chunks
+        decays(vary, file=file, progress=stop, output_interval=1e-6, stop_time=0.5, tolerance=1e-4)
+    partial = acausal.load_sweep(file)
+    assert partial.status.count("ok") >= 3
+    assert "missing" in partial.status
+    with pytest.raises(UsageError, match="AC062"):
+        decays(vary, file=file, output_interval=1e-6, stop_time=0.5, tolerance=1e-4)
+    seen: list[Progress] = []
+    options: Any = {"output_interval": 1e-6, "stop_time": 0.5, "tolerance": 1e-4}
+    whole = decays(vary, file=file, resume=True, progress=seen.append, **options)
+    assert seen[0].done == partial.status.count("ok") + 1
+    assert whole.status == ("ok",) * 8
+    there = np.array([s == "ok" for s in partial.status])
+    assert np.array_equal(whole.seconds[there], partial.seconds[there])  # not run again
+    assert whole.final("x") == pytest.approx(np.exp(-0.5 * whole["k"]), abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("vary", "options"),
+    [
+        ({"k": [1.0, 2.5]}, {}),
+        ({"a": [1.0, 2.0]}, {}),
+        ({"k": [1.0, 2.0]}, {"signals": ["y"]}),
+        ({"k": [1.0, 2.0]}, {"stop_time": 2.0}),
+        ({"k": [1.0, 2.0]}, {"tolerance": 1e-6}),
+        ({"k": [1.0, 2.0]}, {"parameters": {"a": 2.0}}),
+    ],
+)
+def test_another_sweep_does_not_go_on_in_the_file(tmp_path: Path, vary: Any, options: Any) -> None:
+    file = tmp_path / "x.sweep"
+    decays({"k": [1.0, 2.0]}, file=file)
+    with pytest.raises(UsageError, match="AC062"):
+        decays(vary, file=file, resume=True, **options)
+    assert len(acausal.load_sweep(file)) == 2
+
+
+def test_a_changed_model_does_not_go_on_in_the_file(tmp_path: Path) -> None:
+    file = tmp_path / "x.sweep"
+    acausal.sweep(_renamed(2.0)(), {"k": [1.0]}, file=file, workers=1)
+    with pytest.raises(UsageError, match="other model"):
+        acausal.sweep(_renamed(3.0)(), {"k": [1.0]}, file=file, workers=1, resume=True)
+
+
+def _renamed(power: float) -> type[acausal.Component]:
+    class Model(acausal.Component):
+        k: acausal.Real = acausal.parameter(default=1.0)
+        x: acausal.Real = acausal.variable(default=acausal.fixed(1.0))
+
+        def equations(self) -> acausal.Equations:
+            yield acausal.der(self.x) == -self.k * self.x * power
+
+    return Model
+
+
+def test_a_file_that_is_no_sweep_is_left_alone(tmp_path: Path) -> None:
+    file = tmp_path / "x.sweep"
+    file.write_text("a letter\n" * 100)
+    with pytest.raises(UsageError, match="AC062"):
+        acausal.load_sweep(file)
+    for resume in (False, True):
+        with pytest.raises(UsageError, match="AC062"):
+            decays(file=file, resume=resume)
+    assert file.read_text().startswith("a letter")
+
+
+_LONG = """
+import sys
+import acausal
+from acausal import Range
+from tests.study.sweep.decays import Decay
+
+def say(progress):
+    print(progress.done, flush=True)
+
+acausal.sweep(
+    Decay(), {"k": Range(0.5, 2.0, 400)}, signals=["x"], stop_time=1.0, output_interval=1e-5, workers=2,
+    file=sys.argv[1], progress=say,
+)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")
+def test_what_was_counted_survives_a_kill_and_no_worker_stays(tmp_path: Path) -> None:
+    file = tmp_path / "x.sweep"
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    with subprocess.Popen(
+        [sys.executable, "-c", _LONG, str(file)], stdout=subprocess.PIPE, text=True, env=environment
+    ) as process:
+        assert process.stdout is not None
+        counted = 0
+        while counted < 20:
+            counted = int(process.stdout.readline())
+        children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
+        process.send_signal(signal.SIGKILL)
+    kept = acausal.load_sweep(file)
+    assert counted <= kept.status.count("ok") < 400
+    assert len(children) == 2
+    for _ in range(100):
+        if not any(Path(f"/proc/{child}").exists() for child in children):
+            break
+        time.sleep(0.1)
+    else:
+        raise AssertionError("workers have outlived their sweep")
+
+
+_SCRIPT = """
+import sys
+import acausal, numpy as np
+from acausal.models.drilling_kinematic import ThinPlate
+
+class Script(ThinPlate):
+    e: acausal.Real = acausal.variable(unit="m")
+
+    def equations(self):
+        yield self.e == 2.0 * self.drill.s
+
+if __name__ == "__main__":
+    options = dict(signals=["drill.s", "drill.F_f", "e"], native=False)
+    vary = {"v": acausal.Range(1e-3, 2e-3, 6), "workpiece.t": [1e-3, -1.0]}
+    there = acausal.sweep(Script(), vary, executor="dask://", workers=2, **options)
+    here = acausal.sweep(Script(), vary, workers=1, **options)
+    assert there.codes == here.codes and there.codes.count("AC136") == 6, there.codes
+    assert np.array_equal(there.rows, here.rows, equal_nan=True)
+"""
+
+
+@pytest.mark.slow
+def test_a_dask_cluster_of_two_workers(tmp_path: Path) -> None:
+    """The same numbers as here, of a class of the script; a member that fails is recorded there, too."""
+    pytest.importorskip("distributed")
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    (tmp_path / "script.py").write_text(_SCRIPT)
+    called = [sys.executable, str(tmp_path / "script.py")]
+    done = subprocess.run(called, env=environment, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.slow
+def test_processes_that_know_nothing_get_the_file_of_the_model(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """x = exp(-k), in processes that were not made by a fork."""
+    file = tmp_path / "alone.py"
+    file.write_text((Path(__file__).parent / "decays.py").read_text())
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    model = find_model(f"{file}:Decay")
+    monkeypatch.setattr(sys, "path", [p for p in sys.path if p != str(tmp_path)])
+    with ProcessPoolExecutor(2, multiprocessing.get_context("spawn")) as pool:
+        found = acausal.sweep(model(), {"k": [1.0, 2.0, 3.0, 4.0]}, signals=["x"], stop_time=1.0, executor=pool)
+    assert found.final("x") == pytest.approx(np.exp(-found["k"]), abs=1e-5)
+
+
+def test_a_worker_that_cannot_load_the_model_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(crew, "packed", lambda task: b"no pickle")
+    with ThreadPoolExecutor(1) as pool, pytest.raises(UsageError, match="AC064"):
+        decays(executor=pool)
+
+
+def test_without_dask_its_executor_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(UsageError, match="AC015"):
+        decays(executor="dask://localhost:1")
+
+
+def test_an_executor_whose_workers_are_gone_is_named() -> None:
+    class Broken(ThreadPoolExecutor):
+        def submit(self, *arguments: Any, **options: Any) -> Any:
+            from concurrent.futures import BrokenExecutor
+
+            raise BrokenExecutor("they left")
+
+    with Broken(1) as pool, pytest.raises(RunError, match="AC413"):
+        decays(executor=pool)
