@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from acausal.errors import UsageError, calling_span, nearest
 from acausal.export.casadi_model import Ports
+from acausal.export.coordinates import coordinates_of
 from acausal.export.functions import Begin, begin_of, dae_function, init_function
 from acausal.export.ports import Output, named_outputs, parameter_ports, variable_ports
 from acausal.lower.compiled import CompiledModel
-from acausal.optimal_control.coordinates import coordinates_of
 from acausal.optimal_control.declare import Guard
 from acausal.simulate.arguments import parameter_vector
 
