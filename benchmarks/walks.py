@@ -132,7 +132,7 @@ def scalings() -> list[str]:
         for node in ast.walk(tree) if name.startswith("acausal.simulate") else ():
             if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mult | ast.Div):
                 sides = (node.left,) if isinstance(node.op, ast.Div) else (node.left, node.right)
-                if any(_last(side) == "tolerance" for side in sides):
+                if any(_last(side) in ("tolerance", "relative") for side in sides):
                     found.append(f"{path.relative_to(ROOT)}:{node.lineno}: {ast.unparse(node)}")
     return found
 

@@ -34,11 +34,12 @@ from acausal.flatten.text import to_text
 from acausal.lower.compiled import CompiledModel, Symbols
 from acausal.simulate.equations.kept import kept
 from acausal.simulate.equations.problem import Problem
-from acausal.simulate.events.guards import Guards, Moment, Tolerances
+from acausal.simulate.events.guards import Guards, Moment
 from acausal.simulate.events.held import Hold
 from acausal.simulate.events.iteration import Iteration
 from acausal.simulate.events.regime import Regime
 from acausal.simulate.events.sampling import clocks, due, users
+from acausal.simulate.tolerances import Tolerances
 
 Vector = NDArray[np.float64]
 _LOCATING = 6
@@ -103,7 +104,7 @@ class HybridStep:
         problem = Problem(self.compiled, begin.p, begin.u)
         _refuse_shares(self.compiled, begin)
         span = max(self.compiled.flat.experiment.stop_time - begin.t, self.h)
-        iteration = Iteration(problem, Guards(problem, Tolerances(1e-10, 1e-10), span))
+        iteration = Iteration(problem, Guards(problem, Tolerances(1e-10, factor=1.0), span))
         m = begin.m.copy()
         m[: self.compiled.n_timely] = np.array(self.timely(begin.t, begin.p)).ravel()
         moment = iteration.settle(begin.t, Moment(begin.x, begin.z, m, Regime(problem)), m, flag="initial").moment

@@ -23,6 +23,7 @@ from acausal.flatten.text import to_text
 from acausal.lower.compiled import CompiledModel
 from acausal.simulate.equations.kept import kept
 from acausal.simulate.record.record import Recorder
+from acausal.simulate.tolerances import Tolerances
 
 Vector = NDArray[np.float64]
 # Two branches meet to this share of their size; those of variables, which meet where a guard was located, to so many
@@ -66,7 +67,7 @@ def refuse_jumps(
             )
 
 
-def refuse_leaps(recorder: Recorder, tolerance: float) -> None:
+def refuse_leaps(recorder: Recorder, tolerances: Tolerances) -> None:
     """Refuse what a run has recorded if a variable leaps at an event that is differentiated and follows from states.
 
     A `when` that resets a state may make others jump with it.
@@ -87,7 +88,7 @@ def refuse_leaps(recorder: Recorder, tolerance: float) -> None:
     if not after.size:
         return
     sides = _sides(recorder, led, after)
-    most = max(_MANY * tolerance, _LEAST)
+    most = tolerances.scaled(_MANY, _LEAST).relative
     size = np.array([abs(size) for _, _, size in led]) + np.maximum(*(np.abs(side) for side in sides))
     far = np.abs(sides[1] - sides[0]) > most * size
     if not far.any():

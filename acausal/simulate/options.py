@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from acausal.errors import UsageError
 from acausal.language.experiment import Experiment
+from acausal.simulate.tolerances import Tolerances
 
 # Below this the rounding of sixteen digits is larger than what a step may be wrong by: no step is ever accepted.
 _FINEST = 1e-14
@@ -36,6 +37,11 @@ class Options:
     max_step: float | None = None
     absolute_factor: float = 1e-3
     native: bool | None = None
+
+    @property
+    def tolerances(self) -> Tolerances:
+        """What end errors are to be below; solvers get a share of it."""
+        return Tolerances(self.tolerance, self.absolute_factor)
 
     @property
     def span(self) -> float:

@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from acausal.simulate.solvers.base import Piece, Segment
+from acausal.simulate.tolerances import Tolerances
 
 MANY = 100_000
 """Steps of a run from which on it is worth to ask."""
@@ -53,20 +54,21 @@ def attainable(integrate: Callable[[Segment], Piece], stretches: Sequence[Segmen
     return found
 
 
-def remark(factor: float | None, steps: float, solver: str, tolerance: float) -> tuple[str, ...]:
+def remark(factor: float | None, steps: float, solver: str, asked: Tolerances) -> tuple[str, ...]:
     """What is said of a run of so many steps; nothing without a factor."""
     if factor is None:
         return ()
     return (
-        f"rounding errors of the equations ruled the {steps:.0f} steps of {solver}, not the tolerance {tolerance:g}: "
-        f"about {factor * tolerance:.0e} can be attained; a smaller tolerance costs steps and gains no digits",
+        f"rounding errors of the equations ruled the {steps:.0f} steps of {solver}, not the tolerance "
+        f"{asked.relative:g}: about {asked.scaled(factor).relative:.0e} can be attained; a smaller tolerance costs "
+        "steps and gains no digits",
     )
 
 
 def _steps(integrate: Callable[[Segment], Piece], stretches: Sequence[Segment], factor: float) -> float | None:
     total = 0.0
     for stretch in stretches:
-        asked = replace(stretch, tolerance=factor * stretch.tolerance, absolute=factor * stretch.absolute)
+        asked = replace(stretch, tolerances=stretch.tolerances.scaled(factor))
         try:
             total += integrate(asked).counters.get("steps", 0.0)
         except RuntimeError:

@@ -136,7 +136,7 @@ def _result(
     p = parameter_vector(compiled, parameters)
     if parameters:
         _check_choices(compiled, p)
-    given = given_inputs(compiled, inputs, chosen.start_time, chosen.stop_time, chosen.tolerance)
+    given = given_inputs(compiled, inputs, chosen.start_time, chosen.stop_time, chosen.tolerances)
     failed: tuple[float, IntegrationError] | None = None
     for left in reversed(range(_MOST_FORMS)):
         driven = with_driven(compiled, given.places)
@@ -217,7 +217,7 @@ def _piece(
     ) -> Result:
         if compiled.inputs not in known:
             span = whole.start_time, whole.stop_time
-            known[compiled.inputs] = given_inputs(compiled, inputs or {}, *span, whole.tolerance)
+            known[compiled.inputs] = given_inputs(compiled, inputs or {}, *span, whole.tolerances)
         given, p = known[compiled.inputs], parameter_vector(compiled, {})
         if start is None:
             compiled = with_starts(compiled, starts or {})

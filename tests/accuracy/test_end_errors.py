@@ -17,6 +17,7 @@ from acausal import Component, Equations, Experiment, Real, der, fixed, sin, tim
 from acausal.models.ivp.answers import PROBLEMS, Problem
 from acausal.simulate.rounding import attainable
 from acausal.simulate.solvers.base import Piece, Segment
+from acausal.simulate.tolerances import Tolerances
 from benchmarks.accuracy_problems import OWN
 from benchmarks.accuracy_scenes import SCENES
 
@@ -99,10 +100,10 @@ def of_steps(law: Callable[[float], float]) -> float | None:
     """What is said of a solver that takes so many steps at a tolerance, asked for 1e-10."""
 
     def integrate(segment: Segment) -> Piece:
-        return Piece(np.zeros((1, 1)), np.zeros((0, 1)), {"steps": law(segment.tolerance)})
+        return Piece(np.zeros((1, 1)), np.zeros((0, 1)), {"steps": law(segment.tolerances.relative)})
 
     nothing = np.zeros(1)
-    segment = Segment(0.0, np.ones(1), nothing, nothing, nothing, tolerance=1e-10, absolute=1e-13, step=None)
+    segment = Segment(0.0, np.ones(1), nothing, nothing, nothing, tolerances=Tolerances(1e-10), step=None)
     return attainable(integrate, [segment])
 
 

@@ -28,7 +28,7 @@ class Dop853:
 
         end, grid = float(segment.times[-1]) - segment.start, segment.times - segment.start
         start = segment.x[: problem.n_dynamic] / problem.scale_x
-        sizes = {"rtol": segment.tolerance, "atol": segment.absolute}
+        sizes = {"rtol": segment.tolerances.relative, "atol": segment.tolerances.absolute}
         found = solve_ivp(rates, (0.0, end), start, "DOP853", grid, **sizes)
         if not found.success:
             raise RuntimeError(found.message)

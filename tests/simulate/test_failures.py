@@ -28,6 +28,7 @@ from acausal.simulate.equations.problem import Problem
 from acausal.simulate.solvers import solver_named
 from acausal.simulate.solvers.base import Piece, Segment
 from acausal.simulate.solvers.patience import PATIENCE, Counted, crawl, salvage
+from acausal.simulate.tolerances import Tolerances
 
 
 class Explosion(Component):
@@ -186,7 +187,7 @@ def test_interrupted() -> None:
     assert result["x"][-1] == pytest.approx(np.cos(100.0 * result.time[-1]), abs=1e-2)
 
 
-SEGMENT = Segment(0.0, np.array([1.0]), np.array([0.0]), np.zeros(0), np.zeros(0), 1e-6, 1e-6, None)
+SEGMENT = Segment(0.0, np.array([1.0]), np.array([0.0]), np.zeros(0), np.zeros(0), Tolerances(1e-6, 1.0), None)
 
 
 def until(wall: float) -> list[float]:

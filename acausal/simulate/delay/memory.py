@@ -25,10 +25,11 @@ from acausal.simulate.delay.recording import Recording
 from acausal.simulate.driver.agenda import TooFar
 from acausal.simulate.equations.chebyshev import between, fitted, tail
 from acausal.simulate.equations.direct import rows
-from acausal.simulate.events.guards import Cause, Moment, Tolerances
+from acausal.simulate.events.guards import Cause, Moment
 from acausal.simulate.events.regime import Regime
 from acausal.simulate.record.record import Recorder
 from acausal.simulate.solvers.base import Piece, Segment
+from acausal.simulate.tolerances import Tolerances
 
 Vector = NDArray[np.float64]
 # Breaks of higher derivatives are left to the solvers, whose order is at most five.
@@ -200,7 +201,7 @@ class Memory:
 
         def run(regime: Regime, segment: Segment) -> Piece:
             assert self._recording is not None, "made above"
-            segment = replace(segment, tolerance=share * segment.tolerance, absolute=share * segment.absolute)
+            segment = replace(segment, tolerances=segment.tolerances.scaled(share))
             piece, panels = self._recording(regime, segment, self._limits)
             self._stay(panels)
             self.history.put([p._replace(coefficients=p.coefficients[:, : self.n]) for p in panels])
@@ -211,11 +212,11 @@ class Memory:
     def _limits(self, found: Vector) -> Vector:
         """What may be left open of each signal, given its values."""
         self.scale = np.maximum(self.scale, np.abs(found[:, : self.n]).max(axis=0))
-        times = np.full(found.shape[1] - self.n, self.tolerances.relative * self.span)
+        times = np.full(found.shape[1] - self.n, self.tolerances.scaled(self.span).relative)
         return np.append(self._allowed(), times)
 
     def _allowed(self) -> Vector:
-        return self.tolerances.relative * self.scale + self.tolerances.absolute
+        return self.tolerances.of(self.scale)
 
     def _along(self, regime: Regime, segment: Segment, times: Vector, piece: Piece) -> Vector:
         """Sources at the start and at the rows of a stretch, and the delays where one varies."""

@@ -14,7 +14,7 @@ from acausal.simulate.driver.agenda import Place, Schedule, Stretch
 from acausal.simulate.driver.flight import Flight, can_fly
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.errors import RestlessKink, accumulated
-from acausal.simulate.events.guards import INSTANT, Cause, Guards, Moment, Tolerances, Truth, resting_band
+from acausal.simulate.events.guards import INSTANT, Cause, Guards, Moment, Truth, resting_band
 from acausal.simulate.events.iteration import Happened, Iteration
 from acausal.simulate.events.regime import Regime
 from acausal.simulate.events.rest import Bounces
@@ -28,6 +28,7 @@ from acausal.simulate.solvers import Solver
 from acausal.simulate.solvers.base import Piece, Segment, pace
 from acausal.simulate.solvers.patience import PATIENCE
 from acausal.simulate.start.initialize import Start
+from acausal.simulate.tolerances import Tolerances
 
 Vector = NDArray[np.float64]
 Integrate = Callable[[Regime, Segment], Piece]

@@ -27,7 +27,6 @@ from acausal.simulate.driver.smooth import Smooth
 from acausal.simulate.equations.kept import kept
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.errors import RestlessKink
-from acausal.simulate.events.guards import Tolerances
 from acausal.simulate.events.log import event_log
 from acausal.simulate.events.regime import Regime
 from acausal.simulate.events.truth import truths
@@ -42,6 +41,7 @@ from acausal.simulate.solvers import Solver, choose, share_of
 from acausal.simulate.solvers.base import Piece, Segment
 from acausal.simulate.start.initialize import Start, consistent, initialize
 from acausal.simulate.step_limit.limit import StepLimit
+from acausal.simulate.tolerances import Tolerances
 
 Vector = NDArray[np.float64]
 Progress = Callable[[float, float], None]
@@ -99,8 +99,8 @@ class Run:
     @cached_property
     def tolerances(self) -> Tolerances:
         """What the solvers get."""
-        tolerance = share_of(self.compiled, self.solver, self.options.tolerance) * self.options.tolerance
-        return Tolerances(tolerance, tolerance * self.options.absolute_factor)
+        share = share_of(self.compiled, self.solver, self.options.tolerance)
+        return self.options.tolerances.scaled(share)
 
     def result(self) -> Result:
         """Run; once more without watching kinks where that holds or ends it: they make no event, whatever they tell.
@@ -153,7 +153,7 @@ class Run:
                 else:
                     begin(memory, driver.dynamics, opts.start_time, start, m, flag)
                 driver.go()
-                refuse_leaps(recorder, opts.tolerance)
+                refuse_leaps(recorder, opts.tolerances)
         except (RunError, KeyboardInterrupt) as error:
             self.stopped = driver.stopped
             if not recorder.segments:
@@ -219,9 +219,7 @@ class Run:
 
     def segment(self, here: float, times: Vector, x: Vector, z: Vector, m: Vector) -> Segment:
         """What a solver is asked: from `here` over the output times `times`."""
-        relative, absolute = self.tolerances.relative, self.tolerances.absolute
-        step, longest = self.options.step, self.options.max_step
-        return Segment(here, times, x, z, m, relative, absolute, step, longest)
+        return Segment(here, times, x, z, m, self.tolerances, self.options.step, self.options.max_step)
 
     def report(self, t: float) -> None:
         """Say how far the run is."""
@@ -278,7 +276,7 @@ class Run:
     def most_moved(self) -> float:
         """How far recorded points may be off the constraints: ten tolerances, where a tolerance rules the steps."""
         is_fixed = self.solver.fixed_step or self.options.step is not None
-        return _MOVED_FIXED if is_fixed else max(10 * self.options.tolerance, _MOVED_LEAST)
+        return _MOVED_FIXED if is_fixed else self.options.tolerances.scaled(10.0, _MOVED_LEAST).relative
 
     def again(self, recorder: Recorder, row: int, times: Vector) -> tuple[Piece, Vector]:
         """The solution integrated again from a recorded row, and its modes at `times`; RuntimeError where it fails."""
@@ -304,7 +302,7 @@ class Run:
             problem = self.problem if self.hybrid is None else self.hybrid.regime_at(segment.start).problem
             return self.solver.integrate(problem, segment)
 
-        return remark(attainable(again, stretches), steps, self.solver.name, opts.tolerance)
+        return remark(attainable(again, stretches), steps, self.solver.name, opts.tolerances)
 
     def finished(self, recorder: Recorder, notes: tuple[str, ...]) -> Result:
         """The result of what was recorded."""

@@ -12,6 +12,7 @@ from acausal.errors import Span
 from acausal.simulate.equations.kept import kept
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.regime import Regime
+from acausal.simulate.tolerances import Tolerances
 
 Vector = NDArray[np.float64]
 Truth = NDArray[np.bool_]
@@ -44,14 +45,6 @@ class Cause:
     text: str
     where: Span | None = None
     component: str = ""
-
-
-@dataclass(frozen=True, eq=False)
-class Tolerances:
-    """Tolerances of the solver, relative and absolute (in nominal magnitudes)."""
-
-    relative: float
-    absolute: float
 
 
 class Guards:
@@ -115,7 +108,7 @@ class Guards:
 
     def _error(self, values: Vector, nominal: Vector) -> Vector:
         """How far values may be off."""
-        return np.asarray(10 * (self.tolerances.relative * np.abs(values) + self.tolerances.absolute * nominal))
+        return 10 * self.tolerances.of(values, nominal)
 
     def behind(self, t: float, g: Vector, rate: Vector, noise: Vector) -> Truth:
         """Guards that are zero to rounding, or in a mode that began some instants late, which they are about to be."""

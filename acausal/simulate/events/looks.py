@@ -32,7 +32,7 @@ def first_step(problem: Problem, segment: Segment, horizon: float) -> float:
     x = segment.x[:n] / problem.scale_x
     numbers = problem.vector(segment.p, segment.x, segment.start)
     rate = problem.numbered.quick(0.0, x, segment.z / problem.scale_z, numbers, [])[0]
-    weighted = np.asarray(rate).ravel() / (segment.tolerance * np.abs(x) + segment.absolute)
+    weighted = np.asarray(rate).ravel() / segment.tolerances.of(x)
     size = float(np.sqrt(np.mean(weighted**2))) if n else 0.0
     step = 1e-3 * horizon
     return min(step, 0.5 / size) if np.isfinite(size) and size > 0.0 else step

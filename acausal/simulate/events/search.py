@@ -224,8 +224,7 @@ class Search:
             return outputs, segment
         least, asked = looking.resolution(here, self.span), segment
         if way.closer:  # the error of a stiff variable may be that of a long time in its guard
-            asked = replace(asked, tolerance=max(way.share * segment.tolerance, _FINEST))
-            asked = replace(asked, absolute=segment.absolute * asked.tolerance / segment.tolerance)
+            asked = replace(asked, tolerances=segment.tolerances.scaled(way.share, least=_FINEST))
             until, spacing = way.closer[-1]
             length, shares = until - here, looking.even(max(2, round((until - here) / spacing)))
             first = self._first(way, asked, length) if self.solver.multistep else 0.0
@@ -483,7 +482,7 @@ class Search:
         nominal = np.concatenate([problem.scale_x, problem.scale_z])
         values = np.vstack([xs[:n], zs])
         size = np.abs(values[:, np.searchsorted(nodes, due).clip(1) - 1]).T
-        allowed = segment.tolerance * size + segment.absolute * nominal
+        allowed = segment.tolerances.of(size, nominal)
         if kept(problem.compiled).newton() is not None:
             allowed[:, n:] = np.inf  # they are put onto their equations
         found, good = between(nodes, values.T, due, allowed)

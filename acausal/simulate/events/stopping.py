@@ -184,7 +184,7 @@ class Stepper:
         if self.library is not None:
             p = np.concatenate([self._constants, numbers, band])
             first = 0.0 if segment.step else self.first
-            sizes = segment.tolerance, segment.absolute, segment.step or 0.0
+            sizes = segment.tolerances.relative, segment.tolerances.absolute, segment.step or 0.0
             rows, _, stats = self.library.run(x0, np.zeros(0), p, np.array([length]), *sizes, first)
             found, following, passed = rows[0], stats["next"], float(rows[0, n])
         else:
@@ -219,7 +219,7 @@ class Stepper:
     def _kept(self, key: tuple[float, ...]) -> Any:
         """The integrator for these sizes, made for all runs of a thread."""
         asked = self.segment
-        whole = self.plugin, asked.tolerance, asked.absolute, asked.most_steps, *key, threading.get_ident()
+        whole = self.plugin, asked.tolerances, asked.most_steps, *key, threading.get_ident()
         known = self._own.integrators
         if whole not in known:
             if len(known) >= _MOST_KEPT:
@@ -262,8 +262,8 @@ def compiled_program(regime: Regime, segment: Segment, plugin: str) -> Library[F
 
 def _settings(segment: Segment) -> dict[str, Any]:
     settings: dict[str, Any] = {
-        "reltol": segment.tolerance,
-        "abstol": segment.absolute,
+        "reltol": segment.tolerances.relative,
+        "abstol": segment.tolerances.absolute,
         "max_num_steps": 10**6,
         "event_tol": 1e-13,
         "max_events": 3,

@@ -20,6 +20,7 @@ from acausal.result import Result
 from acausal.series import TimeSeries, read_series
 from acausal.simulate.arguments import input_vector
 from acausal.simulate.inputs.pieces import Pieces, held, sampled, straight
+from acausal.simulate.tolerances import Tolerances
 from acausal.units import format_dimension, in_si, parse
 
 Vector = NDArray[np.float64]
@@ -66,7 +67,7 @@ class Inputs:
         return modes
 
 
-def given_inputs(compiled: CompiledModel, given: Any, start: float, stop: float, tolerance: float) -> Inputs:
+def given_inputs(compiled: CompiledModel, given: Any, start: float, stop: float, tolerances: Tolerances) -> Inputs:
     """What `simulate(inputs=...)` was given, for a run from `start` to `stop` [s].
 
     Raises
@@ -89,7 +90,7 @@ def given_inputs(compiled: CompiledModel, given: Any, start: float, stop: float,
     pieces = []
     for k in places:
         name, declared = compiled.inputs[k], compiled.flat.declaration(compiled.flat.inputs[k])
-        pieces.append(_pieces(name, declared, varying[name], start, stop, _SHARE * tolerance))
+        pieces.append(_pieces(name, declared, varying[name], start, stop, tolerances.scaled(_SHARE).relative))
     return Inputs(u, places, tuple(pieces))
 
 

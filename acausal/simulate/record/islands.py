@@ -13,6 +13,8 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
+from acausal.simulate.tolerances import Tolerances
+
 Vector = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
@@ -32,8 +34,7 @@ def integrals(
     starts: Vector,
     times: Vector,
     stretches: Indices,
-    tolerance: float,
-    absolute: float,
+    tolerances: Tolerances,
 ) -> Vector:
     """Integrals over k stretches, at n instants; shape (nq, n).
 
@@ -45,7 +46,7 @@ def integrals(
         Where each stretch starts; shape (k,).
     times, stretches
         The instants, ascending within each stretch, and the stretch of each, ascending; shape (n,). None is without.
-    tolerance, absolute
+    tolerances
         Accuracy of each integral, relative to its change and as it is.
 
     Raises
@@ -65,7 +66,7 @@ def integrals(
         series = values @ _SERIES
         tail = 2.0 * half * np.abs(series[:, :, -3:]).max(axis=2)
         size = 2.0 * half * np.abs(values).max(axis=2)
-        short = (tail > absolute + tolerance * size).any(axis=0) & (b - a > _SMALLEST * whole[stretch])
+        short = (tail > tolerances.of(size)).any(axis=0) & (b - a > _SMALLEST * whole[stretch])
         done = ~short
         found.append((a[done], b[done], stretch[done], (half[:, None] * series @ _INTEGRAL)[:, done]))
         middle = (a + half)[short]

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from acausal.lower.compiled import CompiledModel
 from acausal.simulate.equations.direct import rows
 from acausal.simulate.equations.kept import kept
+from acausal.simulate.tolerances import Tolerances
 
 Vector = NDArray[np.float64]
 _MOST = 8
@@ -24,7 +25,14 @@ _LEFT, _TOLERANCES, _ROUNDING = 1e-8, 100.0, 1e-12
 
 
 def polished(
-    compiled: CompiledModel, times: Vector, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector, tolerance: float
+    compiled: CompiledModel,
+    times: Vector,
+    x: Vector,
+    z: Vector,
+    u: Vector,
+    p: Vector,
+    m: Vector,
+    tolerances: Tolerances,
 ) -> Vector:
     """Algebraic variables, shape (nz, n), on their equations; as given where Newton's method does not end.
 
@@ -32,7 +40,7 @@ def polished(
     ----------
     times, x
         The instants, and all states there, shape (nx, n).
-    tolerance
+    tolerances
         Of the solver; what its own values may leave of the equations, as a share of what the variables make of them.
 
     Raises
@@ -58,6 +66,7 @@ def polished(
         at = (float(times[k]), states[k], found[k], u, p, m)
         reach = abs(newton.slope(*at).sparse()) @ (1.0 + np.abs(found[k]) / scale)
         residual = np.abs(np.array(compiled.rhs(*at)[1]).ravel())
-        if not (residual <= max(_LEFT, _TOLERANCES * tolerance) * reach + _ROUNDING).all():  # nan is not
+        left = tolerances.scaled(_TOLERANCES, least=_LEFT).relative
+        if not (residual <= left * reach + _ROUNDING).all():  # nan is not
             raise RuntimeError("CONV_FAIL: the algebraic equations are not solved")
     return found.T

@@ -42,10 +42,11 @@ def attainable(problem: Problem, segment: Segment, convergence: float) -> dict[s
     except np.linalg.LinAlgError:
         return {}
     wanted = _DISTRUST / convergence * noise
-    beyond = np.flatnonzero(wanted > segment.tolerance * np.abs(z) + segment.absolute)  # not where it is nan
+    beyond = np.flatnonzero(wanted > segment.tolerances.of(z))  # not where it is nan
     if not len(beyond):
         return {}
-    allowed = np.full(n, segment.absolute)
+    absolute = segment.tolerances.absolute
+    allowed = np.full(n, absolute)
     graded = _GRADE ** np.ceil(np.log(wanted[beyond]) / np.log(_GRADE))
-    allowed[beyond] = np.maximum(np.minimum(graded, _LARGEST), segment.absolute)
-    return {"abstolv": [segment.absolute] * problem.n_dynamic + allowed.tolist()}
+    allowed[beyond] = np.maximum(np.minimum(graded, _LARGEST), absolute)
+    return {"abstolv": [absolute] * problem.n_dynamic + allowed.tolist()}

@@ -36,6 +36,7 @@ from acausal.simulate.native.policy import Library
 from acausal.simulate.record.islands import integrals
 from acausal.simulate.record.polish import polished
 from acausal.simulate.solvers.unit_of_time import in_unit, unit_of_time
+from acausal.simulate.tolerances import Tolerances
 
 Vector = NDArray[np.float64]
 
@@ -73,8 +74,7 @@ class Segment:
     x: Vector
     z: Vector
     p: Vector
-    tolerance: float
-    absolute: float
+    tolerances: Tolerances
     step: float | None
     max_step: float | None = None
     patience: int | None = None
@@ -220,7 +220,7 @@ class CasadiSolver:
 def on_equations(problem: Problem, segment: Segment, x: Vector, z: Vector) -> Vector:
     """Algebraic variables at the output times, put onto their equations; RuntimeError where they are not near them."""
     numbers = problem.u, problem.p, segment.p
-    return polished(problem.compiled, segment.times, x, z, *numbers, segment.tolerance)
+    return polished(problem.compiled, segment.times, x, z, *numbers, segment.tolerances)
 
 
 def program(problem: Problem, solver: object, segment: Segment) -> Library[FlightProgram] | None:
@@ -261,7 +261,7 @@ def growth(
         return kept(compiled).island_rates(instants, problem.u, problem.p, modes[stretch], discrete[stretch])
 
     scale = compiled.nominal_x[problem.n_dynamic : problem.n_dynamic + compiled.quadratures, None]
-    return np.asarray(scale * integrals(rates, starts, times, stretches, accuracy.tolerance, accuracy.absolute))
+    return np.asarray(scale * integrals(rates, starts, times, stretches, accuracy.tolerances))
 
 
 def constant(problem: Problem, segment: Segment) -> Vector:

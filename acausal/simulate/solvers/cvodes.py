@@ -19,8 +19,8 @@ class Cvodes(CasadiSolver):
 
     def settings(self, problem: Problem, segment: Segment) -> dict[str, Any]:
         return {
-            "reltol": segment.tolerance,
-            "abstol": segment.absolute,
+            "reltol": segment.tolerances.relative,
+            "abstol": segment.tolerances.absolute,
             "max_num_steps": segment.most_steps,
             # what is not finite is named by `failure.py`, once
             "show_eval_warnings": False,

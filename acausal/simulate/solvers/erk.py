@@ -19,7 +19,7 @@ class Erk(CasadiSolver):
 
     def settings(self, problem: Problem, segment: Segment) -> dict[str, Any]:
         return {
-            "reltol": segment.tolerance,
-            "abstol": segment.absolute,
+            "reltol": segment.tolerances.relative,
+            "abstol": segment.tolerances.absolute,
             **stepping(segment, 10**6),
         }

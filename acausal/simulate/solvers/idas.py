@@ -48,8 +48,8 @@ class Idas(CasadiSolver):
 
     def settings(self, problem: Problem, segment: Segment) -> dict[str, Any]:
         return {
-            "reltol": segment.tolerance,
-            "abstol": segment.absolute,
+            "reltol": segment.tolerances.relative,
+            "abstol": segment.tolerances.absolute,
             # the start is consistent already, and IDACalcIC fails where our own start system does not
             "calc_ic": False,
             **({"init_xdot": self.rates(problem, segment)} if segment.shares is None else {}),

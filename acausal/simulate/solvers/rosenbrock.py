@@ -21,8 +21,8 @@ class Rosenbrock(CasadiSolver):
 
     def settings(self, problem: Problem, segment: Segment) -> dict[str, Any]:
         return {
-            "reltol": segment.tolerance,
-            "abstol": segment.absolute,
+            "reltol": segment.tolerances.relative,
+            "abstol": segment.tolerances.absolute,
             # a Newton step below the tolerance is enough: a thousandth of it, CasADi's own, is below rounding at 1e-10
             "init_tol": 0.3,
             # a loop of joints that crawls where a pivot vanishes begins again with others: that is to be noticed in

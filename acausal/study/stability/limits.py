@@ -17,6 +17,7 @@ from acausal.simulate.solvers import solver_named
 from acausal.simulate.solvers.base import Segment
 from acausal.simulate.step_limit.amplification import METHODS, Method
 from acausal.simulate.step_limit.state_matrix import LARGEST_DENSE, StateMatrix
+from acausal.simulate.tolerances import Tolerances
 from acausal.study.stability.modes import Local, Mode, mode
 from acausal.study.stability.trajectory import Point, Trajectory
 
@@ -209,8 +210,7 @@ def _end(problem: Problem, method: Method, point: Point, step: float, steps: int
         x=point.x,
         z=point.z,
         p=point.m,
-        tolerance=1e-6,
-        absolute=1e-9,
+        tolerances=Tolerances(1e-6),
         step=step,
     )
     with contextlib.redirect_stderr(io.StringIO()):
