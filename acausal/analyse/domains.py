@@ -14,8 +14,9 @@ constant factor, however deep its branches are in each other. What is needed out
 is. A guard is computed from variables that are known by then; where it is not, because the mode has cut a circle of
 definitions, the branch stays as it is too.
 
-A power or a root of what cannot be negative, `maximum(f, 0.0)**1.3`, is defined everywhere, but its second derivative
-is infinite times zero where the maximum is the number. There it is the number zero.
+A power or a root of what rests at zero, `maximum(f, 0.0)**1.3`, is defined there, but its second derivative is infinite
+times zero. There it is the number zero. What rests is a maximum or minimum with zero or a branch that is zero, by itself,
+as a factor, or as the definition of a variable.
 """
 
 from __future__ import annotations
@@ -63,7 +64,7 @@ def guarded(
     roots += [node for _, node in definitions]
     pool.rewrite(roots, pool.var, done)
     numbers = [n for n in numbers if n in done]  # nothing below what has an image already
-    extended = _Extended(pool, discrete, {v: k for k, (v, _) in enumerate(definitions)})
+    extended = _Extended(pool, discrete, definitions)
     if not any(extended.concerns(done[n]) for n in numbers):
         return {}
     first = {done[node]: k for k, (_, node) in reversed(list(enumerate(definitions)))}
@@ -74,10 +75,12 @@ def guarded(
 class _Extended:
     """Images of nodes, by what they are needed for."""
 
-    def __init__(self, pool: Pool, discrete: Mapping[int, int], position: Mapping[int, int]) -> None:
+    def __init__(self, pool: Pool, discrete: Mapping[int, int], definitions: Sequence[tuple[int, int]]) -> None:
         self.pool = pool
         self.discrete = discrete
-        self.position = position  # of defined variables in the order of evaluation
+        self.position = {v: k for k, (v, _) in enumerate(definitions)}  # in the order of evaluation
+        self.defined = dict(definitions)
+        self._at_rest: dict[int, bool] = {}
         self._is_partial: dict[int, bool] = {}
         self._guards: dict[tuple[int, bool, bool], int] = {}
         self._latest: dict[int, int] = {}
@@ -172,21 +175,44 @@ class _Extended:
 
     def _is_clamped(self, op: str, operands: Sequence[int]) -> bool:
         """Whether this is a power or root of what may rest at zero, without a second derivative there."""
-        exponent = self.pool.value(operands[1]) if op == "pow" else 0.5
-        return exponent is not None and 0.0 < exponent < 2.0 and exponent != 1.0 and self._rests(operands[0])
+        if op == "pow" and (exponent := self.pool.value(operands[1])) is not None:
+            may = 0.0 < exponent < 2.0 and exponent != 1.0
+        else:
+            may = op == "sqrt" or self._is_constant(operands[1])
+        return may and self._rests(operands[0])
 
-    def _rests(self, number: int) -> bool:
-        """Whether a node cannot be negative, and may be zero: `maximum(x, 0)`, `fabs(x)`, times what is positive."""
-        pool = self.pool
-        op, *operands = pool.nodes[number]
-        if op == "max":
-            return pool.zero in operands
-        if op in ("mul", "div"):
-            values = [pool.value(n) for n in operands]
-            if op == "mul" and values[0] is not None and values[0] > 0.0:
-                return self._rests(operands[1])
-            return values[1] is not None and values[1] > 0.0 and self._rests(operands[0])
-        return bool(op == "fabs")
+    def _is_constant(self, root: int) -> bool:
+        """Whether a node follows from parameters alone."""
+        nodes = self.pool.nodes
+        return all(
+            nodes[n][0] in ("const", "par") or (nodes[n][0] not in LEAVES and nodes[n][0] not in _KEPT)
+            for n in self.pool.reachable([root])
+        )
+
+    def _rests(self, root: int) -> bool:
+        """Whether a node may be zero over a range of its variables, exactly: `maximum(x, 0)`, or a branch that is off."""
+        pool, known = self.pool, self._at_rest
+        stack = [root]
+        while stack:
+            number = stack[-1]
+            op, *operands = pool.nodes[number]
+            if op == "var":
+                operands = [self.defined[operands[0]]] if operands[0] in self.defined else []
+            elif op == "where":
+                operands = operands[1:]
+            elif op in ("pow", "div"):
+                operands = operands[:1]
+            elif op not in ("max", "min", "mul", "sqrt", "noevent"):
+                known[number] = op == "fabs" or pool.value(number) == 0.0
+                stack.pop()
+                continue
+            if missing := [n for n in operands if n not in known]:
+                known[number] = False  # should its definition lead back to it
+                stack += missing
+                continue
+            known[number] = any(known[n] for n in operands)
+            stack.pop()
+        return known[root]
 
     def _may_fail(self, op: str, operands: list[int]) -> bool:
         pool = self.pool
@@ -238,8 +264,14 @@ class _Extended:
 
 
 def _clamped(pool: Pool, op: str, q: list[int]) -> int:
-    above = _test(pool, "gt", q[0], 0.0)
-    return pool.where(above, pool.make(op, pool.where(above, q[0], pool.one), *q[1:]), pool.zero)
+    """A number at zero: of a positive exponent 0, of a negative one infinite. What is nan stays nan."""
+    clamped = pool.nodes[q[0]][0] == "max" and pool.zero in pool.nodes[q[0]][1:]
+    at_zero = _test(pool, "le", q[0] if clamped else pool.make("fabs", q[0]), 0.0)
+    value = pool.zero
+    if op == "pow" and pool.value(q[1]) is None:
+        infinite = pool.div(pool.one, pool.make("max", q[1], pool.zero))
+        value = pool.where(_test(pool, "gt", q[1], 0.0), pool.zero, infinite)
+    return pool.where(at_zero, value, pool.make(op, pool.where(at_zero, pool.one, q[0]), *q[1:]))
 
 
 _Extension = tuple[int, list[int | None], int, bool]

@@ -6,7 +6,22 @@ import casadi as ca
 import numpy as np
 
 import acausal
-from acausal import Component, Equations, Expr, Real, der, fabs, fixed, maximum, sqrt, structural, time, variable, where
+from acausal import (
+    Component,
+    Equations,
+    Expr,
+    Real,
+    der,
+    fabs,
+    fixed,
+    maximum,
+    parameter,
+    sqrt,
+    structural,
+    time,
+    variable,
+    where,
+)
 from acausal.lower.compiled import CompiledModel, Symbols
 
 
@@ -86,3 +101,36 @@ def test_powers_of_what_rests_at_zero_have_second_derivatives() -> None:
     f = ca.Function("f", s.inputs, [slope, curvature])
     found = [float(v) for v in f(0.0, [0.5, 0.0], [], [], [], [])]
     np.testing.assert_allclose(found, [2.6, 1.56], rtol=1e-12)
+
+
+class Pressed(Component):
+    """A feed that follows the force of a contact, which is off in the air: a variable, over a parameter, to its power."""
+
+    n: Real = parameter(default=1.2, doc="Exponent")
+    unit: Real = parameter(default=2.0)
+    x: Real = variable(default=fixed(-1.0))
+    f: Real = variable()
+    fed: Real = variable(default=fixed(0.0))
+    flow: Real = variable(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        yield der(self.x) == 1.0
+        yield self.f == where(self.x > 0.0, maximum(3.0 * self.x, 0.0), 0.0)
+        yield der(self.fed) == (self.f / self.unit / 5.0) ** 1.2 + (self.f / self.unit / 5.0) ** self.n
+        yield der(self.flow) == sqrt(self.unit * self.f)
+
+
+def test_powers_of_a_force_that_is_off() -> None:
+    """All derivatives by states and parameters: zero in the air; in contact 2 u^1.2 with u = 0.3 x, and sqrt(6 x)."""
+    model = acausal.compile(Pressed()).casadi()
+    x, p = ca.MX.sym("x", 3), ca.MX.sym("p", 2)
+    both = ca.vertcat(x, p)
+    fed, flow = ca.vertsplit(model.dae(0.0, x, [], [], p)[0][1:])
+    second = ca.Function("h", [x, p], [ca.hessian(fed, both)[0], ca.hessian(flow, both)[0], ca.jacobian(fed, both)])
+    for k, found in enumerate(second([-1.0, 0.0, 0.0], [1.2, 2.0])):
+        np.testing.assert_array_equal(np.array(found), np.zeros((5, 5) if k < 2 else (1, 5)))
+    curvature, root, slope = (np.array(v) for v in second([2.0, 0.0, 0.0], [1.2, 2.0]))
+    np.testing.assert_allclose(curvature[0, 0], 2 * 1.2 * 0.2 * 0.6**-0.8 * 0.09, rtol=1e-12)
+    np.testing.assert_allclose(root[0, 0], -0.25 * 6.0**0.5 * 2.0**-1.5, rtol=1e-12)
+    np.testing.assert_allclose(slope[0, 3], 0.6**1.2 * np.log(0.6), rtol=1e-12)
+    assert np.isnan(np.array(second([2.0, 0.0, 0.0], [1.2, -2.0])[0])).any()  # a negative base is no rest
