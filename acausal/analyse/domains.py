@@ -15,8 +15,8 @@ is. A guard is computed from variables that are known by then; where it is not, 
 definitions, the branch stays as it is too.
 
 A power or a root of what rests at zero, `maximum(f, 0.0)**1.3`, is defined there, but its second derivative is infinite
-times zero. There it is the number zero. What rests is a maximum or minimum with zero or a branch that is zero, by itself,
-as a factor, or as the definition of a variable.
+times zero. There it is the number zero. What rests is a maximum or minimum with zero or a branch that is zero, by
+itself, as a factor, or as the definition of a variable.
 """
 
 from __future__ import annotations
@@ -190,7 +190,7 @@ class _Extended:
         )
 
     def _rests(self, root: int) -> bool:
-        """Whether a node may be zero over a range of its variables, exactly: `maximum(x, 0)`, or a branch that is off."""
+        """Whether a node may be exactly zero over a range of its variables: `maximum(x, 0)`, a branch that is off."""
         pool, known = self.pool, self._at_rest
         stack = [root]
         while stack:
@@ -210,7 +210,8 @@ class _Extended:
                 known[number] = False  # should its definition lead back to it
                 stack += missing
                 continue
-            known[number] = any(known[n] for n in operands)
+            both = op in ("max", "min") and pool.zero not in operands
+            known[number] = (all if both else any)(known[n] for n in operands)
             stack.pop()
         return known[root]
 
@@ -264,14 +265,12 @@ class _Extended:
 
 
 def _clamped(pool: Pool, op: str, q: list[int]) -> int:
-    """A number at zero: of a positive exponent 0, of a negative one infinite. What is nan stays nan."""
+    """A number at zero, for exponents that are positive. What is nan stays nan."""
     clamped = pool.nodes[q[0]][0] == "max" and pool.zero in pool.nodes[q[0]][1:]
     at_zero = _test(pool, "le", q[0] if clamped else pool.make("fabs", q[0]), 0.0)
-    value = pool.zero
     if op == "pow" and pool.value(q[1]) is None:
-        infinite = pool.div(pool.one, pool.make("max", q[1], pool.zero))
-        value = pool.where(_test(pool, "gt", q[1], 0.0), pool.zero, infinite)
-    return pool.where(at_zero, value, pool.make(op, pool.where(at_zero, pool.one, q[0]), *q[1:]))
+        at_zero = pool.make("and", at_zero, _test(pool, "gt", q[1], 0.0))
+    return pool.where(at_zero, pool.zero, pool.make(op, pool.where(at_zero, pool.one, q[0]), *q[1:]))
 
 
 _Extension = tuple[int, list[int | None], int, bool]

@@ -104,7 +104,7 @@ def test_powers_of_what_rests_at_zero_have_second_derivatives() -> None:
 
 
 class Pressed(Component):
-    """A feed that follows the force of a contact, which is off in the air: a variable, over a parameter, to its power."""
+    """A feed that follows the force of a contact, which is off in the air, over a parameter and to a power."""
 
     n: Real = parameter(default=1.2, doc="Exponent")
     unit: Real = parameter(default=2.0)
