@@ -62,6 +62,7 @@ class Numbered:
             self._columns = compiled.mapped(zeros)
         self._integrators: OrderedDict[tuple[Any, ...], Any] = OrderedDict()
         self._slowed: dict[tuple[int, float], Any] = {}
+        self._measured: dict[tuple[int, bytes], Any] = {}
         self._stretched: dict[int, Any] = {}
         self._reordered: dict[int, Any] = {}
 
@@ -184,6 +185,15 @@ class Numbered:
             slow = ca.Function(dae.name(), arguments, [unit * ode, *others], dae.name_in(), dae.name_out())
             self._slowed[key] = slow
         return self._slowed[key]
+
+    def measured(self, dae: Any, units: Vector) -> Any:
+        """One of these forms with its algebraic variables in other units."""
+        key = int(dae.__hash__()), units.tobytes()
+        if key not in self._measured:
+            t, x, z, *others = dae.sx_in() if dae.is_a("SXFunction") else dae.mx_in()
+            results = dae(t, x, ca.DM(units) * z, *others)
+            self._measured[key] = ca.Function(dae.name(), [t, x, z, *others], results, dae.name_in(), dae.name_out())
+        return self._measured[key]
 
     @cached_property
     def factorisation(self) -> Factorisation:

@@ -123,6 +123,10 @@ class CasadiSolver:
         """CasADi's options for this segment."""
         raise NotImplementedError
 
+    def units(self, problem: Problem, segment: Segment) -> Vector | None:
+        """What to divide scaled algebraic variables by in this segment, shape (nz,); None for nothing."""
+        return None
+
     def integrate(self, problem: Problem, segment: Segment) -> Piece:
         """Solve one segment."""
         if problem.n_dynamic == 0:
@@ -172,11 +176,12 @@ class CasadiSolver:
         library: Library[Any] | None = None
         # a rootfinder inside the right-hand side stays interpreted
         kind = self.native if self.algebraic or not problem.compiled.algebraic else "nothing"
+        units = self.units(problem, segment)
         unit = unit_of_time(segment.start, segment.times) if self.impatient and segment.shares is None else 1.0
         if unit != 1.0:
             dae = problem.numbered.slowed(problem.numbered.dae if self.algebraic else problem.numbered.ode, unit)
             settings, grid = in_unit(unit, settings), grid / unit
-        elif kind == "integrator" and not segment.partial and segment.patience is None:  # that is compiled in
+        elif kind == "integrator" and units is None and not segment.partial and segment.patience is None:
             whole = native.integrator(self.plugin, settings)
             if whole is not None:
                 p = whole.vector(problem.p, problem.u, problem.numbers(*own))
@@ -193,6 +198,8 @@ class CasadiSolver:
             dae = numbered.dae if self.algebraic else numbered.ode
         if kind == "integrator":
             settings = {**settings, **beginning(segment)}
+        if units is not None:
+            dae, z0 = numbered.measured(dae, units), z0 / units
         if segment.shares is not None:
             dae = numbered.stretched(dae) if library is None else dae
             settings, grid = in_shares(segment, settings), UNIT * segment.shares
@@ -211,8 +218,11 @@ class CasadiSolver:
             (x, z), stats = called(integrator, {**arguments, **more}, ("xf", "zf"), partial=segment.partial)
         except Interrupted as stop:
             stop.rows = order.back(*stop.rows) if stop.rows else ()
+            if stop.rows and units is not None:
+                stop.rows = stop.rows[0], stop.rows[1] * units
             raise
         x, z = order.back(x, z)
+        z = z if units is None else z * units
         native.interpreted(self.plugin, float(next((stats[k] for k in _EVALUATIONS if k in stats), 0.0)))
         return x, z, {**stats, "making": making}
 

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from acausal.simulate.equations.problem import Problem
+from acausal.simulate.solvers.attainable import units
 from acausal.simulate.solvers.base import CasadiSolver, Segment, stepping
 
 
@@ -29,3 +33,7 @@ class Rosenbrock(CasadiSolver):
             # seconds, not in an hour
             **stepping(segment, segment.most_steps // 2 if problem.compiled.flat.loops else 10**6),
         }
+
+    def units(self, problem: Problem, segment: Segment) -> NDArray[np.float64] | None:
+        """Coarser ones for algebraic variables that rounding keeps from their tolerance."""
+        return units(problem, segment)
