@@ -55,7 +55,7 @@ class Crank(Component):
         yield self.J2 * der(self.u) == half * ((self.fx + self.gx) * sin(self.b) - (self.fy + self.gy) * cos(self.b))
         yield self.m3 * der(self.v) == self.gx - 0.5 * self.v
         yield self.s == self.l1 * cos(self.a) + self.l2 * cos(self.b)
-        yield 0.0 == self.l1 * sin(self.a) + self.l2 * sin(self.b)
+        yield self.l1 * sin(self.a) == -self.l2 * sin(self.b)
 
     def energy(self, r: acausal.Result) -> np.ndarray:
         """Kinetic and potential energy, less the work of the torque."""
@@ -180,7 +180,9 @@ def test_an_acceleration_that_is_a_small_difference_rules_no_step() -> None:
         acausal.compile(Rest(), formulation="dae"), stop_time=1.0, tolerance=1e-9, solver="rosenbrock"
     )
     assert np.abs(found["s"] - 1.0).max() < 1e-9
-    assert found.stats["steps"] < 3000
+    steps = found.stats["steps"]
+    assert isinstance(steps, float)
+    assert steps < 3000
 
 
 @pytest.mark.slow
