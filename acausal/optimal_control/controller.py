@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -59,8 +60,10 @@ class Controller:
         self._varying = [q.parameters.position(name) for name in varying]
         self._check_circles()
         program = transcribed(problem, laws, guesses, [spec.mesh], Basis(degree, 0), q.p, self._varying)
-        self._function, self._guess = _compiled(program, {**_IPOPT, "tol": tolerance, **options})
-        self._duals = np.zeros(program.opti.ng)
+        self._solver, self._inputs = _compiled(program, {**_IPOPT, "tol": tolerance, **options})
+        low, high = program.nlp.limits
+        self._limits = {"lbg": low, "ubg": high}
+        self._guess, self._duals = np.concatenate(program.nlp.begin), np.zeros(len(low))
         self._names = q.u.names
         self.iterations = 0
 
@@ -83,8 +86,9 @@ class Controller:
         q = self.problem.quantities
         p = q.p if not parameters else self._given(parameters)
         c = q.coordinates.of(np.reshape(x, (-1, 1))).ravel()
-        found, duals, u = self._function(c, p[self._varying], self._guess, self._duals)
-        stats = self._function.stats()
+        given = np.concatenate([p[self._varying], c])
+        found = self._solver(x0=self._guess, lam_g0=self._duals, p=given, **self._limits)
+        stats = self._solver.stats()
         self.iterations = int(stats.get("iter_count", 0))
         if not stats.get("success", True):
             raise OptimizationError(
@@ -93,8 +97,8 @@ class Controller:
                 evidence=[f"{n} = {v:.6g}" for n, v in list(zip(self.states, np.ravel(x), strict=True))[:6]],
                 help="hold the last inputs for this sample; limits on measured quantities may have to be soft",
             )
-        self._guess, self._duals = found, duals
-        return dict(zip(self._names, np.array(u).ravel().tolist(), strict=True))
+        self._guess, self._duals = found["x"], found["lam_g"]
+        return dict(zip(self._names, np.array(self._inputs(found["x"])).ravel().tolist(), strict=True))
 
     def _given(self, parameters: Mapping[str, float]) -> Vector:
         q = self.problem.quantities
@@ -145,10 +149,7 @@ def _check_autonomous(problem: Problem, dae: Any) -> None:
 
 
 def _compiled(program: Program, options: Mapping[str, Any]) -> tuple[Any, Any]:
-    """`(x0, w, guess, multipliers) -> (unknowns, multipliers, first inputs)`, and the guess it begins with."""
-    opti = program.opti
-    opti.solver("ipopt", {"ipopt": dict(options), "print_time": False, "expand": True, "error_on_fail": False})
-    first = program.phases[0].u[:, 0]
-    arguments = [program.first, program.w, opti.x, opti.lam_g]
-    function = opti.to_function("controller", arguments, [opti.x, opti.lam_g, first])
-    return function, np.concatenate(program.initial)
+    """The solver, and `(x) -> first inputs` of its unknowns."""
+    inner: dict[str, Any] = {"ipopt": dict(options), "print_time": False, "expand": True, "error_on_fail": False}
+    solver = ca.nlpsol("controller", "ipopt", program.nlp.whole(), inner)
+    return solver, ca.Function("inputs", [program.nlp.x], [program.phases[0].u[:, 0]])

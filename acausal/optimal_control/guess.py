@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import casadi as ca
@@ -19,13 +19,22 @@ from acausal.simulate.run import simulate
 
 Vector = NDArray[np.float64]
 
+# A guess need not be accurate: points of it in an interval, at least in all, and the tolerance of its run.
+_ROWS, _FEWEST, _TOLERANCE = 10, 100, 1e-5
+# How far a run is looked at behind the last phase, by that phase's duration.
+_BEYOND = 0.1
+
 
 @dataclass(frozen=True, eq=False)
 class PhaseGuess:
-    """Duration [s] of one phase, and x, z, u at n shares of it: shapes (nx, n), (nz, n), (nu, n)."""
+    """Duration [s] of one phase, and x, z, u at n shares of it: shapes (nx, n), (nz, n), (nu, n).
+
+    `following` is the same of what comes behind the last phase, where a switch ends it and the run goes on.
+    """
 
     duration: float
     at: Callable[[Vector], tuple[Vector, Vector, Vector]]
+    following: PhaseGuess | None = None
 
 
 def guessed(problem: Problem) -> list[PhaseGuess]:
@@ -50,6 +59,10 @@ def guessed(problem: Problem) -> list[PhaseGuess]:
             raise _not_reached(problem, run, spec)
         share = (begun / whole, (begun + spec.expected) / whole)
         found.append(PhaseGuess(last - first, _reader(q, run, first, last, lines, share)))
+        beyond = min(last + _BEYOND * (last - first), float(run.time[-1]))
+        if k == len(problem.specs) - 1 and spec.switch is not None and beyond > last:
+            later = PhaseGuess(beyond - last, _reader(q, run, last, beyond, {}, share))
+            found[-1] = replace(found[-1], following=later)
         first, begun = last, begun + spec.expected
     return found
 
@@ -74,13 +87,15 @@ def _run(problem: Problem) -> Result:
     declared = problem.compiled.parameter_values
     own = {n: float(v) for n, v, d in zip(names, q.p, declared, strict=True) if v != d and n != "stabilisation.rate"}
     expected = sum(spec.expected for spec in problem.specs)
+    rows = _ROWS * sum(len(spec.mesh) for spec in problem.specs)
     return simulate(
         problem.compiled,
         inputs=inputs,
         parameters=own,
         start_time=begin,
         stop_time=begin + expected,
-        tolerance=1e-6,
+        output_interval=expected / max(rows, _FEWEST),
+        tolerance=_TOLERANCE,
     )
 
 

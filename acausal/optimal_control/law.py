@@ -31,11 +31,14 @@ class Law:
         `(t, x, u, w) -> z` where the algebraic equations are linear and solved; else None.
     wanted
         Places of the rows of y among all outputs.
+    parameters
+        `(w) -> p`.
     """
 
     equations: Any
     algebraic: Any
     wanted: tuple[int, ...]
+    parameters: Any
 
 
 def law_of(dae: Any, p: Vector, places: Sequence[int], wanted: Sequence[int]) -> Law:
@@ -57,4 +60,5 @@ def law_of(dae: Any, p: Vector, places: Sequence[int], wanted: Sequence[int]) ->
             z, alg = ca.SX(0, 1), ca.SX(0, 1)
     names = ["t", "x", "z", "u", "w"], ["ode", "alg", "y"]
     outputs = [ca.densify(v) for v in (ode, alg, y)]
-    return Law(ca.Function("law", [t, x, z, u, w], outputs, *names), algebraic, tuple(wanted))
+    equations = ca.Function("law", [t, x, z, u, w], outputs, *names)
+    return Law(equations, algebraic, tuple(wanted), ca.Function("p", [w], [full]))

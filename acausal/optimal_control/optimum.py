@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from acausal.export.casadi_model import Port, Ports
 from acausal.lower.compiled import CompiledModel, Symbols
+from acausal.optimal_control.nlp import Solution
 from acausal.optimal_control.problem import Problem
 from acausal.optimal_control.quantities import Quantities
 from acausal.optimal_control.radau import Demand, Program
@@ -173,12 +174,12 @@ def _off_events(times: Vector, *events: tuple[Event, ...]) -> NDArray[np.bool_]:
 
 
 def optimum_of(
-    problem: Problem, program: Program, value: Any, trajectory: Trajectory, stats: Mapping[str, object]
+    problem: Problem, program: Program, solution: Solution, trajectory: Trajectory, stats: Mapping[str, object]
 ) -> Optimum:
     """The answer made of the numbers that a solver found."""
     q, compiled = problem.quantities, problem.quantities.compiled
     times, x, z, u = _rows(trajectory)
-    multipliers = _multipliers(program, value, trajectory)
+    multipliers = _multipliers(program, solution, trajectory)
     spans = tuple((phase.name, phase.begin, phase.begin + phase.duration) for phase in trajectory.phases)
     events = tuple(
         Event(end, problem.guards[spec.switch].text if spec.switch is not None else f"end of {name}")
@@ -201,7 +202,7 @@ def optimum_of(
         events=events,
         stats=dict(stats),
         dense=(lambda at: _dense(q, trajectory, at)) if program.steps is None else None,
-        objective=float(value(program.opti.f)),
+        objective=solution.objective,
         multipliers=multipliers,
         inputs=_inputs(q.u, trajectory),
         start=start if problem.free_start else {},
@@ -283,14 +284,12 @@ def _series(port: Port, time: Vector, values: Vector) -> TimeSeries | float:
     return TimeSeries(time, np.clip(values, port.min, port.max), "smooth", name=f"optimal {port.name}")
 
 
-def _multipliers(program: Program, value: Any, trajectory: Trajectory) -> dict[str, Multiplier]:
+def _multipliers(program: Program, solution: Solution, trajectory: Trajectory) -> dict[str, Multiplier]:
     """Multipliers by name, phases one behind the other; values are derivatives of the objective by the limits."""
     parts: dict[str, list[tuple[Demand, Vector, Vector, Vector]]] = {}
     for demand in program.demands:
-        level = np.array(value(demand.value), dtype=float).ravel()
-        dual = np.array(value(program.opti.dual(demand.relation)), dtype=float).reshape(len(level), -1)
-        # two sides of a pair of limits stand in two columns, the lower one first
-        dual = (dual[:, 1] - dual[:, 0] if dual.shape[1] == 2 else dual[:, 0]) / demand.scale
+        rows = slice(demand.rows.start, demand.rows.stop)
+        level, dual = solution.g[rows] * demand.scale, solution.duals[rows] / demand.scale
         parts.setdefault(demand.constraint.name, []).append((demand, dual, level, _times(demand, trajectory.phases)))
     found = {}
     for name, group in parts.items():

@@ -57,7 +57,10 @@ def dynamics_of(problem: Problem, guesses: Sequence[PhaseGuess]) -> list[Dynamic
     begins = q.begin.t + np.cumsum([0.0, *(guess.duration for guess in guesses)])
     inside = [_arguments(guess, _INSIDE, begin, q.p) for guess, begin in zip(guesses, begins[:-1], strict=True)]
     found = []
-    for k, (law, relation) in enumerate(zip(branched(dae, inside), switches, strict=True)):
+    # what the switch at the very end changes is told by what comes behind it
+    beyond = [_arguments(g, _INSIDE, begins[-1], q.p) for g in [guesses[-1].following] if g is not None]
+    laws = branched(dae, [*inside, *beyond])[: len(inside)]
+    for k, (law, relation) in enumerate(zip(laws, switches, strict=True)):
         if relation is None:
             found.append(Dynamics(law))
             continue

@@ -55,6 +55,7 @@ class Quantities:
         self.symbols: list[Any] = []
         self.decided: list[tuple[int, float, float, Any]] = []
         self._known: dict[str, Any] = {}
+        self._places: dict[str, tuple[str, int, int] | None] = {}
 
     def __getitem__(self, name: str) -> Any:
         if name not in self._known:
@@ -107,6 +108,11 @@ class Quantities:
 
     def place(self, name: str) -> tuple[str, int, int] | None:
         """Vector, place and sign of a scalar that is a state or an input under any of its names; else None."""
+        if name not in self._places:
+            self._places[name] = self._found(name)
+        return self._places[name]
+
+    def _found(self, name: str) -> tuple[str, int, int] | None:
         (output,) = named_outputs(self.compiled, [name])
         reduced = self.compiled.solution.structure.reduced
         op, *rest = reduced.pool.nodes[reduced.image[output.scalar]]

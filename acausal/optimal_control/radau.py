@@ -1,4 +1,4 @@
-"""The nonlinear program of a problem: Radau collocation in all phases, on CasADi's Opti.
+"""The nonlinear program of a problem: Radau collocation in all phases, for `nlp.py`.
 
 Unknowns are divided by their magnitudes: declared nominals, limits of inputs, else the largest value in the guess.
 """
@@ -17,10 +17,12 @@ from acausal.errors import UsageError
 from acausal.optimal_control.declare import Constraint, Mesh, PhaseSpec
 from acausal.optimal_control.guess import PhaseGuess
 from acausal.optimal_control.law import Law, law_of
+from acausal.optimal_control.nlp import Nlp
 from acausal.optimal_control.polynomials import Basis
 from acausal.optimal_control.problem import Problem
 from acausal.optimal_control.quantities import Quantities, magnitude
 from acausal.optimal_control.shooting import Steps, bridge
+from acausal.optimal_control.sites import Site, site_of
 
 Vector = NDArray[np.float64]
 
@@ -56,10 +58,8 @@ class PhaseProgram:
         Algebraic variables at the collocation points, shape (nz, n).
     u
         Bernstein coefficients of the inputs, shape (nu, intervals * (control + 1)).
-    at
-        Inputs at the collocation points, shape (nu, n).
-    y
-        What was asked for at the collocation points, shape (ny, n); `y_start`, (ny,), at the start.
+    inside, first, last
+        What is evaluated at the collocation points, at the start, and at the end.
     begin, duration
         Time of the start and duration [s].
     shares
@@ -75,29 +75,26 @@ class PhaseProgram:
     x: Any
     z: Any
     u: Any
-    at: Any
-    y: Any
-    y_start: Any
+    inside: Site
+    first: Site
+    last: Site
     begin: Any
     duration: Any
     shares: Vector
     weights: Vector
     integrals: dict[int, Any] = field(default_factory=dict)
 
-    @property
-    def times(self) -> Any:
-        """Times of the collocation points [s], a row."""
-        return self.begin + self.duration * ca.DM(self.shares).T
-
 
 @dataclass(frozen=True, eq=False)
 class Demand:
-    """A constraint as it stands in the program; `points` are its places as shares of the phase, None for a number."""
+    """A constraint as it stands in the program, at these rows; `points` are its places as shares of the phase.
+
+    `points` is None for a constraint on numbers.
+    """
 
     constraint: Constraint
     phase: int | None
-    relation: Any
-    value: Any
+    rows: range
     scale: float
     points: Vector | None
 
@@ -106,7 +103,7 @@ class Demand:
 class Program:
     """The whole program, and where everything is in it."""
 
-    opti: Any
+    nlp: Nlp
     basis: Basis
     p: Any
     phases: list[PhaseProgram]
@@ -114,7 +111,6 @@ class Program:
     demands: list[Demand] = field(default_factory=list)
     ports: tuple[Any, Any] = ((), ())
     first: Any = None
-    initial: list[Vector] = field(default_factory=list)
     steps: Steps | None = None
     known: dict[int, Any] = field(default_factory=dict)
 
@@ -139,15 +135,15 @@ def transcribed(
     UsageError
         AC052 for values at a start that are not known there.
     """
-    opti, q = ca.Opti(), problem.quantities
+    nlp, q = Nlp(), problem.quantities
     places = [d[0] for d in q.decided] if varying is None else list(varying)
-    w = _decisions(opti, q, expected) if varying is None else opti.parameter(len(places))
+    w = _decisions(nlp, q, expected) if varying is None else nlp.parameter(len(places))
     p = ca.MX(ca.DM(expected))
     for k, place in enumerate(places):
         p[place] = w[k]
-    first = opti.parameter(len(q.x)) if varying is not None else None
+    first = nlp.parameter(len(q.x)) if varying is not None else None
     sizes = _sizes(problem, guesses)
-    program = Program(opti, basis, p, [], w, ports=(q.x, q.u), first=first, steps=steps)
+    program = Program(nlp, basis, p, [], w, ports=(q.x, q.u), first=first, steps=steps)
     wanted = [k for k, output in enumerate(q.outputs) if q.place(output.name) is None]
     begin: Any = q.begin.t
     for spec, guess, mesh, law in zip(problem.specs, guesses, meshes, dynamics, strict=True):
@@ -160,18 +156,17 @@ def transcribed(
     _ends(program, problem)
     for constraint in (*_limits(problem), *problem.constraints):
         _demand(program, problem, constraint, sizes[2])
-    opti.minimize(_inserted(program, problem, problem.objective))
+    nlp.objective = _inserted(program, problem, problem.objective)
     return program
 
 
-def _decisions(opti: Any, q: Quantities, expected: Vector) -> Any:
+def _decisions(nlp: Nlp, q: Quantities, expected: Vector) -> Any:
     """The decided parameters, a column."""
     found = []
     for place, lower, upper, _ in q.decided:
         scale = abs(q.p[place]) or 1.0
-        free = opti.variable()
-        opti.subject_to(opti.bounded(lower / scale, free, upper / scale))
-        opti.set_initial(free, expected[place] / scale)
+        free = nlp.unknown(expected[place] / scale)
+        nlp.demand(free, lower / scale, upper / scale)
         found.append(free * scale)
     return ca.vertcat(*found) if found else ca.MX(0, 1)
 
@@ -203,57 +198,71 @@ def _phase(
     sizes: tuple[Vector, Vector, Vector],
     begin: Any,
 ) -> PhaseProgram:
-    opti, basis, count, q = program.opti, program.basis, len(mesh), problem.quantities
+    nlp, basis, count, q = program.nlp, program.basis, len(mesh), problem.quantities
     n = count * basis.degree
     lengths = np.array(mesh.fractions)
     starts = np.concatenate([[0.0], np.cumsum(lengths)[:-1]])
     shares = (starts[:, None] + lengths[:, None] * basis.points).ravel()
-    scaled_x = opti.variable(len(q.x), n + 1)
-    scaled_z = opti.variable(0 if law.algebraic is not None else len(q.z), n)
-    scaled_u = opti.variable(len(q.u), count * (basis.control + 1))
-    x, z, u = (ca.DM(s) * v if v.numel() else v for s, v in zip(sizes, (scaled_x, scaled_z, scaled_u), strict=True))
-    duration = _duration(opti, spec, guess)
+    values = _guessed(guess, basis, sizes, (starts, lengths, shares), q)
+    if law.algebraic is not None:
+        values[1] = np.zeros((0, n))
+    unknowns = [nlp.unknown(v, *v.shape) for v in values]
+    x, z, u = (ca.DM(s) * v if v.numel() else v for s, v in zip(sizes, unknowns, strict=True))
+    duration = _duration(nlp, spec, guess)
     at = u @ basis.blocks(basis.bernstein(basis.points), count, 0)
     times = begin + duration * ca.DM(shares).T
-    w = ca.repmat(program.w, 1, n)
-    ode, alg, y = law.equations.map(n)(times, x[:, 1:], z, at, w)
+    arguments = [times, x[:, 1:], z, at]
+    inside = site_of(nlp, q, law, program.w, arguments, n)
+    # at the start there are no collocated algebraic variables: those of the first point, for what does not need them
+    first = site_of(nlp, q, law, program.w, [begin, x[:, 0], z[:, 0], u[:, 0]], 1)
+    last = site_of(nlp, q, law, program.w, [begin + duration, x[:, -1], z[:, -1], at[:, -1]], 1)
+    ode, alg, _ = inside.equations
     integrals: dict[int, Any] = {}
     if program.steps is None:
-        lengthened = ca.diag(ca.DM(np.repeat(lengths, basis.degree)))
-        rate = scaled_x @ basis.blocks(basis.slopes, count, 1)
-        opti.subject_to(ca.vec(rate - duration * ((ode / ca.DM(sizes[0])) @ lengthened)) == 0)
+        rate = unknowns[0] @ basis.blocks(basis.slopes, count, 1)
+        lengthened = np.tile(np.repeat(lengths, basis.degree), (len(q.x), 1))
+        nlp.demand(rate - duration * (inside.points.ask(ode / ca.DM(sizes[0])) * ca.DM(lengthened)))
     else:
-        own = [v for v in problem.values if v.kind == "integral" and problem.specs[v.phase] is spec]
-        across = bridge(q, law, program.steps, [v.expression for v in own]).map(n)
-        begins = begin + duration * ca.DM(starts).T
-        ends, parts = across(begins, duration * ca.DM(lengths).T, x[:, :-1], z, at, w)
-        opti.subject_to(ca.vec((x[:, 1:] - ends) / ca.DM(sizes[0])) == 0)
-        integrals = {_key(v.symbol): ca.sum2(parts[k, :]) for k, v in enumerate(own)}
+        borders = (begin + duration * ca.DM(starts).T, duration * ca.DM(lengths).T)
+        integrals = _shot(program, problem, spec, law, (borders, x, z, at), sizes[0])
     if z.numel():
-        opti.subject_to(ca.vec(alg) == 0)
-    places = (starts, lengths, shares)
-    program.initial.extend(_initial(opti, guess, basis, (scaled_x, scaled_z, scaled_u), sizes, places, q))
-    y, y_start = _asked(q, law, (x, z, u, at, y), begin, program.w)
-    if law.algebraic is not None:
-        z = law.algebraic.map(n)(times, x[:, 1:], at, w)
+        nlp.demand(inside.points.ask(alg))
     weights = (lengths[:, None] * basis.weights).ravel()
-    return PhaseProgram(spec, mesh, dynamics, law, x, z, u, at, y, y_start, begin, duration, shares, weights, integrals)
+    if law.algebraic is not None:
+        z = law.algebraic.map(n)(times, x[:, 1:], at, ca.repmat(program.w, 1, n))
+    places = (inside, first, last)
+    return PhaseProgram(spec, mesh, dynamics, law, x, z, u, *places, begin, duration, shares, weights, integrals)
 
 
-def _duration(opti: Any, spec: PhaseSpec, guess: PhaseGuess) -> Any:
+def _shot(program: Program, problem: Problem, spec: PhaseSpec, law: Law, unknowns: Any, size: Vector) -> dict[int, Any]:
+    """Demand that intervals end where the next ones begin; the integrals over them."""
+    assert program.steps is not None
+    (begins, lengths), x, z, at = unknowns
+    n, q = lengths.shape[1], problem.quantities
+    site = site_of(program.nlp, q, law, program.w, [begins, x[:, :-1], z, at], n)
+    h = site.points.with_input(lengths)
+    own = [v for v in problem.values if v.kind == "integral" and problem.specs[v.phase] is spec]
+    ends, parts = bridge(law, program.steps, site.point, h, [site.integrand(q, v.expression) for v in own])
+    after = site.points.ask(ends / ca.DM(size))
+    program.nlp.demand(x[:, 1:] / ca.DM(size) - after)
+    over = site.points.ask(parts)
+    return {_key(v.symbol): ca.sum2(over[k, :]) for k, v in enumerate(own)}
+
+
+def _duration(nlp: Nlp, spec: PhaseSpec, guess: PhaseGuess) -> Any:
     if spec.shortest == spec.longest:
         return ca.MX(spec.shortest)
     scale = guess.duration
-    free = opti.variable()
-    opti.subject_to(opti.bounded(max(spec.shortest / scale, 1e-6), free, spec.longest / scale))
-    opti.set_initial(free, min(max(1.0, spec.shortest / scale), spec.longest / scale))
+    lower, upper = max(spec.shortest / scale, 1e-6), spec.longest / scale
+    free = nlp.unknown(min(max(1.0, spec.shortest / scale), upper))
+    nlp.demand(free, lower, upper)
     return free * scale
 
 
-def _initial(
-    opti: Any, guess: PhaseGuess, basis: Basis, unknowns: Any, sizes: Any, places: tuple[Vector, Vector, Vector], q: Any
+def _guessed(
+    guess: PhaseGuess, basis: Basis, sizes: Sequence[Vector], places: tuple[Vector, Vector, Vector], q: Quantities
 ) -> list[Vector]:
-    """Set the guess of x, z and u; it is returned scaled, in the order of the unknowns."""
+    """The guess of x, z and u, scaled."""
     starts, lengths, shares = places
     x, _, _ = guess.at(np.concatenate([[0.0], shares]))
     _, z, _ = guess.at(shares)
@@ -262,54 +271,23 @@ def _initial(
     inverse = np.linalg.inv(basis.bernstein(basis.nodes))
     u = u @ np.kron(np.eye(len(lengths)), inverse)
     u = np.clip(u, np.array(q.u.min)[:, None], np.array(q.u.max)[:, None])
-    scaled = []
-    for unknown, values, size in zip(unknowns, (x, z, u), sizes, strict=True):
-        if unknown.numel():
-            scaled.append(values / size[:, None])
-            opti.set_initial(unknown, scaled[-1])
-    return [values.ravel(order="F") for values in scaled]
-
-
-def _asked(q: Quantities, law: Law, unknowns: Any, begin: Any, w: Any) -> tuple[Any, Any]:
-    """What was asked for at the points and at the start; states and inputs directly, for they are linear then."""
-    x, z, u, at, y = unknowns
-    if not q.outputs:
-        return ca.MX(0, at.shape[1]), ca.MX(0, 1)
-    # at the start there are no collocated algebraic variables: those of the first point, for what does not need them
-    first = law.equations(begin, x[:, 0], z[:, 0] if z.numel() else ca.MX(0, 1), u[:, 0], w)[2]
-    rows, column = [], []
-    for k, output in enumerate(q.outputs):
-        place = q.place(output.name)
-        if place is None:
-            rows.append(y[law.wanted.index(k), :])
-            column.append(first[law.wanted.index(k)])
-        else:
-            vector, number, sign = place
-            rows.append(sign * (x[number, 1:] if vector == "x" else at[number, :]))
-            column.append(sign * (x[number, 0] if vector == "x" else u[number, 0]))
-    return ca.vertcat(*rows), ca.vertcat(*column)
+    return [values / size[:, None] for values, size in zip((x, z, u), sizes, strict=True)]
 
 
 def _link(program: Program, problem: Problem, size: Vector) -> None:
     """The start of the first phase, and each end with the start that follows."""
-    opti, q = program.opti, problem.quantities
+    nlp, q = program.nlp, problem.quantities
     first = program.phases[0].x[:, 0]
     held = [k for k in range(len(q.x)) if k not in problem.free_start]
     begin = q.start(program.p) if q.decided else ca.DM(q.first)
     begin = begin if program.first is None else program.first
     if held:
-        opti.subject_to((first[held] - begin[held]) / ca.DM(size[held]) == 0)
+        nlp.demand((first[held] - begin[held]) / ca.DM(size[held]))
     for before, after in zip(program.phases[:-1], program.phases[1:], strict=True):
         last = before.x[:, -1]
         if before.dynamics.jump is not None:
-            last = before.dynamics.jump(*_last(program, before))
-        opti.subject_to((after.x[:, 0] - last) / ca.DM(size) == 0)
-
-
-def _last(program: Program, phase: PhaseProgram) -> list[Any]:
-    """Arguments of the equations at the end of a phase."""
-    time = phase.begin + phase.duration
-    return [time, phase.x[:, -1], phase.z[:, -1], phase.at[:, -1], program.p]
+            last = before.last.points.ask(before.dynamics.jump(*before.last.model))
+        nlp.demand((after.x[:, 0] - last) / ca.DM(size))
 
 
 def _values(program: Program, problem: Problem) -> None:
@@ -319,14 +297,13 @@ def _values(program: Program, problem: Problem) -> None:
         if _key(value.symbol) in phase.integrals:
             found = phase.integrals[_key(value.symbol)]
         elif value.kind == "integral":
-            row = along(program, problem, value.expression, phase.times, phase.y)
+            row = along(program, problem, value.expression, phase.inside)
             found = phase.duration * (row @ ca.DM(phase.weights))
         elif value.kind == "end":
-            time = phase.begin + phase.duration
-            found = along(program, problem, value.expression, time, phase.y[:, -1])
+            found = along(program, problem, value.expression, phase.last)
         else:
             _check_start(problem, value.expression, phase)
-            found = along(program, problem, value.expression, phase.begin, phase.y_start)
+            found = along(program, problem, value.expression, phase.first)
         program.known[_key(value.symbol)] = found
 
 
@@ -351,10 +328,9 @@ def _ends(program: Program, problem: Problem) -> None:
             continue
         guard = problem.guards[phase.spec.switch]
         if guard.relation is not None:
-            value = phase.dynamics.guard(*_last(program, phase))
+            value = phase.last.points.ask(phase.dynamics.guard(*phase.last.model))
         else:
-            time = phase.begin + phase.duration
-            value = along(program, problem, guard.expression, time, phase.y[:, -1])
+            value = along(program, problem, guard.expression, phase.last)
         constraint = Constraint(f"{phase.spec.name} ends: {guard.text}", None, 0.0, 0.0, (), None, 1.0)
         _add(program, constraint, None, value, 1.0, None)
 
@@ -387,45 +363,53 @@ def _demand(program: Program, problem: Problem, constraint: Constraint, size_u: 
             points = (starts[:, None] + lengths[:, None] * basis.nodes).ravel()
             _add(program, constraint, number, place[2] * phase.u[place[1], :], float(size_u[place[1]]), points)
             continue
-        if place is not None:
-            row = place[2] * phase.x[place[1], 1:]
-        else:
-            row = along(program, problem, constraint.expression, phase.times, phase.y)
+        row = along(program, problem, constraint.expression, phase.inside)
         _add(program, constraint, number, row, constraint.scale, phase.shares)
 
 
 def _add(
     program: Program, constraint: Constraint, phase: int | None, value: Any, scale: float, points: Vector | None
 ) -> None:
-    opti = program.opti
-    value = ca.vec(ca.MX(value))
-    if phase is None and not ca.depends_on(value, opti.x):
+    nlp, value = program.nlp, ca.vec(ca.MX(value))
+    chosen = [*nlp.unknowns, *(s for one in nlp.points for s in one.symbols)]
+    if phase is None and not ca.depends_on(value, ca.veccat(*chosen)):
         raise UsageError(
             "AC051",
             f"nothing that can be chosen changes what {constraint.name} demands",
             where=constraint.where,
             help="leave it out; parameters are numbers until they are decided: problem.decide(name)",
         )
-    scaled, lower, upper = value / scale, constraint.lower / scale, constraint.upper / scale
-    relation = scaled == lower if lower == upper else opti.bounded(lower, scaled, upper)
-    opti.subject_to(relation)
-    program.demands.append(Demand(constraint, phase, relation, value, scale, points))
+    rows = nlp.demand(value / scale, constraint.lower / scale, constraint.upper / scale)
+    program.demands.append(Demand(constraint, phase, rows, scale, points))
 
 
-def along(program: Program, problem: Problem, expression: Any, times: Any, y: Any) -> Any:
-    """An expression of variables at instants: `times` (1, n) and `y` (ny, n) give (m, n)."""
-    q = problem.quantities
-    numbers, values = _numbers(program, problem)
-    n = times.numel() if hasattr(times, "numel") else 1
+def along(program: Program, problem: Problem, expression: Any, site: Site) -> Any:
+    """An expression of variables at the instants of a site, shape (m, n)."""
+    q, n = problem.quantities, site.points.n
     own = ca.symvar(expression)
-    rows = [(q.time, times), *((symbol, y[k, :]) for k, symbol in enumerate(q.symbols))]
-    rows += [(symbol, ca.repmat(value, 1, n)) for symbol, value in zip(numbers, values, strict=True)]
-    used = [(s, row) for s, row in rows if any(ca.is_equal(s, v) for v in own)]
-    if len(used) == 1 and ca.is_equal(used[0][0], expression):
-        return used[0][1]
-    # of scalars and of what it needs alone, for derivatives of long lists of arguments cost more than its operations
-    path = ca.Function("path", [s for s, _ in used], [expression]).expand()
-    return path.map(n)(*(row for _, row in used)) if n > 1 else path(*(row for _, row in used))
+    used = [k for k, s in enumerate(q.symbols) if any(ca.is_equal(s, v) for v in own)]
+    if len(used) == 1 and ca.is_equal(q.symbols[used[0]], expression) and site.places[used[0]] is not None:
+        return site.direct(used[0])
+    names = [q.symbols[k] for k in used]
+    signals = [site.signal(k) for k in used]
+    if any(ca.is_equal(q.time, v) for v in own):
+        names, signals = [q.time, *names], [site.point[0], *signals]
+    numbers = [(s, v) for s, v in zip(*_numbers(program, problem), strict=True) if any(ca.is_equal(s, o) for o in own)]
+    path = ca.Function("path", [*names, *(s for s, _ in numbers)], [expression]).expand()
+    rows = [ca.repmat(value, 1, n) for _, value in numbers]
+    if all(_linear(program.nlp, row) for row in rows):
+        return site.points.ask(path(*signals, *(site.points.with_input(row) for row in rows)))
+    # of numbers that themselves follow from the points
+    return path.map(n)(*(site.points.ask(signal) for signal in signals), *rows)
+
+
+def _linear(nlp: Nlp, row: Any) -> bool:
+    """Whether an expression is a linear one of the unknowns alone."""
+    own = ca.symvar(row)
+    known = [*nlp.unknowns, *nlp.parameters]
+    if not all(any(ca.is_equal(s, v) for v in known) for s in own):
+        return False
+    return not own or not any(ca.which_depends(row, ca.veccat(*own), 2, True))
 
 
 def _numbers(program: Program, problem: Problem) -> tuple[list[Any], list[Any]]:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from acausal.errors import OptimizationError, UsageError
 from acausal.optimal_control.error import interval_errors
 from acausal.optimal_control.guess import guessed
+from acausal.optimal_control.nlp import Solution, minimized
 from acausal.optimal_control.optimum import optimum_of
 from acausal.optimal_control.phases import dynamics_of, verified
 from acausal.optimal_control.polynomials import Basis
@@ -55,27 +56,43 @@ class Choices:
     options: Mapping[str, Any]
 
 
+class _Laps:
+    """Processor time of what a solution is made of: guess, build, solve, check [s]."""
+
+    def __init__(self) -> None:
+        self.seconds = dict.fromkeys(("guess", "build", "solve", "check"), 0.0)
+        self._last = clock.process_time()
+
+    def lap(self, name: str) -> None:
+        """Count what has passed since the last lap."""
+        now = clock.process_time()
+        self.seconds[name] += now - self._last
+        self._last = now
+
+
 def solved(problem: Problem, choices: Choices) -> Optimum:
     """See `Problem.solve`."""
     basis = Basis(choices.degree, choices.control) if choices.steps is None else Basis(1, 0)
     _check(problem, basis.degree, basis.control, choices.solver)
     accuracy, refinements = choices.accuracy, choices.refinements
-    began = clock.perf_counter()
+    taken = _Laps()
     guesses = guessed(problem)
+    taken.lap("guess")
     laws = dynamics_of(problem, guesses)
     meshes = [spec.mesh for spec in problem.specs]
     iterations: list[int] = []
     expected = problem.quantities.p
     while True:
         program = transcribed(problem, laws, guesses, meshes, basis, expected, steps=choices.steps)
-        built = clock.perf_counter()
-        values, count = _run(program, choices)
-        finished = clock.perf_counter()
-        iterations.append(count)
-        trajectory = trajectory_of(problem, program, values)
+        taken.lap("build")
+        solution = _run(program, choices)
+        taken.lap("solve")
+        iterations.append(solution.iterations)
+        trajectory = trajectory_of(program, solution)
         verified(problem, laws, trajectory)
         errors = interval_errors(problem, laws, trajectory)
         worst = max((float(e.max()) for e in errors), default=0.0)
+        taken.lap("check")
         if accuracy is None or worst <= accuracy:
             break
         if len(iterations) > refinements:
@@ -91,12 +108,11 @@ def solved(problem: Problem, choices: Choices) -> Optimum:
         "intervals": sum(map(len, meshes)),
         "interval_error": worst,
         "notes": (*problem.quantities.begin.notes, *_coarse(trajectory, errors, worst)),
-        "build": built - began if len(iterations) == 1 else np.nan,
-        "solve": finished - built,
+        **taken.seconds,
     }
     for note in stats["notes"]:
         _log.warning("%s: %s", problem.compiled.name, note)
-    return optimum_of(problem, program, values, trajectory, stats)
+    return optimum_of(problem, program, solution, trajectory, stats)
 
 
 def _check(problem: Problem, degree: int, control: int, solver: str) -> None:
@@ -112,59 +128,45 @@ def _check(problem: Problem, degree: int, control: int, solver: str) -> None:
         )
 
 
-def _run(program: Program, choices: Choices) -> tuple[Any, int]:
-    """The values that the solver finds, and the number of its iterations."""
-    opti, name = program.opti, choices.solver
-    inner = {"tol": choices.tolerance, **SOLVERS[name], **choices.options}
-    # fatrop's own structure of stages has no place for durations and parameters that are decided: none is looked for
-    more = {"detect_simple_bounds": True} if name == "ipopt" else {"structure_detection": "none"}
-    opti.solver(name, {name: inner, "print_time": False, "show_eval_warnings": False, **more})
-    try:
-        found = opti.solve()
-    except RuntimeError as error:
-        status = str(opti.stats().get("return_status", "")) if _ran(opti) else ""
-        raise _failure(program, status, error) from None
-    return found.value, int(found.stats()["iter_count"])
+def _run(program: Program, choices: Choices) -> Solution:
+    """What the solver finds."""
+    name = choices.solver
+    found = minimized(program.nlp, name, {"tol": choices.tolerance, **SOLVERS[name], **choices.options})
+    if not found.success:
+        raise _failure(program, found, name)
+    return found
 
 
-def _ran(opti: Any) -> bool:
-    try:
-        opti.stats()
-    except RuntimeError:
-        return False
-    return True
-
-
-def _failure(program: Program, status: str, error: RuntimeError) -> OptimizationError:
+def _failure(program: Program, solution: Solution, solver: str) -> OptimizationError:
+    status = solution.status
     if status == _UNBOUNDED:
         return OptimizationError(
             "AC702",
             "the objective has no smallest value: ipopt's iterates grow without end",
-            evidence=[f"largest: {name}" for name in _largest(program)],
+            evidence=[f"largest: {name}" for name in _largest(program, solution)],
             help="limit what grows: subject_to(name, min=..., max=...), or min and max of the inputs",
         )
     if status in _INFEASIBLE:
         return OptimizationError(
             "AC701",
             "the demands contradict each other, or the model: ipopt finds no point that fulfils all",
-            evidence=[*_violated(program), f"they press most: {', '.join(_pressing(program))}"],
+            evidence=[*_violated(program, solution), f"they press most: {', '.join(_pressing(program, solution))}"],
             help="relax them, allow more time, or begin elsewhere: problem.guess(...)",
         )
-    said = status.replace("_", " ") or (str(error).strip().splitlines() or [""])[-1]
     return OptimizationError(
         "AC703",
-        f"ipopt gives up: {said}",
-        evidence=_violated(program),
+        f"{solver} gives up: {status.replace('_', ' ')}",
+        evidence=_violated(program, solution),
         help="begin nearer to an answer (problem.guess), give magnitudes (nominal=) to variables, or more iterations: "
         'solve(options={"max_iter": 3000})',
     )
 
 
-def _violated(program: Program) -> list[str]:
+def _violated(program: Program, solution: Solution) -> list[str]:
     """The demands that the last point violates most, worst first."""
     found = []
     for demand in program.demands:
-        values = np.array(program.opti.debug.value(demand.value), dtype=float).ravel()
+        values = solution.g[demand.rows.start : demand.rows.stop] * demand.scale
         c = demand.constraint
         off = np.maximum(np.maximum(c.lower - values, values - c.upper), 0.0) / demand.scale
         if off.size and (off.max() > 1e-6 or not np.isfinite(values).all()):
@@ -174,27 +176,24 @@ def _violated(program: Program) -> list[str]:
     return [text for _, text, _ in sorted(found, key=lambda item: -item[0])[:4]]
 
 
-def _pressing(program: Program) -> list[str]:
+def _pressing(program: Program, solution: Solution) -> list[str]:
     """The demands with the largest multipliers at the last point, as their magnitudes count."""
     found: dict[str, float] = {}
     for demand in program.demands:
-        duals = np.array(program.opti.debug.value(program.opti.dual(demand.relation)), dtype=float)
-        name = demand.constraint.name
+        duals, name = solution.duals[demand.rows.start : demand.rows.stop], demand.constraint.name
         found[name] = max(found.get(name, 0.0), float(np.abs(duals).max(initial=0.0)))
     return sorted(found, key=lambda name: -found[name])[:4]
 
 
-def _largest(program: Program) -> list[str]:
+def _largest(program: Program, solution: Solution) -> list[str]:
     """Names of what has grown most, against the guess."""
     found = []
     for phase in program.phases:
-        for ports, unknown in zip(program.ports, (phase.x, phase.u), strict=True):
-            if not len(ports):
-                continue
-            values = np.array(program.opti.debug.value(unknown), dtype=float).reshape(len(ports), -1)
-            found += [(float(np.abs(v).max()) / p.nominal, p.name) for p, v in zip(ports, values, strict=True)]
-        duration = float(program.opti.debug.value(phase.duration))
-        found.append((duration, f"duration of {phase.spec.name}"))
+        x, u, duration = solution.values(phase.x, phase.u, phase.duration)
+        for ports, values in zip(program.ports, (x, u), strict=True):
+            rows = values.reshape(len(ports), -1)
+            found += [(float(np.abs(v).max()) / p.nominal, p.name) for p, v in zip(ports, rows, strict=True)]
+        found.append((duration.item(), f"duration of {phase.spec.name}"))
     return list(dict.fromkeys(name for _, name in sorted(found, key=lambda item: -item[0])))[:3]
 
 

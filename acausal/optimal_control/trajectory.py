@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from acausal.optimal_control.declare import Mesh
 from acausal.optimal_control.guess import PhaseGuess
+from acausal.optimal_control.nlp import Solution
 from acausal.optimal_control.polynomials import Basis
-from acausal.optimal_control.problem import Problem
 from acausal.optimal_control.radau import Program
 
 Vector = NDArray[np.float64]
@@ -72,26 +71,14 @@ class Trajectory:
         return [PhaseGuess(phase.duration, phase.at) for phase in self.phases]
 
 
-def trajectory_of(problem: Problem, program: Program, value: Any) -> Trajectory:
-    """The numbers that a solver found; `value` evaluates expressions of the program."""
-    q = problem.quantities
-
-    def matrix(expression: Any, rows: int) -> Vector:
-        shape = (rows, expression.shape[1])
-        return np.array(value(expression), dtype=float).reshape(shape) if rows else np.zeros(shape)
-
+def trajectory_of(program: Program, solution: Solution) -> Trajectory:
+    """The numbers that a solver found."""
+    wanted = [v for phase in program.phases for v in (phase.begin, phase.duration, phase.x, phase.z, phase.u)]
+    found = iter(solution.values(*wanted, program.p))
     phases = []
     for phase in program.phases:
+        begin, duration, x, z, u = (next(found) for _ in range(5))
         phases.append(
-            PhaseTrajectory(
-                phase.spec.name,
-                program.basis,
-                phase.mesh,
-                float(value(phase.begin)),
-                float(value(phase.duration)),
-                matrix(phase.x, len(q.x)),
-                matrix(phase.z, len(q.z)),
-                matrix(phase.u, len(q.u)),
-            )
+            PhaseTrajectory(phase.spec.name, program.basis, phase.mesh, begin.item(), duration.item(), x, z, u)
         )
-    return Trajectory(phases, np.array(value(program.p), dtype=float).reshape(-1))
+    return Trajectory(phases, next(found).reshape(-1))

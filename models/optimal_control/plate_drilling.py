@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, ClassVar
 
 from acausal import (
@@ -99,11 +100,11 @@ class PlateDrilling(Component):
         yield self.power == self.drill.torque * self.joint.w
 
 
-def least_time(intervals: int = 5) -> Problem:
-    """The shortest time from 1 mm above the plate to where the cone has left it."""
+def least_time(intervals: int = 5, parameters: Mapping[str, float] | None = None) -> Problem:
+    """The shortest time from 1 mm above the plate to where the cone has left it, with values of parameters by path."""
     from acausal.optimal_control import Problem
 
-    problem = Problem(PlateDrilling())
+    problem = Problem(PlateDrilling(), parameters=parameters)
     depth, thickness = problem["depth"], 20e-3
     problem.phase("air", until="depth > 0", intervals=intervals)
     problem.phase("entering", until=depth >= CONE, intervals=intervals)

@@ -17,13 +17,13 @@ from acausal.models.optimal_control.plate_drilling import least_time
 from acausal.optimal_control import Problem
 
 
-def static_drilling_time() -> float:
+def static_drilling_time(k_c11: float = 2240e6, z: float = 0.21) -> float:
     """Time of the same plate when feed and speed follow without delay, by Kienzle's law at each depth.
 
     Equations (1) to (10) of the founding paper: at a depth the thrust or the torque limits the feed per revolution, the
     power then limits the speed, for the feed rate under a given power grows with the feed; both feed rates are capped.
     """
-    d, kappa, z_E, k_c11, z, t = 16e-3, np.radians(59.0), 2, 2240e6, 0.21, 20e-3
+    d, kappa, z_E, t = 16e-3, np.radians(59.0), 2, 20e-3
     slope = 2 * np.tan(kappa)
     h_c = d / slope
 
@@ -61,6 +61,17 @@ def test_time_optimal_drilling_converges_from_the_default_guess(tmp_path: Path) 
         assert name in words
         assert all(c in words for c in constraints)
     assert (tmp_path / "drilling.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    ("intervals", "k_c11", "z"), [(8, 2240e6, 0.21), (5, 1500e6, 0.21), (5, 3000e6, 0.25), (4, 1780e6, 0.17)]
+)
+def test_other_materials_and_meshes_need_no_more_iterations(intervals: int, k_c11: float, z: float) -> None:
+    best = least_time(intervals, parameters={"drill.k_c11": k_c11, "drill.z": z}).solve()
+    iterations = best.stats["iterations"]
+    assert isinstance(iterations, int)
+    assert iterations <= 40
+    assert best.objective == pytest.approx(static_drilling_time(k_c11, z), rel=1e-2)
 
 
 @pytest.mark.slow
