@@ -60,7 +60,7 @@ class _Laps:
     """Processor time of what a solution is made of: guess, build, solve, check [s]."""
 
     def __init__(self) -> None:
-        self.seconds = dict.fromkeys(("guess", "build", "solve", "check"), 0.0)
+        self.seconds: dict[str, float] = dict.fromkeys(("guess", "build", "solve", "check"), 0.0)
         self._last = clock.process_time()
 
     def lap(self, name: str) -> None:
