@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -12,6 +12,16 @@ from acausal.cli.outputs import check_writable
 from acausal.cli.reference import find_model
 from acausal.cli.report import quantity, record, remark, say, table
 from acausal.cli.settings import listed, prepare, seconds_of
+
+if TYPE_CHECKING:
+    from acausal.export.casadi_model import CasadiModel
+
+ParametersOption = Annotated[
+    list[str] | None,
+    typer.Option("--parameters", help="Parameters that p holds. Default: all.", show_default=False),
+]
+MinimalOption = Annotated[bool, typer.Option("--minimal", help="In minimal coordinates.")]
+EventsOption = Annotated[bool, typer.Option("--events", help="With what happens at events.")]
 
 export = typer.Typer(help="Write a model in another form.", no_args_is_help=True)
 
@@ -31,11 +41,15 @@ def casadi(
     outputs: OutputsOption = None,
     settings: SetOption = None,
     freed: FreeOption = None,
+    parameters: ParametersOption = None,
+    minimal: MinimalOption = False,
+    events: EventsOption = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Write the functions dae, ode and init for optimal control.
+    """Write the functions of a model for CasADi: dae, ode, implicit, outputs, init, step, invariants, instants.
 
-    The file holds them with names, units, start, nominal, min and max of every entry; acausal.export reads it.
+    The file holds them with names, units, start, nominal, min and max of every entry; CasADi alone reads it, as
+    docs/casadi.md shows.
 
     Example: acausal export casadi Pendulum -o pendulum.casadi
     """
@@ -45,12 +59,21 @@ def casadi(
     check_writable(target)
     from acausal.lower.compile import compile
 
-    made = compile(prepared.model, parameters=prepared.parameters).casadi(listed(outputs) or None)
+    compiled = compile(prepared.model, parameters=prepared.parameters)
+    made = compiled.casadi(
+        listed(outputs) or None, parameters=listed(parameters) or None, minimal=minimal, events=events
+    )
     made.save(target)
-    functions = {name: str(getattr(made, name)) for name in ("dae", "ode", "init")}
+    _show(made, [target], as_json)
+
+
+def _show(made: CasadiModel, files: list[Path], as_json: bool) -> None:
+    functions = {name: str(f) for name, f in made.functions.items()}
     vectors = {name: [vars(port) for port in getattr(made, name)] for name in ("x", "z", "u", "p", "y")}
     if as_json:
-        record({"model": made.name, "functions": functions, **vectors, "notes": made.notes, "files": [str(target)]})
+        record(
+            {"model": made.name, "functions": functions, **vectors, "notes": made.notes, "files": [*map(str, files)]}
+        )
         return
     for text in functions.values():
         say(text)
@@ -62,7 +85,47 @@ def casadi(
     table(rows, ("", "name", "start", "meaning"))
     for note in made.notes:
         remark(f"note: {note}")
-    remark(f"wrote {target}")
+    for file in files:
+        remark(f"wrote {file}")
+
+
+@export.command()
+def c(
+    model: ModelArgument,
+    folder: Annotated[
+        Path | None,
+        typer.Option("--output-folder", "-o", help="Folder for the files. Default: here.", show_default=False),
+    ] = None,
+    outputs: OutputsOption = None,
+    settings: SetOption = None,
+    freed: FreeOption = None,
+    parameters: ParametersOption = None,
+    minimal: MinimalOption = False,
+    events: EventsOption = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Write the same functions as C: MODEL.c, MODEL.h and MODEL_main.c, which prints what they give at the start.
+
+    Example: acausal export c Pendulum -o build
+    """
+    cls = find_model(model)
+    prepared = prepare(cls, settings or (), freed or ())
+    target = folder or Path()
+    from acausal.files import atomic
+    from acausal.lower.compile import compile
+
+    compiled = compile(prepared.model, parameters=prepared.parameters)
+    made = compiled.casadi(
+        listed(outputs) or None, parameters=listed(parameters) or None, minimal=minimal, events=events
+    )
+    texts = made.source()
+    files = [target / name for name in texts]
+    for file in files:
+        check_writable(file)
+    for file, text in zip(files, texts.values(), strict=True):
+        with atomic(file) as opened:
+            opened.write(text.encode())
+    _show(made, files, as_json)
 
 
 @export.command()

@@ -2,11 +2,12 @@
 
 A zip archive of two members:
 
-- `functions.casadi`: what CasADi's StringSerializer makes of dae, ode, init, instants, in this order. CasADi reads
-  files of its own and of older versions; rootfinders, with their derivatives, are among what it can write.
-- `metadata.json`: format and version numbers, name, start time, notes, and for each of x, z, u, p, y the list of its
-  entries with name, unit, doc, start, nominal, min, max; null stands for no limit (and for a start that is not known);
-  a checksum of all of this and of the functions.
+- `functions.casadi`: what CasADi's StringSerializer makes of the functions, in the order of their names in the
+  description. CasADi reads files of its own and of older versions; rootfinders, with their derivatives, are among what
+  it can write. CasADi alone reads them (docs/casadi.md).
+- `metadata.json`: format and version numbers, name, start time, notes, names of the functions, and for each of x, z, u,
+  p, y (and m, with events) the list of its entries with name, unit, doc, start, nominal, min, max; null stands for no
+  limit (and for a start that is not known); a checksum of all of this and of the functions.
 
 CasADi's format can name shared libraries and compilers, which CasADi opens and runs as it reads: such files are refused
 before CasADi sees them (`docs/security.md`).
@@ -28,12 +29,11 @@ import casadi as ca
 import numpy as np
 
 from acausal.errors import ExportError, UsageError
-from acausal.export.casadi_model import CasadiModel, Port, Ports
+from acausal.export.casadi_model import EVENT_FUNCTIONS, FUNCTIONS, CasadiEvents, CasadiModel, Port, Ports
 from acausal.files import atomic
 
 FORMAT = "acausal casadi model"
-VERSION = 1
-_FUNCTIONS = ("dae", "ode", "init", "instants")
+VERSION = 2
 _VECTORS = ("x", "z", "u", "p", "y")
 # One date in all archives: the same model gives the same bytes.
 _DATE = (1980, 1, 1, 0, 0, 0)
@@ -48,8 +48,8 @@ def save_casadi(model: CasadiModel, path: str | Path) -> None:
         AC012 when the file cannot be written.
     """
     serializer = ca.StringSerializer()
-    for name in _FUNCTIONS:
-        serializer.pack(getattr(model, name))
+    for function in model.functions.values():
+        serializer.pack(function)
     functions, described = serializer.encode(), _described(model)
     described["checksum"] = _checksum(described, functions)
     members = {"metadata.json": json.dumps(described, indent=1), "functions.casadi": functions}
@@ -66,8 +66,8 @@ def load_casadi(path: str | Path) -> CasadiModel:
     UsageError
         AC014 when the file cannot be opened.
     ExportError
-        AC601 when it is no such file or is damaged, AC602 when a newer acausal or CasADi wrote it, AC609 when it would
-        have code of others run.
+        AC601 when it is no such file or is damaged, AC602 when another format or a newer CasADi wrote it, AC609 when it
+        would have code of others run.
     """
     path = Path(path)
     try:
@@ -89,6 +89,12 @@ def load_casadi(path: str | Path) -> CasadiModel:
     version, casadi = described.get("version"), str(described.get("casadi", "?"))
     if not isinstance(version, int) or version > VERSION:
         raise _too_new(path, f"format {version}", f"format {VERSION}")
+    if version < VERSION:
+        raise ExportError(
+            "AC602",
+            f"{path} was written with format {version}, which holds less than format {VERSION} of this installation",
+            help="save it again from the model: compiled.casadi().save(path)",
+        )
     if _numbers(casadi) > _numbers(ca.CasadiMeta.version()):
         raise _too_new(path, f"CasADi {casadi}", f"CasADi {ca.CasadiMeta.version()}")
     if described.get("checksum") != _checksum(described, functions):
@@ -161,6 +167,8 @@ def _described(model: CasadiModel) -> dict[str, Any]:
         "name": model.name,
         "start_time": model.start_time,
         "notes": list(model.notes),
+        "functions": list(model.functions),
+        **({"m": [_to_json(port) for port in model.events.m]} if model.events else {}),
         **{v: [_to_json(port) for port in getattr(model, v)] for v in _VECTORS},
     }
 
@@ -179,12 +187,17 @@ def _from_json(record: dict[str, Any]) -> Port:
 def _restored(path: Path, described: dict[str, Any], text: str) -> CasadiModel:
     try:
         deserializer = ca.StringDeserializer(text)
-        functions = {name: deserializer.unpack() for name in _FUNCTIONS}
+        functions = {name: deserializer.unpack() for name in described["functions"]}
         vectors = {v: Ports(map(_from_json, described[v])) for v in _VECTORS}
+        events = None
+        if "m" in described:
+            own = {name: functions[f"events.{name}"] for name in EVENT_FUNCTIONS}
+            events = CasadiEvents(**own, m=Ports(map(_from_json, described["m"])))
         return CasadiModel(
             name=described["name"],
-            **functions,
+            **{name: functions[name] for name in FUNCTIONS},
             **vectors,
+            events=events,
             start_time=described["start_time"],
             notes=tuple(described["notes"]),
         )

@@ -10,6 +10,11 @@ from typing import Any
 
 from acausal.errors import UsageError, nearest
 
+FUNCTIONS = ("dae", "ode", "implicit", "outputs", "init", "step", "invariants", "instants")
+"""Names of the functions of a `CasadiModel`, in the order in which files hold them."""
+EVENT_FUNCTIONS = ("dae", "indicators", "react", "clocks", "round")
+"""The same of `CasadiEvents`."""
+
 
 @dataclass(frozen=True)
 class Port:
@@ -82,11 +87,47 @@ class Ports(tuple[Port, ...]):
 
 
 @dataclass(frozen=True, eq=False)
+class CasadiEvents:
+    """What happens at the events of a model: for a loop that integrates between them; see docs/casadi.md.
+
+    The functions have an argument more, the modes `m`, in the order of the attribute of that name: 1 for each relation
+    that holds, and what `pre` remembers. Between events m is constant, and `dae` is smooth.
+
+    Attributes
+    ----------
+    dae
+        `(t, x, z, u, p, m) -> (ode, alg, y)`.
+    indicators
+        `(t, x, z, u, p, m) -> g`: positive while the relations of variables hold as `m` says; an event is where one
+        becomes negative.
+    react
+        `(t, x, z, u, p, m, ticks) -> (x_after, z_after, m_after, settled)`: what the model makes of an instant:
+        relations flip, `when`s act, discrete equations follow, until nothing changes. `ticks` says which of `clocks`
+        tick at it. Settled is 0 when the turns did not suffice. MX.
+    clocks
+        `(p) -> (first, interval)`, shape (clocks,): clock k ticks at first[k], first[k] + interval[k], ...
+    round
+        One round of that iteration, for loops of one's own: `acausal.lower.event_round.Round`.
+    m
+        Names of the modes; start is their value after the events of the start.
+    """
+
+    dae: Any
+    indicators: Any
+    react: Any
+    clocks: Any
+    round: Any
+    m: Ports
+
+
+@dataclass(frozen=True, eq=False)
 class CasadiModel:
     """CasADi functions of a model, in SI units, and what their arguments mean; made by `compiled.casadi()`.
 
     Vectors are columns; `x` states, `z` algebraic variables, `u` the model's own inputs, `p` parameters, `y` outputs.
-    They are described, in order, by the attributes of the same names.
+    They are described, in order, by the attributes of the same names. No function has the argument `t` where nothing
+    in the model depends on the time. First and second derivatives are finite wherever the values are, see
+    `acausal.export.finite`. docs/casadi.md shows each function in use.
 
     Attributes
     ----------
@@ -99,38 +140,78 @@ class CasadiModel:
         magnitudes) starts at the z of the model's start, whatever x is; CasADi differentiates it any number of times
         by the implicit function theorem. It raises RuntimeError where it does not converge. For shooting and explicit
         integrators.
+    implicit
+        `(t, xdot, x, z, u, p) -> r`, nx + nz residuals: xdot - ode and alg.
+    outputs
+        `(t, x, z, u, p) -> y`.
     init
         `(p) -> (x0, z0)`: the start conditions. States given outright are expressions of p; where others, or z, have
         to be solved for, a rootfinder is inside (MX). Inputs have their start values in it.
+    step
+        `(t, x, u, p, h) -> (x_next, y)`: one step of length h [s] of the classical Runge-Kutta method on `ode`, y at
+        its end. Unstable where h times the fastest eigenvalue passes 2.8; `acausal.step_function` has implicit ones.
+    invariants
+        `(t, x, z, u, p) -> (position, velocity)`: constraints that bind the states, as stated, and differentiated:
+        both are 0 along solutions, and at consistent starts. The functions above draw states back to them at the rate
+        `stabilisation.rate`. Empty where the states are as many as the degrees of freedom ask for.
     instants
         `(p) -> times`: when sources of the model switch, in no order, some twice. Between them the functions are as
         smooth as the model's own equations; put mesh points there. At such a time the functions take the value after
         it.
+    events
+        What happens at events, where it was asked for; else None, and models whose events act are refused.
     start_time
         Time [s] of `init`.
     notes
-        Sentences about what was assumed.
-
-    CasADi can generate C (`Function.generate`) from everything that is SX; of functions with a `newton` rootfinder it
-    cannot, nor does it say so in an error. Build a `fast_newton` rootfinder from `dae` for that.
+        Sentences about what was assumed or left out.
     """
 
     name: str
     dae: Any
     ode: Any
+    implicit: Any
+    outputs: Any
     init: Any
+    step: Any
+    invariants: Any
     instants: Any
     x: Ports
     z: Ports
     u: Ports
     p: Ports
     y: Ports
+    events: CasadiEvents | None = None
     start_time: float = 0.0
     notes: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         sizes = ", ".join(f"{len(getattr(self, v))} {v}" for v in "xzupy")
         return f"CasadiModel({self.name}: {sizes})"
+
+    @property
+    def autonomous(self) -> bool:
+        """Whether the functions have no argument t."""
+        return "t" not in self.dae.name_in()
+
+    @property
+    def functions(self) -> dict[str, Any]:
+        """All functions by name, those of the events as `events.NAME`."""
+        found = {name: getattr(self, name) for name in FUNCTIONS}
+        if self.events is not None:
+            found |= {f"events.{name}": getattr(self.events, name) for name in EVENT_FUNCTIONS}
+        return found
+
+    def source(self) -> dict[str, str]:
+        """C of all functions: the texts of `NAME.c`, `NAME.h` and `NAME_main.c` by file name; see docs/casadi.md.
+
+        Raises
+        ------
+        ExportError
+            AC612 when a function cannot be generated.
+        """
+        from acausal.export.c_source import sources
+
+        return sources(self)
 
     def save(self, path: str | Path) -> None:
         """Write functions and description to one file, completely or not at all; see `acausal.export.casadi_file`.

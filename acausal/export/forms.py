@@ -29,9 +29,10 @@ FUNCTIONS = Form(
     "an export as functions of one instant",
     events=False,
     ends=False,
-    instead="acausal.step_function(compiled, step) steps through events, acausal.sensitivities differentiates a run "
-    "with them, acausal.simulate runs it",
+    instead="casadi(events=True) hands out what happens at events, acausal.step_function(compiled, step) steps through "
+    "them, acausal.sensitivities differentiates a run with them, acausal.simulate runs it",
 )
+BETWEEN = Form("an export with its events", events=True, ends=False)
 LINEAR = Form(
     "linearize",
     events=False,

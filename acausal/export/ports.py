@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 from acausal.errors import UsageError, nearest
@@ -121,8 +122,10 @@ def _declared(compiled: CompiledModel, variable: int) -> tuple[str, str]:
 def parameter_ports(compiled: CompiledModel) -> Ports:
     """Descriptions of the free parameters; start is the value."""
     described = dict(_parameters(compiled))
+    # the one that no declaration stands behind
+    rate = Port("stabilisation.rate", "1/s", "Rate at which states are drawn back to constraints", min=0.0)
     return Ports(
-        described.get(k) or Port(name, start=value)
+        described.get(k) or replace(rate, name=name, start=value, nominal=value or 1.0)
         for k, (name, value) in enumerate(zip(compiled.parameters, compiled.parameter_values, strict=True))
     )
 

@@ -55,7 +55,7 @@ def source(made: StepFunction) -> str:
         function = function.expand(f"{own}_casadi")
     code = functions(function)
     ports = zip("xupy", (made.x, made.u, made.p, made.y), strict=True)
-    tables = "\n".join(_table(letter, entries) for letter, entries in ports)
+    tables = "\n".join(table(letter, entries) for letter, entries in ports)
     narg, nres, niw, nw = function.sz_arg(), function.sz_res(), function.sz_iw(), function.sz_w()
     return (
         _HEAD.format(name=made.name, method=made.method, step=made.step, identifier=own, tables=tables)
@@ -69,8 +69,8 @@ def source(made: StepFunction) -> str:
             ny=len(made.y),
             nx1=max(len(made.x), 1),
             np1=max(len(made.p), 1),
-            x0=_numbers(made.x),
-            p0=_numbers(made.p),
+            x0=numbers(made.x),
+            p0=numbers(made.p),
             narg=max(narg, 3),
             nres=max(nres, 2),
             niw=niw + 1,
@@ -79,10 +79,10 @@ def source(made: StepFunction) -> str:
     )
 
 
-def _table(letter: str, ports: Ports) -> str:
+def table(letter: str, ports: Ports) -> str:
     lines = [f"   {letter}[{k}]  {port.name} [{port.unit or '1'}]" for k, port in enumerate(ports)]
     return "\n".join(lines or [f"   {letter} is empty"]).replace("*/", "* /")
 
 
-def _numbers(ports: Ports) -> str:
+def numbers(ports: Ports) -> str:
     return ", ".join(repr(float(v)) for v in ports.start) or "0"

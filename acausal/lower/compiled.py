@@ -390,14 +390,23 @@ class CompiledModel:
                 found[node] = None
         return tuple(found)
 
-    def casadi(self, outputs: Sequence[str] | None = None) -> CasadiModel:
+    def casadi(
+        self,
+        outputs: Sequence[str] | None = None,
+        *,
+        parameters: Sequence[str] | None = None,
+        minimal: bool = False,
+        events: bool = False,
+    ) -> CasadiModel:
         """The model as CasADi functions for optimal control, with names, units and limits of every entry.
 
-        `outputs` names what y holds; None means what is declared in the model's own class. See `acausal.export`.
+        `outputs` names what y holds; None means what is declared in the model's own class. `parameters` names what p
+        holds; None means all. `minimal` asks for as many states as degrees of freedom, `events` for what happens at
+        events. See `acausal.export.functions.casadi_model` and docs/casadi.md.
         """
         from acausal.export.functions import casadi_model
 
-        return casadi_model(self, outputs)
+        return casadi_model(self, outputs, parameters=parameters, minimal=minimal, events=events)
 
 
 _INPUTS = ["t", "x", "z", "u", "p", "m"]

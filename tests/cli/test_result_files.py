@@ -97,7 +97,7 @@ def test_exported_functions_can_be_loaded_and_called() -> None:
     assert outcome.code == 0, outcome.err
     assert "mass.s" in outcome.out
     model = load_casadi("o.casadi")
-    rate = model.ode(0.0, model.x.start, [], model.p.start)[0]
+    rate = model.ode(model.x.start, [], model.p.start)[0]
     assert np.array(rate).ravel() == pytest.approx([0.0, -10.0])
 
 

@@ -85,9 +85,9 @@ def test_exact_second_derivatives_in_optimal_control() -> None:
     parameters = ca.vertcat(p[:place], force, p[place + 1 :])
     opti.subject_to(x[0] == 0.6)
     for k in range(steps):
-        rate = model.ode(0, (x[k] + x[k + 1]) / 2, [], parameters)[0]
+        rate = model.ode((x[k] + x[k + 1]) / 2, [], parameters)[0]
         opti.subject_to(x[k + 1] == x[k] + h * rate)
-    end = model.ode(0, x[steps], [], parameters)[1]
+    end = model.ode(x[steps], [], parameters)[1]
     opti.minimize((1e3 * end - 4.0) ** 2)
     opti.set_initial(x, 0.595)
     opti.set_initial(force, 80.0)

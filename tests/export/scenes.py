@@ -123,7 +123,7 @@ def radau(model: CasadiModel, horizon: Any, opti: Any, intervals: int, reduced: 
     p = np.tile(np.array(model.p.start)[:, None], (1, count))
     function, arguments = (model.ode, [u, p]) if reduced else (model.dae, [z, u, p])
     # Evaluated column by column: a function with a rootfinder inside cannot be mapped into one expression of scalars.
-    rate, *rest = function.map(count)(horizon * times[None, :], x[:, 1:], *arguments)
+    rate, *rest = function.map(count)(*timed(model, horizon * times[None, :]), x[:, 1:], *arguments)
     for k in range(intervals):
         columns = slice(3 * k, 3 * k + 3)
         opti.subject_to(x[:, 3 * k : 3 * k + 4] @ slopes == horizon / intervals * rate[:, columns])
@@ -132,6 +132,11 @@ def radau(model: CasadiModel, horizon: Any, opti: Any, intervals: int, reduced: 
     weights = np.tile(np.array(quadrature).ravel(), intervals) / intervals
     opti.subject_to(x[:, 0] == ca.DM(model.x.start))
     return Transcription(opti, x, z, u, rest[-1], times, weights, horizon)
+
+
+def timed(model: CasadiModel, t: Any) -> tuple[Any, ...]:
+    """The argument t, where the functions have it."""
+    return () if model.autonomous else (t,)
 
 
 def numbers(matrix: Any) -> NDArray[np.float64]:

@@ -63,7 +63,7 @@ def test_infinite_limits_and_derivatives_survive(tmp_path: Path) -> None:
     assert (model.x[0].min, model.x[0].max) == (-math.inf, math.inf)
     assert "Infinity" not in zipfile.ZipFile(tmp_path / "m.casadi").read("metadata.json").decode()
     u = ca.MX.sym("u")
-    current = model.ode(0.0, [0.0, 0.0], u, model.p.start)[1]
+    current = model.ode([0.0, 0.0], u, model.p.start)[1]
     # u = i + i**3: di/du = 1/4 at u = 2.
     assert float(ca.Function("f", [u], [ca.jacobian(current, u)])(2.0)) == pytest.approx(0.25, rel=1e-9)
     assert repr(model) == "CasadiModel(DrivenSlider: 2 x, 1 z, 1 u, 5 p, 1 y)"
@@ -104,7 +104,7 @@ def _cut_functions(path: Path) -> None:
 
 
 def _newer_format(path: Path) -> None:
-    _rewritten(path, metadata=lambda text: text.replace('"version": 1', '"version": 2'))
+    _rewritten(path, metadata=lambda text: text.replace('"version": 2', '"version": 3'))
 
 
 def _newer_casadi(path: Path) -> None:

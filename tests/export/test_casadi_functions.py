@@ -31,13 +31,14 @@ from acausal.errors import UsageError
 from acausal.export.casadi_model import CasadiModel
 from acausal.models.drilling_dynamic import ThickBlock
 from acausal.models.pendulum import Pendulum
-from tests.export.scenes import DrivenSlider, Slider, numbers
+from tests.export.scenes import DrivenSlider, Slider, numbers, timed
 
 
 def integrated(model: CasadiModel, stop: float, tolerance: float = 1e-9) -> NDArray[np.float64]:
     """States at `stop`, by CasADi's IDAS straight from `dae`, restarted where sources switch."""
-    t, x, z, p = (ca.SX.sym(n, model.dae.size1_in(n)) for n in "txzp")
-    ode, alg, _ = model.dae(t, x, z, [], p)
+    t = ca.SX.sym("t")
+    x, z, p = (ca.SX.sym(n, model.dae.size1_in(n)) for n in "xzp")
+    ode, alg, _ = model.dae(*timed(model, t), x, z, [], p)
     problem = {"t": t, "x": x, "z": z, "p": p, "ode": ode, "alg": alg}
     values = np.array(model.p.start)
     here, algebraic = model.init(values)
@@ -48,7 +49,7 @@ def integrated(model: CasadiModel, stop: float, tolerance: float = 1e-9) -> NDAr
             "abstol": 1e-13,
             "max_num_steps": 10**6,
             "suppress_algebraic": True,
-            "init_xdot": numbers(model.dae(begin, here, algebraic, [], values)[0]).tolist(),
+            "init_xdot": numbers(model.dae(*timed(model, begin), here, algebraic, [], values)[0]).tolist(),
             "calc_ic": False,
         }
         found = ca.integrator("run", "idas", problem, begin, end, options)(x0=here, z0=algebraic, p=values)
@@ -111,7 +112,7 @@ def test_ode_is_twice_differentiable_through_its_rootfinder() -> None:
     model = acausal.compile(DrivenSlider()).casadi(["drive.i"])
     assert model.ode.is_a("MXFunction")
     u = ca.MX.sym("u")
-    current = model.ode(0.0, [0.0, 0.0], u, model.p.start)[1]
+    current = model.ode([0.0, 0.0], u, model.p.start)[1]
     second, first = ca.hessian(current, u)
     f = ca.Function("f", [u], [current, first, second])
     np.testing.assert_allclose(numbers(f(2.0)), [1.0, 1 / 4, -6 / 64], rtol=1e-9)
@@ -123,11 +124,11 @@ def test_functions_without_algebraic_variables_are_plain_expressions() -> None:
         assert f.is_a("SXFunction")
     names = {f.name(): (f.name_in(), f.name_out()) for f in (model.dae, model.ode, model.init)}
     assert names == {
-        "dae": (["t", "x", "z", "u", "p"], ["ode", "alg", "y"]),
-        "ode": (["t", "x", "u", "p"], ["xdot", "y"]),
+        "dae": (["x", "z", "u", "p"], ["ode", "alg", "y"]),
+        "ode": (["x", "u", "p"], ["xdot", "y"]),
         "init": (["p"], ["x0", "z0"]),
     }
-    xdot, y = model.ode(0.0, [0.0, 2.0], 3.0, model.p.start)
+    xdot, y = model.ode([0.0, 2.0], 3.0, model.p.start)
     np.testing.assert_allclose(numbers(xdot), [2.0, 3.0])
     np.testing.assert_allclose(numbers(y), [6.0])
 
@@ -188,7 +189,7 @@ def test_outputs_by_name_arrays_entry_by_entry() -> None:
     assert model.y.names[:2] == ("body.frame_a.R[0,0]", "body.frame_a.R[0,1]")
     assert model.y.names[-1] == "revolute.phi"
     angle = 0.3
-    y = numbers(model.dae(0.0, [angle, 0.0], [], [], model.p.start)[2])
+    y = numbers(model.dae([angle, 0.0], [], [], model.p.start)[2])
     # World axes of the body's own: turned by the angle about z.
     c, s = math.cos(angle), math.sin(angle)
     np.testing.assert_allclose(y, [c, -s, 0, s, c, 0, 0, 0, 1, angle], atol=1e-15)

@@ -19,7 +19,7 @@ def test_page_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pyte
         exec(compile(lines + block[1], str(PAGE), "exec"), names)
     printed = capsys.readouterr().out
     assert "CasadiModel(Slider: 2 x, 0 z, 1 u, 2 p, 1 y)" in printed
-    assert "dae:(t,x[2],z[0],u,p[2])->(ode[2],alg[0],y)" in printed
+    assert "dae:(x[2],z[0],u,p[2])->(ode[2],alg[0],y)" in printed
     assert "[[0. 3.]] [[2.]]" in printed
     solution, opti = names["solution"], names["opti"]
     # Least effort from rest to rest: the closed form of test_optimal_control.py.

@@ -171,7 +171,7 @@ def test_compiled_and_exported(function: External, tmp_path: Any, monkeypatch: p
     assert result.final("length") == pytest.approx(np.sqrt(14.0) * np.exp(-1.0), rel=1e-7)
     exported = casadi_model(compiled, ["length"])
     x = ca.SX.sym("x", 3)
-    y = exported.ode(0, x, [], ca.DM(compiled.parameter_values))[1]
+    y = exported.ode(x, [], ca.DM(compiled.parameter_values))[1]
     hessian = ca.Function("h", [x], [ca.hessian(y, x)[0]])(ca.DM([3.0, 0.0, 4.0]))
     # Hessian of |x|: (I - n n')/|x|.
     assert np.asarray(hessian) == pytest.approx((np.eye(3) - np.outer([0.6, 0, 0.8], [0.6, 0, 0.8])) / 5, abs=1e-12)

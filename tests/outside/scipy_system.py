@@ -25,6 +25,7 @@ def scipy_system(model: acausal.Component) -> System:
     u, p = made.u.start, made.p.start
 
     def rates(t: float, x: np.ndarray) -> np.ndarray:
-        return np.asarray(made.ode(t, x, u, p)[0]).ravel()
+        time = () if made.autonomous else (t,)
+        return np.asarray(made.ode(*time, x, u, p)[0]).ravel()
 
     return System(rates, np.array(made.x.start), made.x.names)

@@ -1,0 +1,95 @@
+"""The functions of a `CasadiModel` that follow from its dae, and arguments that are left out or given numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+Vector = NDArray[np.float64]
+
+# On variables divided by their nominal magnitude; residuals have units of their own, so the step decides.
+NEWTON = {"abstol": 1e-14, "abstolStep": 1e-11, "max_iter": 200, "error_on_fail": True}
+
+
+def ode_of(dae: Any, z0: Vector, nominal: Vector) -> Any:
+    """`(t, x, u, p) -> (xdot, y)`; z is solved for from `z0`."""
+    nz = dae.numel_in("z")
+    names, results = ["t", "x", "u", "p"], ["xdot", "y"]
+    kind: Any = ca.MX if nz else ca.SX
+    t, x, u, p = (kind.sym(n, dae.size1_in(n)) for n in names)
+    if not nz:
+        ode, _, y = dae(t, x, ca.SX(0, 1), u, p)
+        return ca.Function("ode", [t, x, u, p], [ode, y], names, results)
+    scale = ca.DM(nominal)
+    z, q = ca.SX.sym("z", nz), ca.SX.sym("q", 1 + x.numel() + u.numel() + p.numel())
+    parts = ca.vertsplit(q, np.cumsum([0, 1, x.numel(), u.numel(), p.numel()]).tolist())
+    residual = ca.Function("residual", [z, q], [dae(parts[0], parts[1], z * scale, *parts[2:])[1]], ["z", "q"], ["r"])
+    root = ca.rootfinder("algebraic", "newton", residual, NEWTON)
+    solved = root(ca.DM(z0) / scale, ca.vertcat(t, x, u, p)) * scale
+    ode, _, y = dae(t, x, solved, u, p)
+    return ca.Function("ode", [t, x, u, p], [ode, y], names, results)
+
+
+def implicit_of(dae: Any) -> Any:
+    """`(t, xdot, x, z, u, p) -> r`."""
+    t, x, z, u, p = dae.sx_in()
+    xdot = ca.SX.sym("xdot", x.numel())
+    ode, alg, _ = dae(t, x, z, u, p)
+    names = ["t", "xdot", "x", "z", "u", "p"]
+    return ca.Function("implicit", [t, xdot, x, z, u, p], [ca.vertcat(xdot - ode, alg)], names, ["r"])
+
+
+def outputs_of(dae: Any) -> Any:
+    """`(t, x, z, u, p) -> y`."""
+    arguments = dae.sx_in()
+    return ca.Function("outputs", arguments, [dae(*arguments)[2]], dae.name_in(), ["y"])
+
+
+def step_of(ode: Any) -> Any:
+    """`(t, x, u, p, h) -> (x_next, y)`: the classical Runge-Kutta method."""
+    names = ["t", "x", "u", "p"]
+    t, x, u, p = (ca.MX.sym(n, ode.size1_in(n)) for n in names)
+    h = ca.MX.sym("h")
+    k1 = ode(t, x, u, p)[0]
+    k2 = ode(t + h / 2, x + h / 2 * k1, u, p)[0]
+    k3 = ode(t + h / 2, x + h / 2 * k2, u, p)[0]
+    k4 = ode(t + h, x + h * k3, u, p)[0]
+    after = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+    y = ode(t + h, after, u, p)[1]
+    return ca.Function("step", [t, x, u, p, h], [after, y], [*names, "h"], ["x_next", "y"])
+
+
+def depends_on_time(functions: Sequence[Any]) -> bool:
+    """Whether an output of one of them depends on its argument t."""
+    timed = [f for f in functions if "t" in f.name_in()]
+    return any(f.jac_sparsity(k, f.index_in("t")).nnz() for f in timed for k in range(f.n_out()))
+
+
+def narrowed(function: Any, time: float | None, chosen: Sequence[int] | None, values: Vector) -> Any:
+    """The function without t, which is `time`, and with the `chosen` parameters only; None leaves either as it is."""
+    names = [function.name_in(k) for k in range(function.n_in())]
+    leaves_t, leaves_p = time is not None and "t" in names, chosen is not None and "p" in names
+    if not (leaves_t or leaves_p):
+        return function
+    kind: Any = ca.SX if function.is_a("SXFunction") else ca.MX
+    outer, inner, kept = [], [], []
+    for k, name in enumerate(names):
+        if name == "t" and leaves_t:
+            inner.append(kind(time))
+            continue
+        size = len(chosen) if name == "p" and chosen is not None else function.sparsity_in(k)
+        symbol = kind.sym(name, size)
+        outer.append(symbol)
+        kept.append(name)
+        if name == "p" and chosen is not None:
+            symbol = kind(ca.DM(values))
+            if chosen:
+                symbol[list(chosen)] = outer[-1]
+        inner.append(symbol)
+    found = function.call(inner, True, False)
+    results = [function.name_out(k) for k in range(function.n_out())]
+    return ca.Function(function.name(), outer, found, kept, results)
