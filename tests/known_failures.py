@@ -10,9 +10,6 @@ KNOWN: dict[str, str] = {
     "test_loops.py::test_random_loops_move_as_in_maximal_coordinates[stewart]": (
         "hangs: more than eight minutes; runs crawl towards a pivot that vanishes before they begin again with others"
     ),
-    "test_random_circuits.py::test_250_circuits[130-idas]": (
-        "seed 211 is refused (AC401): a guard that leaves zero is looked at every 0.2 ns from 0.03 us on"
-    ),
     "test_random_starts.py::test_500_starts": (
         "hangs: more than two minutes, and some of its 500 fail; not analysed yet (the first 200 circuits pass)"
     ),

@@ -32,10 +32,14 @@ def test_a_few_circuits(solver: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("seed", "solver"), [(213, "auto"), (419, "auto"), (486, "auto"), (292, "idas"), (365, "idas"), (365, "auto")]
+    ("seed", "solver"),
+    [(k, "auto") for k in (213, 365, 419, 486)] + [(k, "idas") for k in (211, 292, 365)] + [(211, "cvodes")],
 )
 def test_instants_that_are_found_early_or_late(seed: int, solver: str) -> None:
-    """Diodes of 1e-5 ohm at their zero crossing: one mode holds nanoseconds more, or begins late."""
+    """Diodes of 1e-5 ohm at their zero crossing: one mode holds nanoseconds more, or begins late.
+
+    In 211 a capacitor discharges through one in a nanosecond, and both diodes beside it rest on zero from then on.
+    """
     assert not failures(range(seed, seed + 1), solver)
 
 

@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from acausal.simulate.driver.agenda import Place, Schedule, Stretch
 from acausal.simulate.driver.flight import Flight, can_fly
 from acausal.simulate.equations.problem import Problem
-from acausal.simulate.events.errors import RestlessKink, accumulated
+from acausal.simulate.events.errors import RestlessKink, accumulated, unsettled
 from acausal.simulate.events.guards import INSTANT, Cause, Guards, Moment, Truth, resting_band
 from acausal.simulate.events.iteration import Happened, Iteration
 from acausal.simulate.events.regime import Regime
 from acausal.simulate.events.rest import Bounces
 from acausal.simulate.events.search import Arrival, Search
-from acausal.simulate.events.stopping import Stop, compiled_program, integrate_to_event
+from acausal.simulate.events.stopping import Lingering, Stop, compiled_program, integrate_to_event
 from acausal.simulate.interrupt import Interrupted
 from acausal.simulate.native.flight import FlightProgram
 from acausal.simulate.native.policy import Library
@@ -35,6 +35,8 @@ Integrate = Callable[[Regime, Segment], Piece]
 _log = logging.getLogger(__name__)
 # A guard creeps if it is so much slower than what is behind it.
 _CREEPING = 1e-3
+# Events of a guard that lingers on zero, in a run.
+_LINGERING = 10
 # Share of the run that is integrated at once at least.
 _SHORTEST = 1e-9
 # Looks of a one-step method in a whole run, and in any stretch.
@@ -79,6 +81,7 @@ class Hybrid:
         self.guards = Guards(self.problem, self.tolerances, self.span)
         self.iteration = Iteration(self.problem, self.guards)
         self.bounces = Bounces(self.problem, self.guards, self.span)
+        self.lingering = Lingering()
         self.search = Search(self.guards, self.solver, self.explore, self.span)
         self.single_step = self.solver.stops and not self.problem.compiled.algebraic
         # without states there is no error to choose a step by
@@ -263,7 +266,7 @@ class Hybrid:
             looks = self.looks(segment)
             wide = replace(segment, times=np.union1d(segment.times[segment.times <= looks[-1]], looks))
             try:
-                stop = integrate_to_event(self.guards, moment, wide, self.solver.name)
+                stop = integrate_to_event(self.guards, moment, wide, self.solver.name, self.lingering)
             except Interrupted as interrupted:
                 self._rescue(segment, moment, interrupted.got)
                 raise
@@ -281,6 +284,7 @@ class Hybrid:
                 self._gap, self._failed = reach / 64, True
                 segment = replace(segment, patience=PATIENCE)
                 continue
+            self._refuse_lingering(stop)
             keep = np.isin(stop.times, segment.times)
             self._record(stop.times[keep], stop.piece.x[:, keep], stop.piece.z[:, keep], moment, stop.piece.counters)
             reached = stop.time if stop.time is not None else float(looks[-1])
@@ -292,6 +296,12 @@ class Hybrid:
             rest = segment.times[segment.times > reached]
             segment = replace(segment, start=reached, times=rest, x=stop.x, z=stop.z, first=self.pace)
             moment = replace(moment, x=stop.x, z=stop.z)
+
+    def _refuse_lingering(self, stop: Stop) -> None:
+        """Refuse what an explicit method neither passes nor leaves, as both modes lead to it."""
+        names = [self.guards.texts[k] for k, count in self.lingering.events.items() if count > _LINGERING]
+        if names and stop.time is not None:
+            raise unsettled(self.problem.compiled.name, stop.time, names)
 
     def _rescue(self, segment: Segment, moment: Moment, got: Stop | None) -> None:
         """Record what an interrupted stretch had come to."""

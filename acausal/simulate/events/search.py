@@ -182,10 +182,11 @@ class Search:
                 left, right = float(seen.times[row]), float(seen.times[row + 1])
                 if passed and not way.closer:
                     left = float(seen.times[self._trusted(way, seen, row, piece, rows)])
-                if passed and self._is_located(way, seen, row, right - left):
-                    return self._ended(way, seen, row, asked, piece)
                 keep = int(np.searchsorted(asked.times[:count], left, side="right"))
-                closer = [(right, (right - left) / _DIVISION)]
+                if not passed or not self._is_located(way, seen, row, right - left):
+                    closer = [(right, (right - left) / _DIVISION)]
+                elif not self._rests(way, seen, row, piece, rows):
+                    return self._ended(way, seen, row, asked, piece)
             try:
                 self._accept(way, asked, piece, seen, keep)
             except _NotDelivered as error:  # between closer looks they are known
@@ -196,6 +197,7 @@ class Search:
             way.closer += closer
             while way.closer and way.segment.start >= way.closer[-1][0]:
                 way.closer.pop()
+                self._rest(way, way.segment.start, way.segment.x, way.segment.z)
             if way.segment.start >= end:
                 return Arrival(None, self._whole(way, end, way.segment.x), way.segment.z)
 
@@ -215,6 +217,19 @@ class Search:
         way = _Way(segment, moment, band, start, record, segment.most_steps, times, values[None, :], values, segment)
         way.mark = segment.start
         return way
+
+    def _rest(self, way: _Way, t: float, x: Vector, z: Vector) -> Truth:
+        """Guards that have come to rest on zero since the stretch began; they may be passed by a little now.
+
+        A capacitor that discharges through 1e-5 Ohm is empty after a microsecond; whether what is left of it is 1e-90
+        or -1e-90 V is rounding, and no crossing to be looked for again and again. What falls at its rate crosses.
+        """
+        at = replace(way.moment, x=x, z=z)
+        g, (rate, noise) = self.guards.distances(t, at), self.guards.rates(t, at)
+        moved = np.abs(g) + np.abs(rate) * (t - way.start.time)
+        resting: Truth = (moved <= LOCATED * noise) & ~way.start.leaving
+        way.band = np.where(resting, np.maximum(way.band, 2.0 * LOCATED * noise), way.band)
+        return resting
 
     def _asked(self, way: _Way, limit: float) -> tuple[Vector, Segment]:
         """The next looks, and the segment that ends at the last of them, with the outputs in between."""
@@ -421,6 +436,14 @@ class Search:
             return True
         passed = seen.values[row + 1] < 0.0
         return not (float(seen.times[row]) == way.start.time and way.start.leaving[passed].all())
+
+    def _rests(self, way: _Way, seen: _Seen, row: int, piece: Piece, rows: NDArray[np.int64]) -> bool:
+        """Whether all guards that are passed behind a row have come to rest there."""
+        k = row - seen.here
+        x, z = (way.segment.x, way.segment.z) if k == 0 else (piece.x[:, rows[k - 1]], piece.z[:, rows[k - 1]])
+        passed = seen.values[row + 1] < 0.0
+        allowed = way.band.copy()
+        return bool((self._rest(way, float(seen.times[row]), x, z) & (way.band > allowed))[passed].all())
 
     def _ended(self, way: _Way, seen: _Seen, row: int, asked: Segment, piece: Piece) -> Arrival:
         """The event between two looks: its instant, from the interpolated guards, then by Newton's method."""

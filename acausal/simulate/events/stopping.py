@@ -14,7 +14,7 @@ import contextlib
 import io
 import math
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -44,10 +44,15 @@ _CALLING = 150.0
 _MOST_KEPT = 128
 # So often in an interval dense output may see a crossing where the solution has none.
 _MOST_STOPS = 20
+# A guard within its noise should be passed by now when its rate would have taken it so many times as far.
+_OVERDUE = 10.0
+# The instant at which it came there is known to this share: it is the root of the noise that makes it vague.
+_CLOSE = 1e-9
 # A guard that starts behind zero is above this many times its distance.
 _BEHIND = 1.001
 # Added to a guard that is not to stop anything.
 _NEVER = 1e300
+Exactly = Callable[[Node, float], Node]
 _NAMES = ["t", "x", "z", "p", "u"], ["ode", "alg", "quad", "zero"]
 
 
@@ -62,7 +67,77 @@ class Stop:
     z: Vector
 
 
-def integrate_to_event(guards: Guards, moment: Moment, segment: Segment, plugin: str) -> Stop:
+@dataclass
+class Lingering:
+    """Guards of a run that are within their noise and fall, and yet are not passed.
+
+    A tank that drains by the root of its level runs into zero at a rate that is zero there. What an explicit method
+    makes of it stays above zero for ever, by less than the tolerance: each step falls as far as the last one rose.
+    """
+
+    since: dict[int, tuple[float, float]] = field(default_factory=dict)
+    """Of a relation the time from which on it is so, and how far it was from zero."""
+    events: dict[int, int] = field(default_factory=dict)
+    """How many events of a relation were made of it."""
+
+    def overdue(self, owners: Sequence[tuple[int, int]], before: Node, node: Node) -> int | None:
+        """The guard that has been there for too long, of those that are judged at the end of a step."""
+        close = (node.above <= node.near / LOCATED) & (node.above > 0.0) & (node.rate < 0.0)
+        for k, (relation, side) in enumerate(owners):
+            if side >= 0 or not close[k]:
+                self.since.pop(relation, None)
+                continue
+            inside = before.above[k] <= before.near[k] / LOCATED
+            t, above = self.since.get(relation, (before.t, before.above[k]) if inside else (node.t, np.inf))
+            if node.above[k] < 0.5 * above:  # it falls
+                self.since[relation] = node.t, float(node.above[k])
+                continue
+            self.since[relation] = t, above
+            if -node.rate[k] * (node.t - t) > _OVERDUE * max(above, node.above[k]):
+                self.events[relation] = self.events.get(relation, 0) + 1
+                return k
+        return None
+
+
+def _overdue(
+    lingering: Lingering, owners: Sequence[tuple[int, int]], nodes: list[Node], last: bool, exactly: Exactly
+) -> Node | None:
+    """Where a guard came within its noise that is overdue at the last of these nodes; they end before it then."""
+    node = nodes[-1]
+    k = lingering.overdue(owners, nodes[-2], node)
+    if k is None and last:
+        # nothing follows that would show it
+        for k in (j for j, (relation, _) in enumerate(owners) if lingering.since.get(relation, (0.0,))[0] == node.t):
+            if -node.rate[k] * (node.t - nodes[-2].t) > _OVERDUE * node.above[k]:
+                first = _entered(nodes[-2], node, k, exactly)
+                middle = exactly(first, 0.5 * (first.t + node.t))
+                lingering.since.clear()
+                if lingering.overdue(owners, first, middle) == k or lingering.overdue(owners, middle, node) == k:
+                    nodes.pop()
+                    return first
+        return None
+    if k is None:
+        return None
+    lingering.since.clear()
+    j = len(nodes) - 1
+    while j and nodes[j - 1].above[k] <= nodes[j - 1].near[k] / LOCATED:
+        j -= 1
+    if j == 0:  # it came there before this stretch
+        return nodes.pop()
+    found = _entered(nodes[j - 1], nodes[j], k, exactly)
+    del nodes[j:]
+    return found
+
+
+def _entered(left: Node, right: Node, k: int, exactly: Exactly) -> Node:
+    """Where a guard has come within its noise between two nodes."""
+    while right.t - left.t > _CLOSE * right.t and left.t < (middle := 0.5 * (left.t + right.t)) < right.t:
+        node = exactly(left, middle)
+        left, right = (left, node) if node.above[k] <= node.near[k] / LOCATED else (node, right)
+    return right
+
+
+def integrate_to_event(guards: Guards, moment: Moment, segment: Segment, plugin: str, lingering: Lingering) -> Stop:
     """Integrate one segment of an ODE until a guard is reached, with `plugin`, "rosenbrock" or "erk".
 
     Raises
@@ -78,7 +153,8 @@ def integrate_to_event(guards: Guards, moment: Moment, segment: Segment, plugin:
     before = guards.step
 
     def node(t: float, x: Vector) -> Node:
-        guards.step = least_step(before, pace(segment.start, t, step.counters))
+        if plugin == "rosenbrock":  # errors that an explicit step leaves have not relaxed
+            guards.step = least_step(before, pace(segment.start, t, step.counters))
         at = replace(moment, x=np.concatenate([x, segment.x[problem.n_dynamic :]]))
         rate, noise = guards.rates(t, at)
         return Node(t, x, guards.distances(t, at) + band, rate, LOCATED * noise)
@@ -89,7 +165,7 @@ def integrate_to_event(guards: Guards, moment: Moment, segment: Segment, plugin:
     here = node(segment.start, segment.x[: problem.n_dynamic])
     here = replace(here, above=np.maximum(here.above, band))  # past its guard by noise counts as on it
     event: Node | None = None
-    rows: list[Vector] = []
+    nodes = [here]
     try:
         for end in segment.times.tolist():
             instant = LOCATED * INSTANT * max(guards.span, abs(end))
@@ -110,16 +186,21 @@ def integrate_to_event(guards: Guards, moment: Moment, segment: Segment, plugin:
                 here, event = replace(event, t=end), None
             if event is not None:
                 break
-            rows.append(here.x)
             here = replace(here, above=here.above - band + later)
             band = later
+            nodes.append(here)
+            event = _overdue(lingering, moment.regime.owners, nodes, end == segment.times[-1], exactly)
+            if event is not None:
+                here = event
+                break
     except Interrupted as stop:
+        rows = [n.x for n in nodes[1:]]
         stop.got = _stop(problem, segment, rows, None, rows[-1], step.counters) if rows else None
         raise
     finally:
         problem.native.interpreted(f"{plugin}, events", step.interpreted)
         guards.step = before
-    return _stop(problem, segment, rows, event, here.x, step.counters)
+    return _stop(problem, segment, [n.x for n in nodes[1:]], event, here.x, step.counters)
 
 
 def least_step(before: float, here: float) -> float:

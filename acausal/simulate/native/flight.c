@@ -1,9 +1,10 @@
 /* Stretches and ordinary events of a run in one call.
 
    What an event means is the function `event_round`, made by the compiler (acausal/lower/event_round.py); around it this
-   does what simulate/driver/hybrid.py, events/iteration.py and rest.py do, as far as it is ordinary. Whatever is not (a relation that flips three
-   times, rest, an end, a broken assertion, a crossing that the integrator has missed, anything not finite) is not
-   decided here: the run is put back to the start of the stretch, or before the instant, and Python goes on from there.
+   does what simulate/driver/hybrid.py, events/iteration.py and rest.py do, as far as it is ordinary. Whatever is not (a
+   relation that flips three times, a guard that lingers on zero, rest, an end, a broken assertion, a crossing that the
+   integrator has missed, anything not finite) is not decided here: the run is put back to the start of the stretch, or
+   before the instant, and Python goes on from there.
 
    Linked with CasADi's code of `segment`, `watch`, `rates` and `event_round`. Where nothing but time makes events, PLAIN is
    defined: there is only a `segment`, without stop watch and stop flag behind its states. */
@@ -426,6 +427,17 @@ static int search(struct flight* s, struct space* o, double instant, int* found)
   return UNUSUAL;
 }
 
+/* Whether a guard that falls is within its noise at node 1, and should have been passed by its rate: it may linger there
+   (stopping.py). */
+static int lingers(const struct flight* s, const struct space* o) {
+  const struct node *left = o->node, *right = o->node + 1;
+  count_t k;
+  for (k = 0; k < s->relations; ++k)
+    if (right->above[k] > 0 && right->above[k] <= right->near[k] / LOCATED
+        && -right->rate[k] * (right->t - left->t) > right->above[k]) return 1;
+  return 0;
+}
+
 /* A row, or only a look, has been reached by node 0; from then on guards may go as far as the noise where they rest. */
 static void reached(struct flight* s, struct space* o, count_t* k) {
   count_t j;
@@ -452,6 +464,7 @@ static int integrate(struct flight* s, struct space* o, count_t* k, count_t last
       if (last > first) memcpy(o->row, o->ahead + (*k - first) * (s->dynamic + WATCH), (size_t) (s->dynamic + WATCH) * sizeof(double));
       to_row(s, o, 0, o->wide[*k], o->node + 1);
       status = to_node(s, o, o->node + 1);
+      if (!status && lingers(s, o)) status = UNUSUAL;
       if (!status) status = search(s, o, instant, found);
       if (status || *found) return status;
       reached(s, o, k);
