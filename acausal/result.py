@@ -84,7 +84,7 @@ class Result:
         """Columns that were read one by one."""
         return {}
 
-    def _columns(self, columns: Sequence[int]) -> Array:
+    def columns(self, columns: Sequence[int]) -> Array:
         """Some columns of the trajectories, shape (n, their number); all are computed where many were asked for."""
         missing = [k for k in dict.fromkeys(columns) if k not in self._read]
         if "matrix" in self.__dict__ or self.some is None or len(self._read) + len(missing) > _MANY:
@@ -146,7 +146,7 @@ class Result:
         if name == "time":
             return self.time.copy()
         shape, signals = self.elements(name)
-        return self._assemble(signals, shape, len(self.time), self._columns)
+        return self._assemble(signals, shape, len(self.time), self.columns)
 
     def unit(self, name: str) -> str:
         """Unit of a signal, or of the elements of an array, as declared."""
@@ -216,7 +216,7 @@ class Result:
         # units of rounding: 0.3 asks for the point that 3 * 0.1 stored.
         index = np.searchsorted(self.time, times + slack, side="right") - 1
         stored = np.abs(self.time[index] - times) <= slack
-        known = self._columns(columns)
+        known = self.columns(columns)
         rows[stored] = known[index[stored]]
         between = np.flatnonzero(~stored)
         if self.dense is not None and between.size:

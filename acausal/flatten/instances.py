@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 from acausal.errors import DeclarationError, UsageError
-from acausal.language.choices import Choice
+from acausal.language.choices import Choice, is_changing
 from acausal.language.component import STATING, Component, Connector
 from acausal.language.declare import Kind
 from acausal.language.misuse import Declared, own_constructor, refuse_misnamed
@@ -64,15 +64,29 @@ def numbers(found: Iterable[Instance]) -> dict[int, int]:
 def instances(model: Component, choices: Mapping[str, Choice] | None = None) -> list[Instance]:
     """All instances of a model; the model itself is the first, with an empty path. UsageError AC028 if it is none.
 
-    `choices` are structures of components by path.
+    `choices` are structures of components by path; without one a component has all it may ever need.
     """
+    _check(model)
+    found: list[Instance] = []
+    grow(found, model, "", None, choices or {})
+    return found
+
+
+def components(model: Component) -> Iterator[tuple[str, Component]]:
+    """All components with their paths as the model holds them, whatever structures they may have."""
+    _check(model)
+    stack: list[tuple[str, Component]] = [("", model)]
+    while stack:
+        path, component = stack.pop()
+        yield path, component
+        stack.extend(reversed(list(_parts(component, path + "." if path else ""))))
+
+
+def _check(model: object) -> None:
     if not isinstance(model, Component):
         is_class = isinstance(model, type)
         fact = f"the class {model.__name__} is not a model yet" if is_class else f"{model!r} is not a model"
         raise UsageError("AC028", fact, help=f"make one: {model.__name__}()" if is_class else "give a component")
-    found: list[Instance] = []
-    grow(found, model, "", None, choices or {})
-    return found
 
 
 def grow(
@@ -96,14 +110,22 @@ def grow(
             )
         seen[id(component)] = path
         instance = Instance(component, path, len(found), owner)
-        if path in choices:
-            instance.seen_as(choices[path].applied())
-            component = instance.component
+        held = _structured(component, path, choices)
+        if held is not component:
+            instance.seen_as(held)
+            component = held
         found.append(instance)
         if owner is not None and len(found) > first + 1:
             owner.parts.append(instance)
         stack.extend((c, p, instance) for p, c in reversed(list(_parts(component, instance.prefix))))
     return found[first]
+
+
+def _structured(component: Component, path: str, choices: Mapping[str, Choice]) -> Component:
+    """A component with the structure that was chosen, else with all it may ever need."""
+    if path in choices:
+        return choices[path].applied()
+    return component.whole().applied() if is_changing(component) else component
 
 
 def _parts(component: Component, prefix: str) -> Iterator[tuple[str, Component]]:

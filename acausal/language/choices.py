@@ -7,8 +7,8 @@ two runs of one model, in two threads too, know nothing of each other.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Protocol, TypeGuard, runtime_checkable
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from typing import TYPE_CHECKING, Protocol, TypeGuard, runtime_checkable
 
 if TYPE_CHECKING:
     import numpy as np
@@ -34,8 +34,8 @@ class Choice(Protocol):
         """Parts by their names in this structure, and by names that are the same in all structures."""
         ...
 
-    def same_structure(self, other: Any) -> bool:
-        """Whether the equations are the same; what is remembered for later choices may differ."""
+    def structure(self) -> Hashable:
+        """What decides the equations: equal where these are. What is remembered for later choices may differ."""
         ...
 
     # While a model runs: acausal/simulate/restructure.py.

@@ -17,7 +17,7 @@ import numpy as np
 
 from acausal.analyse.blocks.solve import Solution
 from acausal.errors import UsageError
-from acausal.flatten.instances import instances
+from acausal.flatten.instances import components
 from acausal.language.choices import Changing, Choice, is_changing
 from acausal.language.component import Component
 from acausal.reduce.motionless import bounds
@@ -31,7 +31,7 @@ Solved = Callable[[Sequence[str], Mapping[str, Choice]], Solution]
 
 def changing(model: Component) -> dict[str, Changing]:
     """Components whose structure changes during a run, by path."""
-    return {i.path: c for i in instances(model) if is_changing(c := i.component) and c.is_variable()}
+    return {path: c for path, c in components(model) if is_changing(c) and c.is_variable()}
 
 
 def confined(model: Component, solved: Solved) -> tuple[dict[str, Choice], tuple[Left, ...]]:
@@ -42,7 +42,7 @@ def confined(model: Component, solved: Solved) -> tuple[dict[str, Choice], tuple
     UsageError
         AC027 when contacts are kept that change the structure during a run: drills that leave several holes.
     """
-    choices: dict[str, Choice] = {i.path: c.least(True) for i in instances(model) if is_changing(c := i.component)}
+    choices: dict[str, Choice] = {path: c.least(True) for path, c in components(model) if is_changing(c)}
     growing = list(choices)
     while growing:
         found = {path: _grown(path, choices, solved) for path in choices}

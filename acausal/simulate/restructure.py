@@ -26,22 +26,26 @@ from acausal.flatten.around import placed
 from acausal.flatten.parameters import check_overrides
 from acausal.language.choices import Choice, is_reporting
 from acausal.language.component import Component
-from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel, Recipe
 from acausal.reduce.confine import changing
-from acausal.result import Event, Result, Signal
+from acausal.result import Event, Result
 from acausal.simulate.driver.agenda import Source
 from acausal.simulate.driver.run import Progress
 from acausal.simulate.events.guards import Cause, Moment
+from acausal.simulate.joined import Joined, Piece, renamed
 from acausal.simulate.options import Options
 from acausal.simulate.record.record import Recorder
 from acausal.simulate.start.initialize import Start
+from acausal.simulate.structures import structure
+from acausal.simulate.watch import Watch, named
 
 Array = NDArray[np.float64]
 RunPiece = Callable[
     [CompiledModel, Options, "Start | None", Array, bool, "tuple[Source, ...]", Progress | None], Result
 ]
 """One run: `(compiled, options, start, outputs, whether initial() is true at its start, sources, progress)`."""
+Seen = Mapping[str, Mapping[str, Array]]
+"""What the components watch, by path and name within the component."""
 _log = logging.getLogger(__name__)
 _FIRST = 0.05
 _MOST_USED = 0.5
@@ -64,20 +68,18 @@ def opening(model: Component) -> dict[str, Choice]:
 
 def _labels(choices: Mapping[str, Choice]) -> dict[str, str]:
     """Beginnings of paths as they are with these choices, and as they are in results."""
-    return {_named(path, own): _named(path, kept) for path, c in choices.items() for own, kept in c.labels()}
-
-
-def _named(path: str, name: str) -> str:
-    return f"{path}.{name}" if path else name
+    return {named(path, own): named(path, kept) for path, c in choices.items() for own, kept in c.labels()}
 
 
 @dataclass
 class Skin:
     """The contacts of one structure, as a source of stops.
 
-    `length` is the time to the next look [s], `before` what the components watched when their structures were chosen.
+    `watch` reads what the components watch, `before` is what it was when their structures were chosen; `length` is the
+    time to the next look [s].
     """
 
+    watch: Watch
     choices: dict[str, Choice]
     before: Mapping[str, Mapping[str, Array]]
     length: float
@@ -97,13 +99,14 @@ class Skin:
     def passed(self, record: Recorder, events: Sequence[float], complete: bool) -> bool:
         """Whether the structure still holds; rows from where it did not are cut."""
         first, self._rows = self._rows, record.count
-        seen = record.since(first)
-        used = self._used(seen)
+        recorded = record.since(first)
+        seen, times = self.watch.read(recorded), recorded.time
+        used = self._used(seen, len(times))
         # between two rows that are far from each other there may have been more
         wrong = (used > 1.0) | (np.diff(used, prepend=used[0]) > _MOST_USED)
         span = record.time - self._from
         if wrong.any():
-            good = _apart(seen.time, max(int(np.argmax(wrong)) - 1, 0))
+            good = _apart(times, max(int(np.argmax(wrong)) - 1, 0))
             # the row before the stop, if there is one: what has happened there happens again
             record.cut(first + good if good > 0 else max(first - 1, 0))
             self.length = max(record.time - self._from, self.length / 4)
@@ -115,22 +118,26 @@ class Skin:
         self.length = min(2.0 * max(self.length, span), _MOST_FORESEEN * left / pace)
         return holds
 
-    def _chosen_anew(self, seen: Result) -> bool:
+    def _chosen_anew(self, seen: Seen) -> bool:
         """Choose for the last row; whether the equations are the same."""
-        now = watched(self.choices, seen, -1)
+        now = at_row(seen, -1)
         following = {path: c.following(now[path]) for path, c in self.choices.items()}
-        if not all(c.same_structure(self.choices[path]) for path, c in following.items()):
+        if any(c.structure() != self.choices[path].structure() for path, c in following.items()):
             return False
         self.choices, self.before = following, now
         return True
 
-    def _used(self, seen: Result) -> Array:
+    def _used(self, seen: Seen, rows: int) -> Array:
         """How far the choices are used up at each row."""
-        used = np.zeros(len(seen.time))
+        used = np.zeros(rows)
         for path, choice in self.choices.items():
-            after = {n: seen[_named(path, n)] for n in choice.watched()}
-            used = np.maximum(used, choice.moved(self.before[path], after))
+            used = np.maximum(used, choice.moved(self.before[path], seen[path]))
         return used
+
+
+def at_row(seen: Seen, row: int) -> dict[str, dict[str, Array]]:
+    """What the components watch, at one of the rows."""
+    return {path: {name: values[row] for name, values in own.items()} for path, own in seen.items()}
 
 
 def _apart(times: Array, row: int) -> int:
@@ -138,22 +145,6 @@ def _apart(times: Array, row: int) -> int:
     while row > 0 and times[row] in (times[row - 1], times[row + 1]):
         row -= 1
     return row
-
-
-def watched(choices: Mapping[str, Choice], result: Result, row: int) -> dict[str, dict[str, Array]]:
-    """What the components watch, at one row."""
-    return {
-        path: {n: np.asarray(result[_named(path, n)][row]) for n in choice.watched()}
-        for path, choice in choices.items()
-    }
-
-
-@dataclass(frozen=True, eq=False)
-class _Piece:
-    """The run of one structure, and its names in results."""
-
-    result: Result
-    names: Mapping[str, str]
 
 
 @dataclass
@@ -167,7 +158,7 @@ class Pieces:
     progress: Progress | None = None
     choices: dict[str, Choice] = field(default_factory=dict)
     memory: dict[str, float] = field(default_factory=dict)
-    pieces: list[_Piece] = field(default_factory=list)
+    pieces: list[Piece] = field(default_factory=list)
     changes: list[Event] = field(default_factory=list)
     compiled: CompiledModel | None = None
     compilations: int = 0
@@ -177,19 +168,20 @@ class Pieces:
         """Run, and put the pieces together."""
         opts = self.options
         self.choices = opening(self.recipe.model)
-        whole = {kept: own for own, kept in lasting_names(self.recipe.model).items()}
-        check_overrides({renamed(p, whole): v for p, v in self.parameters.items()}, placed(self.recipe.model)[0])
+        if self.parameters:
+            whole = {kept: own for own, kept in lasting_names(self.recipe.model).items()}
+            check_overrides({renamed(p, whole): v for p, v in self.parameters.items()}, placed(self.recipe.model)[0])
         self.compile()
         t, stop = opts.start_time, opts.stop_time
         # The poses at the start come from the start problem of the model without contacts.
         first = self.run(self._compiled, opts, None, np.zeros(0), False, (), None)
         self.keep(first, 0)
-        seen, grid, length = watched(self.choices, first, 0), opts.grid(), _FIRST * opts.span
+        seen, grid, length = at_row(self.watch().read(first), 0), opts.grid(), _FIRST * opts.span
         report = None if self.progress is None else self._report
         while t < stop:
             if self.choose(seen, t):
                 self.compile()
-            skin = Skin(self.choices, seen, length, stop)
+            skin = Skin(self.watch(), self.choices, seen, length, stop)
             rest = replace(opts, start_time=t), self.start(), np.append(grid[(grid > t) & (grid < stop)], stop)
             try:
                 piece = self.run(self._compiled, *rest, not self.pieces, (skin,), report)
@@ -197,7 +189,7 @@ class Pieces:
                 partial = getattr(error, "result", None)
                 if partial is not None:
                     self.choices = skin.choices
-                    self.pieces.append(_Piece(partial, _labels(self.choices)))
+                    self.pieces.append(Piece(partial, _labels(self.choices)))
                     error.result = self.joined()  # type: ignore[union-attr]
                 raise
             self.choices, length = skin.choices, skin.length
@@ -205,9 +197,9 @@ class Pieces:
                 if length < _SHORTEST * opts.span:
                     raise self.stuck(t)
                 continue
-            self.pieces.append(_Piece(piece, _labels(self.choices)))
+            self.pieces.append(Piece(piece, _labels(self.choices)))
             self.keep(piece, -1)
-            t, seen = float(piece.time[-1]), watched(self.choices, piece, -1)
+            t, seen = float(piece.time[-1]), at_row(skin.watch.read(piece), -1)
             if "terminated" in piece.stats:
                 break
         return self.joined()
@@ -224,25 +216,22 @@ class Pieces:
 
     def compile(self) -> None:
         """The equations for the structure as it is now."""
-        recipe = self.recipe
-        self.compiled = compile(
-            recipe.model,
-            parameters=self.present(),
-            formulation=recipe.formulation,
-            freeze=recipe.freeze,
-            quasi_static=recipe.quasi_static,
-            cache=recipe.cache,
-            choices=self.choices,
-        )
+        self.compiled, is_new = structure(self.recipe, self.present(), self.choices)
         self.compilations += 1
-        for name, seconds in self.compiled.timings.items():
+        for name, seconds in self.compiled.timings.items() if is_new else ():
             self.timings[name] = self.timings.get(name, 0.0) + seconds
+
+    def watch(self) -> Watch:
+        """Where the signals are that this structure is chosen by."""
+        return Watch.of(self._compiled, {path: c.watched() for path, c in self.choices.items()})
 
     def present(self) -> dict[str, object]:
         """Values of the parameters that are in this structure.
 
         Numbers of contacts are those among all that may come about: what is the third of these may be the first now.
         """
+        if not self.parameters:
+            return {}
         lasting, own = lasting_names(self.recipe.model), {kept: name for name, kept in _labels(self.choices).items()}
         found = {}
         for path, value in self.parameters.items():
@@ -255,7 +244,7 @@ class Pieces:
     def choose(self, seen: Mapping[str, Mapping[str, Array]], t: float) -> bool:
         """Choose anew; notes what changed."""
         before, self.choices = self.choices, {path: c.following(seen[path]) for path, c in self.choices.items()}
-        changed = [path for path, choice in self.choices.items() if not choice.same_structure(before[path])]
+        changed = [path for path, choice in self.choices.items() if choice.structure() != before[path].structure()]
         for path in changed:
             names = ", ".join(label for _, label in self.choices[path].labels()) or "none"
             self.changes.append(Event(t, f"{path}: contacts in the equations: {names}"))
@@ -264,9 +253,10 @@ class Pieces:
 
     def keep(self, piece: Result, row: int) -> None:
         """Remember the states."""
-        names = _labels(self.choices)
-        for name in self._compiled.states:
-            self.memory[renamed(name, names)] = float(piece[name][row])
+        names, states = _labels(self.choices), self._compiled.states
+        values = Watch.of(self._compiled, {"": states}).read(piece)[""]
+        for name in states:
+            self.memory[renamed(name, names)] = float(values[name][row])
 
     def start(self) -> Start:
         """States as remembered, or as declared where they are new."""
@@ -289,25 +279,8 @@ class Pieces:
 
     def joined(self) -> Result:
         """One result over all pieces; signals that were not in the equations are nan there."""
-        signals: dict[str, Signal] = {}
-        sources: list[dict[str, Signal]] = []
-        for piece in self.pieces:
-            own = {renamed(name, piece.names): s for name, s in piece.result.signals.items()}
-            sources.append(own)
-            for name, signal in own.items():
-                signals.setdefault(name, signal)
-        columns = {name: k for k, name in enumerate(signals)}
-        described = {
-            name: replace(s, name=name)
-            if all(o.get(name) is not None and o[name].column is None and o[name].value == s.value for o in sources)
-            else replace(s, name=name, column=columns[name], sign=1, value=0.0)
-            for name, s in signals.items()
-        }
+        signals = Joined(self.pieces)
         time = np.concatenate([p.result.time for p in self.pieces])
-
-        def trajectories() -> Array:
-            return np.vstack([_values(p, own, columns) for p, own in zip(self.pieces, sources, strict=True)])
-
         stats = dict(self.pieces[-1].result.stats)
         each: list[Any] = [p.result.stats for p in self.pieces]
         for key in ("steps", "segments"):
@@ -320,10 +293,11 @@ class Pieces:
         joined = Result(
             model=type(self.recipe.model).__name__,
             time=time,
-            trajectories=trajectories,
-            signals=described,
+            trajectories=signals.rows,
+            signals=signals,
             events=tuple(sorted((*events, *self.changes), key=lambda e: e.time)),
             stats=stats,
+            some=signals.rows,
         )
         stats["notes"] = tuple(dict.fromkeys([n for own in each for n in own.get("notes", ())] + self.remarks(joined)))
         return joined
@@ -337,27 +311,5 @@ class Pieces:
 
         found: list[str] = []
         for path, choice in self.choices.items():
-            found += choice.remarks(lambda name, path=path: largest(_named(path, name)))  # type: ignore[misc]
+            found += choice.remarks(lambda name, path=path: largest(named(path, name)))  # type: ignore[misc]
         return found
-
-
-def _values(piece: _Piece, own: Mapping[str, Signal], columns: Mapping[str, int]) -> Array:
-    """Values of one piece in the columns of the whole."""
-    matrix = piece.result.matrix
-    values = np.full((len(matrix), len(columns)), np.nan)
-    for name, signal in own.items():
-        if signal.column is None:
-            values[:, columns[name]] = signal.value
-        else:
-            values[:, columns[name]] = signal.sign * matrix[:, signal.column] + 0.0
-    return values
-
-
-def renamed(name: str, names: Mapping[str, str]) -> str:
-    """A path with its beginning exchanged."""
-    for own, lasting in names.items():
-        if name.startswith(own) and name[len(own) : len(own) + 1] in ("", ".", "["):
-            return lasting + name[len(own) :]
-        if name.startswith(f"der({own}."):
-            return f"der({lasting}{name[4 + len(own) :]}"
-    return name

@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from acausal import Component
 from acausal.errors import DeclarationError
-from acausal.library.contact.collide.shapes import Capsule, Cone, Cylinder, PointedDrill, Shape, Sphere
+from acausal.library.contact.collide.shapes import Shape
 from acausal.library.contact.scene.friction import Coulomb, FrictionLaw
 from acausal.library.contact.scene.laws import NormalLaw
 from acausal.library.contact.scene.surface import AT_FRAME, Pose, SurfaceContact
@@ -98,28 +97,6 @@ class ContactBody:
         lowest, highest = (np.array(c, dtype=float) for c in self.shape.bounding_box())
         furthest = np.maximum(np.abs(lowest), np.abs(highest))
         return float(np.linalg.norm(furthest)) + math.hypot(*self.pose[0])
-
-    def displacement(self, before: PoseValue, r: Array, R: Array) -> Array:
-        """How far any point of the surface is from where it was [m], for n poses of the body's frame.
-
-        `r` has shape (n, 3), `R` (n, 3, 3). A round body that turns about its own axis stays where it is.
-        """
-        lowest, highest = (np.array(c, dtype=float) for c in self.shape.bounding_box())
-        if not np.isfinite(lowest).all() or not np.isfinite(highest).all():
-            moved = np.linalg.norm(r - before[0], axis=1)
-            return np.where((moved > 0) | (np.abs(R - before[1]).max(axis=(1, 2)) > 0), np.inf, 0.0)
-        place, turned = (np.array(q, dtype=float) for q in self.pose)
-        across = 0.0
-        if isinstance(self.shape, Sphere | Cylinder | Capsule | Cone | PointedDrill):
-            across = 0.0 if isinstance(self.shape, Sphere) else float(highest[0])
-            corners = np.array([[0.0, 0.0, lowest[2]], [0.0, 0.0, highest[2]]]) * (across > 0)
-        else:
-            corners = np.array(list(product(*zip(lowest, highest, strict=True))))
-        corners = place + corners @ turned.T
-        axis = turned[:, 2]
-        shift = (r - before[0])[:, None, :] + np.einsum("nij,kj->nki", R - before[1], corners)
-        tilt = np.linalg.norm((R - before[1]) @ axis, axis=1)
-        return np.asarray(np.linalg.norm(shift, axis=2).max(axis=1) + across * tilt)
 
     def box(self, r: Array, R: Array) -> tuple[Array, Array]:
         """Lowest and highest corner of a box around the shape [m], in world axes, for a pose of the body's frame."""

@@ -12,6 +12,7 @@ from acausal.library.contact.scene.bodies import ContactBody
 
 Array = NDArray[np.float64]
 Pair = tuple[int, int]
+Ends = tuple[NDArray[np.int_], NDArray[np.int_]]
 
 
 @dataclass(frozen=True)
@@ -55,8 +56,11 @@ FAR = "too far apart now"
 CANNOT_MEET = "can never meet: bounds of their poses keep them apart"
 
 
-def candidates(bodies: Sequence[ContactBody]) -> tuple[list[Pair], dict[str, int]]:
-    """Pairs that may ever touch, by what is declared of the bodies; and the others, counted by reason."""
+def candidates(bodies: Sequence[ContactBody]) -> tuple[Ends, dict[str, int]]:
+    """Pairs that may ever touch, by what is declared of the bodies; and the others, counted by reason.
+
+    Pairs as the numbers of their first and of their second bodies, shape (n,) each.
+    """
     n = len(bodies)
     first, second = np.triu_indices(n, 1)
     rest = np.array([b.at_rest for b in bodies], dtype=bool)
@@ -72,7 +76,7 @@ def candidates(bodies: Sequence[ContactBody]) -> tuple[list[Pair], dict[str, int
     ):
         counts[reason] = int(np.sum(left & out))
         left &= ~out
-    return list(zip(first[left].tolist(), second[left].tolist(), strict=True)), counts
+    return (first[left], second[left]), counts
 
 
 def overlapping(low: Array, high: Array, first: NDArray[np.int_], second: NDArray[np.int_]) -> NDArray[np.bool_]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,16 +51,17 @@ class SceneChoice:
 
     def labels(self) -> list[tuple[str, str]]:
         """Each contact as it is called now, and by a name that stays the same while others come and go."""
-        numbered = enumerate(self.scene.candidates if self.steady else self.pairs)
-        return [(f"contacts[{k}]", self._lasting(p, self.sites.get(p, 0))) for k, p in numbered if p in self.pairs]
+        numbered, own = enumerate(self.scene.candidates if self.steady else self.pairs), set(self.pairs)
+        return [(f"contacts[{k}]", self._lasting(p, self.sites.get(p, 0))) for k, p in numbered if p in own]
 
-    def same_structure(self, other: SceneChoice) -> bool:
-        """Whether the same contacts are at the same places."""
-        return self.pairs == other.pairs and all(self.sites.get(p, 0) == other.sites.get(p, 0) for p in self.pairs)
+    def structure(self) -> tuple[object, ...]:
+        """Which contacts are at which places."""
+        return self.pairs, tuple(self.sites.get(p, 0) for p in self.pairs), self.steady
 
     def watched(self) -> tuple[str, ...]:
         """Poses, and the traces that contacts leave."""
-        return (*self.poses(), *(name for pair in self.pairs if (name := self._trace(pair))))
+        traced = self.pairs if self.scene.has_traces else ()
+        return (*self.poses(), *(name for pair in traced if (name := self._trace(pair))))
 
     def poses(self) -> tuple[str, ...]:
         """The poses of the bodies that move."""
@@ -68,12 +69,13 @@ class SceneChoice:
 
     def following(self, seen: Mapping[str, Array]) -> SceneChoice:
         """The pairs whose boxes, inflated by the skin, overlap at one instant."""
-        low, high = self._boxes(seen)
-        skin = self.scene.skin
-        near = overlapping(low - skin / 2, high + skin / 2, *self._ends())
-        chosen = tuple(pair for pair, is_near in zip(self.scene.candidates, near, strict=True) if is_near)
+        scene = self.scene
+        low, high = (side.copy() for side in scene.at_rest)
+        low[scene.numbers], high[scene.numbers] = scene.outlines.boxes(*self._frames(seen))
+        near = overlapping(low - scene.skin / 2, high + scene.skin / 2, *scene.ends)
+        chosen = scene.pairs_of(np.flatnonzero(near))
         places, sites, overlaps = dict(self.places), dict(self.sites), dict(self.overlaps)
-        for pair in chosen:
+        for pair in chosen if self.scene.has_traces else ():
             self._find_site(pair, seen, places, sites, overlaps)
         return replace(self, pairs=chosen, places=places, sites=sites, overlaps=overlaps)
 
@@ -82,12 +84,12 @@ class SceneChoice:
 
         A pair that was left out is apart by the skin, so both of its bodies may move by half of it.
         """
-        used = np.zeros(1)
-        for k, (_, body) in enumerate(self.scene.moving):
-            start = before[f"frames[{k}].r_0"], before[f"frames[{k}].R"]
-            moved = body.displacement(start, after[f"frames[{k}].r_0"], after[f"frames[{k}].R"])
-            used = np.maximum(used, moved / (self.scene.skin / 2))
-        return np.asarray(used)
+        return self.scene.outlines.moved(self._frames(before), *self._frames(after)) / (self.scene.skin / 2)
+
+    def _frames(self, seen: Mapping[str, Array]) -> tuple[Array, Array]:
+        """Places (n, 3) and rotations (n, 3, 3) of the n bodies that move; of m instants (m, n, 3) and (m, n, 3, 3)."""
+        r, R = ([seen[f"frames[{k}].{name}"] for k in range(len(self.scene.moving))] for name in ("r_0", "R"))
+        return np.stack(r, axis=r[0].ndim - 1), np.stack(R, axis=R[0].ndim - 2)
 
     def remarks(self, largest: Callable[[str], float]) -> list[str]:
         """Places of contacts that overlap, and were both used."""
@@ -107,8 +109,9 @@ class SceneChoice:
         before, candidates = self.pairs, self.scene.candidates
         if not candidates:
             return self, False
-        meet = overlapping(*self._swept(bounds), *self._ends())
-        chosen = tuple(p for p, m in zip(candidates, meet, strict=True) if m or p in before)
+        meet = overlapping(*self._swept(bounds), *self.scene.ends)
+        known = set(before)
+        chosen = tuple(p for p, m in zip(candidates, meet, strict=True) if m or p in known)
         wandering = tuple(p for p in chosen if not self._keeps_to_one_hole(p, bounds))
         # all of them are in: wider bounds change nothing but what drills may do
         complete = len(chosen) == len(candidates) and not any(b.trace for b in self.scene.bodies)
@@ -117,7 +120,7 @@ class SceneChoice:
 
     def apart(self) -> list[tuple[str, str]]:
         """What is not in the equations, and why: pairs that cannot meet by name, others as numbers."""
-        never = [self._named(pair) for pair in self.scene.candidates if pair not in self.pairs]
+        never = [self._named(pair) for pair in self.scene.candidates if pair not in set(self.pairs)]
         counted = [(f"{n} pair{'s' * (n > 1)}", reason) for reason, n in self.scene.dropped.items() if n]
         return [(name, CANNOT_MEET) for name in never] + counted
 
@@ -135,11 +138,6 @@ class SceneChoice:
     def _maker(self, pair: Pair) -> ContactBody:
         found: ContactBody = self.scene.bodies[self.scene.maker(*pair)]
         return found
-
-    def _ends(self) -> tuple[Any, Any]:
-        """First and second body of all candidates."""
-        first, second = np.array(self.scene.candidates, dtype=int).reshape(-1, 2).T
-        return first, second
 
     def _trace(self, pair: Pair) -> str:
         """The signal by which the contact of a pair shows that it left a trace; "" when it leaves none."""
@@ -175,12 +173,6 @@ class SceneChoice:
     def _pose(self, body: ContactBody, seen: Mapping[str, Array]) -> PoseValue:
         k = self.scene.place(body)
         return (np.zeros(3), np.eye(3)) if k is None else (seen[f"frames[{k}].r_0"], seen[f"frames[{k}].R"])
-
-    def _boxes(self, seen: Mapping[str, Array]) -> tuple[Array, Array]:
-        low, high = (side.copy() for side in self.scene.at_rest)
-        for place, (number, body) in enumerate(self.scene.moving):
-            low[number], high[number] = body.box(seen[f"frames[{place}].r_0"], seen[f"frames[{place}].R"])
-        return low, high
 
     def _swept(self, bounds: Mapping[str, tuple[Array, Array]]) -> tuple[Array, Array]:
         """Boxes around everything each body can reach within bounds of its pose [m]."""

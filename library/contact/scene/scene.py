@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +35,7 @@ from acausal.library.contact.scene.broad_phase import (
 )
 from acausal.library.contact.scene.checks import check_bodies, check_scene
 from acausal.library.contact.scene.choice import SceneChoice
+from acausal.library.contact.scene.outlines import Outlines
 from acausal.library.multibody.frames import Frame
 from acausal.library.multibody.interfaces import PartialAbsoluteSensor
 from acausal.library.multibody.orientation import Vector
@@ -90,12 +92,26 @@ class ContactScene(Component):
         origin = np.zeros(3), np.eye(3)
         boxes = [b.box(*origin) if b.at_rest else origin[:1] * 2 for b in self.bodies]
         self.at_rest = tuple(np.array(boxes, dtype=float).reshape(-1, 2, 3).swapaxes(0, 1))
-        found, self.dropped = candidates(self.bodies)
-        self.candidates = tuple(found)
+        self.numbers = [k for k, _ in self.moving]
+        self.outlines = Outlines.of([b for _, b in self.moving])
+        self.ends, self.dropped = candidates(self.bodies)
+        self.has_traces = any(b.trace for b in self.bodies)
         self._makers: dict[Pair, int] = {}
-        self._pairs = self.candidates
+        self._kinds: dict[Pair, type[Component]] = {}
+        # Of many pairs few are ever near: all contacts are made when somebody asks for them all.
+        self._is_made = len(self.ends[0]) <= self.keep or self.has_traces or self.surfaces.law is None
+        self._pairs = self.candidates if self._is_made else ()
         self.contacts = [self._contact(i, j) for i, j in self._pairs]
-        self._kinds = {pair: type(contact) for pair, contact in zip(self._pairs, self.contacts, strict=True)}
+
+    @property
+    def candidates(self) -> tuple[Pair, ...]:
+        """Pairs that may ever touch, by what is declared of the bodies: numbers of two bodies each."""
+        return self.pairs_of(slice(None))
+
+    def pairs_of(self, places: Any) -> tuple[Pair, ...]:
+        """The candidates at some places."""
+        first, second = self.ends
+        return tuple(zip(first[places].tolist(), second[places].tolist(), strict=True))
 
     def equations(self) -> Equations:
         for frame, untouched in zip(self.frames, self.untouched, strict=True):
@@ -155,26 +171,29 @@ class ContactScene(Component):
 
     def report(self) -> PairReport:
         """Pairs kept and dropped, as the scene is now."""
-        kept = []
-        for i, j in self._pairs:
+        kept, pairs = [], self._pairs if self._is_made else self.candidates
+        for i, j in pairs:
             maker = self.maker(i, j)
             how = self.bodies[maker].describe(self.bodies[i + j - maker])
             kept.append((self.bodies[i].name, self.bodies[j].name, how))
-        counts = {**self.dropped, FAR: len(self.candidates) - len(self._pairs)}
+        counts = {**self.dropped, FAR: len(self.ends[0]) - len(pairs)}
         return PairReport(len(self.bodies), tuple(kept), tuple(Dropped(r, n) for r, n in counts.items() if n))
 
     # What `acausal.language.choices.Changing` asks of components whose structure is chosen.
 
     def is_variable(self) -> bool:
         """Whether the structure changes during a run."""
-        return len(self.candidates) > self.keep or any(self.bodies[self.maker(i, j)].trace for i, j in self.candidates)
+        return len(self.ends[0]) > self.keep or (
+            self.has_traces and any(self.bodies[self.maker(i, j)].trace for i, j in self.candidates)
+        )
 
     def whole(self) -> SceneChoice:
         """All pairs that may touch by what is declared."""
-        return SceneChoice(self, self.candidates, wandering=tuple(p for p in self.candidates if self._leaves_traces(p)))
+        wandering = filter(self._leaves_traces, self.candidates) if self.has_traces else ()
+        return SceneChoice(self, self.candidates, wandering=tuple(wandering))
 
     def _leaves_traces(self, pair: Pair) -> bool:
-        return hasattr(self._kinds[pair], self.bodies[self.maker(*pair)].trace or "no trace")
+        return hasattr(self.kind(pair), self.bodies[self.maker(*pair)].trace or "no trace")
 
     def least(self, steady: bool) -> SceneChoice:
         """No pairs; `steady`: those that will be added keep the numbers that they have among all."""
@@ -182,15 +201,23 @@ class ContactScene(Component):
 
     def with_pairs(self, pairs: Sequence[Pair], steady: bool) -> ContactScene:
         """The scene with the contacts of these pairs; `steady`: others leave their places empty."""
-        places = self.candidates if steady else pairs
-        contacts = [self._contact(*pair) if pair in pairs else Apart() for pair in places]
-        view = self._view({"_pairs": tuple(pairs)})
+        is_whole = not steady and len(pairs) == len(self.ends[0])
+        if is_whole and (len(self._pairs) == len(pairs) or "_whole" in self.__dict__):
+            made: ContactScene = self.__dict__.get("_whole", self)
+            return made
+        places, own = self.candidates if steady else pairs, set(pairs)
+        contacts = [self._contact(*pair) if pair in own else Apart() for pair in places]
+        view = self._view({"_pairs": tuple(pairs), "_is_made": True})
         view._adopt("contacts", contacts)
+        if is_whole:
+            self.__dict__["_whole"] = view  # made for this scene once, as it would have been in `build`
         return view
 
     def kind(self, pair: Pair) -> type[Component]:
         """Class of the contact of a pair."""
-        found: type[Component] = self._kinds[pair]
+        found: type[Component] | None = self._kinds.get(pair)
+        if found is None:
+            found = self._kinds[pair] = type(self._contact(*pair))
         return found
 
     def place(self, body: ContactBody) -> int | None:

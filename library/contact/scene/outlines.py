@@ -1,0 +1,97 @@
+"""Where the bodies of a scene are, and how far they have moved: all of them at once, as arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.library.contact.collide.shapes import Capsule, Cone, Cylinder, PointedDrill, Sphere
+from acausal.library.contact.scene.bodies import ContactBody
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Outlines:
+    """Bodies as far as it matters who can be near whom; n bodies, in the axes of their frames, in m.
+
+    Attributes
+    ----------
+    corners
+        Shape (n, 8, 3): points that move as far as any of the surface, but for `across`. A round body that turns
+        about its own axis stays where it is: of it these are points of its axis.
+    axis, across
+        Shapes (n, 3) and (n,): axis of a round body, and how far its surface is from it.
+    place, turned, middle, half
+        Pose of the shape in the body's frame, and its box: (n, 3), (n, 3, 3), (n, 3), (n, 3).
+    endless
+        Numbers and bodies of those without an end.
+    """
+
+    corners: Array
+    axis: Array
+    across: Array
+    place: Array
+    turned: Array
+    middle: Array
+    half: Array
+    endless: tuple[tuple[int, ContactBody], ...]
+
+    @classmethod
+    def of(cls, bodies: Sequence[ContactBody]) -> Outlines:
+        """Of some bodies."""
+        n = len(bodies)
+        sides = np.array([b.shape.bounding_box() for b in bodies], dtype=float).reshape(n, 2, 3)
+        bounded = np.isfinite(sides).all(axis=(1, 2))
+        sides[~bounded] = 0.0
+        place = np.array([b.pose[0] for b in bodies], dtype=float).reshape(n, 3)
+        turned = np.array([b.pose[1] for b in bodies], dtype=float).reshape(n, 3, 3)
+        corners, across = np.zeros((n, 8, 3)), np.zeros(n)
+        for k, (body, (low, high)) in enumerate(zip(bodies, sides, strict=True)):
+            if isinstance(body.shape, Sphere):
+                continue
+            if isinstance(body.shape, Cylinder | Capsule | Cone | PointedDrill):
+                across[k] = high[0]
+                corners[k, :4, 2], corners[k, 4:, 2] = low[2], high[2]
+            else:
+                corners[k] = list(product(*zip(low, high, strict=True)))
+        low, high = sides[:, 0], sides[:, 1]
+        return cls(
+            corners=place[:, None, :] + np.einsum("bkj,bij->bki", corners, turned),
+            axis=turned[:, :, 2],
+            across=across,
+            place=place,
+            turned=turned,
+            middle=(low + high) / 2,
+            half=(high - low) / 2,
+            endless=tuple((k, b) for k, b in enumerate(bodies) if not bounded[k]),
+        )
+
+    def moved(self, before: tuple[Array, Array], r: Array, R: Array) -> Array:
+        """How far any point of any surface is from where it was [m], at m instants, shape (m,).
+
+        Places of the bodies' frames have shape (n, 3), and (m, n, 3) at the instants, rotations (n, 3, 3) and
+        (m, n, 3, 3).
+        """
+        shift, turn = r - before[0], R - before[1]
+        at = shift[:, :, None, :] + np.einsum("mbij,bkj->mbki", turn, self.corners)
+        tilt = np.linalg.norm(np.einsum("mbij,bj->mbi", turn, self.axis), axis=2)
+        far = np.sqrt((at * at).sum(axis=3).max(axis=2)) + self.across * tilt
+        for k, _ in self.endless:
+            still = (shift[:, k] == 0).all(axis=1) & (turn[:, k] == 0).all(axis=(1, 2))
+            far[:, k] = np.where(still, 0.0, np.inf)
+        return np.asarray(far.max(axis=1, initial=0.0))
+
+    def boxes(self, r: Array, R: Array) -> tuple[Array, Array]:
+        """Lowest and highest corners of boxes around the shapes in world axes [m], shape (n, 3) each."""
+        turned = R @ self.turned
+        middle = r + np.einsum("bij,bj->bi", R, self.place) + np.einsum("bij,bj->bi", turned, self.middle)
+        half = np.einsum("bij,bj->bi", np.abs(turned), self.half)
+        low, high = middle - half, middle + half
+        for k, body in self.endless:
+            low[k], high[k] = body.box(r[k], R[k])
+        return low, high
