@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 from acausal.errors import DeclarationError, UsageError
 from acausal.language.choices import Choice, is_changing
@@ -82,7 +83,7 @@ def components(model: Component) -> Iterator[tuple[str, Component]]:
         stack.extend(reversed(list(_parts(component, path + "." if path else ""))))
 
 
-def _check(model: object) -> None:
+def _check(model: Any) -> None:
     if not isinstance(model, Component):
         is_class = isinstance(model, type)
         fact = f"the class {model.__name__} is not a model yet" if is_class else f"{model!r} is not a model"

@@ -11,6 +11,7 @@ import pytest
 import acausal
 from acausal.errors import AcausalError, UsageError
 from acausal.flatten.instances import instances
+from acausal.library.contact import ContactBody, ContactScene, HalfSpace, HuntCrossley, Sphere, Surfaces
 from acausal.models.contact_scenes import HolesSideBySide
 from tests.contact.test_scene import ThrownBall
 
@@ -114,3 +115,32 @@ def test_a_ball_lands_when_an_accuracy_is_asked_for() -> None:
     """
     result = acausal.simulate(ThrownBall(n=3, keep=2), stop_time=0.1, accuracy=1e-3)
     assert result["ball.r_0[2]"].min() > 0.018
+
+
+def test_a_second_run_compiles_nothing_and_is_the_same() -> None:
+    """Structures are kept for a model; another model of the class, and other parameters, have their own."""
+    model = ThrownBall(n=7, keep=2)
+    first, second = (acausal.simulate(model, stop_time=0.3, solver="rosenbrock") for _ in range(2))
+    spent: Any = [run.stats["time"] for run in (first, second)]
+    assert "flatten" in spent[0]
+    assert "flatten" not in spent[1]
+    assert first.stats["structures"] == second.stats["structures"]
+    np.testing.assert_array_equal(second["ball.r_0"], first["ball.r_0"])
+    slow = acausal.simulate(model, stop_time=0.3, solver="rosenbrock", parameters={"v": 0.5})
+    assert slow.final("ball.r_0[0]") < first.final("ball.r_0[0]") - 0.05
+
+
+def test_contacts_of_many_pairs_are_made_when_all_are_asked_for() -> None:
+    """40 balls have 780 pairs of their own and 40 with the ground; a flat system without choices has all."""
+    scene = ContactScene(
+        bodies=(
+            ContactBody(name="ground", shape=HalfSpace(), at_rest=True),
+            *(ContactBody(name=f"b{k}", shape=Sphere(0.05)) for k in range(40)),
+        ),
+        surfaces=Surfaces(law=HuntCrossley(k=1e5, n=1.5, e=0.7, v_0=0.5)),
+    )
+    assert len(scene.contacts) == 0
+    assert len(scene.report().kept) == 820
+    assert len(scene.whole().applied().contacts) == 820
+    assert scene.whole().applied() is scene.whole().applied()
+    assert len(scene.contacts) == 0
