@@ -52,7 +52,7 @@ BODIES = [ContactBody(name=f"b{k}", shape=shape, pose=POSE) for k, shape in enum
 
 
 def test_nothing_has_moved_farther_and_nothing_is_outside() -> None:
-    """Two convex surfaces are as far from each other as their supports differ in some direction; rims have 400 points."""
+    """Two convex surfaces are as far apart as their supports differ in some direction; rims have 400 points."""
     rng = np.random.default_rng(0)
     ways = np.concatenate([np.eye(3), -np.eye(3), rng.normal(size=(200, 3))])
     ways /= np.linalg.norm(ways, axis=1)[:, None]
