@@ -1,7 +1,8 @@
 """Branches that a phase takes throughout, put in place of `if_else`, minima, maxima, absolute values and relations.
 
 Phases end where branches change. Within one, what such a branch computes is smooth, and an interior-point method meets
-no kink. Only branches that differ between phases are put in place: all others stay as the model has them.
+no kink. Only branches that differ between phases are put in place: all others stay as the model has them, or are
+rounded where that is asked for.
 """
 
 from __future__ import annotations
@@ -27,6 +28,12 @@ _QUESTIONS: Mapping[int, Callable[..., Any]] = {
     ca.OP_EQ: lambda a, b: a == b,
     ca.OP_NE: lambda a, b: a != b,
 }
+# What is zero where the answer changes.
+_DIFFERENCES: Mapping[int, Callable[..., Any]] = {
+    **{op: (lambda a, b: a - b) for op in _QUESTIONS},
+    ca.OP_FABS: lambda a: a,
+    ca.OP_SIGN: lambda a: a,
+}
 # What it is when the answer is yes, and when it is no.
 _ANSWERS: Mapping[int, tuple[Callable[..., Any], Callable[..., Any]]] = {
     ca.OP_FMIN: (lambda a, b: a, lambda a, b: b),
@@ -37,54 +44,122 @@ _ANSWERS: Mapping[int, tuple[Callable[..., Any], Callable[..., Any]]] = {
 }
 
 
-def branched(function: Any, points: Sequence[Sequence[Vector]]) -> list[Any]:
+_CHOICE = ca.OP_IF_ELSE_ZERO
+# Rounded forms of a width e: hyperbolas, and a step between 0 and 1 of an exponential tail.
+_ROUNDED: Mapping[int, Callable[..., Any]] = {
+    ca.OP_FMIN: lambda a, b, e: (a + b - ca.sqrt((a - b) ** 2 + e**2)) / 2,
+    ca.OP_FMAX: lambda a, b, e: (a + b + ca.sqrt((a - b) ** 2 + e**2)) / 2,
+    ca.OP_FABS: lambda a, e: ca.sqrt(a**2 + e**2),
+    ca.OP_SIGN: lambda a, e: ca.tanh(a / e),
+    ca.OP_LT: lambda a, b, e: (1 + ca.tanh((b - a) / e)) / 2,
+    ca.OP_LE: lambda a, b, e: (1 + ca.tanh((b - a) / e)) / 2,
+}
+# What is made of truths between 0 and 1.
+_SOFT: Mapping[int, Callable[..., Any]] = {
+    ca.OP_NOT: lambda a: 1 - a,
+    ca.OP_AND: lambda a, b: a * b,
+    ca.OP_OR: lambda a, b: a + b - a * b,
+    _CHOICE: lambda a, b: a * b,
+}
+# Share of the instants of a guess that a branch must be off for to be rounded: what is beside an end is not.
+_OFTEN = 0.1
+
+Widths = Mapping[int, float]
+
+
+def branched(function: Any, points: Sequence[Sequence[Vector]], widths: Sequence[Widths] = ()) -> list[Any]:
     """An SX function once for each phase, with the branches that differ between phases as they are there.
 
     Parameters
     ----------
     points
         For each phase the arguments at n instants inside of it, each of shape (rows, n).
+    widths
+        For each phase, of the branches that are rounded the width by number; 0 leaves one as the model has it.
     """
-    questions = _questions(function)
-    if questions is None or len(points) < 2:
+    questions = _questions(function, _QUESTIONS)
+    if questions is None or (len(points) < 2 and not any(widths)):
         return [function for _ in points]
-    answers = [_asked(questions, columns) for columns in points]
+    answers = [_evaluated(questions, columns) > 0.5 for columns in points]
     uniform = np.array([a.all(axis=1) | ~a.any(axis=1) for a in answers])
     first = np.array([a[:, 0] for a in answers])
     decided = uniform & (first != first[0]).any(axis=0)
-    return [_with(function, decided[k], first[k]) for k in range(len(points))]
+    own = [*widths, *({} for _ in range(len(points) - len(widths)))]
+    return [_with(function, decided[k], first[k], own[k]) for k in range(len(points))]
 
 
-def _asked(questions: Any, columns: Sequence[Vector]) -> Truth:
-    """The answers at n instants, shape (questions, n)."""
+def crossed(function: Any, points: Sequence[Vector], smooth: float, often: bool = False) -> dict[int, float]:
+    """Branches that go both ways at n instants, by number, with the widths to round them.
+
+    Parameters
+    ----------
+    points
+        Arguments of the function, each of shape (rows, n).
+    smooth
+        Widths by the largest magnitude of what changes its sign there.
+    often
+        Whether those do not count that differ at few instants only.
+    """
+    differences = _questions(function, _DIFFERENCES)
+    if differences is None:
+        return {}
+    values = _evaluated(differences, points)
+    size = np.nanmax(np.abs(values), axis=1, initial=0.0)
+    # what is left of rounding has no sign
+    sides = [(side * values > 1e-9 * size[:, None]).mean(axis=1) for side in (1.0, -1.0)]
+    both = np.minimum(*sides) > (_OFTEN if often else 0.0)
+    return {int(k): float(smooth * size[k]) for k in np.flatnonzero(both)}
+
+
+def _evaluated(function: Any, columns: Sequence[Vector]) -> Vector:
+    """Values at n instants, shape (rows, n)."""
     n = columns[0].shape[1]
     given = [ca.DM(c) if c.size else ca.DM(c.shape[0], n) for c in columns]
-    return np.array(questions.map(n)(*given)) > 0.5
+    return np.array(function.map(n)(*given))
 
 
-def _questions(function: Any) -> Any:
-    """The function that answers the question behind each branch; None where there is none."""
+def _questions(function: Any, forms: Mapping[int, Callable[..., Any]]) -> Any:
+    """The function that gives these forms of the operands of each branch; None where there is none."""
     if any(function.instruction_id(k) == ca.OP_CALL for k in range(function.n_instructions())):
         return None  # functions of others, which cannot be built anew: their kinks stay
     found: list[Any] = []
 
     def note(op: int, operands: list[Any]) -> Any:
-        found.append(_QUESTIONS[op](*operands))
+        if op in forms:
+            found.append(forms[op](*operands))
         return None
 
     arguments, _ = _walked(function, note)
     return ca.Function("questions", arguments, [ca.vertcat(*found)]) if found else None
 
 
-def _with(function: Any, decided: Truth, answers: Truth) -> Any:
-    """The function with some of its branches decided."""
+def _with(function: Any, decided: Truth, answers: Truth, widths: Widths) -> Any:
+    """The function with some of its branches decided, and some rounded."""
     number = iter(range(len(decided)))
+    soft: set[int] = set()  # truths between 0 and 1
 
-    def decide(op: int, operands: list[Any]) -> Any:
+    def change(op: int, operands: list[Any]) -> Any:
+        if op not in _QUESTIONS:
+            return softened(op, operands)
         k = next(number)
+        if k in widths:
+            if widths[k] == 0.0 or op not in _ROUNDED:
+                return None
+            found = _ROUNDED[op](*operands, widths[k])
+            if op in (ca.OP_LT, ca.OP_LE):
+                soft.add(found.element_hash())
+            return found
         return _ANSWERS[op][0 if answers[k] else 1](*operands) if decided[k] else None
 
-    arguments, outputs = _walked(function, decide)
+    def softened(op: int, operands: list[Any]) -> Any:
+        if op not in _SOFT or not any(o.element_hash() in soft for o in operands[: 1 if op == _CHOICE else 2]):
+            return None
+        found = _SOFT[op](*operands)
+        if op != _CHOICE:
+            soft.add(found.element_hash())
+        return found
+
+    arguments, outputs = _walked(function, change)
     return ca.Function(function.name(), arguments, outputs, function.name_in(), function.name_out())
 
 
@@ -104,7 +179,7 @@ def _walked(function: Any, branch: Callable[[int, list[Any]], Any]) -> tuple[lis
             outputs[target[0]][target[1]] = work[inputs[0]]
         else:
             operands = [work[i] for i in inputs]
-            other = branch(op, operands) if op in _QUESTIONS else None
+            other = branch(op, operands)
             work[target[0]] = _applied(op, operands) if other is None else other
     shaped = []
     for k, entries in enumerate(outputs):

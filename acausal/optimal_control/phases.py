@@ -13,7 +13,7 @@ from acausal.analyse.delays import PADE, refuse_delays
 from acausal.errors import OptimizationError
 from acausal.export.forms import Form, check
 from acausal.lower.compiled import CompiledModel, Symbols
-from acausal.optimal_control.branches import branched
+from acausal.optimal_control.branches import Widths, branched, crossed
 from acausal.optimal_control.guess import PhaseGuess
 from acausal.optimal_control.problem import Problem
 from acausal.optimal_control.radau import Dynamics
@@ -30,14 +30,16 @@ SMOOTH = Form(
 )
 # Where the equations of a phase are looked at: its inside, as shares.
 _INSIDE = np.linspace(0.02, 0.98, 33)
+# Instants in an interval at which rounded rates are compared.
+_FINE = 200
 # How far, by magnitude, what a guess does at an event may be from what its clauses say.
 _SAME = 1e-4
 # How far rates and equations may be from those of the model, by their magnitude.
 _OFF = 1e-6
 
 
-def dynamics_of(problem: Problem, guesses: Sequence[PhaseGuess]) -> list[Dynamics]:
-    """The equations of all phases.
+def dynamics_of(problem: Problem, guesses: Sequence[PhaseGuess], widths: Sequence[Widths] = ()) -> list[Dynamics]:
+    """The equations of all phases, with branches rounded to these widths by number, for each phase.
 
     Raises
     ------
@@ -59,10 +61,12 @@ def dynamics_of(problem: Problem, guesses: Sequence[PhaseGuess]) -> list[Dynamic
     found = []
     # what the switch at the very end changes is told by what comes behind it
     beyond = [_arguments(g, _INSIDE, begins[-1], q.p) for g in [guesses[-1].following] if g is not None]
-    laws = branched(dae, [*inside, *beyond])[: len(inside)]
-    for k, (law, relation) in enumerate(zip(laws, switches, strict=True)):
+    laws = branched(dae, [*inside, *beyond], widths)[: len(inside)]
+    kept = [dict.fromkeys(own, 0.0) for own in widths]
+    sharps = branched(dae, [*inside, *beyond], kept)[: len(inside)] if any(widths) else [None] * len(laws)
+    for k, (law, sharp, relation) in enumerate(zip(laws, sharps, switches, strict=True)):
         if relation is None:
-            found.append(Dynamics(law))
+            found.append(Dynamics(law, sharp=sharp))
             continue
         s = Symbols(compiled)
         arguments = s.inputs[:-1]
@@ -72,8 +76,29 @@ def dynamics_of(problem: Problem, guesses: Sequence[PhaseGuess]) -> list[Dynamic
         following = guesses[k + 1] if k + 1 < len(guesses) else None
         ends = _arguments(guesses[k], np.array([1.0]), begins[k], q.p)
         jump = _jump(problem, relation, ends, following, problem.specs[k].name)
-        found.append(Dynamics(law, guard, jump))
+        found.append(Dynamics(law, guard, jump, sharp))
     return found
+
+
+def kinks(problem: Problem, guesses: Sequence[PhaseGuess], smooth: float, often: bool = False) -> list[Widths]:
+    """Branches that go both ways within each phase, by number with the widths to round them; see `crossed`."""
+    q, dae = problem.quantities, problem.quantities.dae()
+    begins = q.begin.t + np.cumsum([0.0, *(guess.duration for guess in guesses)])
+    pairs = zip(guesses, begins[:-1], strict=True)
+    return [crossed(dae, _arguments(guess, _INSIDE, begin, q.p), smooth, often) for guess, begin in pairs]
+
+
+def bias(laws: Sequence[Dynamics], trajectory: Trajectory) -> float:
+    """How far states are led away by what is rounded: integrals of the rates' differences, by the largest state."""
+    size = np.max([np.abs(phase.x).max(axis=1, initial=0.0) for phase in trajectory.phases], axis=0)
+    apart = np.zeros(len(size))
+    for phase, law in zip(trajectory.phases, laws, strict=True):
+        if law.sharp is not None:
+            shares = (np.arange(_FINE * len(phase.mesh)) + 0.5) / (_FINE * len(phase.mesh))
+            columns = _arguments(PhaseGuess(phase.duration, phase.at), shares, phase.begin, trajectory.p)
+            off = np.abs(_evaluated(law.dae, columns)[0] - _evaluated(law.sharp, columns)[0])
+            apart += phase.duration * off.mean(axis=1)
+    return float((apart / np.where(size > 0.0, size, 1.0)).max(initial=0.0))
 
 
 def _arguments(guess: PhaseGuess, shares: Vector, begin: float, p: Vector) -> list[Vector]:
@@ -218,8 +243,9 @@ def _check_branches(problem: Problem, dae: Any, law: Dynamics, phase: PhaseTraje
     q = problem.quantities
     names = (q.x.names, q.z.names, tuple(o.name for o in q.outputs))
     words = ("the rate of {}", "the equation of {}", "{}")
+    decided = law.dae if law.sharp is None else law.sharp
     for own, model, group, text in zip(
-        _evaluated(law.dae, columns), _evaluated(dae, columns), names, words, strict=True
+        _evaluated(decided, columns), _evaluated(dae, columns), names, words, strict=True
     ):
         size = np.maximum(np.abs(model).max(axis=1, initial=0.0), np.abs(own).max(axis=1, initial=0.0))[:, None]
         off = np.abs(own - model) / np.where(size > 0.0, size, 1.0)
@@ -231,7 +257,8 @@ def _check_branches(problem: Problem, dae: Any, law: Dynamics, phase: PhaseTraje
                 f"{phase.name} leaves the branch that it was solved on, at t = {t:.6g} s",
                 evidence=[f"{text.format(group[k])} is {model[k, j]:.6g} there, and was taken for {own[k, j]:.6g}"],
                 cause="a switch inside of the phase: the order of the switches is another one than in the guess",
-                help="declare it as the end of a phase of its own, or keep away from it: phase.subject_to(...)",
+                help="declare it as the end of a phase of its own, or keep away from it: phase.subject_to(...); where "
+                "the order is free, round it: solve(smooth=1e-3)",
             )
 
 

@@ -249,6 +249,7 @@ class Problem:
         control: int = 2,
         accuracy: float | None = None,
         refinements: int = 5,
+        smooth: float = 0.0,
         shooting: str | None = None,
         steps: int = 4,
         solver: str = "ipopt",
@@ -270,6 +271,11 @@ class Problem:
             IDAS goes elsewhere are halved, and the problem is solved again. None leaves the mesh as it is.
         refinements
             How often at most.
+        smooth
+            Rounds the kinks of `where`, `maximum`, `minimum`, `abs` that the guess or the answer passes within a phase,
+            where their order is free: widths by the largest value of what changes its sign. 0 leaves the model as it
+            is. `stats["bias"]` is how far that leads a state away, the integral of what its rate is off by, by its
+            largest magnitude; a note says it, too.
         shooting, steps
             Instead of collocation, a method of the exported steps, "rk2", "rk4", "rosenbrock" or "sdirk", and its steps
             in each interval. Inputs are then constant in an interval, limits hold at its end, and between the borders
@@ -291,7 +297,7 @@ class Problem:
 
         self._begun()
         bridge = Steps(shooting, steps) if shooting is not None else None
-        how = Choices(tolerance, degree, control, accuracy, refinements, bridge, solver, dict(options or {}))
+        how = Choices(tolerance, degree, control, accuracy, refinements, smooth, bridge, solver, dict(options or {}))
         return solved(self, how)
 
     def controller(

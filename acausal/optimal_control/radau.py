@@ -39,11 +39,14 @@ class Dynamics:
         `(t, x, z, u, p) -> g`, zero at the end of the phase; None without a switch of the model.
     jump
         `(t, x, z, u, p) -> x` after the end; None where nothing jumps.
+    sharp
+        `dae` without what is rounded in it; None where nothing is.
     """
 
     dae: Any
     guard: Any = None
     jump: Any = None
+    sharp: Any = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,11 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.errors import OptimizationError, UsageError
+from acausal.optimal_control.branches import Widths
 from acausal.optimal_control.error import interval_errors
 from acausal.optimal_control.guess import guessed
 from acausal.optimal_control.nlp import Solution, minimized
 from acausal.optimal_control.optimum import optimum_of
-from acausal.optimal_control.phases import dynamics_of, verified
+from acausal.optimal_control.phases import bias, dynamics_of, kinks, verified
 from acausal.optimal_control.polynomials import Basis
 from acausal.optimal_control.problem import Problem
 from acausal.optimal_control.radau import Program, transcribed
@@ -51,6 +52,7 @@ class Choices:
     control: int
     accuracy: float | None
     refinements: int
+    smooth: float
     steps: Steps | None
     solver: str
     options: Mapping[str, Any]
@@ -73,12 +75,14 @@ class _Laps:
 def solved(problem: Problem, choices: Choices) -> Optimum:
     """See `Problem.solve`."""
     basis = Basis(choices.degree, choices.control) if choices.steps is None else Basis(1, 0)
-    _check(problem, basis.degree, basis.control, choices.solver)
+    _check(problem, basis.degree, basis.control, choices.solver, choices.smooth)
     accuracy, refinements = choices.accuracy, choices.refinements
     taken = _Laps()
     guesses = guessed(problem)
     taken.lap("guess")
-    laws = dynamics_of(problem, guesses)
+    first = guesses
+    widths = kinks(problem, first, choices.smooth, often=True) if choices.smooth else []
+    laws = dynamics_of(problem, first, widths)
     meshes = [spec.mesh for spec in problem.specs]
     iterations: list[int] = []
     expected = problem.quantities.p
@@ -89,6 +93,11 @@ def solved(problem: Problem, choices: Choices) -> Optimum:
         taken.lap("solve")
         iterations.append(solution.iterations)
         trajectory = trajectory_of(program, solution)
+        others = _others(problem, trajectory, widths, choices.smooth) if choices.smooth else widths
+        if others != widths and len(iterations) <= refinements:
+            widths, guesses, expected = others, trajectory.guesses(), trajectory.p
+            laws = dynamics_of(problem, first, widths)
+            continue
         verified(problem, laws, trajectory)
         errors = interval_errors(problem, laws, trajectory)
         worst = max((float(e.max()) for e in errors), default=0.0)
@@ -107,7 +116,8 @@ def solved(problem: Problem, choices: Choices) -> Optimum:
         "iterations": iterations[0] if len(iterations) == 1 else tuple(iterations),
         "intervals": sum(map(len, meshes)),
         "interval_error": worst,
-        "notes": (*problem.quantities.begin.notes, *_coarse(trajectory, errors, worst)),
+        "bias": (off := bias(laws, trajectory)),
+        "notes": (*problem.quantities.begin.notes, *_coarse(trajectory, errors, worst), *_rounded(widths, off)),
         **taken.seconds,
     }
     for note in stats["notes"]:
@@ -115,11 +125,26 @@ def solved(problem: Problem, choices: Choices) -> Optimum:
     return optimum_of(problem, program, solution, trajectory, stats)
 
 
-def _check(problem: Problem, degree: int, control: int, solver: str) -> None:
+def _others(problem: Problem, trajectory: Trajectory, widths: list[Widths], smooth: float) -> list[Widths]:
+    """The branches that are rounded, and those that the answer goes both ways at."""
+    found = kinks(problem, trajectory.guesses(), smooth)
+    return [{**more, **known} for more, known in zip(found, widths, strict=True)]
+
+
+def _rounded(widths: list[Widths], off: float) -> tuple[str, ...]:
+    count = sum(map(len, widths))
+    if not count:
+        return ()
+    return (f"{count} kinks are rounded, which leads states away by up to {off:.2g} of their magnitude",)
+
+
+def _check(problem: Problem, degree: int, control: int, solver: str, smooth: float) -> None:
     if problem.objective is None:
         raise UsageError("AC053", f"{problem!r} minimizes nothing", help="problem.minimize(problem.duration)")
     if solver not in SOLVERS:
         raise UsageError("AC053", f"there is no solver '{solver}'", help=f"solvers: {', '.join(SOLVERS)}")
+    if not 0.0 <= smooth < 1.0:
+        raise UsageError("AC053", f"kinks are not rounded by {smooth:g}", help="smooth=1e-3: a share, from 0 to 1")
     if degree < 1 or degree > 9 or control < 0 or control > degree - 1:
         raise UsageError(
             "AC053",
@@ -158,7 +183,7 @@ def _failure(program: Program, solution: Solution, solver: str) -> OptimizationE
         f"{solver} gives up: {status.replace('_', ' ')}",
         evidence=_violated(program, solution),
         help="begin nearer to an answer (problem.guess), give magnitudes (nominal=) to variables, or more iterations: "
-        'solve(options={"max_iter": 3000})',
+        'solve(options={"max_iter": 3000}); kinks of where, maximum and the like can be rounded: solve(smooth=1e-3)',
     )
 
 
