@@ -7,7 +7,8 @@ events, samples, and relations that were passed after the first. So an event cos
 its step (order two with implicit methods, between whose steps states are interpolated by straight lines); a second one
 is taken at the end of the step, an error of the length of the step, and a relation that is passed twice within a step,
 there and back, not at all. Both are looked for, and said by a flag: guards behind zero at the end of the second part,
-and guards that fall at one end of a part and rise at the other and are below zero in between.
+guards that fall at one end of a part and rise at the other and are below zero in between, and guards that are far from
+smooth between the ends of a part.
 
 Impacts that follow one another within a step end at rest, as in `acausal.simulate.events.rest`, but elastic ones too:
 the state that the `when` resets, and what it drives, are put on the guard. A note says so. Both parts are computed in
@@ -43,6 +44,10 @@ from acausal.simulate.tolerances import Tolerances
 
 Vector = NDArray[np.float64]
 _LOCATING = 6
+# Shares of a part of a step at which guards are looked at, and how far from the cubic between its ends they are, by
+# their size, where they swing within it.
+_INSIDE = (0.1813, 0.4377, 0.6481, 0.8342)
+_JAGGED = 0.1
 # A clock counts as ticking at an instant to this share of its interval, and of the step.
 TICK = 1e-9
 
@@ -262,7 +267,8 @@ class HybridStep:
 
         As in `acausal.simulate.events.bracketing`, but for the points that are integrated there: the cubic through both
         ends is looked at where its slope would vanish if that were linear, and the guard itself where the tangents at
-        both ends meet, which is where a kink is.
+        both ends meet, which is where a kink is. A guard that swings several times within the step is no cubic: it is
+        looked at inside, and where it is off by more than is left of it and by a tenth of its size, it may be passed.
         """
         watch, rates = self.compiled.events.watch, self.settling.rates
         g0, g1 = watch(t, x, z, *held), watch(t + h, x1, z1, *held)
@@ -277,6 +283,19 @@ class HybridStep:
             there = watch(t + meet * h, *self._course(t, h, x, z, x1, z1, held, meet), *held)[k]
             kink = ca.logic_and(meet <= share, there < 0)
             found.append(ca.logic_and(turns, ca.logic_or(kink, ca.logic_and(low <= share, cubic < 0))))
+        for part in _INSIDE:
+            s = share * part
+            inside = watch(t + s * h, *self._course(t, h, x, z, x1, z1, held, s), *held)
+            for k in range(g0.numel()):
+                rise, a, b = g1[k] - g0[k], h * rate0[k], h * rate1[k]
+                smooth = g0[k] + s * (a + s * (3 * rise - 2 * a - b + s * (a + b - 2 * rise)))
+                off, least = ca.fabs(inside[k] - smooth), ca.fmin(ca.fmin(g0[k], g1[k]), inside[k])
+                if self.method.name in IMPLICIT:  # rates at its ends may belong to what dies out at once
+                    off = ca.fmin(off, ca.fabs(inside[k] - g0[k] - s * rise))
+                size = ca.fmax(g0[k], g1[k])
+                outside = ca.logic_and(g0[k] > noise[k], g1[k] >= 0)
+                jagged = ca.logic_and(off > least, off > _JAGGED * size)
+                found.append(ca.logic_and(outside, ca.logic_or(inside[k] < -noise[k], jagged)))
         return any_of(found)
 
     def _located(self, s: Symbols, x1: Any, z1: Any, g0: Any, g1: Any, passed: Sequence[Any]) -> tuple[Any, list[Any]]:

@@ -29,6 +29,7 @@ from acausal import (
     reset,
     sample,
     signal_input,
+    sin,
     terminate,
     variable,
     when,
@@ -303,3 +304,30 @@ def test_what_a_step_does_not_locate_is_said(kind: str, h: float, method: str) -
     assert said == ([] if is_right else [5])
     assert is_right == (kind == "one" or h < 0.01)
     assert any("step.unlocated" in note for note in step.notes)
+
+
+class Swinging(Component):
+    """y rises while sin(w t) > 0.9: for acos(0.9)/pi of the time."""
+
+    w: Real = parameter(default=1.0)
+    x: Real = variable(default=fixed(0.0))
+    y: Real = variable(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        yield der(self.x) == 1.0
+        yield der(self.y) == where(sin(self.w * self.x) > 0.9, 1.0, 0.0)
+
+
+@pytest.mark.parametrize("method", ["rk2", "rk4", "rosenbrock", "sdirk"])
+@pytest.mark.parametrize("swings", [0.2, 0.5, 1.0, 1.5, 2.0, 3.0])
+def test_guards_that_swing_within_a_step_are_said(swings: float, method: str) -> None:
+    """`swings` periods to a step: with whole ones a guard and its rate are the same at both ends of each step."""
+    h = 0.05
+    step = step_function(acausal.compile(Swinging(w=2 * math.pi * swings / h)), h, method, ["y"])
+    x, said = step.x.start, 0.0
+    for _ in range(40):
+        x, y = step.function(x, [], step.p.start)
+        said += float(y[step.y.position("step.unlocated")])
+    off = abs(float(x[step.x.position("y")]) / (40 * h) - math.acos(0.9) / math.pi)
+    assert (said > 0.0) == (swings > 0.2)
+    assert said or off < 0.01
