@@ -171,11 +171,17 @@ def switched_dependents(solution: Solution, prescribed: bool = False) -> list[in
     ops = {pool.nodes[n][0] for n in pool.reachable(solution.residuals)}
     switched = dict.fromkeys(solution.algebraic, bool(ops & RELATIONS))
     moved = dict.fromkeys(solution.algebraic, True)
+    found_of: dict[int, tuple[bool, bool]] = {}  # of nodes: what definitions share is looked at once
     for v, node in solution.definitions:  # in the order of evaluation
-        held = pool.variables_in(node)
-        ops = {pool.nodes[n][0] for n in pool.reachable([node])}
-        switched[v] = bool(ops & RELATIONS) or any(switched.get(w, w in discrete) for w in held)
-        moved[v] = any(moved.get(w, w not in discrete) for w in held)
+        for n in pool.reachable([node], found_of):
+            op, *rest = pool.nodes[n]
+            if op == "var":
+                w = rest[0]
+                found_of[n] = switched.get(w, w in discrete), moved.get(w, w not in discrete)
+            else:
+                inside = [found_of[k] for k in rest] if op not in LEAVES else []
+                found_of[n] = op in RELATIONS or any(a for a, _ in inside), any(b for _, b in inside)
+        switched[v], moved[v] = found_of[node]
     found = [v for v in switched if v in pool.derivative_of and switched[v] and moved[v] != prescribed]
     if prescribed:  # what is shown only, as the acceleration of a joint that moves nothing, needs no impulse
         used = {w for _, node in solution.definitions for w in pool.variables_in(node)}

@@ -11,6 +11,7 @@ same way. By Newton's law the states would jump too, through the Jacobian of the
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -141,10 +142,17 @@ def _sides(recorder: Recorder, led: list[tuple[int, str, float]], after: NDArray
     return before, behind
 
 
+# The same for all runs of a model, and a second of work where there are hundreds of relations.
+_LED: WeakKeyDictionary[CompiledModel, dict[bool, list[tuple[int, str, float]]]] = WeakKeyDictionary()
+
+
 def _led(compiled: CompiledModel, prescribed: bool = False) -> list[tuple[int, str, float]]:
     """Such variables: column of the trajectories, name, nominal magnitude."""
-    reduced = compiled.solution.structure.reduced
-    found = switched_dependents(compiled.solution, prescribed)
-    columns = {node: k for k, node in enumerate(compiled.columns)} if found else {}
-    nodes = ((v, reduced.pool.var(v)) for v in found)
-    return [(columns[node], reduced.name(v), nominal(reduced, v)) for v, node in nodes if node in columns]
+    known = _LED.setdefault(compiled, {})
+    if prescribed not in known:
+        reduced = compiled.solution.structure.reduced
+        found = switched_dependents(compiled.solution, prescribed)
+        columns = {node: k for k, node in enumerate(compiled.columns)} if found else {}
+        nodes = ((v, reduced.pool.var(v)) for v in found)
+        known[prescribed] = [(columns[n], reduced.name(v), nominal(reduced, v)) for v, n in nodes if n in columns]
+    return known[prescribed]

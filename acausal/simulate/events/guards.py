@@ -86,8 +86,9 @@ class Guards:
         if len(at.z):
             moved = np.linalg.lstsq(alg_z.reshape(len(at.z), -1), alg.ravel(), rcond=None)[0]
             own = own - by_z.reshape(len(own), -1) @ moved
-        if self.step > 0.0 and not between and (noise > np.abs(self.distances(t, at))).any():
-            noise = np.minimum(noise, self._relaxed(t, at, errors[0]))
+        if self.step > 0.0 and not between:
+            near = np.flatnonzero(noise > np.abs(self.distances(t, at)))
+            noise[near] = np.minimum(noise[near], self._relaxed(t, at, errors[0], near))
         # never quite nothing: values are rounded, and instants are found to rounding only
         noise += 1e-15 + np.abs(own) * (INSTANT * max(self.span, abs(t)))
         if kept(problem.compiled).shares is not None:
@@ -95,15 +96,16 @@ class Guards:
             noise += _ROUNDED * (1.0 + np.abs(at.z).max())
         return own, noise if np.isfinite(noise).all() else np.nan_to_num(noise, nan=1e-15, posinf=1e-15)
 
-    def _relaxed(self, t: float, at: Moment, error: Vector) -> Vector:
-        """How far guards can be wrong when errors of the states have relaxed over a step (`Held.relaxed`).
+    def _relaxed(self, t: float, at: Moment, error: Vector, near: NDArray[np.intp]) -> Vector:
+        """How far these guards can be wrong when errors of the states have relaxed over a step (`Held.relaxed`).
 
         One by one, errors of states that follow others at once are no errors of a solution: the current through
         1e-5 Ohm would be known to several ampere at a tolerance of 1e-4, and a diode conducted backwards as far. What
         the solver leaves of them is what an implicit step of its length does.
         """
         p = self.problem
-        found = at.regime.relaxed(t, at.x, at.z, p.u, p.p, at.m, error, self.step)[0]
+        given = t, at.x, at.z, p.u, p.p, at.m, error, self.step
+        found = np.array([at.regime.relaxed(*given, k)[0][0] for k in near.tolist()])
         return np.where(np.isfinite(found), found, np.inf)
 
     def _error(self, values: Vector, nominal: Vector) -> Vector:

@@ -24,6 +24,8 @@ from acausal.simulate.equations.shares import Border
 Vector = NDArray[np.float64]
 # Sets of held relations whose equations are kept for one model.
 _MOST = 64
+# Entries of a Jacobian of guards of which one row is chosen.
+_MOST_SLOPES = 10_000
 
 
 @dataclass(frozen=True)
@@ -64,6 +66,16 @@ class Held:
         return (*((k, -1) for k in range(count) if k not in held), *ends)
 
     @cached_property
+    def owner(self) -> NDArray[np.int64]:
+        """The relation of each guard."""
+        return np.array([relation for relation, _ in self.owners], dtype=np.int64)
+
+    @cached_property
+    def side(self) -> NDArray[np.int64]:
+        """-1, 0 or 1 for each guard, see `owners`."""
+        return np.array([side for _, side in self.owners], dtype=np.int64)
+
+    @cached_property
     def watch(self) -> Any:
         """`(t, x, z, u, p, m) -> g`: the guards."""
         if not self.holds:
@@ -93,23 +105,24 @@ class Held:
 
     @cached_property
     def relaxed(self) -> Any:
-        """`(t, x, z, u, p, m, e, h) -> |dg/dx (I - h J)^-1| e`: errors of guards when those of states have relaxed.
+        """`(t, x, z, u, p, m, e, h, k) -> |dg/dx (I - h J)^-1| e` of guard k: its error when those of states have relaxed.
 
         J are the slopes of the rates with algebraic variables that follow the states; e are errors of the states, and
-        h is the step over which they relax, as an implicit step lets them.
+        h is the step over which they relax, as an implicit step lets them. One guard at a time: of hundreds, few are
+        near zero.
         """
         s = Symbols(self.compiled)
         ode, alg = self.compiled.rhs(*s.inputs)
-        nx, nz = s.x.numel(), s.z.numel()
-        parts = [ca.jacobian(f, v) for f in (ode, alg, self.watch(*s.inputs)) for v in (s.x, s.z)]
+        nx, nz, which = s.x.numel(), s.z.numel(), ca.SX.sym("which")
+        own = _slopes(self.watch(*s.inputs), ca.vertcat(s.x, s.z), which)
+        parts = [*(ca.jacobian(f, v) for f in (ode, alg) for v in (s.x, s.z)), own]
         inputs = [ca.MX.sym(name, v.numel()) for name, v in zip("txzupm", s.inputs, strict=True)]
-        e, h = ca.MX.sym("e", nx), ca.MX.sym("h")
-        fx, fz, ax, az, gx, gz = ca.Function("slopes", s.inputs, parts).call(inputs)
+        e, h, k = ca.MX.sym("e", nx), ca.MX.sym("h"), ca.MX.sym("k")
+        fx, fz, ax, az, g = ca.Function("slopes", [*s.inputs, which], parts).call([*inputs, k])
         matrix = ca.blockcat([[ca.MX.eye(nx) - h * fx, -h * fz], [ax, az]])
         # a pivot may be zero that no Jacobian has
-        solved: Any = ca.solve(matrix.T, ca.densify(ca.horzcat(gx, gz).T), "qr") if gx.size1() else ca.MX(nx + nz, 0)
-        found = ca.fabs(solved[:nx, :].T) @ e
-        return ca.Function("relaxed", [*inputs, e, h], [ca.densify(found)])
+        solved: Any = ca.solve(matrix.T, g, "qr")
+        return ca.Function("relaxed", [*inputs, e, h, k], [ca.dot(ca.fabs(solved[:nx]), e)])
 
     @cached_property
     def quick_relaxed(self) -> Quick:
@@ -221,6 +234,19 @@ class _Equations:
     other_slope: Any
     forces: Any
     kept: tuple[Any, ...]
+
+
+def _slopes(g: Any, v: Any, which: Any) -> Any:
+    """The gradient of one of the guards g by v.
+
+    Chosen among all gradients, as those of other guards may be infinite. In large models by a product with a vector of
+    zeros and a one instead, whose cost grows with the equations: the gradient is nan there if another one is infinite.
+    """
+    if g.numel() * v.numel() > _MOST_SLOPES:
+        return ca.densify(ca.jtimes(g, v, which == ca.DM(range(g.numel())), True))
+    slopes = ca.jacobian(g, v)
+    chosen = ca.if_else(which == ca.DM(slopes.sparsity().row()), ca.vertcat(*slopes.nonzeros()), 0)
+    return ca.densify(ca.sum1(ca.SX(slopes.sparsity(), chosen)).T)
 
 
 _MADE: WeakKeyDictionary[CompiledModel, OrderedDict[Any, Held]] = WeakKeyDictionary()

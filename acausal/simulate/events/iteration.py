@@ -310,16 +310,16 @@ class Iteration:
         if (g > 1.0).all():  # far from everything: no rates needed
             return np.zeros(len(g), dtype=bool)
         rate, noise = self.guards.rates(t, moment)
-        for k, (relation, side) in enumerate(moment.regime.owners):
-            if side < 0:
-                walk.doubt[relation] = max(walk.doubt[relation], noise[k])
-                noise[k] = walk.doubt[relation] if walk.flips[relation] > 1 else noise[k]
+        own, sides = moment.regime.held.owner, moment.regime.held.side
+        free = sides < 0
+        walk.doubt[own[free]] = np.maximum(walk.doubt[own[free]], noise[free])
+        noise = np.where(free & (walk.flips[own] > 1), walk.doubt[own], noise)
         wrong = g < -2 * noise
         # not the whole noise: a thin plate has its other side within it; but as near as instants are found
         at = g <= np.maximum(LOCATED * noise, np.abs(rate) * INSTANT * max(self.guards.span, abs(t)))
         leaves = at & (rate < -noise)
         # an instant that was found early: one mode still holds for nanoseconds, the other one does not yet
-        back = np.array([walk.flips[r] for r, _ in moment.regime.owners]) >= _CHATTER
+        back = walk.flips[own] >= _CHATTER
         early = leaves & (g > 0.0) & back
         # or one holds no more, and the other one does some instants from now
         wrong &= ~(back & (rate > 0.0) & self.guards.behind(t, g, rate, noise))

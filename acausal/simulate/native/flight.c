@@ -86,11 +86,12 @@ struct space {
   double *assigned, *next_x, *next_m, *next_was, *next_decided, *acting, *applied, *conditions, *remembered, *asserts; /* of rounds */
   double *was, *decided;
   double next_level, settled, clash, level;
-  double *g, *rate, *error, *noise, *left, *doubt, *band, *later, *never, *approach;
+  double *g, *rate, *error, *noise, *doubt, *band, *later, *never, *approach;
   double *before_x, *before_m, *left_m, *wide, *lengths, *row, *ahead, *parameters, *x0, *nodes;
   struct node node[DEEPEST + 2];
   double first, past; /* what the control of the step size hands on */
   double step;        /* over which errors of stiff components have relaxed, 0 where it is not known */
+  double which;       /* the guard of which `relaxed` is asked */
   unsigned char *fired, *asked;
   count_t* flips;
   casadi_int arguments, results;
@@ -100,7 +101,7 @@ static int called(function_t f, const struct flight* s, struct space* o, double 
                   int count, double** results) {
   int k;
   o->arg[0] = &t; o->arg[1] = x; o->arg[2] = 0; o->arg[3] = s->u; o->arg[4] = s->p; o->arg[5] = m;
-  o->arg[6] = o->error; o->arg[7] = f == relaxed ? &o->step : 0;
+  o->arg[6] = o->error; o->arg[7] = f == relaxed ? &o->step : 0; o->arg[8] = f == relaxed ? &o->which : 0;
   for (k = 0; k < count; ++k) o->res[k] = results[k];
   return f(o->arg, o->res, o->iw, o->w, 0);
 }
@@ -133,12 +134,12 @@ static int rates_at(const struct flight* s, struct space* o, double t, const dou
   if (called(rates, s, o, t, x, s->m, 5, results)) return UNUSUAL;
 #ifdef METHOD_IS_STIFF
   {
-    int near = 0;
-    double* left = o->left;
-    for (k = 0; k < s->relations; ++k) near |= o->noise[k] > fabs(g[k]);
-    if (near && o->step > 0 && !called(relaxed, s, o, t, x, s->m, 1, &left))
-      for (k = 0; k < s->relations; ++k)
-        if (left[k] < o->noise[k]) o->noise[k] = left[k];
+    double left, *result = &left;
+    for (k = 0; k < s->relations; ++k) {
+      o->which = (double) k;
+      if (o->step > 0 && o->noise[k] > fabs(g[k]) && !called(relaxed, s, o, t, x, s->m, 1, &result) && left < o->noise[k])
+        o->noise[k] = left;
+    }
   }
 #else
   (void) g;
@@ -611,11 +612,11 @@ static size_t carved(const struct flight* s, struct space* o, double* memory, co
   count_t r = s->relations, n = s->states, all = s->constants + s->modes + n + 1 + r, each = n + 3 * r;
   count_t c = s->conditions;
   count_t sizes[] = {s->assigned, n, s->modes, c, c, s->clauses, s->actions, c, s->memories, s->asserts, c, c,
-                     r, r, n, r, r, r, r, r, r, r, n, s->modes, s->modes, wide, wide, wide * (s->dynamic + 2), wide * (s->dynamic + 2), all, n + 2,
+                     r, r, n, r, r, r, r, r, r, n, s->modes, s->modes, wide, wide, wide * (s->dynamic + 2), wide * (s->dynamic + 2), all, n + 2,
                      (DEEPEST + 2) * each};
   double** parts[] = {&o->assigned, &o->next_x, &o->next_m, &o->next_was, &o->next_decided, &o->acting, &o->applied,
                       &o->conditions, &o->remembered, &o->asserts, &o->was, &o->decided, &o->g, &o->rate, &o->error,
-                      &o->noise, &o->left, &o->doubt, &o->band, &o->later, &o->never, &o->approach, &o->before_x, &o->before_m,
+                      &o->noise, &o->doubt, &o->band, &o->later, &o->never, &o->approach, &o->before_x, &o->before_m,
                       &o->left_m, &o->wide, &o->lengths, &o->row, &o->ahead, &o->parameters, &o->x0, &o->nodes};
   size_t k, used = 0;
   for (k = 0; k < sizeof(sizes) / sizeof(*sizes); ++k) {
