@@ -41,7 +41,7 @@ def called(
         results.append(np.full((columns, rows), np.nan))
         if results[-1].size:
             buffer.set_res(place, results[-1].reshape(-1).data)
-    stopped = ""
+    stopped, before = "", _calls(function)
     try:
         with without_chatter():  # what fails is raised or tried again
             run()
@@ -55,7 +55,45 @@ def called(
             raise
         stopped = str(error)
     # a buffer has a memory of its own, behind the one that every function is made with
-    return results, {**function.stats(1), **({"stopped": stopped} if stopped else {})}
+    stats = function.stats(1)
+    own = {name: stats[name] - count for name, count in before.items()}
+    return results, {**stats, **own, **({"stopped": stopped} if stopped else {})}
+
+
+class Repeated:
+    """An integrator to one instant, `(x0, p) -> xf`, called again and again by one thread through the same memory."""
+
+    def __init__(self, function: Any) -> None:
+        self.function = function
+        self._buffer, self._run = function.buffer()
+        self._x0, self._p = (np.zeros(function.numel_in(name)) for name in ("x0", "p"))
+        self._xf = np.zeros(function.numel_out("xf"))
+        for name, value in (("x0", self._x0), ("p", self._p)):
+            self._buffer.set_arg(function.index_in(name), value.data)
+        self._buffer.set_res(function.index_out("xf"), self._xf.data)
+
+    def __call__(self, x0: Array, p: Array) -> tuple[Array, dict[str, Any]]:
+        """The states at its end and its statistics; raises as `called` does."""
+        self._x0[:], self._p[:], self._xf[:] = x0, p, np.nan
+        try:
+            with without_chatter():
+                self._run()
+            if self._buffer.ret():
+                raise RuntimeError(f"{self.function.name()} returned {self._buffer.ret()}")
+        except (RuntimeError, KeyboardInterrupt):
+            if is_interrupted():
+                raise Interrupted from None
+            raise
+        return self._xf.copy(), self.function.stats(1)
+
+
+def _calls(function: Any) -> dict[str, int]:
+    """Counts that go on from one call of a kept function to the next."""
+    try:
+        found = function.stats(1)
+    except RuntimeError:  # not called so far
+        return {}
+    return {name: count for name, count in found.items() if name.startswith("n_call_")}
 
 
 def _written(rows: Array) -> int:

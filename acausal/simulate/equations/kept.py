@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.lower.compiled import CompiledModel, DefiningBuilder, Symbols
-from acausal.simulate.equations.quick import Quick
+from acausal.simulate.equations.quick import Narrow, Quick
 from acausal.simulate.equations.shares import Shares
 from acausal.simulate.start.newton import Newton
 from acausal.simulate.start.open_start import OpenStart
@@ -32,7 +32,7 @@ class Kept:
         self._several: dict[int, Quick] = {}
         self._newton: dict[tuple[int, ...], Newton | None] = {}
         self._observers: dict[bool, tuple[Symbols, DefiningBuilder]] = {}
-        self._observed: dict[tuple[tuple[int, ...], bool], Quick] = {}
+        self._observed: dict[tuple[tuple[int, ...], bool], Narrow] = {}
 
     @property
     def compiled(self) -> CompiledModel:
@@ -51,7 +51,7 @@ class Kept:
         """`-> every trajectory at one instant`."""
         return Quick(self.compiled.observe)
 
-    def observing(self, columns: tuple[int, ...], blend: bool) -> Quick:
+    def observing(self, columns: tuple[int, ...], blend: bool) -> Narrow:
         """`-> some of the trajectories`, by their places in `columns` of the model; `blend` for modes between 0 and 1.
 
         The builder stays: what it has lowered for one signal is there for the next.
@@ -64,7 +64,7 @@ class Kept:
                 y = builder.column([builder.replaced(self.compiled.columns[k]) for k in columns])
                 while len(self._observed) >= _MOST_OBSERVED:
                     del self._observed[next(iter(self._observed))]
-                self._observed[columns, blend] = Quick(ca.Function("observing", symbols.inputs, [ca.densify(y)]))
+                self._observed[columns, blend] = Narrow("observing", symbols.inputs, ca.densify(y))
             return self._observed[columns, blend]
 
     def _observer(self, blend: bool) -> tuple[Symbols, DefiningBuilder]:

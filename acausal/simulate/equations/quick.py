@@ -7,6 +7,7 @@ events and around short runs that is most of the time.
 from __future__ import annotations
 
 import threading
+from collections.abc import Sequence
 from typing import Any
 
 import casadi as ca
@@ -16,8 +17,8 @@ from numpy.typing import NDArray
 from acausal.simulate.equations.direct import rows
 
 Vector = NDArray[np.float64]
-# So many points are worth a function of their own, one for each power of two.
-_FEW = 8
+# So many points are worth a function of their own, one for each power of two up to a block.
+_FEW, _BLOCK = 8, 1024
 
 
 class _Memory(threading.local):
@@ -62,6 +63,9 @@ class Quick:
         size = self.function.numel_out(0)
         if n < _FEW or not size:
             return rows(self.function, arguments)
+        if n > _BLOCK:
+            starts = range(0, n, _BLOCK)
+            return np.vstack([self.many(*(a[k : k + _BLOCK] if a.ndim == 2 else a for a in arguments)) for k in starts])
         padded = 1 << (n - 1).bit_length()
         common = tuple(k for k, a in enumerate(arguments) if a.ndim == 1)
         mapped: Any = self._many.get((padded, common))
@@ -82,6 +86,20 @@ class Quick:
         run()
         # which of them has failed is not told
         return rows(self.function, arguments) if buffer.ret() else found[:n]
+
+
+class Narrow:
+    """Expressions of few entries of large arguments at many instants: what they do not need is not handed over."""
+
+    def __init__(self, name: str, inputs: Sequence[Any], values: Any) -> None:
+        """For `values`, a dense column, in symbols of `inputs`."""
+        self._needed = [np.unique(ca.jacobian_sparsity(values, v).get_col()).astype(np.int64) for v in inputs]
+        narrow = [v[needed.tolist()] for v, needed in zip(inputs, self._needed, strict=True)]
+        self._quick = Quick(ca.Function(name, narrow, [values]))
+
+    def many(self, *arguments: Vector) -> Vector:
+        """See `Quick.many`."""
+        return self._quick.many(*(a[..., needed] for a, needed in zip(arguments, self._needed, strict=True)))
 
 
 def _dense(function: Any) -> Any:

@@ -83,6 +83,8 @@ def _doubts(left: Node, right: Node, passed: NDArray[np.bool_], is_there: bool) 
     p0, p1, a, b = left.above, right.above, left.rate * width, right.rate * width
     for k in np.flatnonzero(passed) if not is_there else ():
         yield left.t + width * _drop(p0[k], a[k], p1[k], b[k])
+    if not ((p0 + a / 3 < -near) | (p1 - b / 3 < -near) | ((a < 0.0) & (b > 0.0)))[~passed].any():
+        return
     turning = ~passed & (a < 0.0) & (b > 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         where = (p1 - p0 - b) / (a - b)

@@ -105,7 +105,7 @@ class Held:
 
     @cached_property
     def relaxed(self) -> Any:
-        """`(t, x, z, u, p, m, e, h, k) -> |dg/dx (I - h J)^-1| e` of guard k: its error when those of states have relaxed.
+        """`(t, x, z, u, p, m, e, h, k) -> |dg/dx (I - h J)^-1| e` of guard k, its error when those of states relaxed.
 
         J are the slopes of the rates with algebraic variables that follow the states; e are errors of the states, and
         h is the step over which they relax, as an implicit step lets them. One guard at a time: of hundreds, few are
@@ -113,7 +113,7 @@ class Held:
         """
         s = Symbols(self.compiled)
         ode, alg = self.compiled.rhs(*s.inputs)
-        nx, nz, which = s.x.numel(), s.z.numel(), ca.SX.sym("which")
+        nx, which = s.x.numel(), ca.SX.sym("which")
         own = _slopes(self.watch(*s.inputs), ca.vertcat(s.x, s.z), which)
         parts = [*(ca.jacobian(f, v) for f in (ode, alg) for v in (s.x, s.z)), own]
         inputs = [ca.MX.sym(name, v.numel()) for name, v in zip("txzupm", s.inputs, strict=True)]

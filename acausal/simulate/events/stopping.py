@@ -23,7 +23,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from acausal.simulate.equations.direct import called
+from acausal.simulate.equations.direct import Repeated
 from acausal.simulate.equations.numbered import Numbered, with_values
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.equations.quick import Quick
@@ -34,7 +34,7 @@ from acausal.simulate.interrupt import Interrupted
 from acausal.simulate.native.equations import parametric
 from acausal.simulate.native.flight import FlightProgram
 from acausal.simulate.native.policy import Library, StoppingEquations
-from acausal.simulate.solvers.base import Piece, Segment, bounded, counted, islands, pace
+from acausal.simulate.solvers.base import Piece, Segment, bounded, islands, pace
 
 Vector = NDArray[np.float64]
 # An interpreted call, with what Python does around it at guards and events, takes as long as so many evaluations:
@@ -53,6 +53,7 @@ _BEHIND = 1.001
 # Added to a guard that is not to stop anything.
 _NEVER = 1e300
 Exactly = Callable[[Node, float], Node]
+_COUNTED = ("steps", "n_steps"), ("rhs_evaluations", "n_rhs"), ("jacobians", "n_jac"), ("rejected", "n_reject")
 _NAMES = ["t", "x", "z", "p", "u"], ["ode", "alg", "quad", "zero"]
 
 
@@ -246,7 +247,7 @@ class Stepper:
         self.first = segment.first
         self.counters: dict[str, float] = {}
         self.interpreted = 0.0
-        self._integrators: dict[tuple[float, ...], Any] = {}
+        self._integrators: dict[tuple[float, ...], Repeated] = {}
         if self.library is None:
             self._form, self._own, self._constants = _interpreted(regime)
         else:
@@ -274,8 +275,8 @@ class Stepper:
             following = length / steps if steps > 1.0 else 2.0 * length
         if not np.isfinite(found).all():
             raise RuntimeError("the solution is not finite")
-        for name, count in counted(stats).items():
-            self.counters[name] = self.counters.get(name, 0.0) + count
+        for name, place in _COUNTED:
+            self.counters[name] = self.counters.get(name, 0.0) + float(stats[place])
         if found[n + 1] > 0.5:  # and stood still from then on
             return min(max(after.t + passed, after.t), end), found[:n] * problem.scale_x
         self.first = following
@@ -293,11 +294,11 @@ class Stepper:
         key = first, *bounds
         if key not in self._integrators:
             self._integrators[key] = self._kept(key)
-        (found,), stats = called(self._integrators[key], {"x0": x0, "p": np.concatenate([self._constants, p])}, ("xf",))
+        found, stats = self._integrators[key](x0, np.concatenate([self._constants, p]))
         self.interpreted += float(stats["n_rhs"]) + _CALLING
-        return found[0], stats
+        return found, stats
 
-    def _kept(self, key: tuple[float, ...]) -> Any:
+    def _kept(self, key: tuple[float, ...]) -> Repeated:
         """The integrator for these sizes, made for all runs of a thread."""
         asked = self.segment
         whole = self.plugin, asked.tolerances, asked.most_steps, *key, threading.get_ident()
@@ -305,7 +306,7 @@ class Stepper:
         if whole not in known:
             if len(known) >= _MOST_KEPT:
                 known.clear()
-            known[whole] = self._made(dict(zip(("step0", "step_size", "max_step_size"), key, strict=True)))
+            known[whole] = Repeated(self._made(dict(zip(("step0", "step_size", "max_step_size"), key, strict=True))))
         return known[whole]
 
     def _made(self, sizes: dict[str, float]) -> Any:
@@ -364,7 +365,7 @@ class _Interpreted:
     dae: Any
     transition: Any
     constants: Quick | None
-    integrators: dict[tuple[Any, ...], Any] = field(default_factory=dict)
+    integrators: dict[tuple[Any, ...], Repeated] = field(default_factory=dict)
 
 
 _MADE: WeakKeyDictionary[Numbered, _Interpreted] = WeakKeyDictionary()

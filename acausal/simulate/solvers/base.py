@@ -332,7 +332,7 @@ def counted(stats: dict[str, Any]) -> dict[str, float]:
     names = {
         "steps": ("nsteps", "n_steps"),
         "rhs_evaluations": _EVALUATIONS,
-        "jacobians": ("n_call_jacF", "n_jac"),
+        "jacobians": ("n_jac", "n_call_jacF"),
         "factorisations": ("nlinsetups",),
         "rejected": ("netfails", "n_reject"),
         "newton_failures": ("nncfails",),
