@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import heapq
 import math
-from collections.abc import Callable, Container, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Container, Iterable, Mapping, Sequence
 from itertools import compress
 from typing import Any
 
@@ -298,7 +298,7 @@ class Pool:
                 stack += [operand for operand, _ in _summands(nodes, node)]
         return False
 
-    def reachable(self, roots: Iterable[int], done: Mapping[int, int] | None = None) -> list[int]:
+    def reachable(self, roots: Iterable[int], done: Collection[int] | None = None) -> list[int]:
         """All nodes needed to evaluate `roots`, in evaluation order; none at and below those that are `done`."""
         nodes = self.nodes
         stack = list(roots) if done is None else [r for r in roots if r not in done]

@@ -161,3 +161,14 @@ def test_looks_are_few_grids() -> None:
             assert (np.diff(shares) > 0).all()
             grids.add(shares.tobytes())
     assert len(grids) <= 100
+
+
+@pytest.mark.parametrize("solver", ["idas", "rosenbrock"])
+def test_counts_are_those_of_one_run(solver: str) -> None:
+    """CasADi's statistics of a kept integrator go on from call to call; one Jacobian a step of `rosenbrock`."""
+    compiled = acausal.compile(Relay())
+    first, second = (acausal.simulate(compiled, solver=solver, native=False, stop_time=3.0).stats for _ in range(2))
+    for name in ("steps", "rhs_evaluations", "jacobians"):
+        assert second[name] == first[name]
+    steps, jacobians = (cast("float", second[name]) for name in ("steps", "jacobians"))
+    assert jacobians <= steps

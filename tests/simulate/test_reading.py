@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -14,6 +15,7 @@ from acausal.models.drilling_dynamic import ThickBlock
 from acausal.models.drilling_kinematic import ThinPlate
 from acausal.models.pendulum import Pendulum
 from acausal.models.rc_ladder import RCLadder
+from acausal.simulate.equations.quick import Narrow
 from acausal.simulate.record import record
 
 MODELS: dict[str, Callable[[], Component]] = {
@@ -65,3 +67,16 @@ def test_a_result_that_was_pickled_has_all_of_it() -> None:
     again = pickle.loads(pickle.dumps(result))
     for name in result.names:
         np.testing.assert_array_equal(again[name], result[name])
+
+
+def test_a_signal_is_handed_the_states_it_needs_only() -> None:
+    """The current through one resistor of 40 depends on two voltages; 3000 rows are evaluated in blocks."""
+    result = acausal.simulate(RCLadder(n=40), stop_time=3.0, output_interval=1e-3)
+    left, right, current = (result[name] for name in ("capacitors[6].v", "capacitors[7].v", "resistors[7].i"))
+    assert len(current) == 3001
+    np.testing.assert_allclose(current, left - right, rtol=1e-12, atol=1e-15)  # 1 Ohm
+    x = ca.SX.sym("x", 5000)
+    read = Narrow("read", [ca.SX.sym("t"), x], x[17] * x[4000])
+    rows = np.arange(12.0)[:, None] * np.ones(5000)
+    np.testing.assert_array_equal(read.many(np.zeros((12, 1)), rows)[:, 0], np.arange(12.0) ** 2)
+    assert read._quick.function.nnz_in() == 2

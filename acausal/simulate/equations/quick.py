@@ -28,6 +28,7 @@ class _Memory(threading.local):
         self.buffer, self.run = function.buffer()
         self.inputs = [np.zeros(function.numel_in(k)) for k in range(function.n_in())]
         self.outputs: list[Any] = [np.zeros(function.size_out(k), order="F") for k in range(function.n_out())]
+        self.shown = [a[:, 0] if a.shape[1] == 1 else a for a in self.outputs]
         for k, a in enumerate(self.inputs):
             self.buffer.set_arg(k, a.data)
         for k, a in enumerate(self.outputs):
@@ -51,8 +52,8 @@ class Quick:
             place[:] = value
         memory.run()
         if memory.buffer.ret():  # a singular system inside: the outputs are those of another call
-            return [np.full(a.shape[0] if a.shape[1] == 1 else a.shape, np.nan) for a in memory.outputs]
-        return [a[:, 0].copy() if a.shape[1] == 1 else a.copy() for a in memory.outputs]
+            return [np.full(a.shape, np.nan) for a in memory.shown]
+        return [a.copy() for a in memory.shown]
 
     def many(self, *arguments: Vector) -> Vector:
         """The first output at n instants, shape (n, size); arguments have shape (n, their size), or (their size,).

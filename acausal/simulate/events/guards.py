@@ -87,8 +87,9 @@ class Guards:
             moved = np.linalg.lstsq(alg_z.reshape(len(at.z), -1), alg.ravel(), rcond=None)[0]
             own = own - by_z.reshape(len(own), -1) @ moved
         if self.step > 0.0 and not between:
-            near = np.flatnonzero(noise > np.abs(self.distances(t, at)))
-            noise[near] = np.minimum(noise[near], self._relaxed(t, at, errors[0], near))
+            near = noise > np.abs(self.distances(t, at))
+            if near.any():
+                noise[near] = np.minimum(noise[near], self._relaxed(t, at, errors[0], np.flatnonzero(near)))
         # never quite nothing: values are rounded, and instants are found to rounding only
         noise += 1e-15 + np.abs(own) * (INSTANT * max(self.span, abs(t)))
         if kept(problem.compiled).shares is not None:

@@ -34,7 +34,7 @@ _MOST_SINGLE = 2000
 _CHATTER = 3
 # A relation is kept in its mode for a moment so many times, each within this share of the run from the one before.
 _MOST_KEPT, _SOON = 20, 1e-6
-_SCALARS = ("level", "settled", "clash")
+_SCALARS = tuple(Round._fields.index(name) for name in ("level", "settled", "clash"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +128,7 @@ class Iteration:
         x_before, none = moment.x, np.zeros(len(self.events.conditions))
         was = self._round(t, replace(moment, m=before), none, none, 0.0).conditions
         story = _Story()
-        moment, last = self._rounds(t, replace(moment, m=m), was, story)
+        moment, last = self._rounds(t, Moment(moment.x, moment.z, m, moment.regime), was, story)
         moment = self._over(t, moment)
         self._shared(t, moment, story.notes)
         states = self.problem.compiled.states
@@ -160,7 +160,7 @@ class Iteration:
                 story.jumps.append(Jump(moment, applied, advances))
             if not np.array_equal(found.x[: self.dynamic], moment.x[: self.dynamic]):
                 walk = _Walk(np.zeros(count, dtype=int), np.zeros(count))  # other states: no relation leads back yet
-            moment = replace(moment, x=found.x, m=found.m)
+            moment = Moment(found.x, moment.z, found.m, moment.regime)
             was, decided, level = found.was, found.decided, float(found.level)
         texts = [self.events.clauses[k].text for k in acting]
         raise unsettled(self.problem.compiled.name, t, texts or [a.text for a in self.events.assignments])
@@ -212,7 +212,7 @@ class Iteration:
         if len(self.events.memories) and not np.array_equal(m, moment.m):
             none = np.zeros(len(self.events.conditions))
             m[self.memories] = self._round(t, replace(moment, m=m), none, none, 0.0).remembered
-        return replace(moment, m=m)
+        return Moment(moment.x, moment.z, m, moment.regime)
 
     def decide(
         self, t: float, moment: Moment, notes: list[str], walk: _Walk, progress: tuple[Vector, Vector, float]
@@ -361,8 +361,9 @@ class Iteration:
     def _round(self, t: float, moment: Moment, was: Vector, decided: Vector, level: float) -> Round:
         p = self.problem
         found = self.round(t, moment.x, moment.z, p.u, p.p, moment.m, was, decided, level)
-        scalars = {name: float(found[k][0]) for k, name in enumerate(Round._fields) if name in _SCALARS}
-        return Round(*found)._replace(**scalars)
+        for k in _SCALARS:
+            found[k] = float(found[k][0])  # type: ignore[call-overload]
+        return Round(*found)
 
     def _check(self, t: float, holds: Vector, notes: list[str]) -> None:
         for broken, truth in zip(self.events.asserts, holds, strict=True):

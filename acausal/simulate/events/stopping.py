@@ -84,6 +84,8 @@ class Lingering:
     def overdue(self, owners: Sequence[tuple[int, int]], before: Node, node: Node) -> int | None:
         """The guard that has been there for too long, of those that are judged at the end of a step."""
         close = (node.above <= node.near / LOCATED) & (node.above > 0.0) & (node.rate < 0.0)
+        if not self.since and not close.any():
+            return None
         for k, (relation, side) in enumerate(owners):
             if side >= 0 or not close[k]:
                 self.since.pop(relation, None)
@@ -151,12 +153,12 @@ def integrate_to_event(guards: Guards, moment: Moment, segment: Segment, plugin:
     band, later = _bands(guards, segment.start, moment)
     free = np.full(len(band), _NEVER)
 
-    before = guards.step
+    before, others = guards.step, segment.x[problem.n_dynamic :]
 
     def node(t: float, x: Vector) -> Node:
         if plugin == "rosenbrock":  # errors that an explicit step leaves have not relaxed
             guards.step = least_step(before, pace(segment.start, t, step.counters))
-        at = replace(moment, x=np.concatenate([x, segment.x[problem.n_dynamic :]]))
+        at = Moment(np.concatenate([x, others]), moment.z, moment.m, moment.regime)
         rate, noise = guards.rates(t, at)
         return Node(t, x, guards.distances(t, at) + band, rate, LOCATED * noise)
 
