@@ -60,8 +60,9 @@ def test_a_slope_without_bound_is_that_of_its_own_guard_only() -> None:
     """At x = 0 the root has no slope; what the others are known to is what it was."""
     compiled = acausal.compile(Follower())
     here = held_.Held(compiled, (), None)
-    at = 0.0, np.zeros(3), [], [], np.array([1e6, 0.5]), np.ones(compiled.n_modes), np.array([1e-3, 2e-4, 0.0]), 1e-3
-    found = [here.quick_relaxed(*at, k)[0][0] for k in range(3)]
+    m, e = np.ones(compiled.n_modes), np.array([1e-3, 2e-4, 0.0])
+    p = np.array([1e6, 0.5])
+    found = [here.quick_relaxed(0.0, np.zeros(3), [], [], p, m, e, 1e-3, k)[0][0] for k in range(3)]
     assert sum(math.isfinite(v) for v in found) == 2
 
 
