@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from acausal.errors import OptimizationError
 from acausal.optimal_control.declare import PhaseSpec
 from acausal.optimal_control.problem import Problem
-from acausal.optimal_control.quantities import Quantities
 from acausal.result import Result
 from acausal.simulate.run import simulate
 
@@ -48,6 +47,9 @@ def guessed(problem: Problem) -> list[PhaseGuess]:
     lines = _lines(problem)
     run = problem.guess_run or _run(problem)
     q, found, first = problem.quantities, [], float(run.time[0])
+    rows = [_stored(run, ports.names) for ports in (q.states, q.z, q.u)]
+    # angles go on from row to row, and from phase to phase
+    rows[0] = q.coordinates.of(rows[0])
     whole = sum(spec.expected for spec in problem.specs)
     begun = 0.0
     for k, spec in enumerate(problem.specs):
@@ -58,10 +60,10 @@ def guessed(problem: Problem) -> list[PhaseGuess]:
         if last <= first:
             raise _not_reached(problem, run, spec)
         share = (begun / whole, (begun + spec.expected) / whole)
-        found.append(PhaseGuess(last - first, _reader(q, run, first, last, lines, share)))
+        found.append(PhaseGuess(last - first, _reader(rows, run, first, last, lines, share)))
         beyond = min(last + _BEYOND * (last - first), float(run.time[-1]))
         if k == len(problem.specs) - 1 and spec.switch is not None and beyond > last:
-            later = PhaseGuess(beyond - last, _reader(q, run, last, beyond, {}, share))
+            later = PhaseGuess(beyond - last, _reader(rows, run, last, beyond, {}, share))
             found[-1] = replace(found[-1], following=later)
         first, begun = last, begun + spec.expected
     return found
@@ -100,21 +102,18 @@ def _run(problem: Problem) -> Result:
 
 
 def _reader(
-    q: Quantities,
+    stored: Sequence[Vector],
     run: Result,
     first: float,
     last: float,
     lines: dict[int, tuple[float, float]],
     share: tuple[float, float],
 ) -> Callable[[Vector], tuple[Vector, Vector, Vector]]:
-    stored = [_stored(run, ports.names) for ports in (q.states, q.z, q.u)]
-
     def at(fractions: Vector) -> tuple[Vector, Vector, Vector]:
         # beside an event, the side that belongs to the phase; straight between rows, which is near enough for a guess
         times = first + (last - first) * np.clip(fractions, 1e-9, 1 - 1e-9)
         parts = [np.array([np.interp(times, run.time, row) for row in rows]) for rows in stored]
         x, z, u = (part.reshape(len(rows), len(times)) for part, rows in zip(parts, stored, strict=True))
-        x = q.coordinates.of(x)
         for place, (a, b) in lines.items():
             x[place] = a + (b - a) * (share[0] + (share[1] - share[0]) * fractions)
         return x, z, u

@@ -16,6 +16,7 @@ from acausal.lower.compiled import CompiledModel, Symbols
 from acausal.optimal_control.branches import Widths, branched, crossed
 from acausal.optimal_control.guess import PhaseGuess
 from acausal.optimal_control.problem import Problem
+from acausal.optimal_control.quantities import Quantities
 from acausal.optimal_control.radau import Dynamics
 from acausal.optimal_control.trajectory import PhaseTrajectory, Trajectory
 
@@ -129,12 +130,6 @@ def _jump(problem: Problem, relation: int, ends: list[Vector], following: PhaseG
     """
     q = problem.quantities
     compiled, events = q.compiled, q.compiled.state_events
-    if q.coordinates.angles:
-        raise OptimizationError(
-            "AC704",
-            f"phase '{name}' ends with an event of a model whose states are replaced by angles",
-            help="declare the angles in the model, with the constraints solved for x and y",
-        )
     s = Symbols(compiled)
     arguments = s.inputs[:-1]
     place = compiled.n_modes - len(events.relations) + relation
@@ -142,10 +137,10 @@ def _jump(problem: Problem, relation: int, ends: list[Vector], following: PhaseG
     before[place] = 0
     after = ca.SX(before)
     after[place] = 1
+    at = [ends[0], q.coordinates.states(ends[1]), *ends[2:]]
     reactions = compiled.events.reactions
     truth = [
-        np.array(ca.Function("c", arguments, [reactions(*arguments, m)[2]])(*ends)).ravel() > 0.5
-        for m in (before, after)
+        np.array(ca.Function("c", arguments, [reactions(*arguments, m)[2]])(*at)).ravel() > 0.5 for m in (before, after)
     ]
     rising = dict(zip(events.conditions, (truth[1] & ~truth[0]).tolist(), strict=True))
     held = dict(zip(events.conditions, truth[1].tolist(), strict=True))
@@ -159,24 +154,36 @@ def _jump(problem: Problem, relation: int, ends: list[Vector], following: PhaseG
             k += 1
     for j, assignment in enumerate(events.assignments):
         new[assignment.position] = assigned[j]
-    jump = ca.Function("jump", arguments, [new])
+    jump = _in_coordinates(q, ca.Function("jump", arguments, [new]))
     found = np.array(jump(*ends)).ravel()
     if following is not None:
-        _check_guess(compiled, found, following, ends, name)
+        _check_guess(q, found, following, ends, name)
     return jump if not ca.is_equal(new, s.x, 3) else None
 
 
-def _check_guess(compiled: CompiledModel, found: Vector, following: PhaseGuess, ends: list[Vector], name: str) -> None:
+def _in_coordinates(q: Quantities, jump: Any) -> Any:
+    """A jump of the states as one of the coordinates; angles stay, for a circle is left by nothing but its rate."""
+    kept, n = len(q.coordinates.kept), q.coordinates.angles
+    if not n:
+        return jump
+    inside = q.coordinates.inside(jump)
+    arguments = [ca.SX.sym(inside.name_in(k), inside.numel_in(k)) for k in range(inside.n_in())]
+    after = q.coordinates.reduce(inside(*arguments))
+    angles = arguments[1][kept : kept + n]
+    return ca.Function("jump", arguments, [ca.vertcat(after[:kept], angles, after[kept + n :])])
+
+
+def _check_guess(q: Quantities, found: Vector, following: PhaseGuess, ends: list[Vector], name: str) -> None:
     """AC704 where the run behind the guess goes on somewhere else than the clauses say."""
     x = following.at(np.array([0.0]))[0].ravel()
-    size = np.maximum(np.abs(ends[1]).ravel(), compiled.nominal_x)
+    size = np.maximum(np.abs(ends[1]).ravel(), q.x.nominal)
     off = np.abs(x - found) / size
     if off.max(initial=0.0) > _SAME:
         k = int(np.argmax(off))
         raise OptimizationError(
             "AC704",
             f"more happens at the end of phase '{name}' than its event says",
-            evidence=[f"{compiled.states[k]} goes on at {x[k]:.6g}, by the clauses at {found[k]:.6g}"],
+            evidence=[f"{q.x.names[k]} goes on at {x[k]:.6g}, by the clauses at {found[k]:.6g}"],
             cause="events that set off others at the same instant",
             help="problems with such events are not taken: replace them by one clause in the model",
         )

@@ -5,7 +5,23 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from acausal import Component, Equations, Real, cos, der, fixed, guess, parameter, signal_input, sin, variable
+from acausal import (
+    Component,
+    Equations,
+    Real,
+    cos,
+    der,
+    fixed,
+    guess,
+    parameter,
+    pre,
+    quantity,
+    reset,
+    signal_input,
+    sin,
+    variable,
+    when,
+)
 from acausal.errors import UsageError
 from acausal.models.optimal_control.cart_pole import CartPole, swing_up
 from acausal.optimal_control import Optimum, Problem
@@ -102,3 +118,39 @@ def test_the_length_of_a_circle_is_no_decision() -> None:
         Problem(CartPole()).decide("length", min=0.3, max=0.6)
     assert refused.value.code == "AC053"
     assert Problem(CartPole()).decide("m", min=0.1, max=1.0) is not None
+
+
+class Clapper(Component):
+    """A mass on a rod in x and y, hanging to the right of a wall that gives back the share `e` of its speed."""
+
+    length: Real = parameter(default=0.8, unit="m", min=0.0, doc="Length of the rod")
+    e: Real = parameter(default=0.6, unit="1", doc="Coefficient of restitution")
+    x: Real = variable(unit="m", default=fixed(0.8 * 0.6), doc="Distance from the wall")
+    y: Real = variable(unit="m", default=guess(-0.8 * 0.8), doc="Height above the pivot")
+    v_x: Real = variable(unit="m/s", default=fixed(0.0), doc="Velocity")
+    v_y: Real = variable(unit="m/s", default=guess(0.0), doc="Velocity, upward")
+    pull: Real = variable(unit="1/s2", nominal=10.0, doc="Pull of the rod by its length and the mass")
+
+    def equations(self) -> Equations:
+        yield der(self.x) == self.v_x
+        yield der(self.y) == self.v_y
+        yield der(self.v_x) == -self.pull * self.x
+        yield der(self.v_y) == -self.pull * self.y - quantity(9.81, "m/s2")
+        yield self.x**2 + self.y**2 == self.length**2
+        yield when(self.x < 0.0, reset(self.v_x, -self.e * pre(self.v_x)), reset(self.v_y, -self.e * pre(self.v_y)))
+
+
+@pytest.mark.parametrize("height", [0.3, 0.5])
+def test_events_end_phases_of_models_with_angles(height: float) -> None:
+    """Let go with the least speed so that it gets `height` above its lowest point after the blow: by energy."""
+    problem = Problem(Clapper(), free_start=["der(angle(x, y))"])
+    problem.phase("falling", until="x < 0", duration=(0.05, 3.0), intervals=6, expected=0.6)
+    rising = problem.phase("rising", duration=(0.05, 0.8), intervals=6, expected=0.2)
+    problem.subject_to(rising.end("y") == height - 0.8)
+    problem.minimize(problem.start("v_x") ** 2 + problem.start("v_y") ** 2)
+    best = problem.solve(accuracy=1e-6)
+    g, first = 9.81, 0.8 - 0.64
+    assert best.objective == pytest.approx(2 * g * (height / 0.6**2 - first), rel=1e-5)
+    replay = best.replay(tolerance=1e-10)
+    assert replay.events[0].time == pytest.approx(best.phases[0][2], rel=1e-5)
+    assert replay.final("y") == pytest.approx(height - 0.8, abs=1e-4)
