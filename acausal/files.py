@@ -1,16 +1,15 @@
-"""Result files: `.mat` (Dymola, OpenModelica), `.csv`, `.npz`, chosen by suffix.
+"""Result files: `.mat` (Dymola, OpenModelica), `.csv`, `.npz`, `.parquet`, chosen by suffix.
 
 | file | names | values | units, docs | events | stats |
 |---|---|---|---|---|---|
 | .mat | yes | exact, aliases share columns | yes | times only | no |
-| .csv | yes | exact, every signal a column | no | times only | no |
+| .csv | yes | exact, every signal a column | units, if wanted | times only | no |
 | .npz | yes | exact | yes | yes | yes |
+| .parquet | yes | exact, every signal a column | yes | times only | no |
 """
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import os
 from collections.abc import Callable, Mapping
@@ -20,13 +19,15 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
+from acausal.csvfile import read_csv, write_csv
 from acausal.errors import Span, UsageError
-from acausal.matfile import doubled, read_mat, write_mat
+from acausal.matfile import read_mat, write_mat
+from acausal.parquetfile import read_parquet, write_parquet
 from acausal.signals import Array, Event, Signal, Table
 
 
-def write(table: Table, path: Path) -> None:
-    """Write a table in the format of the suffix, completely or not at all.
+def write(table: Table, path: Path, units: bool = False) -> None:
+    """Write a table in the format of the suffix, completely or not at all; `units` gives a `.csv` a second row of them.
 
     Raises
     ------
@@ -35,7 +36,10 @@ def write(table: Table, path: Path) -> None:
     """
     writer = WRITERS[_suffix(path)]
     with atomic(path) as file:
-        writer(table, file)
+        if units and writer is write_csv:
+            write_csv(table, file, units=True)
+        else:
+            writer(table, file)
 
 
 def read(path: Path) -> Table:
@@ -44,7 +48,7 @@ def read(path: Path) -> Table:
     Raises
     ------
     UsageError
-        AC013 for an unknown suffix, AC014 when the file is missing or is not a result.
+        AC013 for an unknown suffix, AC014 when the file is missing or is not a result, AC015 for a missing package.
     """
     reader = READERS[_suffix(path)]
     try:
@@ -53,6 +57,11 @@ def read(path: Path) -> Table:
         return table
     except OSError as error:
         raise UsageError("AC014", f"cannot read {path}: {error.strerror or error}") from error
+    except UsageError as error:
+        if error.code != "AC045":
+            raise
+        evidence = [error.fact, *error.evidence]
+        raise UsageError("AC014", f"cannot read {path} as a result", evidence=evidence, help=error.help) from error
     except Exception as error:
         # scipy, numpy and zipfile have a dozen ways, classes of their own among them, to say that bytes are no result.
         raise UsageError("AC014", f"cannot read {path} as a result", evidence=[str(error) or "empty file"]) from error
@@ -125,40 +134,6 @@ class atomic:
         return UsageError("AC012", f"cannot write {self.path}: {error.strerror or error}")
 
 
-def write_csv(table: Table, file: BinaryIO) -> None:
-    """One row of names, then one row per time; numbers in the shortest form that reads back the same."""
-    header = io.StringIO()
-    csv.writer(header, lineterminator="\n").writerow(["time", *table.signals])
-    file.write(header.getvalue().encode())
-    n = len(table.time)
-    # Formatting is the cost, so a column is formatted once for all its aliases.
-    formatted: dict[tuple[int, int], list[str]] = {}
-    columns = [[repr(t) for t in table.time.tolist()]]
-    for signal in table.signals.values():
-        if signal.column is None:
-            columns.append([repr(float(signal.value))] * n)
-            continue
-        key = signal.column, signal.sign
-        if key not in formatted:
-            values = table.trajectories[:, signal.column] * signal.sign + 0.0
-            formatted[key] = list(map(repr, values.tolist()))
-        columns.append(formatted[key])
-    file.writelines((",".join(row) + "\n").encode() for row in zip(*columns, strict=True))
-
-
-def read_csv(path: Path) -> Table:
-    """Read a table of numbers whose first column is `time` (or `Time`); units are not known."""
-    with path.open(newline="", encoding="utf-8-sig") as file:
-        names = [name.strip() for name in next(csv.reader(file))]
-        if names[0].lower() != "time":
-            raise ValueError(f"the first column is '{names[0]}', not time")
-        data = np.loadtxt(file, delimiter=",", ndmin=2)
-    if data.shape[1] != len(names):
-        raise ValueError(f"{len(names)} names and {data.shape[1]} columns")
-    signals = {name: Signal(name, column=i) for i, name in enumerate(names[1:])}
-    return Table(path.stem, data[:, 0], data[:, 1:], signals, doubled(data[:, 0]))
-
-
 def write_npz(table: Table, file: BinaryIO) -> None:
     """numpy arrays `time`, `trajectories`, `names`, `units`, `docs` and a JSON text `rest`."""
     signals = list(table.signals.values())
@@ -208,5 +183,15 @@ def _plain(value: object) -> object:
     return dict(value) if isinstance(value, Mapping) else str(value)
 
 
-WRITERS: dict[str, Callable[[Table, BinaryIO], None]] = {".mat": write_mat, ".csv": write_csv, ".npz": write_npz}
-READERS: dict[str, Callable[[Path], Table]] = {".mat": read_mat, ".csv": read_csv, ".npz": read_npz}
+WRITERS: dict[str, Callable[[Table, BinaryIO], None]] = {
+    ".mat": write_mat,
+    ".csv": write_csv,
+    ".npz": write_npz,
+    ".parquet": write_parquet,
+}
+READERS: dict[str, Callable[[Path], Table]] = {
+    ".mat": read_mat,
+    ".csv": read_csv,
+    ".npz": read_npz,
+    ".parquet": read_parquet,
+}

@@ -28,7 +28,7 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from acausal.signals import Array, Event, Signal, Table
+from acausal.signals import Signal, Table, doubled
 
 _UNIT = re.compile(r"(?P<doc>.*?) ?\[(?P<unit>[^][|]*)(?:\|[^][]*)?\]", re.DOTALL)
 
@@ -149,8 +149,3 @@ def _texts(characters: NDArray[np.str_]) -> list[str]:
     """Rows of characters as texts; scipy hands over each byte as one Latin-1 character."""
     rows = ("".join(row) for row in characters.tolist())
     return [row.encode("latin-1", "replace").decode("utf-8", "replace").rstrip("\0 ") for row in rows]
-
-
-def doubled(time: Array) -> tuple[Event, ...]:
-    """Events of a file that does not record them: the times stored twice."""
-    return tuple(Event(float(t), "") for t in np.unique(time[1:][np.diff(time) == 0]))

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from io import BytesIO
 from pathlib import Path
 from textwrap import wrap
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import matplotlib
 import numpy as np
@@ -27,10 +27,14 @@ from acausal.units import Dimension, format_dimension, parse
 if TYPE_CHECKING:
     from acausal.result import Result
 
+# Further results for the same panels, with names for the legend or without.
+Also: TypeAlias = "Result | Sequence[Result] | Mapping[str, Result]"
+
 FORMATS = (".png", ".svg", ".pdf")
 
 # Okabe and Ito's palette, distinguishable for colour-blind readers, without its yellow.
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")
+STYLES = ("-", "--", ":", "-.")
 STYLE: dict[Any, Any] = {
     "font.size": 9.0,
     "axes.titlesize": 9.5,
@@ -74,11 +78,22 @@ class Drawing(Figure):
 
 
 @dataclass(frozen=True)
+class _Line:
+    """One signal of one result, scaled, over what is on the horizontal axis of its panel."""
+
+    label: str
+    signal: Signal
+    source: int
+    across: Array
+    values: Array
+
+
+@dataclass(frozen=True)
 class _Group:
     """Lines that share a vertical axis."""
 
     signals: tuple[Signal, ...]
-    values: tuple[Array, ...]
+    lines: tuple[_Line, ...]
     scale: Scale
 
     @property
@@ -101,6 +116,7 @@ def plot(
     file: str | Path | None = None,
     title: str | None = None,
     against: str | None = None,
+    also: Also = (),
 ) -> Figure:
     """Draw signals of a result, one panel per unit.
 
@@ -108,6 +124,9 @@ def plot(
     ----------
     names
         Signals; an array draws one line per element.
+    also
+        Another result or several, or results by the name they get in the legend: the same signals of them, as far as
+        they have them, in the same panels and units. The first is called by its model.
     together
         One panel for all, with a second vertical axis for a second unit; plain numbers share the first.
     xlabel
@@ -128,7 +147,7 @@ def plot(
         raise UsageError("AC016", "no signal is named to plot", help="result.names lists all signals")
     panels = [Panel(names)] if together else _by_unit(result, names)
     panels = [Panel(p.signals, against=against) for p in panels]
-    return figure(result, panels, file=file, title=title, xlabel=xlabel)
+    return figure(result, panels, file=file, title=title, xlabel=xlabel, also=also)
 
 
 def figure(
@@ -138,12 +157,14 @@ def figure(
     file: str | Path | None = None,
     title: str | None = None,
     xlabel: str | None = None,
+    also: Also = (),
 ) -> Figure:
     """Draw the panels that a model defines, below each other; arguments and errors as for `plot`."""
     if not panels:
         raise UsageError("AC016", "a figure needs at least one panel")
     check_suffix(file)
-    content = [_groups(result, panel) for panel in panels]
+    results = _labelled(result, also)
+    content = [_groups(results, panel) for panel in panels]
     columns = 1 if len(panels) <= 5 else 2
     rows = -(-len(panels) // columns)
     # Panels against the same signal scroll and zoom together and share the labels below.
@@ -154,7 +175,7 @@ def figure(
         for ax in axes[len(panels) :]:
             ax.remove()
         for i, (ax, panel, groups) in enumerate(zip(axes, panels, content, strict=False)):
-            label = _draw(ax, result, panel, groups)
+            label = _draw(ax, results, panel, groups)
             if not shared or i % rows == rows - 1 or i == len(panels) - 1:
                 ax.set_xlabel(xlabel or label)
                 ax.tick_params(labelbottom=True)
@@ -209,12 +230,23 @@ def _magnitude(values: Array) -> float:
     return float(finite.max()) if finite.size else 0.0
 
 
-def _groups(result: Result, panel: Panel) -> list[_Group]:
+def _labelled(result: Result, also: Also) -> tuple[tuple[str, Result], ...]:
+    """All results with their names for the legend; those of one model are told apart by counting them."""
+    if isinstance(also, Mapping):
+        return ((result.model, result), *also.items()) if also else (("", result),)
+    found = [result, *(also if isinstance(also, Sequence) else [also])]
+    models = [r.model for r in found]
+    names = [m if models.count(m) == 1 else f"{m} {k}" for k, m in enumerate(models, 1)]
+    return tuple(zip(names, found, strict=True)) if len(found) > 1 else (("", result),)
+
+
+def _groups(results: Sequence[tuple[str, Result]], panel: Panel) -> list[_Group]:
     """The lines of a panel by dimension, scaled; the first group goes left, the second right.
 
     What has one dimension has one scale, and a plain number has that of the quantity beside it, in its SI unit, as in
     an equation: a set point without a unit on an axis of its own would look missed by the value that follows it.
     """
+    result = results[0][1]
     signals = [signal for name in panel.signals for signal in result.elements(name)[1]]
     if not signals:
         raise UsageError("AC016", f"the panel '{panel.title}' names no signal")
@@ -231,7 +263,7 @@ def _groups(result: Result, panel: Panel) -> list[_Group]:
             evidence=[f"{m[0].unit or '1'}  {', '.join(s.name for s in m)}" for m in lines.values()],
             help="a panel has two vertical axes; give the other signals a panel of their own",
         )
-    return [_scaled(result, panel.unit, members) for members in lines.values()]
+    return [_scaled(results, panel, members) for members in lines.values()]
 
 
 def _is_plain(signal: Signal) -> bool:
@@ -246,12 +278,33 @@ def _kind(unit: str) -> Dimension | str:
         return unit
 
 
-def _scaled(result: Result, shown: str | None, members: Sequence[Signal]) -> _Group:
+def _scaled(results: Sequence[tuple[str, Result]], panel: Panel, members: Sequence[Signal]) -> _Group:
     """Signals of one dimension, and plain numbers, on the scale of the first that is a quantity."""
     declared = next((s.unit for s in members if not _is_plain(s)), members[0].unit)
-    values = [result[s.name] if s.unit == declared else _converted(s, declared)(result[s.name]) for s in members]
-    scale = readable(declared, max(map(_magnitude, values))) if shown is None else to_unit(declared, shown)
-    return _Group(tuple(members), tuple(map(scale, values)), scale)
+    lines = [
+        _Line(f"{s.name} ({label})" if label else s.name, s, k, _across(result, panel), _values(result, s, declared))
+        for s in members
+        for k, (label, result) in enumerate(results)
+        if s.name in result
+    ]
+    sizes = [_magnitude(line.values) for line in lines]
+    scale = readable(declared, max(sizes)) if panel.unit is None else to_unit(declared, panel.unit)
+    return _Group(tuple(members), tuple(replace(line, values=scale(line.values)) for line in lines), scale)
+
+
+def _across(result: Result, panel: Panel) -> Array:
+    """What is on the horizontal axis, as declared."""
+    shape, (signal, *_) = result.elements(panel.against or "time")
+    if shape:
+        raise UsageError("AC016", f"'{panel.against}' is an array, one of its elements fits on the horizontal axis")
+    return result[signal.name]
+
+
+def _values(result: Result, signal: Signal, declared: str) -> Array:
+    """Values in the unit of the scale; a result that does not know its units has those of the first."""
+    own = result.elements(signal.name)[1][0]
+    own = own if own.unit else signal
+    return result[signal.name] if own.unit == declared else _converted(own, declared)(result[signal.name])
 
 
 def _converted(signal: Signal, declared: str) -> Scale:
@@ -261,29 +314,26 @@ def _converted(signal: Signal, declared: str) -> Scale:
     return to_unit(format_dimension(kind) if _is_plain(signal) else signal.unit, declared)
 
 
-def _draw(ax: Axes, result: Result, panel: Panel, groups: Sequence[_Group]) -> str:
+def _draw(ax: Axes, results: Sequence[tuple[str, Result]], panel: Panel, groups: Sequence[_Group]) -> str:
     """Draw one panel; the label of its horizontal axis."""
-    shape, (horizontal, *_) = result.elements(panel.against or "time")
-    if shape:
-        raise UsageError("AC016", f"'{panel.against}' is an array, one of its elements fits on the horizontal axis")
-    x = result[horizontal.name]
-    scale = readable(horizontal.unit, _magnitude(x))
-    x = scale(x)
+    _, (horizontal, *_) = results[0][1].elements(panel.against or "time")
+    scale = readable(horizontal.unit, max(_magnitude(line.across) for group in groups for line in group.lines))
     handles: list[Line2D] = []
     for k, group in enumerate(groups):
         side = ax if k == 0 else ax.twinx()
-        for signal, values in zip(group.signals, group.values, strict=True):
-            beside = " [1]" if _is_plain(signal) and group.scale.label else " (right)" if k else ""
+        for line in group.lines:
+            beside = " [1]" if _is_plain(line.signal) and group.scale.label else " (right)" if k else ""
             color = COLORS[len(handles) % len(COLORS)]
-            style = "-" if len(handles) < len(COLORS) else "--"
-            handles += side.plot(x, values, style, color=color, label=signal.name + beside)
+            # Lines of one result are solid until colours repeat; those of another one are not.
+            style = STYLES[(line.source + (len(handles) >= len(COLORS))) % len(STYLES)]
+            handles += side.plot(scale(line.across), line.values, ls=style, color=color, label=line.label + beside)
         side.set_ylabel(group.label)
-        _calm(side, group.values)
+        _calm(side, [line.values for line in group.lines])
         if k:
             side.grid(False)
             side.spines["right"].set_visible(True)
     if horizontal.name == "time":
-        times = np.unique([scale.slope * event.time for event in result.events])
+        times = np.unique([scale.slope * event.time for _, result in results for event in result.events])
         if len(times) <= _MOST_EVENTS:
             ax.vlines(times, 0, 1, transform=ax.get_xaxis_transform(), color="0.55", lw=0.7, ls=(0, (4, 3)), zorder=0.9)
     if panel.title:

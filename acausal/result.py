@@ -236,17 +236,22 @@ class Result:
         """All values as one record, every lazily computed one included."""
         return Table(self.model, self.time, self.matrix, self.signals, self.events, self.stats)
 
-    def save(self, path: str | Path) -> None:
-        """Write all signals to a `.mat` (Dymola, OpenModelica), `.csv` or `.npz` file, completely or not at all.
+    def save(self, path: str | Path, *, units: bool = False) -> None:
+        """Write all signals to a `.mat` (Dymola, OpenModelica), `.csv`, `.npz` or `.parquet` file, or nothing at all.
+
+        Parameters
+        ----------
+        units
+            Whether a `.csv` has units in its second row; the other formats hold them always.
 
         Raises
         ------
         UsageError
-            AC012 when the file cannot be written, AC013 for another suffix.
+            AC012 when the file cannot be written, AC013 for another suffix, AC015 for Parquet without pyarrow.
         """
         from acausal.files import write
 
-        write(self.table(), Path(path))
+        write(self.table(), Path(path), units)
 
     def plot(self, *names: str, **options: Any) -> Figure:
         """Draw signals; the options are those of `acausal.plot.plot`."""
@@ -290,12 +295,14 @@ class Result:
 
 
 def load(path: str | Path) -> Result:
-    """Read a result from a `.mat`, `.csv` or `.npz` file.
+    """Read a result, or measurements over time, from a `.mat`, `.csv`, `.npz` or `.parquet` file.
+
+    Names in CSV and Parquet files may carry units, `time [ms], force [kN]`; times become seconds, values stay.
 
     Raises
     ------
     UsageError
-        AC013 for another suffix, AC014 when the file cannot be read.
+        AC013 for another suffix, AC014 when the file cannot be read, AC015 for Parquet without pyarrow.
     """
     from acausal.files import read
 

@@ -50,6 +50,17 @@ def to_unit(declared: str, shown: str) -> Scale:
     return Scale(shown, one - zero, zero)
 
 
+def same_unit(unit: str, other: str) -> Scale:
+    """The conversion of values in the unit `other` to `unit`; a file that does not know its units has the other's.
+
+    Raises
+    ------
+    UnitError
+        AC151 for units that do not fit.
+    """
+    return to_unit(other, unit) if unit and other and unit != other else Scale(unit)
+
+
 def readable(declared: str, magnitude: float) -> Scale:
     """The declared unit with the prefix that brings the largest magnitude to 1 .. 1000.
 

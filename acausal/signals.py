@@ -72,3 +72,8 @@ class Table:
     signals: Mapping[str, Signal]
     events: tuple[Event, ...] = ()
     stats: Mapping[str, object] = field(default_factory=dict)
+
+
+def doubled(time: Array) -> tuple[Event, ...]:
+    """Events of a file that does not record them: the times stored twice."""
+    return tuple(Event(float(t), "") for t in np.unique(time[1:][np.diff(time) == 0]))

@@ -12,6 +12,7 @@ import pytest
 from acausal.errors import Span, UsageError
 from acausal.files import atomic
 from acausal.result import Event, Result, Signal, load
+from acausal.series import read_series
 
 TIME = np.array([0.0, 0.1, 0.2, 0.2, 1.0 / 3.0])
 # Numbers that a short decimal form would change.
@@ -37,7 +38,7 @@ def result() -> Result:
     )
 
 
-@pytest.mark.parametrize("suffix", [".csv", ".mat", ".npz", ".CSV"])
+@pytest.mark.parametrize("suffix", [".csv", ".mat", ".npz", ".parquet", ".CSV"])
 def test_values_survive_to_the_last_bit(result: Result, tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"run{suffix}"
     result.save(path)
@@ -133,7 +134,7 @@ def test_other_suffixes_are_refused(result: Result, tmp_path: Path, name: str) -
         with pytest.raises(UsageError) as caught:
             action(tmp_path / name)
         assert caught.value.code == "AC013"
-        assert caught.value.help == "accepted are .mat, .csv, .npz"
+        assert caught.value.help == "accepted are .mat, .csv, .npz, .parquet"
 
 
 def test_a_missing_folder_is_named(result: Result, tmp_path: Path) -> None:
@@ -180,7 +181,7 @@ def test_ordinary_permissions_and_links(result: Result, tmp_path: Path) -> None:
     ("name", "content"),
     [
         ("a.csv", b""),
-        ("a.csv", b"x,time\n1,2\n"),
+        ("a.csv", b"x,when\n1,2\n"),
         ("a.csv", b"time,x\n1,two\n"),
         ("a.csv", b"time,x\n1,2,3\n"),
         ("a.csv", b"\xff\xfe\x00"),
@@ -200,3 +201,63 @@ def test_what_is_no_result_is_refused_by_name(tmp_path: Path, name: str, content
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="No such file"):
         load(tmp_path / "none.mat")
+
+
+def test_a_csv_has_units_on_request(result: Result, tmp_path: Path) -> None:
+    """In its second row, which `load` and inputs read; without the option the file is as before."""
+    result.save(tmp_path / "run.csv", units=True)
+    lines = (tmp_path / "run.csv").read_text().splitlines()
+    assert lines[1] == "s,m,degC,m,,N/m"
+    back = load(tmp_path / "run.csv")
+    assert [s.unit for s in back.signals.values()] == [s.unit for s in SIGNALS]
+    assert all(np.array_equal(back[name], result[name]) for name in result.names)
+    series = read_series(tmp_path / "run.csv", "a.k")
+    assert (series.unit, series.values[0]) == ("N/m", 4.2e7)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "time [ms],x [kN]\n0,1.5\n500,-2\n",
+        "# a rig\nt;x\nms;kN\n0;1,5\n500;-2,0\n",
+        "x [kN]\tTime [ms]\n1.5\t0\n-2\t500\n",
+        "time,x\nms,kN\n0,1.5\n500,-2\n",
+    ],
+)
+def test_measurements_are_results(tmp_path: Path, text: str) -> None:
+    """Names with units, a row of units, other separators and decimal signs: one meaning, also for inputs."""
+    (tmp_path / "m.csv").write_text(text)
+    r = load(tmp_path / "m.csv")
+    assert r.time.tolist() == [0.0, 0.5]
+    assert (r["x"].tolist(), r.unit("x")) == ([1.5, -2.0], "kN")
+    series = read_series(tmp_path / "m.csv")
+    assert (series.times.tolist(), series.values.tolist(), series.unit) == ([0.0, 0.5], [1.5, -2.0], "kN")
+
+
+def test_a_broken_first_row_of_numbers_is_no_row_of_units(tmp_path: Path) -> None:
+    (tmp_path / "m.csv").write_text("time,x\nO.0,l.5\n1,2\n2,3\n")
+    with pytest.raises(UsageError, match="as a result") as caught:
+        load(tmp_path / "m.csv")
+    assert caught.value.code == "AC014"
+    assert "m.csv:2: time is 'O.0', no number" in caught.value.evidence[0]
+
+
+def test_parquet_is_read_and_written_by_pandas(result: Result, tmp_path: Path) -> None:
+    """Another reader: values to the last bit, units in `attrs`; its own frame with units in names comes back."""
+    pandas = pytest.importorskip("pandas", reason="pandas is not installed")
+    pytest.importorskip("pyarrow", reason="pyarrow is not installed")
+    result.save(tmp_path / "run.parquet")
+    frame = pandas.read_parquet(tmp_path / "run.parquet")
+    assert frame.attrs["units"]["a.k"] == "N/m"
+    back = load(tmp_path / "run.parquet")
+    assert [(s.unit, s.doc) for s in back.signals.values()] == [(s.unit, s.doc) for s in SIGNALS]
+    assert all(np.array_equal(frame[name].to_numpy(), result[name]) for name in result.names)
+    other = pandas.DataFrame({"x [kN]": [1.5, -2.0]}, index=pandas.Index([0.0, 500.0], name="time [ms]"))
+    other.to_parquet(tmp_path / "other.parquet")
+    r = load(tmp_path / "other.parquet")
+    assert (r.time.tolist(), r["x"].tolist(), r.unit("x")) == ([0.0, 0.5], [1.5, -2.0], "kN")
+    other.loc[250.0] = float("nan")
+    other.astype("Float64").convert_dtypes().to_parquet(tmp_path / "holes.parquet")
+    with pytest.raises(UsageError) as caught:
+        load(tmp_path / "holes.parquet")
+    assert caught.value.code == "AC014"

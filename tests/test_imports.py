@@ -64,9 +64,12 @@ MEMBER_OF = {
     "signals": "result",
     "files": "result",
     "matfile": "result",
+    "csvfile": "result",
+    "parquetfile": "result",
     "series": "result",
     "scale": "plot",
     "plot_structure": "plot",
+    "plot_compare": "plot",
 }
 # An edge outside the table, by module, with its reason.
 EXCEPTIONS = {

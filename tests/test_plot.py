@@ -14,6 +14,7 @@ from matplotlib.collections import LineCollection
 from acausal.errors import UnitError, UsageError
 from acausal.panel import Panel
 from acausal.plot import figure, plot, show
+from acausal.plot_compare import compared
 from acausal.result import Event, Result, Signal
 from acausal.scale import Scale, readable, to_unit
 
@@ -264,3 +265,24 @@ def test_labels_are_typeset() -> None:
     assert Scale("kN.m").label == "[kN\u00b7m]"
     assert Scale("kOhm").label == "[k\u03a9]"
     assert Scale("1").label == ""
+
+
+def test_two_results_share_panels_and_units(result: Result) -> None:
+    """A measurement in mm over a run in m: 16 mm at the end of both; what it does not hold is drawn of one only."""
+    measured = Result("rig", TIME[::4], 4.0 * TIME[::4, None], {"drill.s": Signal("drill.s", "mm", "", 0)})
+    depth, force = plot(result, "drill.s", "drill.F_f", also=measured).axes
+    assert list(lines(depth)) == ["drill.s (Drill)", "drill.s (rig)"]
+    assert [y[-1] for y in lines(depth).values()] == pytest.approx([16.0, 16.0])
+    assert list(lines(force)) == ["drill.F_f (Drill)"]
+    (ax,) = plot(result, "drill.s", also={"twice": result}).axes
+    assert list(lines(ax)) == ["drill.s (Drill)", "drill.s (twice)"]
+    (ax,) = plot(result, "drill.s", also=[result]).axes
+    assert list(lines(ax)) == ["drill.s (Drill 1)", "drill.s (Drill 2)"]
+
+
+def test_differences_are_those_of_one_unit(result: Result) -> None:
+    """1 mm added to a measurement in mm: the run lies 1 mm below it."""
+    measured = Result("rig", TIME[::4], 4.0 * TIME[::4, None] + 1.0, {"drill.s": Signal("drill.s", "mm", "", 0)})
+    upper, lower = compared(measured, result, ["drill.s"]).axes
+    assert np.asarray(lines(upper)["Drill"])[-1] == pytest.approx(16.0)
+    assert np.asarray(lower.get_lines()[0].get_ydata()) == pytest.approx([-1.0] * 3)

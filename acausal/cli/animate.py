@@ -19,12 +19,12 @@ from acausal.errors import UsageError
 if TYPE_CHECKING:
     from acausal.result import Result
 
-RESULTS = (".mat", ".csv", ".npz")
+RESULTS = (".mat", ".csv", ".npz", ".parquet")
 ShownArgument = Annotated[
     str,
     typer.Argument(
         metavar="MODEL|RESULT",
-        help="A model, which is simulated, or a result file: .mat, .csv, .npz.",
+        help="A model, which is simulated, or a result file: .mat, .csv, .npz, .parquet.",
         show_default=False,
         autocompletion=complete_shown,
     ),

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from acausal.cli.failure import OUT_OF_TOLERANCE
-from acausal.cli.options import JsonOption, SignalsOption
-from acausal.cli.report import plural, record, say, table
+from acausal.cli.options import JsonOption, PlotFileOption, QuietOption, SignalsOption
+from acausal.cli.outputs import check_picture
+from acausal.cli.report import plural, record, remark, say, table
 from acausal.cli.settings import listed
 from acausal.errors import UsageError
 
@@ -19,18 +20,34 @@ if TYPE_CHECKING:
     from acausal.signals import Array
 
 
+# Signals in one picture.
+_MOST_DRAWN = 5
+
+
 @dataclass(frozen=True)
 class Deviation:
-    """The largest difference of one signal: absolute, relative to the signal's range in the first result, and when."""
+    """How far one signal is apart, in the unit of the first result.
+
+    Attributes
+    ----------
+    absolute, relative, time
+        The largest difference, that in parts of the signal's range in the first result, and when.
+    rms
+        Root of the mean square of the differences.
+    """
 
     name: str
     absolute: float
     relative: float
     time: float
+    rms: float = 0.0
+    unit: str = ""
 
 
 def compare(
-    first: Annotated[Path, typer.Argument(metavar="A", help="The reference: a .mat, .csv or .npz file.")],
+    first: Annotated[
+        Path, typer.Argument(metavar="A", help="The reference, or measurements: a .mat, .csv, .npz or .parquet file.")
+    ],
     second: Annotated[Path, typer.Argument(metavar="B", help="The result to judge.")],
     tolerance: Annotated[
         float, typer.Option("--tolerance", help="Accepted deviation relative to the range of a signal.")
@@ -40,18 +57,30 @@ def compare(
     ] = 1e-9,
     signals: SignalsOption = None,
     count: Annotated[int, typer.Option("--count", help="Number of signals to list, the worst first.")] = 10,
+    plot: Annotated[bool, typer.Option("--plot", help="Draw the worst, to B.png: both, and their difference.")] = False,
+    plot_file: PlotFileOption = None,
     as_json: JsonOption = False,
+    quiet: QuietOption = False,
 ) -> None:
-    """Compare two result files; exit 3 when out of tolerance.
+    """Compare two result files, or a result with measurements; exit 3 when out of tolerance.
 
     Values are compared at the times of the file with fewer rows, away from events: there, rounding in time is a jump.
+    Units are converted.
 
-    Example: acausal compare old.mat new.mat --signals "mass.*" --tolerance 1e-6
+    Examples: acausal compare old.mat new.mat --signals "mass.*" --tolerance 1e-6; acausal compare measured.csv run.mat
+    --plot
     """
     from acausal.result import load
 
     a, b = load(first), load(second)
+    picture = plot_file or (second.with_suffix(".png") if plot else None)
+    if picture is not None:
+        check_picture(picture)
     found = deviations(a, b, listed(signals), floor)
+    if picture is not None:
+        from acausal.plot_compare import compared
+
+        compared(a, b, [d.name for d in found[: min(count, _MOST_DRAWN)]], picture)
     bad = [d for d in found if not d.relative <= tolerance]
     if as_json:
         record(
@@ -64,14 +93,20 @@ def compare(
                 "only_in_second": sorted(set(b.names) - set(a.names)),
                 "deviations": [vars(d) for d in found],
                 "within_tolerance": not bad,
+                "files": [str(picture)] if picture is not None else [],
             }
         )
-    else:
-        rows = [(d.name, f"{d.relative:.3g}", f"{d.absolute:.3g}", f"{d.time:.6g} s") for d in found[:count]]
-        table(rows, ("signal", "of its range", "absolute", "at"))
+    elif not quiet:
+        rows = [
+            (d.name, f"{d.relative:.3g}", f"{d.absolute:.3g}", f"{d.time:.6g} s", f"{d.rms:.3g}", d.unit)
+            for d in found[:count]
+        ]
+        table(rows, ("signal", "of its range", "absolute", "at", "rms", "unit"))
         alone = len(set(a.names) ^ set(b.names))
         verdict = f"{plural(len(bad), 'signal')} out of tolerance {tolerance:g}" if bad else f"all within {tolerance:g}"
         say(f"{plural(len(found), 'common signal')}, {alone} in one file only: {verdict}")
+        if picture is not None:
+            remark(f"wrote {picture}")
     if bad:
         raise typer.Exit(OUT_OF_TOLERANCE)
 
@@ -83,10 +118,13 @@ def deviations(a: Result, b: Result, wanted: list[str], floor: float) -> list[De
     ------
     UsageError
         AC007 when the results have no signal or no time in common, AC010 for an unknown wanted signal.
+    UnitError
+        AC151 for units that do not fit.
     """
     import numpy as np
 
     from acausal.reduce.outputs import fitting
+    from acausal.scale import same_unit
 
     names = [fit for name in wanted for fit in fitting(name, a.names) or [name]]
     elements = [s.name for name in names for r in (b, a) for s in r.elements(name)[1] if r is a]
@@ -97,7 +135,7 @@ def deviations(a: Result, b: Result, wanted: list[str], floor: float) -> list[De
         raise UsageError("AC007", f"the results have no {what} in common", help="are they results of the same model?")
     found = []
     for name in common:
-        x, y = np.asarray(a.at(times, name)), np.asarray(b.at(times, name))
+        x, y = np.asarray(a.at(times, name)), same_unit(a.unit(name), b.unit(name))(np.asarray(b.at(times, name)))
         difference = np.abs(x - y)
         # One of them not a number: as wrong as can be. Both: the same.
         difference[np.isnan(difference)] = np.inf
@@ -107,7 +145,10 @@ def deviations(a: Result, b: Result, wanted: list[str], floor: float) -> list[De
         span = float(np.ptp(finite)) if finite.size else 0.0
         # A constant has no range; its size is the measure then.
         scale = max(span or (float(np.abs(finite).max()) if finite.size else 0.0), floor)
-        found.append(Deviation(name, float(difference[k]), float(difference[k]) / scale, float(times[k])))
+        rms = float(np.sqrt(np.mean(difference**2)))
+        found.append(
+            Deviation(name, float(difference[k]), float(difference[k]) / scale, float(times[k]), rms, a.unit(name))
+        )
     return sorted(found, key=lambda d: -d.relative)
 
 

@@ -10,7 +10,7 @@ import typer
 
 from acausal.errors import AcausalError
 
-_RESULTS = (".mat", ".csv", ".npz")
+_RESULTS = (".mat", ".csv", ".npz", ".parquet")
 
 
 def _beginning(names: Iterable[str], incomplete: str) -> list[str]:
@@ -106,6 +106,11 @@ def complete_signal(ctx: typer.Context, incomplete: str) -> list[str]:
         return _beginning(load(Path(result)).names, incomplete)
     except (AcausalError, OSError):
         return []
+
+
+def complete_drawn(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Signals of the result file that stands before, and more result files."""
+    return [*complete_signal(ctx, incomplete), *_files(incomplete, _RESULTS)]
 
 
 def complete_solver(incomplete: str) -> list[str]:

@@ -17,7 +17,7 @@ def explore(
         list[Path],
         typer.Argument(
             metavar="RESULT...",
-            help=".mat, .csv or .npz files; the first is what differences are taken to.",
+            help=".mat, .csv, .npz or .parquet files; the first is what differences are taken to.",
             show_default=False,
             autocompletion=complete_result,
         ),
@@ -48,11 +48,11 @@ def explore(
     target = check_page_file(output_file or results[0].with_suffix(".html"))
     loaded = [load(path) for path in results]
     check_writable(target)
-    make(*loaded, labels=_labels(results), signals=tuple(signals or ())).save(target)
+    make(*loaded, labels=labels_of(results), signals=tuple(signals or ())).save(target)
     remark(f"wrote {target}, {target.stat().st_size / 1e6:.2g} MB")
 
 
-def _labels(paths: list[Path]) -> list[str]:
+def labels_of(paths: list[Path]) -> list[str]:
     """Names of the files, or as much of their paths as tells them apart."""
     stems = [p.stem for p in paths]
     return [stem if stems.count(stem) == 1 else str(path) for stem, path in zip(stems, paths, strict=True)]

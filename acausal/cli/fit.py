@@ -35,7 +35,9 @@ def fit(
     model: ModelArgument,
     data: Annotated[
         list[Path],
-        typer.Argument(metavar="DATA...", help="Measurements: .csv with units in its first row, .mat or .npz."),
+        typer.Argument(
+            metavar="DATA...", help="Measurements: .csv with units in its first row, .mat, .npz or .parquet."
+        ),
     ],
     free: Annotated[
         list[str],

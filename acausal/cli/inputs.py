@@ -12,7 +12,7 @@ from acausal.flatten.around import placed
 from acausal.language.component import Component
 from acausal.language.declare import Declaration
 
-_FILE = re.compile(r"(?P<file>.+?\.[A-Za-z]{3})(?::(?P<column>.+))?")
+_FILE = re.compile(r"(?P<file>.+?\.(?:[A-Za-z]{3}|parquet))(?::(?P<column>.+))?")
 _INDEX = re.compile(r"\[[\d, ]+\]$")
 
 
@@ -36,7 +36,7 @@ def inputs_of(model: Component, texts: Sequence[str] | None, interpolation: str)
     found: dict[str, Any] = {}
     for name, value in _assignments("--input", texts):
         file = _FILE.fullmatch(value)
-        if file is not None and file["file"][-4:].lower() in WRITERS:
+        if file is not None and f".{file['file'].rpartition('.')[2].lower()}" in WRITERS:
             found[name] = read_series(file["file"], file["column"], interpolation)
         else:
             found[name] = number_in("--input", f"{name}={value}", value, declared.get(_INDEX.sub("", name)))

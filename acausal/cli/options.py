@@ -42,7 +42,10 @@ JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object.
 ResultArgument = Annotated[
     Path,
     typer.Argument(
-        metavar="RESULT", help="A .mat, .csv or .npz file.", show_default=False, autocompletion=complete_result
+        metavar="RESULT",
+        help="A .mat, .csv, .npz or .parquet file.",
+        show_default=False,
+        autocompletion=complete_result,
     ),
 ]
 InputsOption = Annotated[
@@ -51,7 +54,7 @@ InputsOption = Annotated[
         "--input",
         metavar="NAME=VALUE",
         help="Input of the model: a number with or without unit; simulate takes FILE:COLUMN too (.csv with units in "
-        "its first row, .mat, .npz). Repeatable.",
+        "its first row, .mat, .npz, .parquet). Repeatable.",
         show_default=False,
     ),
 ]
@@ -113,6 +116,7 @@ SignalsOption = Annotated[
     ),
 ]
 PlotOption = Annotated[bool, typer.Option("--plot", help="Draw a figure, to MODEL.png.")]
+UnitsOption = Annotated[bool, typer.Option("--units", help="Give a .csv file a second row, with the units.")]
 PlotFileOption = Annotated[
     Path | None, typer.Option("--plot-file", help="Draw it to this file: .png, .svg or .pdf.", show_default=False)
 ]

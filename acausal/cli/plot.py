@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from acausal.cli.completion import complete_signal
+from acausal.cli.completion import complete_drawn, complete_signal
 from acausal.cli.options import ResultArgument
 from acausal.cli.report import remark, say
 
@@ -17,9 +18,10 @@ def plot(
     signals: Annotated[
         list[str] | None,
         typer.Argument(
-            metavar="VAR...",
-            help="Signals, * for any text; without any they are listed.",
-            autocompletion=complete_signal,
+            metavar="[RESULT...] VAR...",
+            help="More results to draw over the first; signals, * for any text. Without any they are listed.",
+            show_default=False,
+            autocompletion=complete_drawn,
         ),
     ] = None,
     file: Annotated[
@@ -39,13 +41,20 @@ def plot(
     title: Annotated[str | None, typer.Option("--title", help="Text above the figure.", show_default=False)] = None,
     window: Annotated[bool, typer.Option("--show", help="Open a window too.")] = False,
 ) -> None:
-    """Draw signals of a result file, one panel per unit.
+    """Draw signals of result files, one panel per unit.
 
-    Example: acausal plot ThickBlock.mat drill.s "drill.F_*"
+    Examples: acausal plot ThickBlock.mat drill.s "drill.F_*"; acausal plot before.mat after.mat mass.s
     """
+    from acausal.cli.explore import labels_of
+    from acausal.files import READERS
     from acausal.result import load
 
-    loaded = load(result)
+    more = [Path(text) for text in signals or () if Path(text).suffix.lower() in READERS]
+    signals = [text for text in signals or () if Path(text).suffix.lower() not in READERS]
+    loaded, *others = (
+        replace(load(path), model=label)
+        for path, label in zip([result, *more], labels_of([result, *more]), strict=True)
+    )
     if not signals:
         for name, signal in loaded.signals.items():
             say(f"{name} [{signal.unit}]" if signal.unit else name)
@@ -59,7 +68,8 @@ def plot(
 
     # The default never lands on the result itself: its suffix is another one.
     target = file or result.with_suffix(".png")
-    drawing = draw(loaded, *names, file=target, together=together, against=against, title=title)
+    heading = title if title is not None or not others else ""
+    drawing = draw(loaded, *names, file=target, together=together, against=against, title=heading, also=others)
     remark(f"wrote {target}")
     if window:
         show(drawing)

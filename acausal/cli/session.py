@@ -30,6 +30,7 @@ class Session:
     result_file: Path | None
     picture: Path | None
     clock: Clock
+    units: bool = False
     written: list[tuple[Path, str]] = field(default_factory=list)
 
     def rescue(self, error: BaseException) -> None:
@@ -62,7 +63,7 @@ class Session:
 
     def _save(self, result: Result) -> None:
         if self.result_file is not None:
-            result.save(self.result_file)
+            result.save(self.result_file, units=self.units)
             rows = plural(len(result.time), "row")
             self.written.append((self.result_file, f"{plural(len(result.names) + 1, 'signal')}, {rows}"))
 

@@ -25,6 +25,7 @@ from acausal.cli.options import (
     StartTimeOption,
     StopTimeOption,
     ToleranceOption,
+    UnitsOption,
 )
 from acausal.cli.outputs import check_picture, check_result_file
 from acausal.cli.progress import ProgressBar
@@ -42,7 +43,9 @@ TimeOption = str | None
 
 OutputFileOption = Annotated[
     Path | None,
-    typer.Option("--output-file", "-o", help="Result: .mat, .csv or .npz. Default: MODEL.mat.", show_default=False),
+    typer.Option(
+        "--output-file", "-o", help="Result: .mat, .csv, .npz or .parquet. Default: MODEL.mat.", show_default=False
+    ),
 ]
 FormulationOption = Annotated[
     str,
@@ -94,6 +97,7 @@ def simulate(
     freed: FreeOption = None,
     start: StartOption = None,
     output_file: OutputFileOption = None,
+    units: UnitsOption = False,
     no_output: Annotated[bool, typer.Option("--no-output", help="Write no result file.")] = False,
     plot: Annotated[bool, typer.Option("--plot", help="Draw the model's figure to MODEL.png.")] = False,
     plot_file: Annotated[
@@ -132,7 +136,7 @@ def simulate(
     choices = opening(prepared.model)
     compiled = compile(prepared.model, parameters=prepared.parameters, formulation=formulation, choices=choices or None)
     clock.lap("compile")
-    session = Session(model, prepared.model, compiled, result_file, picture, clock)
+    session = Session(model, prepared.model, compiled, result_file, picture, clock, units)
     result = _run(
         session,
         quiet,

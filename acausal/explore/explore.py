@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import zlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from acausal.errors import UsageError
 from acausal.explore.units import choices
 from acausal.files import atomic
 from acausal.result import Result
+from acausal.scale import same_unit
 
 _BODY = """\
 <aside>
@@ -45,7 +46,7 @@ class Explorer:
     def html(self) -> str:
         """The page: less than 100 kB and the results, in double precision."""
         data = {
-            "results": [_described(r, label) for r, label in zip(self.results, self.labels, strict=True)],
+            "results": [_described(r, label) for r, label in zip(_in_one_unit(self.results), self.labels, strict=True)],
             "selected": list(self.signals),
             "units": {u: choices(u) for u in dict.fromkeys(s.unit for r in self.results for s in r.signals.values())},
         }
@@ -99,6 +100,24 @@ def explore(*results: Result, labels: Sequence[str] = (), signals: Sequence[str]
         if names.index(name) != k:
             names[k] = f"{name} ({k + 1})"
     return Explorer(tuple(results), tuple(names), tuple(shown))
+
+
+def _in_one_unit(results: Sequence[Result]) -> list[Result]:
+    """The results with every signal in the unit of the first that has it: measurements in mm stand on those in m."""
+    units: dict[str, str] = {}
+    found = []
+    for result in results:
+        signals, columns = dict(result.signals), [result.matrix]
+        for name, signal in result.signals.items():
+            known = units.setdefault(name, signal.unit)
+            if signal.unit in ("", known) or not known:
+                continue
+            values = same_unit(known, signal.unit)(result[name])
+            signals[name] = replace(signal, unit=known, column=sum(c.shape[1] for c in columns), sign=1)
+            columns.append(values[:, None])
+        matrix = result.matrix if len(columns) == 1 else np.hstack(columns)
+        found.append(Result(result.model, result.time, matrix, signals, result.events, result.stats))
+    return found
 
 
 def _described(result: Result, label: str) -> dict[str, Any]:

@@ -105,3 +105,44 @@ def test_export_default_file_and_json() -> None:
     content = run("export", "casadi", "Oscillator", "--json").json
     assert content["files"] == ["Oscillator.casadi"]
     assert [port["name"] for port in content["x"]] == ["mass.s", "mass.v"]
+
+
+def test_measurements_are_compared_in_their_unit() -> None:
+    """sin(3 t) m against its values in cm at eleven times, one of them 2 cm off, of a range of 2 m."""
+    t = np.linspace(0.0, 2.0, 11)
+    shifted = 100.0 * np.sin(3.0 * t) + 2.0 * (t == t[4])
+    rows = "\n".join(f"{1e3 * a!r},{b!r}" for a, b in zip(t.tolist(), shifted.tolist(), strict=True))
+    Path("m.csv").write_text(f"time [ms],a [cm]\n{rows}\n")
+    _result(n=2001).save("r.mat")
+    outcome = run("compare", "m.csv", "r.mat", "--tolerance", "0.02", "--plot", "--json")
+    assert outcome.code == 0, outcome.err
+    (worst,) = outcome.json["deviations"]
+    assert worst["absolute"] == pytest.approx(2.0, abs=1e-4)
+    assert worst["rms"] == pytest.approx(2.0 / np.sqrt(11.0), abs=1e-4)
+    assert (worst["unit"], worst["time"]) == ("cm", pytest.approx(t[4]))
+    assert Path("r.png").read_bytes().startswith(b"\x89PNG")
+    assert run("compare", "m.csv", "r.mat", "--tolerance", "1e-3", "--quiet").code == 3
+
+
+def test_units_that_do_not_fit_are_refused() -> None:
+    Path("m.csv").write_text("time [s],a [kg]\n0,1\n1,2\n")
+    _result().save("r.mat")
+    for verb in (("compare", "m.csv", "r.mat"), ("plot", "m.csv", "r.mat", "a"), ("explore", "m.csv", "r.mat")):
+        assert "AC151" in run(*verb).err, verb
+
+
+def test_two_results_are_drawn_over_each_other() -> None:
+    _result().save("one.mat")
+    _result(0.5).save("two.parquet")
+    outcome = run("plot", "one.mat", "two.parquet", "a", "-o", "both.svg")
+    assert outcome.code == 0, outcome.err
+    text = Path("both.svg").read_text()
+    assert "a (one)" in text
+    assert "a (two)" in text
+
+
+def test_a_csv_with_units_on_request() -> None:
+    assert run("simulate", "Oscillator", "--output-file", "r.csv", "--units", "--quiet").code == 0
+    head, units = Path("r.csv").read_text().splitlines()[:2]
+    assert dict(zip(head.split(","), units.split(","), strict=True))["mass.v"] == "m/s"
+    assert run("compare", "r.csv", "r.csv").code == 0

@@ -158,3 +158,15 @@ def test_wrong_requests_are_refused() -> None:
         acausal.explore(result, labels=["a", "b"])
     with pytest.raises(UsageError, match="AC013"):
         acausal.explore(result).save("x.png")
+
+
+def test_results_in_other_units_stand_on_one_axis(tmp_path: Path) -> None:
+    """x of 0, 1, 2 m, and 0, 3 m measured in mm: 0 and 1000 mm apart at the first and last time."""
+    measured = Result("rig", np.array([0.0, 1.0]), np.array([[0.0], [3e3]]), {"part.x": Signal("part.x", "mm", "", 0)})
+    page = acausal.explore(line([0, 0.5, 1], [0, 1, 2]), measured).html()
+    script = (
+        "await app.ready; return [app.curve('part.x', 1).y, app.difference('part.x', 1).y].map((y) => Array.from(y));"
+    )
+    values, difference = probe(page, script, tmp_path)
+    assert values == pytest.approx([0.0, 3.0])
+    assert [difference[0], difference[-1]] == pytest.approx([0.0, 1.0])

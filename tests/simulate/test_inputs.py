@@ -385,7 +385,7 @@ def test_decimal_commas(tmp_path: Path, lag: Any) -> None:
         ("x,u\n0,0\n1,1\n", "no column of times"),
         ("time,v\n0,0\n1,x\n", "u.csv:3: v is 'x'"),
         ("time,v,w\n0,0,0\n1,1,1\n", "2 columns besides the time"),
-        ("time,v\n", "no two rows"),
+        ("time,v\n", "no row of numbers"),
     ],
 )
 def test_a_wrong_file_is_named(tmp_path: Path, lag: Any, text: str, words: str) -> None:

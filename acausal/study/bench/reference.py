@@ -239,7 +239,7 @@ def _refinement(tight: Trajectory, coarse: Trajectory, coarsest: Trajectory, nom
 
 
 def given(file: Path, names: Sequence[str], nominal: Vector, span: tuple[float, float]) -> Reference:
-    """The reference of a result file (.mat, .csv, .npz), or end values from JSON.
+    """The reference of a result file (.mat, .csv, .npz, .parquet), or end values from JSON.
 
     JSON holds, at the top or under "reference", `values`: numbers (or decimal strings) by the paths of variables, at
     the end of the run, and if known `trusted_digits`.

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from acausal.csvfile import named
 from acausal.errors import UsageError, nearest
 from acausal.result import Result
 from acausal.series import TimeSeries, read_all
@@ -95,15 +96,18 @@ def _of_result(result: Result) -> dict[str, TimeSeries]:
 
 
 def _of_frame(frame: Any) -> dict[str, TimeSeries]:
-    clock = next((c for wanted in ("time", "t") for c in frame.columns if str(c).lower() == wanted), None)
+    clock = next((c for wanted in ("time", "t") for c in frame.columns if named(str(c))[0].lower() == wanted), None)
     times = np.asarray((frame.index if clock is None else frame[clock]).to_numpy(), dtype=np.float64)
+    second = named(str(frame.index.name if clock is None else clock))[1]
+    times = times * in_si(1.0, second) if second else times
     units = frame.attrs.get("units", {})
     found = {}
     for column in frame.columns:
         if column != clock:
             values = np.asarray(frame[column].to_numpy(), dtype=np.float64)
             there = np.isfinite(values)
-            found[str(column)] = TimeSeries(times[there], values[there], unit=units.get(column, ""), name=str(column))
+            name, unit = named(str(column))
+            found[name] = TimeSeries(times[there], values[there], unit=unit or units.get(column, ""), name=str(column))
     return found
 
 
