@@ -73,12 +73,32 @@ def motor(found: dict[str, Any]) -> None:
     assert found["drive"].final("load.w") == pytest.approx(0.0, abs=1e-9)
 
 
+def rig(found: dict[str, Any]) -> None:
+    """The fit finds what made the data, within three of its own standard deviations; the run is the page's rig."""
+    fit = found["found"]
+    assert np.abs(fit.value - [2.2, 4.0]).max() < 3.0 * fit.std.max()
+    assert fit.rms["mass.s"] == pytest.approx(2e-3, rel=0.15)
+    assert (found["measured"].unit("mass.s"), found["measured"].time[-1]) == ("mm", pytest.approx(4.0))
+
+
+def servo(found: dict[str, Any]) -> None:
+    """Overshoot of a second-order lag: exp(-pi zeta / sqrt(1 - zeta^2)), none above zeta = 1."""
+    zeta = found["found"].values[:, 0]
+    assert len(zeta) == 20
+    low = zeta < 1.0
+    expected = np.exp(-math.pi * zeta[low] / np.sqrt(1.0 - zeta[low] ** 2))
+    assert np.abs(found["overshoot"][low] - expected).max() < 1e-3
+    assert found["overshoot"][~low].max() < 1e-6
+
+
 CHECKS = {
     "2-components": vessels,
     "3-events": room,
     "4-multibody": crane,
     "5-drilling": press,
     "dc-motor": motor,
+    "measured-data": rig,
+    "family-of-curves": servo,
 }
 
 
