@@ -7,8 +7,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from acausal.cli.completion import complete_model, complete_shown, complete_solver
-from acausal.cli.options import JsonOption, SetOption, StartTimeOption, StopTimeOption, ToleranceOption
+from acausal.cli.completion import complete_model, complete_shown
+from acausal.cli.options import (
+    JsonOption,
+    QuietOption,
+    SetOption,
+    SolverOption,
+    StartTimeOption,
+    StopTimeOption,
+    ToleranceOption,
+)
 from acausal.cli.outputs import check_writable
 from acausal.cli.reference import find_model
 from acausal.cli.report import record, remark
@@ -47,10 +55,7 @@ def animate(
     start_time: StartTimeOption = None,
     stop_time: StopTimeOption = None,
     tolerance: ToleranceOption = None,
-    solver: Annotated[
-        str | None,
-        typer.Option("--solver", help="Solver of the run.", show_default=False, autocompletion=complete_solver),
-    ] = None,
+    solver: SolverOption = None,
     poses: Annotated[int, typer.Option("--poses", min=2, help="Up to so many poses of each body.")] = 2000,
     output_file: Annotated[
         Path | None,
@@ -58,6 +63,7 @@ def animate(
     ] = None,
     gif: Annotated[bool, typer.Option("--gif", help="Write a moving picture, MODEL.gif, too.")] = False,
     as_json: JsonOption = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Show a run of a multibody model as a moving 3D scene, with its curves and a time slider: one HTML file.
 
@@ -85,14 +91,14 @@ def animate(
     animation = make(prepared.model, result, poses=poses, **options)
     for file in files:
         animation.save(file)
-    for note in animation.scene.notes:
+    for note in () if quiet else animation.scene.notes:
         remark(f"note: {note}")
     if as_json:
         scene = animation.scene
         nodes = [{"name": n.name, "kind": n.kind} for n in scene.nodes]
         content = {"model": name, "files": [str(f) for f in files], "poses": len(scene.time), "nodes": nodes}
         record({**content, "notes": list(scene.notes)})
-    else:
+    elif not quiet:
         remark(f"wrote {', '.join(map(str, files))}")
 
 

@@ -11,10 +11,12 @@ import typer
 
 from acausal.cli.completion import complete_solver
 from acausal.cli.options import (
+    AccuracyOption,
     DetailsOption,
     InputsOption,
     JsonOption,
     ModelArgument,
+    QuietOption,
     RepeatOption,
     SetOption,
     SignalsOption,
@@ -90,18 +92,13 @@ def bench(
         bool, typer.Option("--native/--no-native", help="Compile to C where a solver can use it.")
     ] = True,
     recommend: Annotated[
-        bool, typer.Option("--recommend", help="Name the cheapest solver and tolerance for --accuracy.")
+        bool, typer.Option("--recommend", help="Name the cheapest solver for --accuracy, or for the model's tolerance.")
     ] = False,
-    accuracy: Annotated[
-        float | None,
-        typer.Option(
-            "--accuracy", help="Wanted accuracy. Default with --recommend: the model's tolerance.", show_default=False
-        ),
-    ] = None,
+    accuracy: AccuracyOption = None,
     output: ChartsOption = None,
     as_json: JsonOption = False,
     details: DetailsOption = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress on stderr.")] = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Chart speed against accuracy: solvers, tolerances, forms of the equations, fixed steps.
 

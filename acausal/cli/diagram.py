@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from acausal.cli.options import ComponentArgument, SetOption
+from acausal.cli.options import ComponentArgument, QuietOption, SetOption
 from acausal.cli.outputs import check_writable
 from acausal.cli.reference import find_component
 from acausal.cli.report import remark
@@ -28,6 +28,7 @@ def diagram(
         Path | None,
         typer.Option("--output-file", "-o", help=".svg, or .html to open blocks by a click. Default: MODEL.svg."),
     ] = None,
+    quiet: QuietOption = False,
 ) -> None:
     """Draw the connection diagram of a model or of a component of the library.
 
@@ -40,4 +41,5 @@ def diagram(
     target = check_diagram_file(output_file or Path(f"{cls.__name__}.svg"))
     check_writable(target)
     make(prepare(cls, settings or ()).model, depth=depth, opened=tuple(opened or ())).save(target)
-    remark(f"wrote {target}")
+    if not quiet:
+        remark(f"wrote {target}")

@@ -7,9 +7,11 @@ from typing import Annotated
 
 import typer
 
-from acausal.cli.completion import complete_result, complete_signal
+from acausal.cli.completion import complete_result
+from acausal.cli.options import QuietOption, SignalsOption
 from acausal.cli.outputs import check_writable
 from acausal.cli.report import remark
+from acausal.cli.settings import listed
 
 
 def explore(
@@ -22,34 +24,33 @@ def explore(
             autocompletion=complete_result,
         ),
     ],
-    signals: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--signal",
-            metavar="VAR",
-            help="What is shown first; repeatable.",
-            show_default=False,
-            autocompletion=complete_signal,
-        ),
-    ] = None,
+    signals: SignalsOption = None,
     output_file: Annotated[
         Path | None,
         typer.Option("--output-file", "-o", help="The page. Default: RESULT.html.", show_default=False),
     ] = None,
+    quiet: QuietOption = False,
 ) -> None:
     """Write a page to look at results: all signals with units and meanings, curves over each other, differences.
 
-    Examples: acausal explore ThickBlock.mat; acausal explore before.mat after.mat --signal mass.s
+    Examples: acausal explore ThickBlock.mat; acausal explore before.mat after.mat --signals mass.s
     """
     from acausal.explore.explore import check_page_file
     from acausal.explore.explore import explore as make
+    from acausal.reduce.outputs import fitting
     from acausal.result import load
 
     target = check_page_file(output_file or results[0].with_suffix(".html"))
     loaded = [load(path) for path in results]
     check_writable(target)
-    make(*loaded, labels=labels_of(results), signals=tuple(signals or ())).save(target)
-    remark(f"wrote {target}, {target.stat().st_size / 1e6:.2g} MB")
+    names = [
+        fit
+        for name in listed(signals)
+        for fit in fitting(name, dict.fromkeys(n for r in loaded for n in r.names)) or [name]
+    ]
+    make(*loaded, labels=labels_of(results), signals=names).save(target)
+    if not quiet:
+        remark(f"wrote {target}, {target.stat().st_size / 1e6:.2g} MB")
 
 
 def labels_of(paths: list[Path]) -> list[str]:

@@ -18,6 +18,7 @@ from acausal.cli.options import (
     PlotOption,
     QuietOption,
     SetOption,
+    SolverOption,
     StartOption,
     ToleranceOption,
 )
@@ -56,7 +57,7 @@ def fit(
         ),
     ] = None,
     tolerance: ToleranceOption = None,
-    solver: Annotated[str | None, typer.Option("--solver", help="Solver of the runs.", show_default=False)] = None,
+    solver: SolverOption = None,
     native: NativeOption = None,
     plot: PlotOption = False,
     plot_file: PlotFileOption = None,

@@ -3,11 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from acausal.cli.completion import complete_component, complete_model, complete_parameter, complete_result
+from acausal.cli.completion import (
+    complete_component,
+    complete_model,
+    complete_parameter,
+    complete_result,
+    complete_signal,
+    complete_solver,
+)
 
 ModelArgument = Annotated[
     str,
@@ -80,13 +87,32 @@ InterpolationOption = Annotated[
     str,
     typer.Option("--interpolation", help="Between the rows of a file: linear, hold (the last row), smooth (a spline)."),
 ]
-StartTimeOption = Annotated[
+
+
+def _time(flag: str, help: str) -> Any:
+    return typer.Option(flag, metavar="TIME", help=f"{help}, in s or with a unit.", show_default=False)
+
+
+StartTimeOption = Annotated[str | None, _time("--start-time", "Start of the run")]
+StopTimeOption = Annotated[str | None, _time("--stop-time", "End of the run")]
+OutputIntervalOption = Annotated[str | None, _time("--output-interval", "Distance of the rows of the result")]
+StepOption = Annotated[str | None, _time("--step", "Size of a fixed step")]
+SolverOption = Annotated[
     str | None,
-    typer.Option("--start-time", metavar="TIME", help="Start of the run, in s or with a unit.", show_default=False),
+    typer.Option(
+        "--solver",
+        help="auto, idas, rosenbrock, cvodes, erk, collocation, rk, rk2.",
+        show_default=False,
+        autocompletion=complete_solver,
+    ),
 ]
-StopTimeOption = Annotated[
-    str | None,
-    typer.Option("--stop-time", metavar="TIME", help="End of the run, in s or with a unit.", show_default=False),
+AccuracyOption = Annotated[
+    float | None,
+    typer.Option(
+        "--accuracy",
+        help="Wanted accuracy: a bench finds the cheapest solver and tolerance.",
+        show_default=False,
+    ),
 ]
 ToleranceOption = Annotated[
     float | None, typer.Option("--tolerance", help="Relative tolerance of the solver.", show_default=False)
@@ -113,6 +139,7 @@ SignalsOption = Annotated[
         metavar="A,B",
         help="Only these, with commas, * for any text; repeatable.",
         show_default=False,
+        autocompletion=complete_signal,
     ),
 ]
 PlotOption = Annotated[bool, typer.Option("--plot", help="Draw a figure, to MODEL.png.")]

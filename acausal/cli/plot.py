@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from acausal.cli.completion import complete_drawn, complete_signal
-from acausal.cli.options import ResultArgument
+from acausal.cli.options import QuietOption, ResultArgument
 from acausal.cli.report import remark, say
 
 
@@ -39,6 +39,7 @@ def plot(
         ),
     ] = None,
     title: Annotated[str | None, typer.Option("--title", help="Text above the figure.", show_default=False)] = None,
+    quiet: QuietOption = False,
     window: Annotated[bool, typer.Option("--show", help="Open a window too.")] = False,
 ) -> None:
     """Draw signals of result files, one panel per unit.
@@ -70,6 +71,7 @@ def plot(
     target = file or result.with_suffix(".png")
     heading = title if title is not None or not others else ""
     drawing = draw(loaded, *names, file=target, together=together, against=against, title=heading, also=others)
-    remark(f"wrote {target}")
+    if not quiet:
+        remark(f"wrote {target}")
     if window:
         show(drawing)

@@ -10,19 +10,24 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from acausal.cli.clock import Clock
-from acausal.cli.completion import complete_solver
 from acausal.cli.inputs import inputs_of, starts_of
 from acausal.cli.options import (
+    AccuracyOption,
     FreeOption,
     InputsOption,
     InterpolationOption,
     JsonOption,
     ModelArgument,
     NativeOption,
+    OutputIntervalOption,
+    PlotFileOption,
+    PlotOption,
     QuietOption,
     SetOption,
+    SolverOption,
     StartOption,
     StartTimeOption,
+    StepOption,
     StopTimeOption,
     ToleranceOption,
     UnitsOption,
@@ -39,8 +44,6 @@ from acausal.errors import AcausalError, UsageError
 if TYPE_CHECKING:
     from acausal.result import Result
 
-TimeOption = str | None
-
 OutputFileOption = Annotated[
     Path | None,
     typer.Option(
@@ -54,27 +57,6 @@ FormulationOption = Annotated[
         help="torn: solve blocks symbolically; dae: leave them to the DAE solver; projected: keep all constraints.",
     ),
 ]
-AccuracyOption = Annotated[
-    float | None,
-    typer.Option(
-        "--accuracy",
-        help="Wanted accuracy: a bench finds the cheapest solver and tolerance first.",
-        show_default=False,
-    ),
-]
-SolverOption = Annotated[
-    str | None,
-    typer.Option(
-        "--solver",
-        help="auto, idas, rosenbrock, cvodes, erk, collocation, rk, rk2.",
-        show_default=False,
-        autocompletion=complete_solver,
-    ),
-]
-
-
-def _time(flag: str, help: str) -> Any:
-    return typer.Option(flag, metavar="TIME", help=help + ", in s or with a unit.", show_default=False)
 
 
 def simulate(
@@ -82,11 +64,11 @@ def simulate(
     settings: SetOption = None,
     start_time: StartTimeOption = None,
     stop_time: StopTimeOption = None,
-    output_interval: Annotated[TimeOption, _time("--output-interval", "Distance of the rows of the result")] = None,
+    output_interval: OutputIntervalOption = None,
     tolerance: ToleranceOption = None,
     accuracy: AccuracyOption = None,
     solver: SolverOption = None,
-    step: Annotated[TimeOption, _time("--step", "Size of a fixed step")] = None,
+    step: StepOption = None,
     formulation: FormulationOption = "torn",
     native: NativeOption = None,
     force: Annotated[
@@ -99,11 +81,8 @@ def simulate(
     output_file: OutputFileOption = None,
     units: UnitsOption = False,
     no_output: Annotated[bool, typer.Option("--no-output", help="Write no result file.")] = False,
-    plot: Annotated[bool, typer.Option("--plot", help="Draw the model's figure to MODEL.png.")] = False,
-    plot_file: Annotated[
-        Path | None,
-        typer.Option("--plot-file", help="Draw it to this file: .png, .svg or .pdf.", show_default=False),
-    ] = None,
+    plot: PlotOption = False,
+    plot_file: PlotFileOption = None,
     real_time_factor: Annotated[
         bool,
         typer.Option("--real-time-factor", help="Report how fast the run and compiled fixed steps are."),

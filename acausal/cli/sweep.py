@@ -6,6 +6,7 @@ import io
 import sys
 import time
 from collections import Counter
+from collections.abc import Sequence
 from contextlib import redirect_stderr
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -20,11 +21,16 @@ from acausal.cli.options import (
     JsonOption,
     ModelArgument,
     NativeOption,
+    OutputIntervalOption,
+    PlotFileOption,
+    PlotOption,
     QuietOption,
     SetOption,
     SignalsOption,
+    SolverOption,
     StartOption,
     StartTimeOption,
+    StepOption,
     StopTimeOption,
     ToleranceOption,
 )
@@ -33,7 +39,6 @@ from acausal.cli.progress import ProgressBar
 from acausal.cli.reference import find_model
 from acausal.cli.report import plural, quantity, record, remark, say, seconds, table
 from acausal.cli.settings import listed, prepare, seconds_of
-from acausal.cli.simulate import SolverOption
 from acausal.cli.vary import variations_of
 from acausal.errors import UsageError
 
@@ -45,62 +50,66 @@ _PAUSE = 10.0
 _MOST_LINES = 12
 
 
+VaryOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--vary",
+        metavar="PATH=VALUES",
+        help="LOW:HIGH:COUNT, log:LOW:HIGH:COUNT, A,B,C or normal:MEAN:DEVIATION, units allowed; repeatable.",
+        show_default=False,
+    ),
+]
+SampleOption = Annotated[
+    str | None,
+    typer.Option(
+        "--sample",
+        metavar="KIND:N",
+        help="N draws instead of the grid of all combinations: sobol, halton, lhs, random.",
+        show_default=False,
+    ),
+]
+SeedOption = Annotated[int, typer.Option("--seed", help="Of the draws.")]
+WorkersOption = Annotated[
+    int | None, typer.Option("--workers", metavar="N", help="Default: one for each core.", show_default=False)
+]
+ExecutorOption = Annotated[
+    str, typer.Option("--executor", help="processes, threads, dask://HOST:PORT, or dask:// for a cluster here.")
+]
+ResumeOption = Annotated[bool, typer.Option("--resume", help="Run only what the .sweep file does not hold yet.")]
+MembersOption = Annotated[
+    Path | None,
+    typer.Option("--output-file", "-o", help="Finished members. Default: MODEL.sweep.", show_default=False),
+]
+TableOption = Annotated[
+    Path | None, typer.Option("--table", help="One table: .parquet, .nc or .csv.", show_default=False)
+]
+
+
 def sweep(
     model: ModelArgument,
-    vary: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--vary",
-            metavar="PATH=VALUES",
-            help="LOW:HIGH:COUNT, log:LOW:HIGH:COUNT, A,B,C or normal:MEAN:DEVIATION, units allowed; repeatable.",
-            show_default=False,
-        ),
-    ] = None,
-    sample: Annotated[
-        str | None,
-        typer.Option(
-            "--sample",
-            metavar="KIND:N",
-            help="N draws instead of the grid of all combinations: sobol, halton, lhs, random.",
-            show_default=False,
-        ),
-    ] = None,
-    seed: Annotated[int, typer.Option("--seed", help="Of the draws.")] = 0,
+    vary: VaryOption = None,
+    sample: SampleOption = None,
+    seed: SeedOption = 0,
     signals: SignalsOption = None,
     settings: SetOption = None,
     start_time: StartTimeOption = None,
     stop_time: StopTimeOption = None,
-    output_interval: Annotated[
-        str | None, typer.Option("--output-interval", metavar="TIME", help="Distance of the rows.", show_default=False)
-    ] = None,
+    output_interval: OutputIntervalOption = None,
     tolerance: ToleranceOption = None,
     solver: SolverOption = None,
-    step: Annotated[
-        str | None, typer.Option("--step", metavar="TIME", help="Size of a fixed step.", show_default=False)
-    ] = None,
+    step: StepOption = None,
     native: NativeOption = None,
     inputs: InputsOption = None,
     interpolation: InterpolationOption = "linear",
     freed: FreeOption = None,
     start: StartOption = None,
-    workers: Annotated[
-        int | None, typer.Option("--workers", metavar="N", help="Default: one for each core.", show_default=False)
-    ] = None,
-    executor: Annotated[
-        str, typer.Option("--executor", help="processes, threads, dask://HOST:PORT, or dask:// for a cluster here.")
-    ] = "processes",
-    resume: Annotated[bool, typer.Option("--resume", help="Run only what the .sweep file does not hold yet.")] = False,
-    output_file: Annotated[
-        Path | None,
-        typer.Option("--output-file", "-o", help="Finished members. Default: MODEL.sweep.", show_default=False),
-    ] = None,
-    table_file: Annotated[
-        Path | None, typer.Option("--table", help="One table: .parquet, .nc or .csv.", show_default=False)
-    ] = None,
-    plot: Annotated[bool, typer.Option("--plot", help="Draw families of curves to MODEL.png.")] = False,
-    plot_file: Annotated[
-        Path | None, typer.Option("--plot-file", help="Draw them to this file: .png, .svg or .pdf.", show_default=False)
-    ] = None,
+    workers: WorkersOption = None,
+    executor: ExecutorOption = "processes",
+    resume: ResumeOption = False,
+    output_file: MembersOption = None,
+    table_file: TableOption = None,
+    plot: PlotOption = False,
+    plot_file: PlotFileOption = None,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
@@ -155,14 +164,18 @@ def sweep(
     if picture is not None and "ok" in found.status:
         found.plot(file=picture)
         written.append(picture)
+    _tell(found, shown.last, written, as_json, quiet)
+    if "ok" not in found.status:
+        raise typer.Exit(1)
+
+
+def _tell(found: Sweep, last: Progress | None, written: Sequence[Path], as_json: bool, quiet: bool) -> None:
     if as_json:
         record({**_content(found), "files": [str(path) for path in written]})
     elif not quiet:
-        _summary(found, shown.last)
+        _summary(found, last)
         for path in written:
             remark(f"wrote {path}")
-    if "ok" not in found.status:
-        raise typer.Exit(1)
 
 
 def _check_files(file: Path, table_file: Path | None, picture: Path | None) -> None:

@@ -14,7 +14,7 @@ def test_results_are_explored() -> None:
     run("simulate", "Oscillator", "--set", "c=200", "-o", "stiff.csv", "-q")
     assert run("explore", "Oscillator.mat").code == 0
     assert '"mass.s"' in Path("Oscillator.html").read_text()
-    outcome = run("explore", "Oscillator.mat", "stiff.csv", "--signal", "mass.s", "-o", "both.html")
+    outcome = run("explore", "Oscillator.mat", "stiff.csv", "--signals", "mass.s", "-o", "both.html")
     assert outcome.code == 0, outcome.err
     assert "<title>Oscillator and stiff</title>" in Path("both.html").read_text()
 

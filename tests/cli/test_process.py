@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -126,3 +127,25 @@ def test_doctor_finds_this_installation_healthy(folder: Path) -> None:
     assert "broken" not in outcome.out
     for name in ("casadi", "solver idas", "solver rosenbrock", "compiling a model"):
         assert name in outcome.out
+
+
+def test_verbs_share_their_words() -> None:
+    """What several verbs take is spelled, abbreviated and valued alike; each verb has an example."""
+    import typer.main
+
+    from acausal.cli.main import app
+
+    group: Any = typer.main.get_command(app)
+    verbs = dict(group.commands)
+    verbs |= {f"export {name}": inner for name, inner in verbs.pop("export").commands.items()}
+    spelled: dict[str, set[tuple[str, ...]]] = {}
+    for name, verb in verbs.items():
+        assert "Example" in verb.help, name
+        for p in verb.params:
+            if p.param_type_name == "option":
+                spelled.setdefault(p.opts[0], set()).add((*p.opts[1:], *p.secondary_opts))
+        writes = {p.opts[0] for p in verb.params} & {"--output-file", "--plot-file"}
+        assert not writes or "-o" in {o for p in verb.params for o in p.opts} or "--plot-file" in writes, name
+    assert {name: ways for name, ways in spelled.items() if len(ways) > 1} == {}
+    # "--signal", "--output", "--file" and their like were spellings of the same things.
+    assert not {"--signal", "--output", "--file", "--out", "--var", "--param", "--parameter"} & set(spelled)
