@@ -57,7 +57,7 @@ def _draw(first: Result, second: Result, name: str, upper: Axes, lower: Axes) ->
     rest = readable(unit, float(np.nanmax(np.abs(left))) if left.size else 0.0)
     clock = readable("s", float(max(first.time[-1], second.time[-1])))
     points: dict[str, Any] = {"marker": ".", "ls": "", "ms": 3.0, "color": COLORS[0], "alpha": 0.6}
-    look = points if len(first.time) <= _POINTS else {"color": COLORS[0]}
+    look: dict[str, Any] = points if len(first.time) <= _POINTS else {"color": COLORS[0]}
     upper.plot(clock(first.time), scale(x), label=first.model, **look)
     upper.plot(clock(second.time), scale(y), lw=1.2, color=COLORS[1], label=second.model)
     lower.plot(clock(times), rest(left), **look)
