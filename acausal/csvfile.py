@@ -10,6 +10,7 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
@@ -163,12 +164,10 @@ def read_csv(path: Path) -> Table:
         twice = next(n for n in sheet.names if sheet.names.count(n) > 1)
         raise UsageError("AC045", f"{path} has two columns '{twice}'", help="give each a name of its own")
     texts = (line.replace(sheet.decimal, ".") for _, line in sheet.lines)
-    try:
+    data: Array | None = None
+    with suppress(ValueError):
         data = np.loadtxt(texts, delimiter=sheet.delimiter, ndmin=2)
-        whole = data.shape[1] == len(sheet.names)
-    except ValueError:
-        whole = False
-    if not whole:
+    if data is None or data.shape[1] != len(sheet.names):
         # Slowly, for the place of what is wrong.
         rows = sheet.rows()
         for line, row in rows:

@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from acausal.errors import AcausalError
+from acausal.latex import latex
 from acausal.signals import Array
 
 # Rows of a table before the rest is counted, and the points and size of a sparkline.
@@ -61,7 +63,23 @@ def component_html(component: Any) -> str:
         if name not in cls._declarations:
             rows.append((_code(name), "part", escape(type(part).__name__), "", escape(_first(type(part).__doc__))))
     head = ("name", "kind", "value", "unit", "meaning")
-    return _title(cls.__name__, _first(cls.__doc__)) + _table(head, rows, len(rows))
+    return _title(cls.__name__, _first(cls.__doc__)) + _table(head, rows, len(rows)) + _equations(component)
+
+
+def _equations(component: Any) -> str:
+    """What the component states itself, typeset by MathJax; what is no formula as text."""
+    from acausal.flatten.stated import stated_equations
+
+    try:
+        stated = [(text, when) for text, message, when in stated_equations(component) if not message]
+    except AcausalError:
+        return ""  # it will be said where the component is used
+    shown = []
+    for text, when in stated[:_MOST]:
+        formula = latex(text)
+        cell = f"<div class='math notranslate'>\\({escape(formula)}\\)</div>" if formula else _code(_short(text))
+        shown.append((cell, escape(when)))
+    return _table(("equation", ""), shown, len(stated))
 
 
 def compiled_html(compiled: Any) -> str:

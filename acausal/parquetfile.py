@@ -54,6 +54,7 @@ def read_parquet(path: Path) -> Table:
     clock = next((k for wanted in ("time", "t") for k, (n, _) in enumerate(split) if n.lower() == wanted), None)
     if clock is None:
         raise ValueError(f"no column of times among {', '.join(table.column_names[:8])}: name one `time` or `time [s]`")
+    time = np.empty(0)
     signals: dict[str, Signal] = {}
     columns: list[Any] = []
     for k, (label, (name, beside)) in enumerate(zip(table.column_names, split, strict=True)):

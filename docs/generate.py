@@ -40,19 +40,20 @@ def main() -> None:
     REFERENCE.mkdir(exist_ok=True)
     for stale in REFERENCE.glob("*.md"):
         stale.unlink()
-    pages = {f"library-{family}": _family(family) for family in families()}
+    examples = _pictures()
+    pages = {f"library-{family}": _family(family, examples) for family in families()}
     pages |= {"commands": _commands(), "python": _python(), "errors": _errors()}
     for name, lines in pages.items():
         (REFERENCE / f"{name}.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def _family(family: str) -> Iterator[str]:
+def _family(family: str, examples: Mapping[str, str]) -> Iterator[str]:
     yield f"# Library: {family}"
     yield ""
     for part in library_parts():
         if part.family != family:
             continue
-        content = described(part, getattr(import_module(f"acausal.library.{part.family}"), part.name))
+        content = described(part, _class(part))
         file, _, line = content["source"].rpartition(":")
         file = "library/" + file.rpartition("library/")[2]
         yield f"## {part.name}"
@@ -60,6 +61,7 @@ def _family(family: str) -> Iterator[str]:
         yield part.doc
         yield ""
         yield from ("```python", content["import"], "```", "")
+        yield from _symbol(part.name)
         yield f"A {part.kind}; source: `{file}`, line {line}."
         yield ""
         yield from _table(
@@ -75,13 +77,76 @@ def _family(family: str) -> Iterator[str]:
             rows = [(d["path"], d["default"] or "", d["unit"], _limits(d), d["doc"]) for d in content[key]]
             yield from _table((title, "default", "unit", "limits", "meaning"), rows)
         yield from _table(("part", "type", "meaning"), [(p["path"], p["type"], p["doc"]) for p in content["parts"]])
-        if content["equations"]:
-            texts = (e["text"] + f"    # {e['when']}" * bool(e["when"]) for e in content["equations"])
-            yield from ("```python", *texts, "```", "")
-        models = content["used_in"]["models"]
-        if models:
-            yield f"Used in: {', '.join(f'`{m}`' for m in models[:8])}."
-            yield ""
+        yield from _equations(content["equations"])
+        yield from _example(content["used_in"]["models"], examples)
+
+
+def _symbol(name: str) -> Iterator[str]:
+    """The symbol that diagrams draw the component with; none for connectors and bases."""
+    drawn = symbol_svg(name)
+    if drawn:
+        yield from ("```{raw} html", drawn, "```", "")
+
+
+def _equations(equations: list[dict[str, str]]) -> Iterator[str]:
+    """Formulas typeset; what is none (assertions, connections, long ones) as it is written."""
+    formulas, texts = [], []
+    for e in equations:
+        formula = latex(e["text"])
+        note = rf"\qquad\text{{({e['when']})}}" if e["when"] else ""
+        if formula is not None:
+            formulas.append(f"{formula}{note}")
+        else:
+            texts.append(e["text"] + f"    # {e['when']}" * bool(e["when"]))
+    if formulas:
+        yield from ("```{math}", r"\begin{gathered}", " \\\\\n".join(formulas), r"\end{gathered}", "```", "")
+    if texts:
+        yield from ("```python", *texts, "```", "")
+
+
+def _example(models: list[str], examples: Mapping[str, str]) -> Iterator[str]:
+    """The shipped model that shows the component, with its picture; the others by name."""
+    if not models:
+        return
+    shown = next((m for m in models if m in examples), None)
+    if shown is not None:
+        yield from (f"Example: `acausal simulate {shown} --plot`", "", f"![{shown}]({examples[shown]})", "")
+    others = [m for m in models if m != shown]
+    if others:
+        yield from (f"Used in: {', '.join(f'`{m}`' for m in others[:8])}.", "")
+
+
+def _pictures() -> dict[str, str]:
+    """Runs of the shipped models that components are shown by: few models, each for as many components as it can."""
+    used = {p.name: described(p, _class(p))["used_in"]["models"] for p in library_parts()}
+    left = {name for name, models in used.items() if models}
+    chosen: list[str] = []
+    while left:
+        counts = Counter(m for name in left for m in used[name] if m not in _SLOW)
+        if not counts:
+            break
+        model = min(counts, key=lambda m: (-counts[m], m))
+        chosen.append(model)
+        left -= {name for name in left if model in used[name]}
+    return {model: picture for model in chosen if (picture := _drawn(model))}
+
+
+def _drawn(name: str) -> str:
+    """Path of the figure of a run, relative to the reference; "" for a model that declares no figure."""
+    model = find_model(name)()
+    result = acausal.simulate(model, tolerance=1e-5)
+    panels = type(model).figure
+    states = [s for s in acausal.compile(model).states if s in result][:4]
+    if not panels and not states:
+        return ""
+    (REFERENCE / "pictures").mkdir(exist_ok=True)
+    file = REFERENCE / "pictures" / f"{name}.png"
+    figure(result, panels, file=file) if panels else plot(result, *states, file=file)
+    return f"pictures/{name}.png"
+
+
+def _class(part: Part) -> Any:
+    return getattr(import_module(f"acausal.library.{part.family}"), part.name)
 
 
 def _limits(d: Mapping[str, Any]) -> str:

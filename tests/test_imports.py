@@ -32,7 +32,8 @@ ALLOWED: dict[str, set[str]] = {
     "reduce": {"language", "flatten", "structure", "numeric", "analyse"},
     "lower": {"language", "flatten", "structure", "numeric", "diagnose", "analyse", "reduce"},
     "result": set(),
-    "notebook": {"result"},
+    # what a component states is composed where it is flattened
+    "notebook": {"result", "language", "flatten"},
     # `simulate` takes a component, and its defaults from the component's experiment.
     "simulate": {*COMPILER, "result"},
     "plot": {"simulate", "result", "lower", "analyse", "panel"},
@@ -68,6 +69,7 @@ MEMBER_OF = {
     "parquetfile": "result",
     "series": "result",
     "scale": "plot",
+    "latex": "notebook",
     "plot_structure": "plot",
     "plot_compare": "plot",
 }

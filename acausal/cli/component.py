@@ -144,21 +144,19 @@ def _parts(cls: type[Component], example: Component | None) -> list[dict[str, An
 
 def _equations(cls: type[Component], example: Component | None) -> list[dict[str, str]]:
     """What the classes state, base first; as it stands in the source where the component needs arguments to be made."""
-    from acausal.flatten.composition import compose
+    from acausal.flatten.stated import stated_equations
 
     if example is None or isinstance(example, Connector):
         return _from_source(cls)
     try:
-        stated = [(m, item) for m, (item, _) in compose(example).stated("equations", "initial_equations")]
+        stated = stated_equations(example)
     except AcausalError:
         return _from_source(cls)
-    return [{"text": _text(item), "when": "at the start" if m == "initial_equations" else ""} for m, item in stated]
+    return [{"text": _text(text, message), "when": when} for text, message, when in stated]
 
 
-def _text(item: Any) -> str:
+def _text(text: str, message: str) -> str:
     """An equation in full; of a long assertion only what it says."""
-    text = str(item)
-    message = getattr(item, "message", "")
     return text if not message or len(text) <= _LONG_ASSERTION else f'assert_(..., "{message}")'
 
 

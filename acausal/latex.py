@@ -1,0 +1,232 @@
+"""Equations as they are typeset, from their text: `v == R * i` becomes `v = R\\,i`."""
+
+from __future__ import annotations
+
+import ast
+import re
+
+_GREEK = {
+    *("alpha", "beta", "gamma", "delta", "epsilon", "zeta", "eta", "theta", "kappa", "lambda", "mu", "nu", "xi", "pi"),
+    *("rho", "sigma", "tau", "phi", "chi", "psi", "omega", "Gamma", "Delta", "Theta", "Phi", "Psi", "Omega"),
+}
+_COMPARED: dict[type[ast.cmpop], str] = {
+    ast.Eq: "=",
+    ast.NotEq: r"\neq",
+    ast.Lt: "<",
+    ast.LtE: r"\leq",
+    ast.Gt: ">",
+    ast.GtE: r"\geq",
+}
+# Beyond this many characters a formula is harder to read than the source.
+_LONGEST = 300
+_FUNCTIONS = {"sin", "cos", "tan", "sinh", "cosh", "tanh", "exp", "log", "min", "max"}
+_RENAMED = {"asin": "arcsin", "acos": "arccos", "atan": "arctan", "minimum": "min", "maximum": "max"}
+# How tightly an operator binds; what binds less goes into brackets.
+_TERNARY, _COMPARISON, _OR, _AND, _SUM, _PRODUCT, _SIGN, _POWER, _ATOM = range(9)
+
+
+def latex(text: str) -> str | None:
+    """An equation, a `when` or an expression in LaTeX; None for what is none (assertions, connections, long texts).
+
+    Parameters
+    ----------
+    text
+        Python, as equations print themselves and stand in sources.
+    """
+    if len(text) > _LONGEST:
+        return None
+    try:
+        tree = ast.parse(text, mode="eval").body
+        return _when(tree) if _called(tree) == "when" else _equation(tree)
+    except (SyntaxError, _Untypeset):
+        return None
+
+
+class _Untypeset(Exception):
+    """Raised for what has no form in a formula."""
+
+
+def _equation(tree: ast.expr) -> str:
+    """An equation at the top: its sign of equality is no comparison of values."""
+    if isinstance(tree, ast.Compare) and len(tree.ops) == 1:
+        value, binding = _written(tree.comparators[0])
+        # Branches at the end need no brackets, their brace is one.
+        right = value if binding == _TERNARY else _at(tree.comparators[0], _SUM)
+        return f"{_at(tree.left, _SUM)} {_COMPARED[type(tree.ops[0])]} {right}"
+    if isinstance(tree, ast.Call) and _called(tree) == "reset":
+        target, value = tree.args
+        return f"{_written(target)[0]} := {_written(value)[0]}"
+    raise _Untypeset
+
+
+def _when(tree: ast.expr) -> str:
+    """`when(condition, a, b)`; what has further branches stays text."""
+    if not isinstance(tree, ast.Call) or not isinstance(tree.func, ast.Name) or tree.keywords:
+        raise _Untypeset
+    condition, *body = tree.args
+    return rf"\mathrm{{when}}\ {_written(condition)[0]}:\ \ " + r",\ \ ".join(map(_equation, body))
+
+
+def _at(tree: ast.expr, context: int) -> str:
+    """An expression in surroundings that bind as tightly as `context`."""
+    text, binding = _written(tree)
+    return text if binding >= context else rf"\left({text}\right)"
+
+
+def _beside(tree: ast.expr, context: int) -> str:
+    """The same behind another sign, where a sign of its own goes into brackets."""
+    text = _at(tree, context)
+    return rf"\left({text}\right)" if text.startswith("-") else text
+
+
+def _written(tree: ast.expr) -> tuple[str, int]:
+    """LaTeX of an expression and how tightly it holds together."""
+    match tree:
+        case ast.Constant(value=bool() | int() | float()):
+            return _number(tree.value), _ATOM
+        case ast.Name() | ast.Attribute() | ast.Subscript():
+            return _name(tree), _ATOM
+        case ast.Compare(ops=[op]):
+            sides = _at(tree.left, _SUM), _at(tree.comparators[0], _SUM)
+            return f"{sides[0]} {_COMPARED.get(type(op), '=')} {sides[1]}", _COMPARISON
+        case ast.UnaryOp(op=ast.USub()):
+            return f"-{_beside(tree.operand, _PRODUCT)}", _PRODUCT
+        case ast.UnaryOp(op=ast.Invert() | ast.Not()):
+            return rf"\neg {_at(tree.operand, _ATOM)}", _SIGN
+        case ast.BinOp():
+            return _binary(tree)
+        case ast.IfExp():
+            return _cases([(tree.body, tree.test)], tree.orelse)
+        case ast.Call():
+            return _call(tree)
+        case ast.Tuple() | ast.List():
+            return rf"\left({', '.join(_written(e)[0] for e in tree.elts)}\right)", _ATOM
+    raise _Untypeset
+
+
+def _binary(tree: ast.BinOp) -> tuple[str, int]:
+    left, right = tree.left, tree.right
+    match tree.op:
+        case ast.Add():
+            return f"{_at(left, _SUM)} + {_beside(right, _SUM)}", _SUM
+        case ast.Sub():
+            return f"{_at(left, _SUM)} - {_beside(right, _PRODUCT)}", _SUM
+        case ast.Mult():
+            # Two numbers beside each other would be another one.
+            second = _beside(right, _PRODUCT)
+            sign = r" \cdot " if second[:1].isdigit() else r"\,"
+            return f"{_at(left, _PRODUCT)}{sign}{second}", _PRODUCT
+        case ast.MatMult():
+            return rf"{_at(left, _PRODUCT)} \cdot {_at(right, _PRODUCT)}", _PRODUCT
+        case ast.Div():
+            return rf"\frac{{{_written(left)[0]}}}{{{_written(right)[0]}}}", _PRODUCT
+        case ast.Pow():
+            base, binding = _written(left)
+            # A fraction, a root or a power below a power reads as another one without brackets.
+            closed = base if binding == _ATOM and "^" not in base else rf"\left({base}\right)"
+            return f"{closed}^{{{_written(right)[0]}}}", _POWER
+        case ast.BitAnd():
+            return rf"{_at(left, _AND)} \wedge {_at(right, _AND)}", _AND
+        case ast.BitOr():
+            return rf"{_at(left, _OR)} \vee {_at(right, _OR)}", _OR
+    raise _Untypeset
+
+
+def _call(tree: ast.Call) -> tuple[str, int]:
+    name = _called(tree)
+    if (
+        not name
+        or name in ("connect", "assert_", "when", "reset")
+        or any(isinstance(a, ast.Starred) for a in tree.args)
+    ):
+        raise _Untypeset
+    if name == "der" and len(tree.args) == 1:
+        inner = _written(tree.args[0])[0]
+        return (
+            (rf"\dot{{{inner}}}", _ATOM)
+            if len(inner) == 1
+            else (rf"\frac{{d}}{{dt}}{_at(tree.args[0], _ATOM)}", _PRODUCT)
+        )
+    match tree.args:
+        case [ast.Constant(value=int() | float() as value), ast.Constant(value=str(unit))] if name == "quantity":
+            return rf"{_number(value)}\,\mathrm{{{unit}}}", _PRODUCT
+    if name == "sqrt":
+        return rf"\sqrt{{{_written(tree.args[0])[0]}}}", _ATOM
+    if name in ("abs", "fabs"):
+        return rf"\left|{_written(tree.args[0])[0]}\right|", _ATOM
+    if name in ("noevent", "no_event"):
+        return _written(tree.args[0])
+    if name == "where" and len(tree.args) == 3:
+        condition, one, other = tree.args
+        branches = [(one, condition)]
+        while isinstance(other, ast.Call) and _called(other) == "where" and len(other.args) == 3:
+            condition, one, other = other.args
+            branches.append((one, condition))
+        return _cases(branches, other)
+    if name == "cross" and len(tree.args) == 2:
+        return rf"{_at(tree.args[0], _ATOM)} \times {_at(tree.args[1], _ATOM)}", _PRODUCT
+    if name == "dot" and len(tree.args) == 2:
+        return rf"{_at(tree.args[0], _ATOM)} \cdot {_at(tree.args[1], _ATOM)}", _PRODUCT
+    name = _RENAMED.get(name, name)
+    shown = rf"\{name}" if name in _FUNCTIONS or name.startswith("arc") else rf"\mathrm{{{_plain(name)}}}"
+    arguments = [_written(a)[0] for a in tree.args] + [_written(k.value)[0] for k in tree.keywords]
+    return rf"{shown}\left({', '.join(arguments)}\right)", _ATOM
+
+
+def _cases(branches: list[tuple[ast.expr, ast.expr]], other: ast.expr) -> tuple[str, int]:
+    lines = [rf"{_written(value)[0]} & \mathrm{{if}}\ {_written(condition)[0]}" for value, condition in branches]
+    lines.append(rf"{_written(other)[0]} & \mathrm{{otherwise}}")
+    return r"\begin{cases} " + r" \\ ".join(lines) + r" \end{cases}", _TERNARY
+
+
+def _called(tree: ast.expr) -> str:
+    return tree.func.id if isinstance(tree, ast.Call) and isinstance(tree.func, ast.Name) else ""
+
+
+def _number(value: bool | int | float) -> str:
+    if isinstance(value, bool):
+        return rf"\mathrm{{{str(value).lower()}}}"
+    mantissa, e, exponent = f"{value:.12g}".partition("e")
+    if not e:
+        return mantissa
+    power = f"10^{{{int(exponent)}}}"
+    return power if mantissa == "1" else rf"{mantissa} \cdot {power}"
+
+
+def _name(tree: ast.expr) -> str:
+    """A path, `p.v`: each of its names with what follows the first underscore as an index."""
+    match tree:
+        case ast.Name(id=name):
+            return _symbol(name)
+        case ast.Attribute(value=ast.Attribute(attr="R") as rotation, attr="T"):
+            return f"{_name(rotation)}^{{T}}"
+        case ast.Attribute(value=ast.Name() | ast.Attribute() | ast.Subscript() as value, attr=name):
+            return f"{_name(value)}.{_symbol(name)}"
+        case ast.Attribute(value=value, attr="T"):
+            return f"{_at(value, _ATOM)}^{{T}}"
+        case ast.Subscript(value=value, slice=index):
+            entries = index.elts if isinstance(index, ast.Tuple) else [index]
+            return f"{_name(value)}[{', '.join(_written(e)[0] for e in entries)}]"
+        case ast.Call():
+            return _call(tree)[0]
+        case ast.BinOp() | ast.UnaryOp():
+            return rf"\left({_written(tree)[0]}\right)"
+    raise _Untypeset
+
+
+def _symbol(name: str) -> str:
+    head, _, index = name.strip("_").partition("_")
+    head = head or name
+    # x1 and u2 are numbered; so are k_c11 and r_0, by their index.
+    numbered = re.fullmatch(r"([A-Za-z]+?)(\d+)", head)
+    if numbered and not index:
+        head, index = numbered[1], numbered[2]
+    if head in _GREEK:
+        shown = r"\varphi" if head == "phi" else rf"\{head}"
+    else:
+        shown = head if len(head) == 1 else rf"\mathrm{{{_plain(head)}}}"
+    return rf"{shown}_{{\mathrm{{{_plain(index)}}}}}" if index else shown
+
+
+def _plain(text: str) -> str:
+    return text.replace("_", r"\_")
