@@ -6,7 +6,9 @@ import ast
 import inspect
 import math
 import sys
+from collections import Counter
 from collections.abc import Iterator, Mapping
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -14,13 +16,28 @@ from typing import Any
 import typer.main
 
 import acausal
-from acausal.cli.catalogue import families, library_parts
+from acausal.cli.catalogue import Part, families, library_parts
 from acausal.cli.component import described
 from acausal.cli.main import app
+from acausal.cli.reference import find_model
+from acausal.diagram.symbols import symbol_of
+from acausal.latex import latex
+from acausal.plot import figure, plot
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent
 REFERENCE = HERE / "reference"
+
+# Models whose runs take longer than a page may.
+_SLOW = frozenset({"ClutchChain", "FeketePoints", "PendulumDrift", "TransistorAmplifier", "StackedPlates", "BoxStack"})
+# How symbols are drawn here: in the colour of the text, on light and dark pages.
+_STYLE = "fill:none;stroke:currentColor;stroke-width:1.5"
+_MARKS = {
+    "b": "fill:none",
+    "f": "fill:currentColor;fill-opacity:0.25",
+    "w": "stroke-width:2.5",
+    "t": "fill:currentColor;stroke:none;text-anchor:middle",
+}
 
 # What each group of codes is about, by their first digit.
 GROUPS = {
@@ -53,7 +70,7 @@ def _family(family: str, examples: Mapping[str, str]) -> Iterator[str]:
     for part in library_parts():
         if part.family != family:
             continue
-        content = described(part, _class(part))
+        content = _content(part)
         file, _, line = content["source"].rpartition(":")
         file = "library/" + file.rpartition("library/")[2]
         yield f"## {part.name}"
@@ -61,7 +78,7 @@ def _family(family: str, examples: Mapping[str, str]) -> Iterator[str]:
         yield part.doc
         yield ""
         yield from ("```python", content["import"], "```", "")
-        yield from _symbol(part.name)
+        yield from _symbol(_class(part))
         yield f"A {part.kind}; source: `{file}`, line {line}."
         yield ""
         yield from _table(
@@ -81,11 +98,19 @@ def _family(family: str, examples: Mapping[str, str]) -> Iterator[str]:
         yield from _example(content["used_in"]["models"], examples)
 
 
-def _symbol(name: str) -> Iterator[str]:
+def _symbol(cls: Any) -> Iterator[str]:
     """The symbol that diagrams draw the component with; none for connectors and bases."""
-    drawn = symbol_svg(name)
-    if drawn:
-        yield from ("```{raw} html", drawn, "```", "")
+    drawn = symbol_of(cls)
+    if not drawn:
+        return
+    for mark, style in _MARKS.items():
+        drawn = drawn.replace(f'class="{mark}"', f'style="{style}"')
+    yield from (
+        "```{raw} html",
+        f'<svg width="120" height="80" viewBox="-2 -2 64 44" style="{_STYLE}">{drawn}</svg>',
+        "```",
+        "",
+    )
 
 
 def _equations(equations: list[dict[str, str]]) -> Iterator[str]:
@@ -108,7 +133,8 @@ def _example(models: list[str], examples: Mapping[str, str]) -> Iterator[str]:
     """The shipped model that shows the component, with its picture; the others by name."""
     if not models:
         return
-    shown = next((m for m in models if m in examples), None)
+    # Those that show few components were chosen last: they are the small ones.
+    shown = next((m for m in reversed(examples) if m in models), None)
     if shown is not None:
         yield from (f"Example: `acausal simulate {shown} --plot`", "", f"![{shown}]({examples[shown]})", "")
     others = [m for m in models if m != shown]
@@ -118,7 +144,7 @@ def _example(models: list[str], examples: Mapping[str, str]) -> Iterator[str]:
 
 def _pictures() -> dict[str, str]:
     """Runs of the shipped models that components are shown by: few models, each for as many components as it can."""
-    used = {p.name: described(p, _class(p))["used_in"]["models"] for p in library_parts()}
+    used = {p.reference: _content(p)["used_in"]["models"] for p in library_parts()}
     left = {name for name, models in used.items() if models}
     chosen: list[str] = []
     while left:
@@ -143,6 +169,11 @@ def _drawn(name: str) -> str:
     file = REFERENCE / "pictures" / f"{name}.png"
     figure(result, panels, file=file) if panels else plot(result, *states, file=file)
     return f"pictures/{name}.png"
+
+
+@cache
+def _content(part: Part) -> dict[str, Any]:
+    return described(part, _class(part))
 
 
 def _class(part: Part) -> Any:

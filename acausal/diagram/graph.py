@@ -53,7 +53,7 @@ def _block(
         "doc": (type(component).__doc__ or "").split("\n")[0],
         "domain": _domain_of(instance),
         "values": _values(component),
-        "symbol": symbol_of(component) or "",
+        "symbol": symbol_of(type(component)) or "",
         "ports": list(_ports(instance, connected)),
         "blocks": [_block(p, edges, connected, model) for p in parts],
         "edges": edges.get(instance.number, []),

@@ -40,9 +40,9 @@ def _symbols() -> dict[str, str]:
     return found
 
 
-def symbol_of(component: Component) -> str | None:
-    """The symbol of the nearest class that has one."""
-    for cls in type(component).__mro__:
+def symbol_of(component: type[Component]) -> str | None:
+    """The symbol of a class, or of its nearest base that has one."""
+    for cls in component.__mro__:
         family = family_of(cls)
         found = _symbols().get(f"{family}.{cls.__name__}") or (_symbols().get(cls.__name__) if family else None)
         if found:
