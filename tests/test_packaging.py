@@ -134,3 +134,9 @@ def test_checkers_find_an_editable_install_from_outside(editable: Path, tmp_path
 def test_the_package_runs_as_a_program() -> None:
     run = subprocess.run([sys.executable, "-m", "acausal", "--version"], capture_output=True, text=True, check=False)
     assert run.stdout.startswith("acausal ")
+
+
+def test_what_pages_embed_is_compressed(wheel: list[zipfile.ZipInfo]) -> None:
+    """2.4 MB of libraries are 0.7 MB where the package is installed."""
+    sizes = {e.filename: e.file_size for e in wheel if e.filename.startswith("acausal/browser/")}
+    assert sum(sizes.values()) < 0.8e6, sizes
