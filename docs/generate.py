@@ -48,6 +48,7 @@ GROUPS = {
     "4": "Integration",
     "5": "Events",
     "6": "Export",
+    "7": "Optimal control",
     "9": "Defects of acausal",
 }
 
@@ -263,6 +264,7 @@ def _errors() -> Iterator[str]:
                 keys = {k.arg: k.value for k in call.keywords}
                 entry = (_words(call.args[1]), _words(keys["help"]) if "help" in keys else "")
                 found.setdefault(str(call.args[0].value), []).append(entry)
+    examples = _messages()
     for digit, title in GROUPS.items():
         codes = [c for c in sorted(found) if c[2] == digit]
         if not codes:
@@ -275,6 +277,29 @@ def _errors() -> Iterator[str]:
             for fact, remedy in dict.fromkeys(found[code]):
                 yield f"- {fact}" + (f"  \n  *Remedy:* {remedy}" if remedy else "")
             yield ""
+            if code in examples:
+                yield from ("Example:", "", "```text", examples[code], "```", "")
+
+
+def _messages() -> dict[str, str]:
+    """A whole message for each code: of the cases of the tests the one that says it in the fewest lines."""
+    sys.path.insert(0, str(ROOT))
+    try:
+        from tests.messages.cases import normalised
+    except ModuleNotFoundError as error:  # pytest is in another extra
+        sys.stderr.write(f"error codes without examples: {error}\n")
+        return {}
+    found: dict[str, str] = {}
+    for file in sorted((ROOT / "tests" / "messages").glob("test_*.py")):
+        corpus = getattr(import_module(f"tests.messages.{file.stem}"), "corpus", None)
+        for case in corpus.cases if corpus is not None else ():
+            try:
+                case.run()
+            except acausal.AcausalError as error:
+                text = normalised(error)
+                if error.code not in found or text.count("\n") < found[error.code].count("\n"):
+                    found[error.code] = text
+    return found
 
 
 def _is_code(value: object) -> bool:
