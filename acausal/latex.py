@@ -82,8 +82,8 @@ def _beside(tree: ast.expr, context: int) -> str:
 def _written(tree: ast.expr) -> tuple[str, int]:
     """LaTeX of an expression and how tightly it holds together."""
     match tree:
-        case ast.Constant(value=bool() | int() | float()):
-            return _number(tree.value), _ATOM
+        case ast.Constant(value=bool() | int() | float() as value):
+            return _number(value), _ATOM
         case ast.Name() | ast.Attribute() | ast.Subscript():
             return _name(tree), _ATOM
         case ast.Compare(ops=[op]):
