@@ -54,8 +54,8 @@ def _equation(tree: ast.expr) -> str:
         right = value if binding == _TERNARY else _at(tree.comparators[0], _SUM)
         return f"{_at(tree.left, _SUM)} {_COMPARED[type(tree.ops[0])]} {right}"
     if isinstance(tree, ast.Call) and _called(tree) == "reset":
-        target, value = tree.args
-        return f"{_written(target)[0]} := {_written(value)[0]}"
+        target, new = tree.args
+        return f"{_written(target)[0]} := {_written(new)[0]}"
     raise _Untypeset
 
 
