@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from acausal.errors import Span
-from acausal.flatten.flat import FlatEquation, FlatSystem, suffixes
+from acausal.flatten.flat import FlatEquation, FlatSystem, suffix
 from acausal.language.component import Component
 from acausal.language.declare import Declaration
 from acausal.language.misuse import declared_at
@@ -152,7 +152,7 @@ def names_of(flat: FlatSystem, scalars: Iterable[int]) -> list[str]:
     """Every declared name that stands for one of the scalars: connected potentials have several."""
     wanted = set(scalars)
     return [
-        v.path + suffixes(v.declaration.shape)[k - v.first]
+        v.path + suffix(v.declaration.shape, k - v.first)
         for v in flat.variables
         for k in range(v.first, v.first + v.size)
         if k in wanted

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 
 from acausal.errors import DeclarationError
-from acausal.flatten.flat import FlatAssert, FlatAssignment, FlatEquation, FlatStart, FlatWhen, suffixes
+from acausal.flatten.flat import FlatAssert, FlatAssignment, FlatEquation, FlatStart, FlatWhen, suffix, suffixes
 from acausal.flatten.instances import Instance
 from acausal.flatten.pool import Pool
 from acausal.flatten.scalarise import Resolve, Scalars, scalars
@@ -101,7 +101,7 @@ def check_assigned(
             is_input = declaration.kind is Kind.INPUT
             raise DeclarationError(
                 "AC148",
-                f"{instance.prefix}{name}{suffixes(declaration.shape)[k]} has no value: "
+                f"{instance.prefix}{name}{suffix(declaration.shape, k)} has no value: "
                 + ("nothing is connected to it" if is_input else "no equation assigns it"),
                 where=(instance.origin.span(),),
                 evidence=[f"{instance.prefix}{name}   {declaration.doc}"] if declaration.doc else [],
@@ -128,7 +128,7 @@ def _twice(place: Place, ends: Sequence[tuple[Origin | None, str]]) -> Declarati
     instance, name, declaration, k = place
     return DeclarationError(
         "AC145",
-        f"{instance.prefix}{name}{suffixes(declaration.shape)[k]} is determined twice at events",
+        f"{instance.prefix}{name}{suffix(declaration.shape, k)} is determined twice at events",
         where=tuple(origin.span() for origin, _ in ends if origin is not None),
         evidence=[text for _, text in ends],
         cause="a discrete variable has one equation, or is reset by `when`s, not both",

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from acausal.errors import DeclarationError
 from acausal.flatten.connections import SignalJoint, number_of_end
-from acausal.flatten.flat import FlatAssignment, FlatEquation, suffixes
+from acausal.flatten.flat import FlatAssignment, FlatEquation, suffix
 from acausal.flatten.instances import Instance
 from acausal.flatten.pool import Pool
 from acausal.language.connect import Connection, is_element, signal_of
@@ -112,4 +112,4 @@ def _is_source(found: Sequence[Instance], entry: Entry, by: int) -> bool:
 def _name(found: Sequence[Instance], entry: Entry) -> str:
     number, name, place = entry
     shape = found[number].component._declarations[name].shape
-    return found[number].prefix + name + suffixes(shape)[place]
+    return found[number].prefix + name + suffix(shape, place)

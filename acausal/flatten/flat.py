@@ -222,7 +222,7 @@ class FlatSystem:
         if scalar in self.pool.integral_of:
             return f"der({self.scalar_name(self.pool.integral_of[scalar])})"
         variable = self.owner[scalar]
-        return variable.path + suffixes(variable.declaration.shape)[scalar - variable.first]
+        return variable.path + suffix(variable.declaration.shape, scalar - variable.first)
 
     def text(self, equation: FlatEquation | FlatAssignment) -> str:
         """The equation as the modeller wrote it, with the names of the component it belongs to.
@@ -290,6 +290,15 @@ def suffixes(shape: tuple[int, ...]) -> list[str]:
     if not shape:
         return [""]
     return ["[" + ",".join(map(str, index)) + "]" for index in product(*(range(n) for n in shape))]
+
+
+def suffix(shape: tuple[int, ...], place: int) -> str:
+    """One of `suffixes`: a name costs the same in an array of any length."""
+    index = []
+    for n in reversed(shape):
+        place, k = divmod(place, n)
+        index.append(str(k))
+    return "[" + ",".join(reversed(index)) + "]" if shape else ""
 
 
 def span_of(equation: FlatEquation | FlatAssignment) -> tuple[Span, ...]:

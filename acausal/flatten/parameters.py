@@ -9,7 +9,7 @@ from typing import Any
 
 from acausal.errors import DeclarationError, Span, UnitError, UsageError, nearest
 from acausal.flatten.bound_units import check_bound
-from acausal.flatten.flat import FlatAssert, FlatParameter, FlatSystem, suffixes
+from acausal.flatten.flat import FlatAssert, FlatParameter, FlatSystem, suffix, suffixes
 from acausal.flatten.instances import Instance
 from acausal.flatten.pool import Pool
 from acausal.flatten.scalarise import Scalars, scalars
@@ -137,8 +137,8 @@ def check_limits(
     def where() -> Sequence[Span]:
         return () if instance is None else (instance.said(path[len(instance.prefix) :]).span(),)
 
-    for suffix, value in zip(suffixes(declaration.shape), values, strict=True):
-        check_limit(path, suffix, declaration, value, where)
+    for ending, value in zip(suffixes(declaration.shape), values, strict=True):
+        check_limit(path, ending, declaration, value, where)
 
 
 def check_limit(
@@ -180,7 +180,7 @@ def check_values(flat: FlatSystem, values: Sequence[float]) -> None:
         is_rounding = declaration.min == 0.0 and abs(value) < 1e-12 * declaration.nominal
         if not is_rounding and not math.isnan(value):  # what cannot be computed is named when the run needs it
             where = partial(_bound_at, flat, p.path)
-            check_limit(p.path, suffixes(declaration.shape)[k], declaration, value, where)
+            check_limit(p.path, suffix(declaration.shape, k), declaration, value, where)
     for demand in flat.demands:
         if flat.pool.parameter_value(demand.condition, values) == 0.0:
             raise _unmet(flat, demand, values)

@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from acausal import Component, Real, cross, der, dot, identity, norm, skew, time, variable, where, zeros
+from acausal.flatten.flat import suffix, suffixes
 from acausal.flatten.pool import Pool
 from acausal.flatten.scalarise import Scalars, scalars
 from acausal.language.expression import Expr, Symbol, as_expr
@@ -133,3 +134,11 @@ def test_equal_entries_are_one_node() -> None:
     assert nodes[1] == nodes[3]
     assert nodes[2] == nodes[6]
     assert len(set(nodes)) == 6
+
+
+def test_the_index_of_an_entry_is_that_of_its_place_in_the_list() -> None:
+    """Row-major, as NumPy counts; a scalar has none."""
+    for shape in ((), (3,), (2, 3), (12,), (2, 3, 4)):
+        found = suffixes(shape)
+        assert found == ["[" + ",".join(map(str, k)) + "]" if shape else "" for k in np.ndindex(*shape)]
+        assert [suffix(shape, place) for place in range(len(found))] == found

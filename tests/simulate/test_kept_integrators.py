@@ -172,3 +172,37 @@ def test_counts_are_those_of_one_run(solver: str) -> None:
         assert second[name] == first[name]
     steps, jacobians = (cast("float", second[name]) for name in ("steps", "jacobians"))
     assert jacobians <= steps
+
+
+class Web(Component):
+    """70 decays, each fed by the one before: x_k = t**k exp(-t) / k! of a linear chain."""
+
+    x: Real = variable(shape=70, default=fixed((1.0, *[0.0] * 69)))
+
+    def equations(self) -> Equations:
+        yield der(self.x[0]) == -self.x[0] / quantity(1.0, "s")
+        for k in range(1, 70):
+            yield der(self.x[k]) == (self.x[k - 1] - self.x[k]) / quantity(1.0, "s")
+
+
+@pytest.mark.parametrize("solver", ["idas", "cvodes", "rosenbrock"])
+def test_integrators_of_the_same_equations_derive_them_once(monkeypatch: pytest.MonkeyPatch, solver: str) -> None:
+    """Two runs with other outputs have two integrators and one Jacobian; values are those of the chain (Poisson)."""
+    make: Callable[..., casadi.Function] = casadi.integrator
+    found: list[casadi.Function] = []
+
+    def keeping(*arguments: object) -> casadi.Function:
+        found.append(make(*arguments))
+        return found[-1]
+
+    monkeypatch.setattr(casadi, "integrator", keeping)
+    compiled = acausal.compile(Web())
+    for interval in (0.1, 0.3):
+        run = acausal.simulate(
+            compiled, stop_time=3.0, solver=solver, tolerance=1e-8, output_interval=interval, native=False
+        )
+        expected = [3.0**k * math.exp(-3.0) / math.factorial(k) for k in (0, 3, 10)]
+        assert [run.final(f"x[{k}]") for k in (0, 3, 10)] == pytest.approx(expected, rel=1e-5)
+    assert len(found) >= 2
+    derived = [f.get_function("jacF").__hash__() for f in found]
+    assert len(set(derived)) == 1

@@ -26,11 +26,13 @@ from acausal.simulate.native.equations import equations
 Vector = NDArray[np.float64]
 _DAE_IN = ["t", "x", "z", "p", "u"]
 _DAE_OUT = ["ode", "alg", "quad", "zero"]
-# Forms of the equations, and integrators for each of these, that are kept. Large models keep no integrators: they take
-# a hundred megabytes, and next to a run their making is nothing.
+# Forms of the equations, and integrators for each of these, that are kept. Large models keep no integrators, but what
+# these derive from the equations, which is nearly all of their making.
 _FORMS, _INTEGRATORS, _LARGEST = 4, 128, 1000
 # Instructions of equations whose parameters are arguments.
 _LARGEST_SHARED = 2000
+# What integrators derive from the equations, by CasADi's names.
+_DERIVED = "daeF", "jacF"
 UNIT = 2.0**20
 """How long a stretched interval is: its shortest piece is far from what SUNDIALS' interfaces take for nothing."""
 # What is left of an algebraic equation at its root, as a share of what its unknowns can make of it, and besides; and
@@ -61,6 +63,7 @@ class Numbered:
             self._p, self._u = (v.copy() for v in values)
             self._columns = compiled.mapped(zeros)
         self._integrators: OrderedDict[tuple[Any, ...], Any] = OrderedDict()
+        self._derived: OrderedDict[tuple[str, int, int], tuple[Any, dict[str, Any]]] = OrderedDict()
         self._slowed: dict[tuple[int, float], Any] = {}
         self._measured: dict[tuple[int, bytes], Any] = {}
         self._stretched: dict[int, Any] = {}
@@ -231,15 +234,31 @@ class Numbered:
     def integrator(self, plugin: str, dae: Any, grid: Vector, settings: dict[str, Any]) -> Any:
         """An integrator of `dae`, one of these equations in some form, from 0 over the times of `grid`."""
         if self.n + self.nz > _LARGEST:
-            return ca.integrator("segment", plugin, dae, 0.0, grid.tolist(), settings)
+            return self._made(plugin, dae, grid, settings)
         # a function has one memory that is its own: no two threads may share it
         key = plugin, dae.__hash__(), grid.tobytes(), repr(sorted(settings.items())), threading.get_ident()
         found = self._integrators.pop(key, None)
         if found is None:
-            found = ca.integrator("segment", plugin, dae, 0.0, grid.tolist(), settings)
+            found = self._made(plugin, dae, grid, settings)
         self._integrators[key] = found
         if len(self._integrators) > _INTEGRATORS:
             self._integrators.popitem(last=False)
+        return found
+
+    def _made(self, plugin: str, dae: Any, grid: Vector, settings: dict[str, Any]) -> Any:
+        """A new integrator, with the equations and Jacobians that another one of this thread has derived.
+
+        To derive and order the Jacobian is nearly all of what an integrator of many equations costs.
+        """
+        key = plugin, int(dae.__hash__()), threading.get_ident()
+        _, shared = self._derived.pop(key, (dae, {}))
+        found = ca.integrator("segment", plugin, dae, 0.0, grid.tolist(), {**settings, "cache": shared})
+        # rootfinders inside of MX have a memory of their own
+        if not shared and (self.nz == 0 or dae.is_a("SXFunction")):
+            shared = {name: found.get_function(name) for name in _DERIVED if found.has_function(name)}
+        self._derived[key] = dae, shared  # a function that is held has its hash for itself
+        if len(self._derived) > _FORMS:
+            self._derived.popitem(last=False)
         return found
 
 
