@@ -23,7 +23,7 @@ from acausal.numeric.evaluate import Samples
 from acausal.numeric.samples import SamplePoints
 
 Truth = NDArray[np.bool_]
-MOST = 40
+MOST = 120
 """Kinks that are watched; boxes on each other have a thousand, of all the ways in which their faces may overlap."""
 
 _LINEAR = frozenset(("add", "sub", "neg", "mul", "div"))

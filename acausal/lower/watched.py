@@ -11,7 +11,10 @@ from acausal.lower.compile import lower
 from acausal.lower.compiled import CompiledModel
 
 _MADE: WeakKeyDictionary[CompiledModel, tuple[CompiledModel | None, str]] = WeakKeyDictionary()
-UNWATCHED = "its kinks cannot be watched in this run: steps are chosen without regard to rates that may wake"
+UNWATCHED_STEPS = 5000
+"""No step is longer than this part of a run whose kinks are not watched."""
+_BOUNDED = f"no step is longer than 1/{UNWATCHED_STEPS} of the run instead, and what wakes for less may be passed"
+UNWATCHED = f"its kinks cannot be watched in this run: {_BOUNDED}"
 _KINKS = frozenset(("min", "max", "fabs", "noevent"))
 
 
@@ -32,7 +35,7 @@ def _watched(compiled: CompiledModel) -> tuple[CompiledModel | None, str]:
     located = *compiled.state_events.relations, *compiled.time_events.relations
     found = sleeping(solution, located, discrete_variables(reduced))
     if found is None:
-        return None, f"more than {MOST} kinks at which rates may wake: steps are chosen without regard to them"
+        return None, f"more than {MOST} kinks at which rates may wake: {_BOUNDED}"
     if not found:
         return None, ""
     lowered = lower(solution, compiled.driven, found)

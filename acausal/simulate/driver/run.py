@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from acausal.analyse.delays import refuse_delays
 from acausal.errors import IntegrationError, RunError
 from acausal.lower.compiled import CompiledModel
-from acausal.lower.watched import UNWATCHED, with_watched
+from acausal.lower.watched import UNWATCHED, UNWATCHED_STEPS, with_watched
 from acausal.numeric.samples import STABILISATION_RATE
 from acausal.result import Result
 from acausal.simulate.delay.memory import Memory, check_undelayed
@@ -129,6 +129,8 @@ class Run:
         notes: tuple[str, ...] = ()
         if not self.solver.fixed_step and opts.step is None and not self.traced:  # fixed steps sleep through nothing
             self.compiled, notes = with_watched(self.compiled) if self.watches else (self.compiled, (UNWATCHED,))
+            if notes and opts.max_step is None:  # what sleeps wakes within a step, where its error is seen
+                opts = self.options = replace(opts, max_step=opts.span / UNWATCHED_STEPS)
         began = clock.perf_counter()
         instants = self.instants()
         m = self.modes(instants[0], instants[1])
