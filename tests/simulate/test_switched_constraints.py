@@ -17,6 +17,7 @@ from acausal import (
     der,
     discrete,
     fixed,
+    integer,
     reset,
     structural,
     time,
@@ -171,3 +172,43 @@ def test_a_constraint_that_changes_smoothly_runs() -> None:
     smooth = Shaft(law=lambda m: m.b == where(m.a > 0.5, m.a + (m.a - 0.5) ** 2, m.a))
     result = acausal.simulate(smooth, stop_time=1.0, tolerance=1e-9)
     assert result.final("a") == pytest.approx(0.5 + (21.0**0.5 - 3.0) / 4.0, abs=1e-8)
+
+
+class Engaged(Component):
+    """Two masses; a force between them is zero until a discrete factor makes its equation one of their speeds."""
+
+    law: Callable[[Engaged], Any] = structural()
+    v: Real = variable(default=fixed(1.0))
+    w: Real = variable(default=fixed(0.0))
+    f: Real = variable()
+    k: Real = discrete(default=0.0)
+    n: Real = integer()
+    on: Real = boolean()
+
+    def equations(self) -> Equations:
+        yield der(self.v) == -self.f
+        yield 2.0 * der(self.w) == self.f
+        yield when(time > 0.5, reset(self.k, 1.0), reset(self.on, True))
+        yield self.n == where(time > 0.5, 1, 0)
+        yield self.law(self)
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        lambda m: m.k * (m.v - m.w) + (1 - m.k) * m.f == 0.0,
+        lambda m: m.n * (m.v - 2.0 * m.w) + (1 - m.n) * m.f == 0.0,
+        lambda m: (1 - m.k) * (m.f - 0.1) == m.k * m.v,
+    ],
+    ids=["discrete", "integer", "factor that vanishes"],
+)
+@pytest.mark.parametrize("form", ["torn", "dae"])
+def test_a_factor_that_switches_a_constraint_on_is_refused(law: Callable[[Engaged], Any], form: str) -> None:
+    """Up to there the force is known; then nothing says it: 1 - k is zero (it was "the start", with other guesses)."""
+    compiled = acausal.compile(Engaged(law=law), formulation=form)
+    assert acausal.simulate(compiled, stop_time=0.4).final("v") <= 1.0
+    with pytest.raises(AcausalError) as caught:
+        acausal.simulate(compiled, stop_time=1.0)
+    assert caught.value.code == "AC507"
+    assert "says nothing about f after the event at t = 0.5 s" in str(caught.value)
+    assert "start elsewhere" not in str(caught.value)

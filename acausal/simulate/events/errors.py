@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from acausal.analyse.state_events import Assert, Clause
-from acausal.errors import EventError, Span
+from acausal.errors import EventError, InitializationError, Span
 
 
 class RestlessKink(EventError):
@@ -31,6 +31,23 @@ def unsettled(model: str, t: float, names: Sequence[str]) -> EventError:
         evidence=[f"changes again and again: {n}" for n in names],
         cause="each of the two modes leads straight back to the other (chattering)",
         help="give the relation a hysteresis, or declare the switch smooth: where(..., smooth=True), no_event(...)",
+    )
+
+
+def undetermined(t: float, error: InitializationError) -> EventError:
+    """No values after an event, where there were some before: what is known at a start is known there as well."""
+    fact = error.fact.replace(" at the start", f" after the event at t = {t:.9g} s")
+    if fact == error.fact:
+        fact = f"{fact}, after the event at t = {t:.9g} s"
+    return EventError(
+        "AC507",
+        fact,
+        where=error.where,
+        evidence=error.evidence,
+        cause="the event has made another equation of it: one without a solution, or a constraint on what is known by "
+        "then, which would need an impulse that is not computed",
+        help="let it change continuously, connect it through a spring and damper or a clutch, "
+        "or state the jump yourself: when(..., reset(...)) of a state",
     )
 
 

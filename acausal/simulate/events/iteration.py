@@ -16,11 +16,12 @@ from numpy.typing import NDArray
 
 from acausal.analyse.state_events import Clause
 from acausal.diagnose.words import listed
+from acausal.errors import InitializationError
 from acausal.lower.event_round import Round
 from acausal.simulate.equations.kept import kept
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.equations.shares import Border
-from acausal.simulate.events.errors import contradicting, overloaded, unsettled, violated
+from acausal.simulate.events.errors import contradicting, overloaded, undetermined, unsettled, violated
 from acausal.simulate.events.guards import INSTANT, LOCATED, Cause, Guards, Moment, Truth
 from acausal.simulate.events.held import Hold
 from acausal.simulate.events.regime import Regime
@@ -128,7 +129,12 @@ class Iteration:
         x_before, none = moment.x, np.zeros(len(self.events.conditions))
         was = self._round(t, replace(moment, m=before), none, none, 0.0).conditions
         story = _Story()
-        moment, last = self._rounds(t, Moment(moment.x, moment.z, m, moment.regime), was, story)
+        try:
+            moment, last = self._rounds(t, Moment(moment.x, moment.z, m, moment.regime), was, story)
+        except InitializationError as error:
+            if flag == "initial" or error.code not in ("AC301", "AC304"):
+                raise
+            raise undetermined(t, error) from error
         moment = self._over(t, moment)
         self._shared(t, moment, story.notes)
         states = self.problem.compiled.states
