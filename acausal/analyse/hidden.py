@@ -35,6 +35,10 @@ class HiddenConstraint(StructureError):
     equations: dict[int, int]
 
 
+class HiddenDifference(StructureError):
+    """Nonlinear equations know two unknowns by their difference only, and it has no name."""
+
+
 def hidden_constraint(structure: Structure, block: Block, error: StructureError) -> StructureError:
     """What to raise for a block whose equations depend on each other: `error`, with the constraints it hides if any.
 
@@ -48,12 +52,44 @@ def hidden_constraint(structure: Structure, block: Block, error: StructureError)
         if not rests:
             rests = _differentiated(structure, block)
     if not rests or not all(structure.reduced.pool.variables_in(rest) for rest in rests.values()):
-        return error  # nothing, or a number that would have to be zero
+        return _advised(structure, block, error)  # nothing, or a number that would have to be zero
     hidden = HiddenConstraint(
         error.code, error.fact, where=error.where, evidence=error.evidence, cause=error.cause, help=error.help
     )
     hidden.equations = {structure.reduced.equation[r]: _in_flat(structure.reduced, rest) for r, rest in rests.items()}
     return hidden
+
+
+def _advised(structure: Structure, block: Block, error: StructureError) -> StructureError:
+    """The same, with what helps where nonlinear equations know two unknowns by their difference only.
+
+    Two charges `q1 == f(a - b)` and `q2 == g(a - b)` hide `f^-1(q1) == g^-1(q2)`, which no sum shows. With the
+    difference as a variable the structure shows it.
+    """
+    reduced, pool = structure.reduced, structure.reduced.pool
+    unknowns = _highest(reduced)
+    sources = {structure.flat_equation(r) for r in block.rows}
+    rows = [node for e, node in zip(reduced.equation, reduced.residuals, strict=True) if e in sources]
+    form, counts = LinearForm(pool, unknowns), dict[tuple[int, int], int]()
+    for row in rows:
+        if form.of(row) is not None:
+            continue
+        ends = {tuple(pool.nodes[n][1:]) for n in pool.reachable([row]) if pool.nodes[n][0] == "sub"}
+        for a, b in ends:
+            if pool.nodes[a][0] == pool.nodes[b][0] == "var" and {pool.nodes[a][1], pool.nodes[b][1]} <= unknowns:
+                counts[a, b] = counts.get((a, b), 0) + 1
+    pairs = [pair for pair, count in counts.items() if count > 1]
+    if not pairs:
+        return error
+    one, other = (reduced.name(pool.nodes[n][1]) for n in pairs[0])
+    return HiddenDifference(
+        error.code,
+        error.fact,
+        where=error.where,
+        evidence=error.evidence,
+        cause=f"nonlinear equations hold {one} and {other} as a difference only, one unknown for all of them",
+        help=f"declare it as a variable, v == {one} - {other}, and state these equations with it",
+    )
 
 
 def _rests(structure: Structure, rows: Iterable[int], unknowns: set[int]) -> dict[int, int]:

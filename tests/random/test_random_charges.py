@@ -13,10 +13,11 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.integrate import cumulative_simpson
+from scipy.integrate import cumulative_simpson, solve_ivp
 
 import acausal
-from acausal import Component, Equations, Real, connect, der, fixed, parameter, part, structural, variable
+from acausal import Component, Equations, Real, connect, der, fixed, guess, parameter, part, structural, variable
+from acausal.errors import StructureError
 from acausal.library.electrical import Capacitor, Ground, Inductor, Pin, Resistor, SineVoltage
 
 Element = tuple[str, int, int, float]
@@ -144,3 +145,66 @@ def test_laws_of_random_circuits(chunk: int) -> None:
         if max(found.values()) > 2e-5:
             wrong[seed] = found
     assert not wrong
+
+
+class Junction(Component):
+    """A charge that grows with a power of its voltage; `named` says whether the voltage has a name."""
+
+    p: Pin = Pin()
+    n: Pin = Pin()
+    q_p: Real = variable(default=guess(0.0), unit="C")
+    q_n: Real = variable(unit="C")
+    v: Real = variable(unit="V")
+    C: Real = parameter(unit="F")
+    a: Real = parameter(unit="1/V2")
+    named: bool = structural(default=True)
+
+    def equations(self) -> Equations:
+        v = self.v if self.named else self.p.v - self.n.v
+        yield self.v == self.p.v - self.n.v
+        yield self.q_p == self.C * v * (1 + self.a * v * v)
+        yield self.q_n == -(self.C * v * (1 + self.a * v * v))
+        yield der(self.q_p) == self.p.i
+        yield der(self.q_n) == self.n.i
+
+
+class Parallel(Component):
+    """Two different nonlinear charges side by side between two resistors: one voltage for both."""
+
+    named: bool = structural(default=True)
+    V: SineVoltage = part()
+    R: list[Resistor] = part()
+    Q: list[Component] = part()
+    ground: Ground = part()
+
+    def build(self) -> None:
+        self.V, self.ground = SineVoltage(V=5.0, f=40.0), Ground()
+        self.R = [Resistor(R=10.0), Resistor(R=30.0)]
+        first = Junction(C=3e-4, a=0.05, named=self.named, v=fixed(0.0))
+        self.Q = [first, Junction(C=2e-4, a=0.3) if self.named else ChargeCapacitor(C=2e-4, a=0.3)]
+
+    def equations(self) -> Equations:
+        q: list[Any] = list(self.Q)
+        yield connect(self.V.n, self.R[1].n, self.ground.p)
+        yield connect(self.V.p, self.R[0].p)
+        yield connect(self.R[0].n, q[0].p, q[1].p)
+        yield connect(self.R[1].p, q[0].n, q[1].n)
+
+
+def test_different_charges_in_parallel() -> None:
+    """By hand: the charges add up, q'(v) v' = (V - v) / 40 Ohm, with q = 5e-4 v + 7.5e-5 v^3."""
+    found = acausal.simulate(Parallel(), stop_time=0.03, tolerance=1e-9)
+
+    def rate(t: float, v: Vector) -> Vector:
+        return np.asarray((5.0 * np.sin(80.0 * np.pi * t) - v) / 40.0 / (5e-4 + 3 * 7.5e-5 * v * v))
+
+    expected = solve_ivp(rate, (0.0, 0.03), [0.0], rtol=1e-10, atol=1e-12).y[0, -1]
+    assert found.final("Q[0].v") == pytest.approx(expected, abs=1e-7)
+    assert found.final("Q[1].q_p") == pytest.approx(2e-4 * expected * (1 + 0.3 * expected**2), rel=1e-6)
+
+
+def test_a_difference_that_hides_a_constraint_is_asked_for_by_name() -> None:
+    """Without a name for their voltage no sum shows that one charge follows from the other."""
+    with pytest.raises(StructureError, match="declare it as a variable") as caught:
+        acausal.compile(Parallel(named=False))
+    assert caught.value.code == "AC204"
