@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,13 +19,15 @@ if TYPE_CHECKING:
     from acausal.optimal_control.optimum import Multiplier, Optimum
 
 _HELD = "#D55E00"
+# Instants of a phase that are drawn.
+_INSTANTS = 300
 # A constraint that holds at fewer of a phase's points does not describe it.
 _SHARE = 0.1
 
 
 def drawn(best: Optimum, names: Sequence[str], file: str | Path | None, title: str | None) -> Figure:
     """One panel for each name, by default the inputs and every variable that is bounded."""
-    chosen = list(names) or _told(best)
+    chosen, best = list(names) or _told(best), _fine(best)
     drawing = figure(best, [Panel((name,)) for name in chosen], title=title or f"{best.model}: {best.objective:.6g}")
     for ax in drawing.axes:
         for line in list(ax.lines):
@@ -36,6 +39,17 @@ def drawn(best: Optimum, names: Sequence[str], file: str | Path | None, title: s
     if file is not None:
         save(drawing, Path(file))
     return drawing
+
+
+def _fine(best: Optimum) -> Optimum:
+    """The same with the polynomials drawn out between the points of the mesh; phases begin just behind an event."""
+    dense = best.dense
+    if dense is None:
+        return best
+    tiny = 1e-9 * float(np.ptp(best.time))
+    inside = [np.linspace(begin + tiny, end, _INSTANTS) for _, begin, end in best.phases if end > begin + tiny]
+    times = np.maximum.accumulate(np.concatenate(inside))
+    return replace(best, time=times, trajectories=lambda: dense(times))
 
 
 def _told(best: Optimum) -> list[str]:
