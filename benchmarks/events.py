@@ -4,15 +4,15 @@
 
 The peers get the equations by hand, with a terminal event and a restart: scipy `solve_ivp` (RK45) and scikit-sundae IDA
 (events function). Ours is the compiled model with the default solver for events; C is compiled before, its time apart.
-Error: of the instant of the last bounce, of the speeds at the end, and of the capacitor's voltage, the last two against
-runs of SciPy at 1e-12.
+The ball moves through air: in a vacuum it flies parabolas, which every method has exactly in one step.
+Error: of the instant of the last bounce, of the speeds at the end, and of the capacitor's voltage, all against runs of
+SciPy at 1e-12.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-import math
 import time
 from collections.abc import Callable
 from typing import Any
@@ -22,32 +22,26 @@ import three_clutches_by_hand as clutches
 from scipy.integrate import solve_ivp
 
 import acausal
-from acausal import Component, Equations, Real, der, fixed, parameter, pre, reset, variable, when
+from acausal import Component, Equations, Real, der, fixed, parameter, pre, quantity, reset, variable, when
 from acausal.models.clutches import ThreeClutchDrive
 from acausal.models.switched_converter import BuckConverter
 
-G, E, BOUNCES = 9.81, 0.99, 100
+G, E, DRAG, BOUNCES = 9.81, 0.99, 0.05, 100
 TOLERANCE = 1e-8
 
 
 class Ball(Component):
-    """A ball dropped from 1 m that keeps 99 % of its speed."""
+    """A ball dropped from 1 m through air that keeps 99 % of its speed at the floor."""
 
     e: Real = parameter(default=E, unit="1")
+    c: Real = parameter(default=DRAG, unit="1/m")
     h: Real = variable(unit="m", default=fixed(1.0))
     v: Real = variable(unit="m/s", default=fixed(0.0))
 
     def equations(self) -> Equations:
         yield der(self.h) == self.v
-        yield der(self.v) == -G
+        yield der(self.v) == -quantity(G, "m/s2") - self.c * self.v * abs(self.v)
         yield when(self.h < 0, reset(self.v, -self.e * pre(self.v)))
-
-
-def impacts() -> np.ndarray:
-    """Exact instants of the bounces."""
-    first = math.sqrt(2 / G)
-    flights = 2 * first * E ** np.arange(1, BOUNCES)
-    return np.concatenate([[first], first + np.cumsum(flights)])
 
 
 def timed(run: Callable[[], Any], repetitions: int) -> tuple[float, Any]:
@@ -61,9 +55,9 @@ def timed(run: Callable[[], Any], repetitions: int) -> tuple[float, Any]:
     return float(np.median(found)), answer
 
 
-def ball_ours(native: bool) -> Callable[[], float]:
+def ball_ours(native: bool, last: float) -> Callable[[], float]:
     compiled = acausal.compile(Ball())
-    stop = impacts()[-1] + 1e-3
+    stop = last + 1e-3
     acausal.simulate(compiled, stop_time=stop, tolerance=TOLERANCE, output_interval=stop, native=native)
 
     def run() -> float:
@@ -73,14 +67,17 @@ def ball_ours(native: bool) -> Callable[[], float]:
     return run
 
 
-def ball_scipy() -> float:
+def ball_scipy(tolerance: float = TOLERANCE) -> float:
     def floor(t: float, y: Any) -> float:
         return float(y[0])
+
+    def rate(t: float, y: Any) -> tuple[float, float]:
+        return y[1], -G - DRAG * y[1] * abs(y[1])
 
     floor.terminal, floor.direction = True, -1  # type: ignore[attr-defined]
     t, y = 0.0, np.array([1.0, 0.0])
     for _ in range(BOUNCES):
-        s = solve_ivp(lambda t, y: (y[1], -G), (t, 1e3), y, events=floor, rtol=TOLERANCE, atol=1e-3 * TOLERANCE)
+        s = solve_ivp(rate, (t, 1e3), y, events=floor, rtol=tolerance, atol=1e-3 * tolerance)
         t, y = s.t[-1], np.array([0.0, -E * s.y[1, -1]])
     return float(t)
 
@@ -89,7 +86,7 @@ def ball_sundae() -> float:
     from sksundae.ida import IDA
 
     def residual(t: float, y: Any, yp: Any, res: Any) -> None:
-        res[0], res[1] = yp[0] - y[1], yp[1] + G
+        res[0], res[1] = yp[0] - y[1], yp[1] + G + DRAG * y[1] * abs(y[1])
 
     def floor(t: float, y: Any, yp: Any, events: Any) -> None:
         events[0] = y[0]
@@ -98,7 +95,7 @@ def ball_sundae() -> float:
     solver = IDA(residual, eventsfn=floor, num_events=1, rtol=TOLERANCE, atol=1e-3 * TOLERANCE)
     t, y = 0.0, np.array([1.0, 0.0])
     for _ in range(BOUNCES):
-        s = solver.solve(np.array([t, t + 10.0]), y, np.array([y[1], -G]))
+        s = solver.solve(np.array([t, t + 10.0]), y, np.array([y[1], -G - DRAG * y[1] * abs(y[1])]))
         t, y = float(s.t[-1]), np.array([0.0, -E * s.y[-1, 1]])
     return t
 
@@ -166,17 +163,17 @@ def main() -> None:
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--repetitions", type=int, default=3)
     given = parser.parse_args()
-    exact, reference = impacts()[-1], converter_scipy(1e-12)
+    last, reference = ball_scipy(1e-13), converter_scipy(1e-12)
     speeds, switchings = clutches.drive(clutches.scipy_steps(1e-12))
     rows = []
     for scene, events, truth, runs in (
         (
             "ball, 100 bounces",
             BOUNCES,
-            exact,
+            last,
             {
-                "acausal, compiled": ball_ours(True),
-                "acausal, interpreted": ball_ours(False),
+                "acausal, compiled": ball_ours(True, last),
+                "acausal, interpreted": ball_ours(False, last),
                 "scipy RK45": ball_scipy,
                 "scikit-sundae IDA": ball_sundae,
             },

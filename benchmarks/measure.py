@@ -14,7 +14,7 @@ from typing import Any
 
 
 def alternated(jobs: Mapping[str, Callable[[], Any]], repetitions: int) -> dict[str, list[float]]:
-    """Seconds of every job, one of each in turn, so that a slow moment of the machine meets all of them.
+    """Processor seconds of every job, one of each in turn: what slows the machine down meets all of them.
 
     Each job runs once before, unmeasured.
     """
@@ -25,9 +25,9 @@ def alternated(jobs: Mapping[str, Callable[[], Any]], repetitions: int) -> dict[
     for _ in range(repetitions):
         for name, job in jobs.items():
             gc.collect()
-            began = time.perf_counter()
+            began = time.process_time()
             job()
-            seconds[name].append(time.perf_counter() - began)
+            seconds[name].append(time.process_time() - began)
     gc.enable()
     return seconds
 

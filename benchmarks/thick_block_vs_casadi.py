@@ -1,12 +1,12 @@
 """Claim: ThickBlock, composed of 3D components, solved by IDAS costs at most 1.5 times a hand-written CasADi DAE.
 
-Both run in this process, in turn. The hand-written problem has the same equations on four scalar states and one
-algebraic variable, the same cuts at the corners of the profiles, the same output grid and its own output function. Each
-time covers everything from the equations as CasADi functions to the outputs: start values, making the integrators
-(CasADi freezes time and grid in them), stepping, outputs. For the composed model these are all of its signals, against
-eight of the hand-written one.
+Both run in this process, in turn, and both keep their integrators from one run to the next. The hand-written problem
+has the same equations on four scalar states and one algebraic variable, the same cuts at the corners of the profiles,
+the same output grid and its own output function. Each time covers everything from the equations as CasADi functions to
+the outputs: start values, stepping, outputs. For the composed model these are all of its signals, against eight of the
+hand-written one.
 
-Beside it stand the same hand-written problem with its integrators made beforehand, and at the tenth of the tolerance
+Beside it stand the same hand-written problem that makes its integrators in every run, and at the tenth of the tolerance
 that acausal hands to IDAS; the depths of all against the table of docs/drilling.md, and against a run of the
 hand-written problem at 1e-12.
 """
@@ -198,11 +198,12 @@ def main() -> None:
         name: float(np.abs(1e3 * s[_rows(t) if name == "acausal" else at] - near).max())
         for name, (t, s, _) in depths.items()
     }
-    ratio = slower["by hand"]
+    ratio = slower["by hand, integrators made before"]
     states = {"acausal": run.stats["states"], "by hand": 4}
     report(
         f"ThickBlock with IDAS costs at most {LIMIT} times a hand-written CasADi DAE of the same equations",
-        f"acausal {1e3 * middle['acausal']:.1f} ms, by hand {1e3 * middle['by hand']:.1f} ms, ratio {ratio:.2f} "
+        f"acausal {1e3 * middle['acausal']:.1f} ms, by hand {1e3 * middle['by hand, integrators made before']:.1f} ms, "
+        f"both with integrators kept, ratio {ratio:.2f} "
         f"(limit {LIMIT}: {'met' if ratio <= LIMIT else 'MISSED'}), at the same tolerance inside IDAS "
         f"{slower['by hand, a tenth of the tolerance']:.2f}; depths off by {distances['acausal']:.1e} and "
         f"{distances['by hand']:.1e} mm",

@@ -1,7 +1,8 @@
 """Claim: ThinPlate, 10 s in 10 000 RK2 steps of 1 ms, solves in less than 1 ms compiled.
 
 Beside it stands a plain C loop over the same two states: what the 10 000 steps cost when nothing else is done. The
-exported step function (`acausal export step ThinPlate --method rk2`) is timed step by step. Processor times.
+exported step function (`acausal export step ThinPlate --method rk2`) is timed step by step. Processor times. What
+the forces at 10 001 rows cost beside the same rows in C: `overlooked.py`.
 """
 
 from __future__ import annotations

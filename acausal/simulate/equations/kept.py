@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from acausal.lower.compiled import CompiledModel, DefiningBuilder, Symbols
 from acausal.simulate.equations.quick import Narrow, Quick
 from acausal.simulate.equations.shares import Shares
+from acausal.simulate.native.equations import parametric
 from acausal.simulate.start.newton import Newton
 from acausal.simulate.start.open_start import OpenStart
 
@@ -24,6 +25,19 @@ _MOST_OBSERVED = 256
 _OBSERVING = threading.Lock()
 
 
+class Observing:
+    """Some trajectories at many instants: what parameters alone determine in them is computed once."""
+
+    def __init__(self, s: Symbols, y: Any) -> None:
+        (rest,), held, constants = parametric([y], s.p, s.u)
+        self._constants = Quick(constants)
+        self._rows = Narrow("observing", [s.t, s.x, s.z, held, s.m], ca.densify(rest))
+
+    def many(self, t: Vector, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector) -> Vector:
+        """See `Quick.many`."""
+        return self._rows.many(t, x, z, self._constants(p, u)[0], m)
+
+
 class Kept:
     """Functions of one model, of `(t, x, z, u, p, m)` where nothing else is said."""
 
@@ -32,7 +46,7 @@ class Kept:
         self._several: dict[int, Quick] = {}
         self._newton: dict[tuple[int, ...], Newton | None] = {}
         self._observers: dict[bool, tuple[Symbols, DefiningBuilder]] = {}
-        self._observed: dict[tuple[tuple[int, ...], bool], Narrow] = {}
+        self._observed: dict[tuple[tuple[int, ...], bool], Observing] = {}
 
     @property
     def compiled(self) -> CompiledModel:
@@ -51,7 +65,7 @@ class Kept:
         """`-> every trajectory at one instant`."""
         return Quick(self.compiled.observe)
 
-    def observing(self, columns: tuple[int, ...], blend: bool) -> Narrow:
+    def observing(self, columns: tuple[int, ...], blend: bool) -> Observing:
         """`-> some of the trajectories`, by their places in `columns` of the model; `blend` for modes between 0 and 1.
 
         The builder stays: what it has lowered for one signal is there for the next.
@@ -64,7 +78,7 @@ class Kept:
                 y = builder.column([builder.replaced(self.compiled.columns[k]) for k in columns])
                 while len(self._observed) >= _MOST_OBSERVED:
                     del self._observed[next(iter(self._observed))]
-                self._observed[columns, blend] = Narrow("observing", symbols.inputs, ca.densify(y))
+                self._observed[columns, blend] = Observing(symbols, ca.densify(y))
             return self._observed[columns, blend]
 
     def _observer(self, blend: bool) -> tuple[Symbols, DefiningBuilder]:
