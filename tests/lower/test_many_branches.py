@@ -125,7 +125,7 @@ def test_powers_of_a_force_that_is_off() -> None:
     model = acausal.compile(Pressed()).casadi()
     x, p = ca.MX.sym("x", 3), ca.MX.sym("p", 2)
     both = ca.vertcat(x, p)
-    fed, flow = ca.vertsplit(model.dae(0.0, x, [], [], p)[0][1:])
+    fed, flow = ca.vertsplit(model.dae(x=x, p=p)["ode"][1:])
     second = ca.Function("h", [x, p], [ca.hessian(fed, both)[0], ca.hessian(flow, both)[0], ca.jacobian(fed, both)])
     for k, found in enumerate(second([-1.0, 0.0, 0.0], [1.2, 2.0])):
         np.testing.assert_array_equal(np.array(found), np.zeros((5, 5) if k < 2 else (1, 5)))
