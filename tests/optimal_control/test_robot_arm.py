@@ -25,7 +25,7 @@ def by_hand(joints: int, intervals: int) -> float:
     limits = ca.DM(LIMITS[:joints])
     torque = limits * u @ ca.kron(ca.DM.eye(intervals), ca.DM.ones(1, 3))
     p = ca.repmat(ca.DM(model.p.start), 1, n)
-    rate = model.dae.map(n)(ca.DM.zeros(1, n), x[:, 1:], ca.DM(0, n), torque, p)[0]
+    rate = model.dae.map(n)(x[:, 1:], ca.DM(0, n), torque, p)[0]  # autonomous: without the time
     for k in range(intervals):
         opti.subject_to(x[:, 3 * k : 3 * k + 4] @ slopes == T / intervals * rate[:, 3 * k : 3 * k + 3])
     opti.subject_to(opti.bounded(-1, ca.vec(u), 1))
