@@ -11,10 +11,11 @@ systems, Applied Numerical Mathematics 31 (1999); the adjoint form is its transp
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Literal
+from weakref import WeakKeyDictionary
 
 import casadi as ca
 import numpy as np
@@ -24,6 +25,7 @@ from acausal.errors import UsageError, nearest
 from acausal.export.forms import SENSITIVITIES, check
 from acausal.export.functions import observed_function
 from acausal.export.ports import Output, named_outputs
+from acausal.export.variation import Element, Variation
 from acausal.language.component import Component
 from acausal.lower.build import Builder
 from acausal.lower.compile import compile
@@ -38,6 +40,9 @@ from acausal.simulate.inputs.given import Inputs
 from acausal.simulate.options import options
 
 Vector = NDArray[np.float64]
+
+# Models are compared by identity, and forgotten when nobody else holds them.
+_KEPT: WeakKeyDictionary[CompiledModel, dict[Any, Variation]] = WeakKeyDictionary()
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +63,9 @@ class Sensitivities:
         d instant / d parameter, shape (events, parameters).
     result
         The run itself.
+    times, along
+        Instants that were asked for [s], and d output / d parameter at each, shape (times, outputs, parameters); at
+        an event just after it.
     """
 
     parameters: tuple[str, ...]
@@ -67,6 +75,8 @@ class Sensitivities:
     event_times: Vector
     of_event_times: Vector
     result: Result
+    times: Vector = field(default_factory=lambda: np.zeros(0))
+    along: Vector = field(default_factory=lambda: np.zeros((0, 0, 0)))
 
 
 def sensitivities(
@@ -81,6 +91,7 @@ def sensitivities(
     values: Mapping[str, float] | None = None,
     inputs: Mapping[str, float] | None = None,
     method: Literal["forward", "adjoint"] = "forward",
+    times: Sequence[float] | Vector = (),
 ) -> Sensitivities:
     """Differentiate the final values of `outputs` and all event times with respect to `parameters`.
 
@@ -93,12 +104,16 @@ def sensitivities(
     values
         Values of parameters for this run, by path, in SI.
     method
-        "forward" costs a run per parameter, "adjoint" one per output and event; the numbers are the same.
+        "forward" carries a column per parameter along, "adjoint" a row per output and event back; the numbers are the
+        same, and the time nearly so: both share the steps of `acausal.export.variation`.
+    times
+        Instants at which the outputs are differentiated, too.
 
     Raises
     ------
     UsageError
-        AC020 for an unknown parameter or none at all, AC010 for an unknown output, AC025 for an unknown method.
+        AC020 for an unknown parameter or none at all, AC010 for an unknown output, AC025 for an unknown method, AC044
+        for `times` outside of the run.
     AcausalError
         What the run itself raises.
     """
@@ -123,6 +138,13 @@ def sensitivities(
     result = run.result()
     chosen = [compiled.parameters.index(name) for name in parameters]
     chain = Chain(run, chosen, wanted, tolerance)
+    asked = np.asarray(times, dtype=float)
+    if len(asked) and not (chain.passages[0].time <= asked.min() and asked.max() <= chain.stop):
+        raise UsageError(
+            "AC044",
+            f"derivatives are asked for from {asked.min():g} to {asked.max():g} s, outside of the run",
+            help=f"the run goes from {chain.passages[0].time:g} to {chain.stop:g} s",
+        )
     final, of_times = chain.forward() if method == "forward" else chain.adjoint()
     located = [k for k, passage in enumerate(chain.passages) if passage.guard is not None]
     return Sensitivities(
@@ -133,6 +155,8 @@ def sensitivities(
         np.array([chain.passages[k].time for k in located]),
         of_times[located],
         result,
+        asked,
+        chain.trajectory(asked) if len(asked) else np.zeros((0, len(wanted), len(parameters))),
     )
 
 
@@ -161,25 +185,52 @@ class Chain:
         y_x, y_p = self.output()
         return y_x @ x + y_p, of_times
 
-    def adjoint(self) -> tuple[Vector, Vector]:
-        """The same, from the end backwards: one sweep for the outputs and one for each event time."""
-        events = [self.event(passage) for passage in self.passages]
-        y_x, y_p = self.output()
-        final = self._back(len(events), y_x, y_p, events)
-        of_times = np.zeros((len(events), self.count))
+    def trajectory(self, times: Vector) -> Vector:
+        """d outputs / d parameters at `times`, shape (times, outputs, parameters); at events just after them."""
+        found = np.zeros((len(times), len(self.wanted), self.count))
+        x, scale = self.start(), self.compiled.nominal_x[:, None]
         for k, passage in enumerate(self.passages):
-            if passage.guard is not None:
-                of_times[k] = self._back(k, events[k][2][None, :], events[k][3][None, :], events)[0]
-        return final, of_times
+            by_x, by_p, *_ = self.event(passage)
+            x = by_x @ x + by_p
+            last = k + 1 == len(self.passages)
+            until = np.inf if last else self.passages[k + 1].time
+            inside = np.flatnonzero((times >= passage.time) & (times < until))
+            moment = passage.happened.moment
+            stops = tuple(t for t in np.unique(times[inside]).tolist() if t > passage.time)
+            stretch = replace(self.stretch(k), stops=tuple(t for t in stops if t < self.stop))
+            found[inside[times[inside] <= passage.time]] = self._shown(moment, passage.time, moment.x, moment.z, x)
+            x = x / scale
+            for element in stretch.elements:
+                x = element.forward(x)
+                at = inside[times[inside] == element.t]
+                if len(at):
+                    here = element.w[: self.nx], element.w[self.nx :]
+                    found[at] = self._shown(moment, element.t, *here, scale * x)
+            x = x * scale
+        return found
 
-    def _back(self, k: int, rows: Vector, total: Vector, events: list[Any]) -> Vector:
-        """Total derivative of what has derivatives `rows` with respect to the states before event k."""
-        while k > 0:
-            k -= 1
+    def _shown(self, moment: Any, t: float, x: Vector, z: Vector, variation: Vector) -> Vector:
+        """d outputs / d parameters at one instant."""
+        y = self._observed
+        by_x, by_p, _ = self._total(moment.regime, lambda *a: y(*a), t, replace(moment, x=x, z=z))
+        return by_x @ variation + by_p
+
+    @cached_property
+    def _observed(self) -> Any:
+        return observed_function(self.compiled, self.wanted)
+
+    def adjoint(self) -> tuple[Vector, Vector]:
+        """The same, from the end backwards: one sweep, in which each event time joins at its event."""
+        rows, total = self.output()
+        for k in reversed(range(len(self.passages))):
             rows, by_p = self.stretch(k).adjoint(rows)
-            total = total + by_p + rows @ events[k][1]
-            rows = rows @ events[k][0]
-        return np.asarray(total + rows @ self.start())
+            on_x, on_p, time_x, time_p = self.event(self.passages[k])
+            total = total + by_p + rows @ on_p
+            rows = np.vstack([rows @ on_x, time_x])
+            total = np.vstack([total, time_p])
+        total = total + rows @ self.start()
+        count = len(self.wanted)
+        return total[:count], total[count:][::-1]
 
     def stretch(self, k: int) -> Stretch:
         """The linear map from just after event k to the next one, or to the end."""
@@ -187,25 +238,13 @@ class Chain:
         until = self.passages[k + 1].time if k + 1 < len(self.passages) else self.stop
         return Stretch(self, moment.regime, moment.x, moment.z, moment.m, self.passages[k].time, until)
 
-    @cached_property
-    def flows(self) -> dict[Any, Any]:
-        """Integrators over a unit of stretched time, by regime."""
-        return {}
-
-    def flow(self, regime: Regime) -> Any:
-        """`(x0, z0, [p, m, start, length]) -> xf`; with its derivatives exact for its own steps."""
-        key = regime.holds
-        if key not in self.flows:
-            compiled = regime.compiled
-            tau, x, z = ca.SX.sym("tau"), ca.SX.sym("x", self.nx), ca.SX.sym("z", len(compiled.algebraic))
-            p, m, along = ca.SX.sym("p", len(self.p)), ca.SX.sym("m", compiled.n_modes), ca.SX.sym("along", 2)
-            sx, sz = ca.DM(compiled.nominal_x), ca.DM(compiled.nominal_z)
-            ode, alg = compiled.rhs(along[0] + tau * along[1], x * sx, z * sz, self.u, p, m)
-            dae = {"t": tau, "x": x, "z": z, "p": ca.vertcat(p, m, along)}
-            dae |= {"ode": ca.densify(ode) * along[1] / sx, "alg": ca.densify(alg)}
-            settings = {"reltol": 0.1 * self.tolerance, "abstol": 1e-4 * self.tolerance, "max_num_steps": 10**6}
-            self.flows[key] = ca.integrator("flow", "rosenbrock", dae, 0.0, 1.0, settings)
-        return self.flows[key]
+    def variation(self, regime: Regime) -> Variation:
+        """The equations of a regime with their slopes, kept with the model."""
+        kept = _KEPT.setdefault(self.compiled, {})
+        key = (regime.holds, tuple(self.chosen))
+        if key not in kept:
+            kept[key] = Variation(regime.compiled, self.chosen)
+        return kept[key]
 
     def start(self) -> Vector:
         """Derivatives of the states at the start."""
@@ -382,61 +421,41 @@ class Stretch:
     m: Vector
     start: float
     end: float
+    stops: tuple[float, ...] = ()
 
-    @property
-    def _arguments(self) -> tuple[Vector, Vector, Vector]:
+    @cached_property
+    def elements(self) -> list[Element]:
+        """The steps of the linear map, over states by their nominal magnitudes."""
         c = self.chain
-        x, z = self.x / c.compiled.nominal_x, self.z / c.compiled.nominal_z
-        return x, z, np.concatenate([c.p, self.m, [self.start, self.end - self.start]])
+        if self.end <= self.start:
+            return []
+        held = c.u, c.p, self.m
+        w = np.concatenate([self.x, self.z])
+        return list(c.variation(self.regime).elements(self.start, self.end, w, held, c.tolerance, self.stops))
 
     def forward(self, x: Vector) -> Vector:
         """Variations of the states at the end from those at the start, and from the parameters."""
-        c = self.chain
-        if self.end <= self.start:
-            return x
-        along = np.zeros((len(c.p) + len(self.m) + 2, c.count))
-        along[c.chosen, range(c.count)] = 1.0
-        _, onward = next(self.parts(np.array([self.end])))
-        return onward(x, along)
+        scale = self.chain.compiled.nominal_x[:, None]
+        x = x / scale
+        for element in self.elements:
+            x = element.forward(x)
+        return x * scale
 
-    def parts(self, ends: Vector) -> Iterator[tuple[float, Callable[..., Vector]]]:
-        """For each part of the stretch its end, and the map of variations of the states over it.
-
-        The map takes variations of shape (states, k) at the start of the part, and of `[p, m, start, length]` if these
-        vary too.
-        """
-        c = self.chain
-        flow, scale = c.flow(self.regime), c.compiled.nominal_x[:, None]
-        x0, z0, _ = self._arguments
-        begin = self.start
-        for end in ends:
-            p = np.concatenate([c.p, self.m, [begin, end - begin]])
-            nominal = flow(x0=x0, z0=z0, p=p)
-            known = {"x0": x0, "z0": z0, "p": p, "out_xf": nominal["xf"], "out_zf": nominal["zf"]}
-
-            def onward(x: Vector, along: Vector | float = 0.0, known: Mapping[str, Any] = known) -> Vector:
-                seeds = {"fwd_x0": x / scale, "fwd_p": along}
-                return np.array(flow.forward(x.shape[1])(**known, **seeds)["fwd_xf"]).reshape(x.shape) * scale
-
-            yield float(end), onward
-            begin, x0, z0 = end, np.array(nominal["xf"]).ravel(), np.array(nominal["zf"]).ravel()
+    def parts(self, ends: Vector) -> Iterator[tuple[float, Vector]]:
+        """For each part of the stretch its end, and the map of variations of the states over it."""
+        scale = self.chain.compiled.nominal_x
+        through = np.eye(len(scale))
+        for element in replace(self, stops=tuple(ends[:-1].tolist())).elements:
+            through = element.forward(through, parameters=False)
+            if element.t in ends:
+                yield element.t, scale[:, None] * through / scale
+                through = np.eye(len(scale))
 
     def adjoint(self, rows: Vector) -> tuple[Vector, Vector]:
         """Derivatives with respect to the states at the start, and to the parameters, of what has `rows` at the end."""
-        c = self.chain
-        if self.end <= self.start:
-            return rows, np.zeros((len(rows), c.count))
-        flow, scale = c.flow(self.regime), c.compiled.nominal_x
-        x0, z0, p = self._arguments
-        backward = flow.reverse(len(rows))
-        # by place: CasADi's names for the seeds avoid those of the integrator's own adjoint arguments
-        nominal = flow(x0=x0, z0=z0, p=p)
-        arguments: list[Any] = [0] * backward.n_in()
-        for name, value in (("x0", x0), ("z0", z0), ("p", p)):
-            arguments[flow.index_in(name)] = value
-        for name in ("xf", "zf"):
-            arguments[flow.n_in() + flow.index_out(name)] = nominal[name]
-        arguments[flow.n_in() + flow.n_out() + flow.index_out("xf")] = (rows * scale).T
-        found = backward(*arguments)
-        by_x = np.array(found[flow.index_in("x0")]).reshape(c.nx, -1).T / scale
-        return by_x, np.array(found[flow.index_in("p")]).reshape(len(p), -1).T[:, c.chosen]
+        scale = self.chain.compiled.nominal_x
+        rows, total = rows * scale, np.zeros((len(rows), self.chain.count))
+        for element in reversed(self.elements):
+            rows, by_p = element.adjoint(rows)
+            total = total + by_p
+        return rows / scale, total

@@ -166,8 +166,8 @@ def _maps(chain: Chain, n: int, span: float, fastest: float) -> tuple[Vector, li
             continue
         count = max(1, round(_PARTS * (stretch.end - stretch.start) / span))
         ends = np.linspace(stretch.start, stretch.end, count + 1)
-        for end, onward in stretch.parts(_resolved(ends, fastest, whole)):
-            x = onward(x)
+        for end, through in stretch.parts(_resolved(ends, fastest, whole)):
+            x = through @ x
             if end not in ends:
                 continue
             times.append(end)

@@ -120,3 +120,47 @@ def test_unknown_names_are_refused() -> None:
 def test_no_parameter_at_all_is_refused() -> None:
     with pytest.raises(UsageError, match="AC020"):
         acausal.sensitivities(Ball(), [], ["h"])
+
+
+class Charged(Component):
+    """C u' = (U - u)/R with a nonlinear current drawn: 0 == i + 0.2 i^3 - u, and a bounce of u at 1."""
+
+    R: Real = parameter(default=2.0)
+    U: Real = parameter(default=3.0)
+    k: Real = parameter(default=0.4)
+    u: Real = variable(default=fixed(0.0))
+    i: Real = variable()
+
+    def equations(self) -> Equations:
+        yield der(self.u) == (self.U - self.u) / self.R - 0.3 * self.i
+        yield self.i + 0.2 * self.i**3 == self.u
+        yield when(self.u > 1.0, reset(self.u, self.k * pre(self.u)))
+
+
+def test_trajectories_through_events_are_those_of_differences_of_tight_runs() -> None:
+    """Central differences of runs at 1e-12, steps of 1e-5: right to 1e-8, away from events."""
+    times, names = [0.0, 0.3, 1.1, 2.0, 2.9], ["R", "U", "k"]
+    compiled = acausal.compile(Charged())
+    found = acausal.sensitivities(compiled, names, ["u", "i"], stop_time=3.0, times=times)
+    assert found.along.shape == (5, 2, 3)
+    assert len(found.event_times) >= 2
+    for j, name in enumerate(names):
+        value = dict(zip(compiled.parameters, compiled.parameter_values, strict=True))[name]
+        runs = [
+            acausal.simulate(
+                compiled, parameters={name: value + d}, stop_time=3.0, tolerance=1e-12, solver="rosenbrock"
+            )
+            for d in (1e-5, -1e-5)
+        ]
+        for row, output in enumerate(("u", "i")):
+            high, low = (np.array([run.at(t, output) for t in times]) for run in runs)
+            np.testing.assert_allclose(found.along[:, row, j], (high - low) / 2e-5, atol=1e-6)
+    np.testing.assert_allclose(found.along[0], 0.0)
+
+
+def test_trajectories_end_at_the_final_values() -> None:
+    found = acausal.sensitivities(Ball(), ["e", "g"], ["h", "v"], stop_time=2.0, times=[0.2, 2.0])
+    np.testing.assert_allclose(found.along[1], found.final, rtol=1e-9)
+    np.testing.assert_allclose(found.along[0], [[0.0, -0.02], [0.0, -0.2]], rtol=1e-9, atol=1e-12)  # free fall
+    with pytest.raises(UsageError, match="AC044"):
+        acausal.sensitivities(Ball(), ["e"], ["h"], stop_time=2.0, times=[2.5])
