@@ -7,7 +7,7 @@ import math
 import pytest
 
 import acausal
-from acausal import Component, Equations, Real, der, fixed, integer, pre, reset, variable, when, where
+from acausal import Component, Equations, Real, der, fixed, integer, pre, reset, signal_input, variable, when, where
 
 SOLVERS = ("idas", "rosenbrock", "cvodes", "erk")
 
@@ -61,3 +61,23 @@ def test_the_second_bounce_is_the_last_thing_that_happens(solver: str) -> None:
     result = acausal.simulate(Ball(), stop_time=stop, solver=solver, tolerance=1e-8)
     assert result.final("n") == 2.0
     assert result.final("v") == pytest.approx(0.64 * math.sqrt(2.0 * 9.81), rel=1e-7)
+
+
+class Filled(Component):
+    """A level that starts anew when it has come to 1, with a given inflow."""
+
+    u: Real = signal_input()
+    x: Real = variable(default=fixed(0.0))
+    n: Real = integer()
+
+    def equations(self) -> Equations:
+        yield der(self.x) == self.u
+        yield when(self.x > 1.0, reset(self.x, 0.0), reset(self.n, pre(self.n) + 1))
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_a_step_that_ends_where_the_run_does(solver: str) -> None:
+    """1.5 up to 1 s empties at 2/3 s and leaves 1/2; 1/4 fills the other half at 3 s, the last node of a search."""
+    inflow = ([0.0, 1.0, 1.0, 3.0], [1.5, 1.5, 0.25, 0.25])
+    result = acausal.simulate(Filled(), inputs={"u": inflow}, stop_time=3.0, solver=solver, tolerance=1e-10)
+    assert (result.final("n"), result.final("x")) == (2.0, 0.0)

@@ -163,7 +163,7 @@ def integrate_to_event(guards: Guards, moment: Moment, segment: Segment, plugin:
         return Node(t, x, guards.distances(t, at) + band, rate, LOCATED * noise)
 
     def exactly(after: Node, t: float) -> Node:
-        return node(t, step(after, t, free)[1])
+        return node(t, step(after, t, free)[1]) if t > after.t else after
 
     here = node(segment.start, segment.x[: problem.n_dynamic])
     here = replace(here, above=np.maximum(here.above, band))  # past its guard by noise counts as on it
