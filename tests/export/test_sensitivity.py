@@ -7,6 +7,7 @@ from typing import Literal
 
 import numpy as np
 import pytest
+import scipy.stats
 
 import acausal
 from acausal import Component, Equations, Real, der, fixed, parameter, pre, reset, sign, time, variable, when, where
@@ -164,3 +165,28 @@ def test_trajectories_end_at_the_final_values() -> None:
     np.testing.assert_allclose(found.along[0], [[0.0, -0.02], [0.0, -0.2]], rtol=1e-9, atol=1e-12)  # free fall
     with pytest.raises(UsageError, match="AC044"):
         acausal.sensitivities(Ball(), ["e"], ["h"], stop_time=2.0, times=[2.5])
+
+
+class Lags(Component):
+    """Forty equal lags in a row behind a one, and what the last is worth by a nonlinear equation."""
+
+    T: Real = parameter(default=0.1, unit="s")
+    x: Real = variable(default=fixed(0.0), shape=40)
+    y: Real = variable()
+
+    def equations(self) -> Equations:
+        for k in range(40):
+            yield self.T * der(self.x[k]) == (self.x[k - 1] if k else 1.0) - self.x[k]
+        yield self.y + self.y**3 == self.x[39]
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_many_states_go_by_sparse_matrices(method: Method) -> None:
+    """x[39] is the incomplete gamma function P(40, t/T), whose slope is that of the density; y' = x'/(1 + 3 y^2)."""
+    stop, last = 4.0, "x[39]"
+    found = acausal.sensitivities(Lags(), ["T"], [last, "y"], stop_time=stop, method=method)
+    density = scipy.stats.gamma.pdf(stop / 0.1, 40)
+    y = found.values[1]
+    assert y + y**3 == pytest.approx(scipy.stats.gamma.cdf(stop / 0.1, 40), rel=1e-8)
+    slope = -density * stop / 0.1**2
+    np.testing.assert_allclose(found.final[:, 0], [slope, slope / (1 + 3 * y**2)], rtol=1e-6)
