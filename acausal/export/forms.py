@@ -13,6 +13,7 @@ from acausal.analyse.state_events import Assignment, Clause, switched_dependents
 from acausal.errors import ExportError
 from acausal.export.ports import Output
 from acausal.lower.compiled import CompiledModel
+from acausal.simulate.events.constrained import bound
 
 
 @dataclass(frozen=True)
@@ -53,11 +54,13 @@ def check(compiled: CompiledModel, form: Form, outputs: Sequence[Output]) -> tup
         AC035 for a model with delays, AC027 for one whose contacts change its equations.
     ExportError
         AC608 when `when`s or discrete equations change what the rates or the outputs are made of, and the form does
-        not carry events.
+        not carry events; or when what a `when` resets is bound by a stabilised constraint, which others then follow.
     """
     compiled = compiled.unchanging(form.name)
     refuse_delays(compiled.flat, form.name, PADE)
     notes = [] if form.events else _held(compiled, form, outputs)
+    if form.events:
+        _refuse_followers(compiled, form)
     if not form.ends:
         events, name = compiled.state_events, form.name
         ends = (c for c in events.clauses if c.terminate is not None)
@@ -66,6 +69,24 @@ def check(compiled: CompiledModel, form: Form, outputs: Sequence[Output]) -> tup
         led = (compiled.solution.structure.reduced.name(v) for v in switched_dependents(compiled.solution))
         notes += [f"{name} does not look whether {v} jumps, whose constraint changes at events (AC507)" for v in led]
     return tuple(notes)
+
+
+def _refuse_followers(compiled: CompiledModel, form: Form) -> None:
+    """Refuse `reset`s of states that stabilised constraints bind: a run lets other states follow them."""
+    clauses = compiled.state_events.clauses
+    places = bound(compiled, {place for c in clauses for place, _ in c.actions})
+    if not places:
+        return
+    acting = [c for c in clauses if {place for place, _ in c.actions} & set(places)]
+    names = [compiled.states[k] for k in places]
+    raise ExportError(
+        "AC608",
+        f"{form.name} does not take {compiled.name}: events reset {', '.join(names[:4])}, which a constraint binds",
+        where=tuple(dict.fromkeys(c.where for c in acting))[:2],
+        evidence=list(dict.fromkeys(c.text for c in acting))[:4],
+        cause="other states follow through a stabilised constraint, which a run solves at the event",
+        help="choose coordinates that the constraint does not bind (angles for x and y), or use acausal.simulate",
+    )
 
 
 def _held(compiled: CompiledModel, form: Form, outputs: Sequence[Output]) -> list[str]:

@@ -21,6 +21,7 @@ from acausal.lower.event_round import Round
 from acausal.simulate.equations.kept import kept
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.equations.shares import Border
+from acausal.simulate.events.constrained import followed
 from acausal.simulate.events.errors import contradicting, overloaded, undetermined, unsettled, violated
 from acausal.simulate.events.guards import INSTANT, LOCATED, Cause, Guards, Moment, Truth
 from acausal.simulate.events.held import Hold
@@ -161,15 +162,23 @@ class Iteration:
                 story.terminated = clause.terminate or story.terminated
             if found.settled:
                 return moment, found
-            applied = found.applied > 0.5
+            applied, x = found.applied > 0.5, found.x
             if applied.any() or not np.array_equal(found.m, moment.m):
                 story.jumps.append(Jump(moment, applied, advances))
             if not np.array_equal(found.x[: self.dynamic], moment.x[: self.dynamic]):
+                x = self._followed(t, moment, found.x, applied)
                 walk = _Walk(np.zeros(count, dtype=int), np.zeros(count))  # other states: no relation leads back yet
-            moment = Moment(found.x, moment.z, found.m, moment.regime)
+            moment = Moment(x, moment.z, found.m, moment.regime)
             was, decided, level = found.was, found.decided, float(found.level)
         texts = [self.events.clauses[k].text for k in acting]
         raise unsettled(self.problem.compiled.name, t, texts or [a.text for a in self.events.assignments])
+
+    def _followed(self, t: float, moment: Moment, x: Vector, applied: Truth) -> Vector:
+        """States after the actions that were applied, on the stabilised constraints."""
+        actions = (place for clause in self.events.clauses for place, _ in clause.actions)
+        places = [place for place, acts in zip(actions, applied, strict=True) if acts]
+        numbers = moment.z, self.problem.u, self.problem.p, moment.m
+        return followed(self.problem.compiled, t, moment.x, x, places, numbers)
 
     def _shared(self, t: float, moment: Moment, notes: list[str]) -> None:
         """Refuse modes that contradict each other, and say which loads nothing determines."""
