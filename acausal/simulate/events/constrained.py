@@ -32,7 +32,7 @@ def bound(compiled: CompiledModel, places: Collection[int]) -> list[int]:
     """Those of these states that a stabilised constraint binds."""
     if not compiled.solution.structure.invariants:
         return []
-    return sorted(set(places) & set(_binds(compiled).any(axis=0).nonzero()[0].tolist()))
+    return sorted(set(places) & set(np.flatnonzero(_binds(compiled).any(axis=0)).tolist()))
 
 
 def followed(
