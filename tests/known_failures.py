@@ -6,14 +6,7 @@ begins with "hangs" is not run.
 
 from __future__ import annotations
 
-KNOWN: dict[str, str] = {
-    "test_loops.py::test_random_loops_move_as_in_maximal_coordinates[stewart]": (
-        "hangs: more than eight minutes; runs crawl towards a pivot that vanishes before they begin again with others"
-    ),
-    "test_random_starts.py::test_500_starts": (
-        "hangs: more than two minutes, and some of its 500 fail; not analysed yet (the first 200 circuits pass)"
-    ),
-}
+KNOWN: dict[str, str] = {}
 
 
 def reason(nodeid: str) -> str | None:

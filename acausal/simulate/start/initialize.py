@@ -182,6 +182,8 @@ def _opened(
         if other is not None:
             is_nearer = opened.misses(t, *other[:2], *numbers, guess[0]) < 0.5 * far
             found = other if is_nearer or (lost and found is None) else found
+    if found is None and lost:
+        found = opened.met_best(t, *opened.near(t, *guess, *numbers), *numbers, held)
     if found is None:
         return None
     x, z, names = found

@@ -32,6 +32,7 @@ _MOST = 400  # unknowns: matrices are dense
 _RANK = 1e-9  # smallest singular value that counts, by the largest
 _CLEAR, _SOME = 1e-2, 1e-6  # share of a slope that is new beside those chosen: at first, and where too few are
 _AT_GUESS = 1e-9
+_BEST = 1e-11  # last step to where declared starts are met best
 _WEAK = 1e-3  # weight of what has no declared start, where all declared ones are met best
 _WIDE = 0.1  # the same where it is asked whether another root is nearer: an angle turned round and round
 _MOST_TRIALS = 60
@@ -140,6 +141,55 @@ class OpenStart:
         found = least_squares(misses, first / scale, jac=jac, max_nfev=_MOST_TRIALS).x
         return at(found) if np.isfinite(found).all() else (x, z)
 
+    def met_best(
+        self, t: float, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector, held: Collection[int]
+    ) -> tuple[Vector, Vector, tuple[str, ...]] | None:
+        """The same as `solve`, where nothing can keep its guess: all declared starts, of whatever variables, met best.
+
+        Least squares under all conditions, from a point near a solution. None where the declared starts do not decide.
+        """
+        places, scale = list(self.places), self.scale
+        free = [k for k, place in enumerate(self.places) if place not in held]
+        free += range(len(places), len(places) + len(z))
+
+        def at(y: Vector) -> tuple[Vector, ...]:
+            here = x.copy()
+            here[places] = y[: len(places)]
+            point = t, here, y[len(places) :], u, p, m
+            values, slope, *_ = self.functions(*point)
+            misses, by = self.hints(*point)
+            slope, by = (part.reshape(-1, len(y))[:, free] * scale[free] for part in (slope, by))
+            size = np.maximum(np.linalg.norm(slope, axis=1), 1e-3)
+            return values / size, slope / size[:, None], misses, by
+
+        y, merit = np.concatenate([x[places], z]), np.inf
+        for _ in range(_MOST_TRIALS):
+            values, slope, misses, by = at(y)
+            if not all(np.isfinite(part).all() for part in (values, slope, misses, by)):
+                return None
+            step = _step(values, slope, misses, by)
+            if step is None:
+                return None
+            merit, size = _merit(values, misses), 1.0
+            if np.abs(step).max(initial=0.0) <= _BEST * (1.0 + np.abs(y[free] / scale[free]).max(initial=0.0)):
+                break
+            while size > 1e-4:
+                trial = y.copy()
+                trial[free] += size * scale[free] * step
+                tried = at(trial)
+                if _merit(tried[0], tried[2]) < merit:
+                    break
+                size /= 2
+            else:
+                break
+            y = trial
+        if not np.abs(at(y)[0]).max(initial=0.0) <= _AT_GUESS:
+            return None
+        found = x.copy()
+        found[places] = y[: len(places)]
+        led = self.functions(t, found, y[len(places) :], u, p, m)[2]
+        return found, y[len(places) :], tuple(f"{c.name} = {led[k]:g}" for k, c in enumerate(self.candidates))
+
     def solve(
         self, t: float, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector, held: Collection[int]
     ) -> tuple[Vector, Vector, tuple[str, ...]] | None:
@@ -212,6 +262,20 @@ class OpenStart:
                     found.append(k)
                     basis = np.vstack([basis, new / np.linalg.norm(new)])
         return sorted(found) if len(found) == len(null) else None
+
+
+def _step(values: Vector, slope: Vector, misses: Vector, by: Vector) -> Vector | None:
+    """The Gauss-Newton step that meets conditions and, of what they leave open, declared starts; None if some is left."""
+    own, sizes, ways = np.linalg.svd(slope)
+    rank = int(np.count_nonzero(sizes > _RANK * max(sizes.max(initial=0.0), 1.0)))
+    step = ways[:rank].T @ (own[:, :rank].T @ -values / sizes[:rank])
+    null = ways[rank:].T
+    found, _, left, _ = np.linalg.lstsq(by @ null, -(misses + by @ step), rcond=_SOME)
+    return step + null @ found if left == null.shape[1] else None
+
+
+def _merit(values: Vector, misses: Vector) -> float:
+    return float(misses @ misses + 10.0 * np.abs(values).sum())
 
 
 def _is_ambiguous(compiled: CompiledModel, candidates: Iterable[_Candidate]) -> bool:
