@@ -265,7 +265,7 @@ class OpenStart:
 
 
 def _step(values: Vector, slope: Vector, misses: Vector, by: Vector) -> Vector | None:
-    """The Gauss-Newton step that meets conditions and, of what they leave open, declared starts; None if some is left."""
+    """The Gauss-Newton step that meets conditions and, of what they leave open, declared starts; else None."""
     own, sizes, ways = np.linalg.svd(slope)
     rank = int(np.count_nonzero(sizes > _RANK * max(sizes.max(initial=0.0), 1.0)))
     step = ways[:rank].T @ (own[:, :rank].T @ -values / sizes[:rank])
