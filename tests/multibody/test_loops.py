@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 import acausal
 from acausal.errors import AcausalError
@@ -20,6 +21,7 @@ from tests.multibody.loops import (
     parameters,
     pose,
     rscr,
+    rssr,
     shaken,
 )
 from tests.multibody.maximal import Mechanism, Mechanisms, Pose, rotations
@@ -109,3 +111,19 @@ def test_random_loops_move_as_in_maximal_coordinates(kind: Kind) -> None:
 def test_a_few_loops(kind: Kind) -> None:
     equal, wrong, refused = searched(kind, 1, 2, 0.1)
     assert (equal, wrong, refused) == (2, [], [])
+
+
+def test_a_crank_out_of_reach_is_told_so() -> None:
+    """The rocker's end comes no nearer to the crank's than the rod is long and this gap, wherever it turns."""
+    plan = rssr(np.random.default_rng([100, *b"rssr"]))
+    a, b, c, d = (np.array(tie.place) for tie in plan.ties)
+    crank, rocker = (np.array(plan.ties[k].axis) for k in (0, 3))
+    (turn, _), angles = plan.drives[0].start or (0.0, 0.0), np.linspace(-np.pi, np.pi, 20_001)
+    end = a + Rotation.from_rotvec(turn * crank).apply(b - a)
+    ends = d + Rotation.from_rotvec(angles[:, None] * rocker).apply(c - d)
+    gap = float(np.linalg.norm(ends - end, axis=1).min() - np.linalg.norm(c - b))
+    assert gap > 0.0
+    with pytest.raises(AcausalError) as caught:
+        acausal.simulate(Assembly(plan=plan), parameters=parameters(plan), stop_time=0.01)
+    assert caught.value.code == "AC301"
+    assert float(caught.value.fact.split("off by ")[1].split()[0]) == pytest.approx(gap, rel=1e-3)

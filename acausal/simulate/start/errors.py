@@ -137,7 +137,7 @@ def not_found(
     jacobians: Sequence[Any],
     off: tuple[int, float] | None,
 ) -> InitializationError:
-    """AC304 when the start system is singular, else AC301: Newton's method did not get there.
+    """AC304 when the start system is singular and could be satisfied, else AC301: Newton's method did not get there.
 
     Parameters
     ----------
@@ -156,9 +156,11 @@ def not_found(
     labels, spans = _labels(compiled, bool(free))
     singular = _common_null(jacobians)
     if singular is not None and len(labels) == len(singular[0]):
-        return _contradiction(compiled, labels, spans, residuals, jacobians) or _singular(
-            compiled, names, labels, spans, singular
-        )
+        contradiction = _contradiction(compiled, labels, spans, residuals, jacobians)
+        if contradiction is not None:
+            return contradiction
+        if off is None:
+            return _singular(compiled, names, labels, spans, singular)
     shown = [f"{n} = {v:g}" for n, v in zip(names, guesses, strict=True)]
     if off is not None:
         return _out_of_reach(

@@ -425,7 +425,9 @@ class _System:
         slope = self.residual.factory("slope", ["y"], ["jac:r:y"])
         near = y0 + 0.01 * np.random.default_rng(3).standard_normal(len(y0))
         t, _, _, u, p, m = self.arguments
-        off = unreachable(self.compiled, t, self.x, self.z, u, p, m, self.free) if self.free else None
+        left = [k for k, v in enumerate(self.compiled.state_variables) if v in self.compiled.start.defaulted]
+        places = {*self.free, *left}
+        off = unreachable(self.compiled, t, self.x, self.z, u, p, m, places) if self.free else None
         return not_found(self.compiled, self.free, y0 * self.scale, residuals, [slope(y0), slope(near)], off)
 
 

@@ -163,6 +163,8 @@ class OpenStart:
             return values / size, slope / size[:, None], misses, by
 
         y, merit = np.concatenate([x[places], z]), np.inf
+        if not (free and self.hints(t, x, z, u, p, m)[0].size):
+            return None
         for _ in range(_MOST_TRIALS):
             values, slope, misses, by = at(y)
             if not all(np.isfinite(part).all() for part in (values, slope, misses, by)):
