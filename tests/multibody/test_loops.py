@@ -123,7 +123,8 @@ def test_a_crank_out_of_reach_is_told_so() -> None:
     ends = d + Rotation.from_rotvec(angles[:, None] * rocker).apply(c - d)
     gap = float(np.linalg.norm(ends - end, axis=1).min() - np.linalg.norm(c - b))
     assert gap > 0.0
+    model = acausal.compile(Assembly(plan=plan))
     with pytest.raises(AcausalError) as caught:
-        acausal.simulate(Assembly(plan=plan), parameters=parameters(plan), stop_time=0.01)
+        acausal.simulate(model, parameters=parameters(plan), stop_time=0.01)
     assert caught.value.code == "AC301"
     assert float(caught.value.fact.split("off by ")[1].split()[0]) == pytest.approx(gap, rel=1e-3)
