@@ -111,3 +111,10 @@ def test_every_page_is_in_the_contents() -> None:
     listed = {path for entry in entries if entry and not entry.startswith(":") for path in DOCS.glob(f"{entry}.md")}
     pages = {path for path in DOCS.rglob("*.md") if "reference" not in path.parts and "_build" not in path.parts}
     assert pages - listed == {DOCS / "index.md"}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.stem)
+def test_pages_are_notebooks_as_text(page: Path) -> None:
+    """The header that jupytext and MyST-NB take for a notebook; nbformat requires both names of the kernel."""
+    head = page.read_text(encoding="utf-8").split("---\n")[1]
+    assert head == "file_format: mystnb\nkernelspec:\n  display_name: Python 3\n  name: python3\n"
