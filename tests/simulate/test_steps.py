@@ -162,9 +162,7 @@ def test_exported_functions_know_the_step_at_once() -> None:
     model = acausal.compile(Swing()).casadi(["below"])
     x = [0.0] * len(model.x)
     x[model.x.position("s")] = 0.9
-    rates = dict(
-        zip([port.name for port in model.x], model.ode(x, [], model.p.start)[0].full().ravel(), strict=True)
-    )
+    rates = dict(zip([port.name for port in model.x], model.ode(x, [], model.p.start)[0].full().ravel(), strict=True))
     assert (rates["below"], rates["above"]) == (2.0, 3.0)
 
 
