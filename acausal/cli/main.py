@@ -33,6 +33,7 @@ from acausal.cli.report import record_error, say, show_error
 from acausal.cli.simulate import simulate
 from acausal.cli.stability import stability
 from acausal.cli.sweep import sweep
+from acausal.simulate.interrupt import Interruptible
 
 
 class _Verbs(TyperGroup):
@@ -50,7 +51,8 @@ class _Verbs(TyperGroup):
         """Run a verb."""
         heed_termination()
         try:
-            return super().invoke(ctx)
+            with Interruptible():
+                return super().invoke(ctx)
         except KeyboardInterrupt as stop:
             show_error(interruption(stop))
             raise typer.Exit(interrupted_code(stop)) from None

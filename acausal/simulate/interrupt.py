@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import signal
 import threading
+from collections.abc import Callable
+from functools import wraps
 from types import FrameType, TracebackType
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn, ParamSpec, TypeVar
 
 if TYPE_CHECKING:  # the command line starts without NumPy
     import numpy as np
@@ -42,23 +44,33 @@ class Interruptible:
     """Remembers Ctrl-C, and SIGTERM where `terminate` is its handler, inside the `with` block.
 
     CasADi raises KeyboardInterrupt inside the solver's callbacks, the solver takes it for a failure of the model and
-    fails with a RuntimeError: only who remembers the signal can tell the two apart. A handler of the caller's own is
-    left alone, and so is every thread but the main one, which alone receives signals.
+    fails with a RuntimeError: only who remembers the signal can tell the two apart. The same goes for what compiles
+    and starts a model, so that the blocks nest: the outermost one remembers for all, and whoever enters the next one
+    or leaves the last after a signal that got lost is told then. A handler of the caller's own is left alone, and so
+    is every thread but the main one, which alone receives signals.
     """
 
     def __init__(self) -> None:
-        self.pressed: int | None = None
+        self._noted: int | None = None
+        self._around: Interruptible | None = None
         self._installed: list[signal.Signals] = []
+
+    @property
+    def pressed(self) -> int | None:
+        """The signal that came, in this block or in one around it."""
+        return self._noted if self._around is None else self._around.pressed
 
     def __enter__(self) -> Interruptible:
         if threading.current_thread() is threading.main_thread():
+            self._around = _heeding()
+            self.check()
             self._installed = [number for number, usual in _KNOWN.items() if signal.getsignal(number) is usual]
             for number in self._installed:
                 signal.signal(number, self._note)
         return self
 
     def _note(self, number: int, frame: FrameType | None) -> None:
-        self.pressed = number
+        self._noted = number
         self.check()
 
     def __exit__(
@@ -66,11 +78,28 @@ class Interruptible:
     ) -> None:
         for number in self._installed:
             signal.signal(number, _KNOWN[number])
+        if kind is None and self._around is None:
+            self.check()
 
     def check(self) -> None:
         """Raise KeyboardInterrupt when Ctrl-C was pressed, Terminated after SIGTERM."""
         if self.pressed is not None:
             raise Terminated if self.pressed == signal.SIGTERM else KeyboardInterrupt
+
+
+Parameters = ParamSpec("Parameters")
+Answer = TypeVar("Answer")
+
+
+def interruptible(function: Callable[Parameters, Answer]) -> Callable[Parameters, Answer]:
+    """The function in a block of `Interruptible`: a signal is not lost, whatever it comes in."""
+
+    @wraps(function)
+    def run(*args: Parameters.args, **options: Parameters.kwargs) -> Answer:
+        with Interruptible():
+            return function(*args, **options)
+
+    return run
 
 
 def is_interrupted() -> bool:
@@ -86,5 +115,11 @@ def was_terminated(stop: KeyboardInterrupt) -> bool:
 def _pressed() -> int | None:
     if threading.current_thread() is not threading.main_thread():
         return None
+    heeding = _heeding()
+    return None if heeding is None else heeding.pressed
+
+
+def _heeding() -> Interruptible | None:
+    """Who handles signals now."""
     owners = (getattr(signal.getsignal(number), "__self__", None) for number in _KNOWN)
-    return next((o.pressed for o in owners if isinstance(o, Interruptible) and o.pressed is not None), None)
+    return next((owner for owner in owners if isinstance(owner, Interruptible)), None)

@@ -190,6 +190,7 @@ class Pieces:
                 if partial is not None:
                     self.choices = skin.choices
                     self.pieces.append(Piece(partial, _labels(self.choices)))
+                if self.pieces:
                     error.result = self.joined()  # type: ignore[union-attr]
                 raise
             self.choices, length = skin.choices, skin.length

@@ -23,6 +23,7 @@ from acausal.simulate.arguments import parameter_vector
 from acausal.simulate.driver.agenda import Source
 from acausal.simulate.driver.run import Progress, Run
 from acausal.simulate.inputs.given import Inputs, given_inputs
+from acausal.simulate.interrupt import interruptible
 from acausal.simulate.options import Options, options
 from acausal.simulate.record.pivots import without_lost_pivots
 from acausal.simulate.restructure import Pieces, RunPiece
@@ -38,6 +39,7 @@ _MOVED_FIXED, _MOVED_LEAST = 1e-2, 1e-9
 _LONG = 1e6
 
 
+@interruptible
 def simulate(
     model: Component | CompiledModel,
     *,

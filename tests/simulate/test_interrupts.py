@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import threading
@@ -12,7 +13,7 @@ import pytest
 
 import acausal
 from acausal import Component, Equations, Real, der, reset, variable, when
-from acausal.simulate.interrupt import terminate
+from acausal.simulate.interrupt import terminate, was_terminated
 from acausal.simulate.native.cache import compiler
 
 needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler")
@@ -87,3 +88,22 @@ def test_a_run_with_events_keeps_its_rows(solver: str, native: bool | None) -> N
 def test_a_request_to_end_is_heeded_as_ctrl_c_is() -> None:
     result = interrupted(acausal.compile(Oscillator()), signal.SIGTERM, solver="rosenbrock", native=False)
     assert 0.0 < result.time[-1] < 1e7
+
+
+def test_a_signal_that_casadi_swallows_is_not_lost() -> None:
+    """CasADi takes what Python raises in its callbacks, as while a model is started, for a failure of the model."""
+    called: list[int] = []
+
+    class Asked(Oscillator):
+        w: Real = variable()
+
+        def equations(self) -> Equations:
+            called.append(1)
+            with contextlib.suppress(KeyboardInterrupt):
+                os.kill(os.getpid(), signal.SIGTERM)
+            yield self.w == 1.0
+
+    with pytest.raises(KeyboardInterrupt) as caught:
+        acausal.simulate(Asked(), stop_time=1.0)
+    assert called
+    assert was_terminated(caught.value)

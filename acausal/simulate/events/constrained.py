@@ -101,7 +101,7 @@ def _solved(
     x, rank, scale = x.copy(), 0, compiled.nominal_x[free]
     for _ in range(_MOST if free.size else 0):
         g, slope = _at(compiled, t, x, numbers)
-        slope = slope[np.ix_(rows, free)] * scale
+        slope = slope[rows[:, None], free] * scale
         size = np.maximum(np.linalg.norm(slope, axis=1), 1e-300)
         if not (np.isfinite(slope).all() and np.isfinite(g).all()):
             break
