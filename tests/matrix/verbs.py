@@ -201,8 +201,13 @@ def casadi_functions(feature: Feature) -> None:
     u = np.array([feature.inputs[port.name] for port in made.u])
     x = np.asarray(made.init(p)[0]).ravel()
 
+    timely = "t" in made.ode.name_in()
+
+    def at(t: float, x: Array) -> dict[str, Any]:
+        return dict(made.ode(x=x, u=u, p=p, **({"t": t} if timely else {})))
+
     def rate(t: float, x: Array) -> Array:
-        return np.asarray(made.ode(t, x, u, p)[0]).ravel()
+        return np.asarray(at(t, x)["xdot"]).ravel()
 
     cuts = {float(t) for t in np.asarray(made.instants(p)).ravel() if 0 < t < feature.stop}
     times = sorted(cuts | set(np.linspace(0.0, feature.stop, 1001).tolist()))
@@ -215,7 +220,7 @@ def casadi_functions(feature: Feature) -> None:
             k2 = rate(a + h / 2, x + h / 2 * k1)
             k3 = rate(a + h / 2, x + h / 2 * k2)
             x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + rate(last, x + h * k3))
-            rows.append(np.asarray(made.ode(b, x, u, p)[1]).ravel())
+            rows.append(np.asarray(at(b, x)["y"]).ravel())
         except RuntimeError:
             break  # documented: `ode` raises it where its Newton iteration does not converge
     columns = {port.name: np.array(rows)[:, k] for k, port in enumerate(made.y)}

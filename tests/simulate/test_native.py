@@ -141,7 +141,8 @@ def test_same_numbers_with_an_algebraic_variable(solver: str) -> None:
     options: dict[str, Any] = {"solver": solver, "stop_time": 2.0, "tolerance": 1e-8}
     there, here = (acausal.simulate(Loop(), native=native, **options) for native in (True, False))
     assert there.stats["native"]
-    np.testing.assert_allclose(there.matrix, here.matrix, rtol=1e-12)
+    # interpreted, one-step methods end a step at each output: other steps, a tenth of the tolerance apart at most
+    np.testing.assert_allclose(there.matrix, here.matrix, rtol=1e-12 if solver == "idas" else 1e-9)
     # dt = -dx/y with dx = (1 + 3 y^2) dy gives t = F(1) - F(y), F = ln y + 3 y^2 / 2, from y = 1 at x = 2
     y = there.final("y")
     assert 1.5 - (np.log(y) + 1.5 * y**2) == pytest.approx(2.0, abs=1e-7)

@@ -65,7 +65,7 @@ class Numbered:
         self._integrators: OrderedDict[tuple[Any, ...], Any] = OrderedDict()
         self._derived: OrderedDict[tuple[str, int, int], tuple[Any, dict[str, Any]]] = OrderedDict()
         self._slowed: dict[tuple[int, float], Any] = {}
-        self._measured: dict[tuple[int, bytes], Any] = {}
+        self._measured: dict[int, Any] = {}
         self._stretched: dict[int, Any] = {}
         self._reordered: dict[int, Any] = {}
 
@@ -189,13 +189,11 @@ class Numbered:
             self._slowed[key] = slow
         return self._slowed[key]
 
-    def measured(self, dae: Any, units: Vector) -> Any:
-        """One of these forms with its algebraic variables in other units."""
-        key = int(dae.__hash__()), units.tobytes()
+    def measured(self, dae: Any) -> Any:
+        """See `measured`; made once."""
+        key = int(dae.__hash__())
         if key not in self._measured:
-            t, x, z, *others = dae.sx_in() if dae.is_a("SXFunction") else dae.mx_in()
-            results = dae(t, x, ca.DM(units) * z, *others)
-            self._measured[key] = ca.Function(dae.name(), [t, x, z, *others], results, dae.name_in(), dae.name_out())
+            self._measured[key] = measured(dae)
         return self._measured[key]
 
     @cached_property
@@ -270,6 +268,14 @@ def stretched(dae: Any) -> Any:
     ode, *others = dae(t * (length / UNIT), x, z, p, u)
     arguments = [t, x, z, ca.vertcat(p, length), u]
     return ca.Function("dae", arguments, [length / UNIT * ode, *others], _DAE_IN, _DAE_OUT)
+
+
+def measured(dae: Any) -> Any:
+    """The same with algebraic variables in other units, which are more parameters: z is `units` times as large."""
+    kind: Any = ca.SX if dae.is_a("SXFunction") else ca.MX
+    t, x, z, p, u = (kind.sym(name, dae.numel_in(k)) for k, name in enumerate(_DAE_IN))
+    units = kind.sym("units", z.numel())
+    return ca.Function("dae", [t, x, z, ca.vertcat(p, units), u], dae(t, x, units * z, p, u), _DAE_IN, _DAE_OUT)
 
 
 def halting(dae: Any) -> Any:

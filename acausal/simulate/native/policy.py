@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.lower.compiled import CompiledModel
-from acausal.simulate.equations.numbered import UNIT
+from acausal.simulate.equations.numbered import UNIT, measured
 from acausal.simulate.equations.quick import Quick
 from acausal.simulate.native import cache, source
 from acausal.simulate.native.equations import CONSTANTS, by_patterns, equations
@@ -120,7 +120,8 @@ class Native:
     def integrator(self, plugin: str, settings: Mapping[str, Any]) -> Library[FlightProgram] | None:
         """A whole integrator, "rosenbrock" or "erk", that passes time events by itself where nothing is algebraic.
 
-        Tolerances and step are arguments of the program: all values of them use the same library.
+        Tolerances and step are arguments of the program: all values of them use the same library. Units of algebraic
+        variables are appended to its parameters (`measured`).
         """
         fixed = {"step_size": 0.25} if settings.get("step_size") else {}
         neutral = {**settings, "reltol": 1e-6, "abstol": 1e-8, "max_num_steps": 10**6, **fixed}
@@ -128,7 +129,7 @@ class Native:
 
         def text() -> str | None:
             dae, constants = self.equations
-            written = source.integrator(plugin, dae, neutral, constants)
+            written = source.integrator(plugin, measured(dae) if self.compiled.algebraic else dae, neutral, constants)
             return None if written is None else f"{written}#define PLAIN\n{flight_source()}"
 
         def load(path: Path) -> FlightProgram:

@@ -181,12 +181,14 @@ class CasadiSolver:
         if unit != 1.0:
             dae = problem.numbered.slowed(problem.numbered.dae if self.algebraic else problem.numbered.ode, unit)
             settings, grid = in_unit(unit, settings), grid / unit
-        elif kind == "integrator" and units is None and not segment.partial and segment.patience is None:
+        elif kind == "integrator" and not segment.partial and segment.patience is None:
             whole = native.integrator(self.plugin, settings)
             if whole is not None:
-                p = whole.vector(problem.p, problem.u, problem.numbers(*own))
+                units = np.ones(len(z0)) if units is None else units
+                p = np.concatenate([whole.vector(problem.p, problem.u, problem.numbers(*own)), units])
                 sizes = settings["reltol"], settings["abstol"], settings.get("step_size", 0.0)
-                return whole.run(x0, z0, p, grid, *sizes, 0.0 if segment.step else segment.first)
+                x, z, stats = whole.run(x0, z0 / units, p, grid, *sizes, 0.0 if segment.step else segment.first)
+                return x, z * units, stats
         elif kind == "equations":
             library = native.oracle(self.plugin, settings, None if segment.shares is None else stretched)
             if library is not None:
@@ -199,7 +201,7 @@ class CasadiSolver:
         if kind == "integrator":
             settings = {**settings, **beginning(segment)}
         if units is not None:
-            dae, z0 = numbered.measured(dae, units), z0 / units
+            dae, z0, p = numbered.measured(dae), z0 / units, np.concatenate([p, units])
         if segment.shares is not None:
             dae = numbered.stretched(dae) if library is None else dae
             settings, grid = in_shares(segment, settings), UNIT * segment.shares
