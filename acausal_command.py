@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 
 
@@ -18,6 +19,10 @@ def run() -> None:
         _end("", 1)
     except OSError as error:
         _end(f"error[AC012]: cannot write: {error.strerror or error}", 2)
+    finally:
+        # Everything is done and said: Ctrl-C while Python ends would make of it a death by a signal.
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
 
 
 def _end(text: str, code: int) -> None:

@@ -104,9 +104,12 @@ def _load(path: Path) -> ModuleType:
         spec.loader.exec_module(module)
     except Exception as error:
         del sys.modules[name]
-        if isinstance(error, SyntaxError) and not error.filename:  # of a file with NUL bytes Python does not say which
-            error.filename, error.lineno = str(file), 1
-        raise as_error(error) from error
+        shown: Exception = error
+        if isinstance(error, ValueError) and b"\0" in file.read_bytes():  # what a SyntaxError is from Python 3.11.4 on
+            shown = SyntaxError(str(error))
+        if isinstance(shown, SyntaxError) and not shown.filename:  # of a file with NUL bytes Python does not say which
+            shown.filename, shown.lineno = str(file), 1
+        raise as_error(shown) from error
     return module
 
 

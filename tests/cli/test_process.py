@@ -91,11 +91,14 @@ def test_who_ends_a_run_keeps_what_was_computed(folder: Path, number: int, code:
 
 @pytest.mark.parametrize("delay", [0.15, 0.3, 0.6, 1.0])
 def test_ctrl_c_while_it_begins_prints_no_traceback(folder: Path, delay: float) -> None:
-    """During imports, and while the model is compiled."""
+    """During imports, while the model is compiled, and while Python ends."""
     with start("simulate", "ThickBlock", "--no-output", folder=folder) as process:
         time.sleep(delay)
         process.send_signal(signal.SIGINT)
         _, err = process.communicate(timeout=60)
+    if "wrote nothing" in err:  # a fast machine: it was done
+        assert process.returncode == 0
+        return
     assert "acausal" not in err or "Traceback" not in err  # before its first line Python itself prints one
     assert process.returncode in (130, 1)
 
