@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import importlib
+import pkgutil
+from types import ModuleType
 
 import pytest
 
 import acausal
+from acausal import library
 
 
 @pytest.mark.parametrize("name", ["flatten", "simulate"])
@@ -20,3 +23,14 @@ def test_every_lazy_name_is_there() -> None:
     """A name that `import acausal` promises must be where it is looked for."""
     for name in acausal._LAZY:
         assert callable(getattr(acausal, name)), name
+
+
+@pytest.mark.parametrize("package", sorted(p.name for p in pkgutil.iter_modules(library.__path__) if p.ispkg))
+def test_a_star_import_of_a_library_hides_no_function_of_the_language(package: str) -> None:
+    """`from acausal.library.blocks import *` after `from acausal import *` must not put a module in the place of a function."""
+    names = vars(importlib.import_module(f"acausal.library.{package}"))
+    ours = set(vars(acausal)) | set(acausal._LAZY)
+    hidden = [
+        name for name, value in names.items() if isinstance(value, ModuleType) and name in ours and name[0] != "_"
+    ]
+    assert [name for name in hidden if not isinstance(getattr(acausal, name), ModuleType)] == []

@@ -26,7 +26,7 @@ from acausal import (
     structural,
     when,
 )
-from acausal.library.blocks.discrete import PartialDiscrete
+from acausal.library.blocks.sampled import PartialDiscrete
 
 _MULTIPLIER = 16807.0
 _MODULUS = 2147483647.0
