@@ -27,7 +27,7 @@ def test_every_lazy_name_is_there() -> None:
 
 @pytest.mark.parametrize("package", sorted(p.name for p in pkgutil.iter_modules(library.__path__) if p.ispkg))
 def test_a_star_import_of_a_library_hides_no_function_of_the_language(package: str) -> None:
-    """`from acausal.library.blocks import *` after `from acausal import *` must not put a module in the place of a function."""
+    """`from acausal.library.blocks import *` after that of `acausal` must not put a module in a function's place."""
     names = vars(importlib.import_module(f"acausal.library.{package}"))
     ours = set(vars(acausal)) | set(acausal._LAZY)
     hidden = [
