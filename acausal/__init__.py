@@ -93,6 +93,7 @@ from acausal.language.overconstrained import potential_root as potential_root
 from acausal.language.overconstrained import root as root
 from acausal.language.overconstrained import rooted as rooted
 from acausal.panel import Panel as Panel
+from acausal.providers import provide, provided
 
 if TYPE_CHECKING:
     from acausal.animate.animate import animate as animate
@@ -146,11 +147,22 @@ _LAZY = {
 }
 
 
+# What methods of models, compiled models and results do, beyond the names above.
+_METHODS = {
+    "plot": "acausal.plot",
+    "component_html": "acausal.notebook",
+    "compiled_html": "acausal.notebook",
+    "result_html": "acausal.notebook",
+    "casadi_model": "acausal.export.functions",
+    "sources": "acausal.export.c_source",
+    "save_casadi": "acausal.export.casadi_file",
+}
+provide({**_LAZY, **_METHODS})
+
+
 def __getattr__(name: str) -> Any:
     if name in _LAZY:
-        from importlib import import_module
-
-        return getattr(import_module(_LAZY[name]), name)
+        return provided(name)
     raise AttributeError(f"module 'acausal' has no attribute {name!r}")
 
 

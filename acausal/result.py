@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from acausal.errors import InternalError, UsageError, nearest
+from acausal.providers import provided
 from acausal.signals import Array, Event, Signal, Table
 
 if TYPE_CHECKING:
@@ -255,9 +256,8 @@ class Result:
 
     def plot(self, *names: str, **options: Any) -> Figure:
         """Draw signals; the options are those of `acausal.plot.plot`."""
-        from acausal.plot import plot
-
-        return plot(self, *names, **options)
+        drawn: Figure = provided("plot")(self, *names, **options)
+        return drawn
 
     def to_pandas(self) -> Any:
         """A `pandas.DataFrame` with time as index and one column per signal; `attrs["units"]` holds units by name."""
@@ -280,9 +280,8 @@ class Result:
         return xarray.Dataset(data, coords=coordinates, attrs={"model": self.model})
 
     def _repr_html_(self) -> str:
-        from acausal.notebook import result_html
-
-        return result_html(self)
+        shown: str = provided("result_html")(self)
+        return shown
 
     def __repr__(self) -> str:
         span = f"{self.time[0]:g} .. {self.time[-1]:g} s" if self.time.size else "no time"

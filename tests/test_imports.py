@@ -7,12 +7,15 @@ whatever moment it is satisfied. Only the test for cycles looks at what runs whe
 from __future__ import annotations
 
 import ast
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from typing import NamedTuple
+
+from acausal.providers import provided
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -21,6 +24,8 @@ COMPILER = ("language", "flatten", "structure", "numeric", "diagnose", "analyse"
 ALLOWED: dict[str, set[str]] = {
     "errors": set(),
     "units": set(),
+    # who does what for the packages below
+    "providers": set(),
     "panel": set(),
     "language": {"panel"},
     "flatten": {"language"},
@@ -57,7 +62,7 @@ ALLOWED: dict[str, set[str]] = {
     # acausal/__init__.py hands out the names of every stage.
     "public": {*COMPILER, "diagram", "explore", "export", "panel", "plot", "result", "simulate", "study"},
 }
-EVERYBODY_MAY = {"errors", "units"}
+EVERYBODY_MAY = {"errors", "units", "providers"}
 # Modules directly under acausal/ that are one concept in several files. `panel` is the description of a figure, which
 # a model carries, without the drawing.
 MEMBER_OF = {
@@ -75,20 +80,11 @@ MEMBER_OF = {
 }
 # An edge outside the table, by module, with its reason.
 EXCEPTIONS = {
-    ("acausal.result", "notebook"): "how a notebook shows it, loaded when shown",
-    ("acausal.lower.compiled", "notebook"): "how a notebook shows it, loaded when shown",
-    ("acausal.language.component", "notebook"): "how a notebook shows it, loaded when shown",
-    (
-        "acausal.language.component",
-        "diagram",
-    ): "Component.diagram is a shorthand, loaded when called",
     ("acausal", "animate"): "acausal.animate knows the library, which knows the language: loaded when called",
-    ("acausal.result", "plot"): "Result.plot is a shorthand for acausal.plot, loaded when called",
     (
         "acausal.simulate.run",
         "study",
     ): "simulate(accuracy=...) is a shorthand for a bench before it, loaded when called",
-    ("acausal.lower.compiled", "export"): "CompiledModel.casadi is a shorthand for acausal.export, loaded when called",
 }
 
 HEAVY = {"casadi", "matplotlib", "scipy", "pandas", "xarray", "pint"}
@@ -197,6 +193,13 @@ def test_no_modules_load_each_other() -> None:
         list(TopologicalSorter(graph).static_order())
     except CycleError as error:
         raise AssertionError(" -> ".join(error.args[1])) from None
+
+
+def test_what_is_asked_for_is_provided() -> None:
+    """`provided("name")` names a function of the module that the root package enters for it."""
+    asked = {n for path in SOURCES.values() for n in re.findall(r'provided\("(\w+)"\)', path.read_text("utf-8"))}
+    assert asked >= {"plot", "diagram", "casadi_model"}
+    assert not [name for name in asked if not callable(provided(name))]
 
 
 def test_imported_modules_exist() -> None:

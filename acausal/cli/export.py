@@ -14,7 +14,7 @@ from acausal.cli.report import quantity, record, remark, say, table
 from acausal.cli.settings import listed, prepare, seconds_of
 
 if TYPE_CHECKING:
-    from acausal.export.casadi_model import CasadiModel
+    from acausal.lower.casadi_model import CasadiModel
 
 ParametersOption = Annotated[
     list[str] | None,

@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.errors import ExportError
-from acausal.export.casadi_model import CasadiModel, Ports
+from acausal.lower.casadi_model import CasadiModel, Ports
 
 
 @dataclass(frozen=True, eq=False)

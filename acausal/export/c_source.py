@@ -12,9 +12,9 @@ from typing import Any
 import casadi as ca
 
 from acausal.errors import ExportError
-from acausal.export.casadi_model import CasadiModel, Ports
 from acausal.export.generated import generated
 from acausal.export.step_source import identifier, numbers, table
+from acausal.lower.casadi_model import CasadiModel, Ports
 from acausal.simulate.native.source import functions
 
 _WRAPPER = """

@@ -29,8 +29,8 @@ import casadi as ca
 import numpy as np
 
 from acausal.errors import ExportError, UsageError
-from acausal.export.casadi_model import EVENT_FUNCTIONS, FUNCTIONS, CasadiEvents, CasadiModel, Port, Ports
 from acausal.files import atomic
+from acausal.lower.casadi_model import EVENT_FUNCTIONS, FUNCTIONS, CasadiEvents, CasadiModel, Port, Ports
 
 FORMAT = "acausal casadi model"
 VERSION = 2

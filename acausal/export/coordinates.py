@@ -20,7 +20,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from acausal.export.casadi_model import Port, Ports
+from acausal.lower.casadi_model import Port, Ports
 from acausal.lower.compiled import CompiledModel, Symbols
 
 Vector = NDArray[np.float64]

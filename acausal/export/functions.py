@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.errors import ExportError, InitializationError, UsageError, nearest
-from acausal.export.casadi_model import EVENT_FUNCTIONS, CasadiModel, Ports
 from acausal.export.finite import finite
 from acausal.export.forms import BETWEEN, FUNCTIONS, check
 from acausal.export.minimal import Form, invariants_of, minimal_form
 from acausal.export.parts import NEWTON, depends_on_time, implicit_of, narrowed, ode_of, outputs_of, step_of
 from acausal.export.ports import Output, named_outputs, output_ports, parameter_ports, variable_ports
+from acausal.lower.casadi_model import EVENT_FUNCTIONS, CasadiModel, Ports
 from acausal.lower.compiled import CompiledModel, Symbols
 from acausal.numeric.evaluate import values
 from acausal.simulate.start.initialize import initialize

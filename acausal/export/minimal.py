@@ -16,9 +16,9 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from acausal.export.casadi_model import Ports
 from acausal.export.coordinates import coordinates_of
 from acausal.export.manifold import minimal
+from acausal.lower.casadi_model import Ports
 from acausal.lower.compiled import CompiledModel
 from acausal.simulate.start.initialize import Start
 

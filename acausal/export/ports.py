@@ -8,9 +8,9 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from acausal.errors import UsageError, nearest
-from acausal.export.casadi_model import Port, Ports
 from acausal.flatten.flat import suffixes
 from acausal.language.declare import Declaration, Kind
+from acausal.lower.casadi_model import Port, Ports
 from acausal.lower.compiled import CompiledModel
 from acausal.units import divide, format_dimension, parse
 

@@ -19,12 +19,12 @@ import casadi as ca
 import numpy as np
 
 from acausal.errors import ExportError, UsageError
-from acausal.export.casadi_model import Port, Ports
 from acausal.export.forms import STEP, check
 from acausal.export.functions import begin_of, observed_function
 from acausal.export.hybrid_step import HybridStep, timely
 from acausal.export.methods import IMPLICIT, METHODS, Method
 from acausal.export.ports import Output, named_outputs, output_ports, parameter_ports, variable_ports
+from acausal.lower.casadi_model import Port, Ports
 from acausal.lower.compiled import CompiledModel, Symbols
 
 # Unrolled factorisations grow with the cube of this.

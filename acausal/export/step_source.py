@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import casadi as ca
 
-from acausal.export.casadi_model import Ports
+from acausal.lower.casadi_model import Ports
 from acausal.simulate.native.source import functions
 
 if TYPE_CHECKING:

@@ -31,9 +31,7 @@ from acausal.language.origin import Origin
 from acausal.language.outer import Outer, outer
 from acausal.language.parts import Parts
 from acausal.language.statement import Ledger, Statement, recorded, refuse_lost, refuse_unheard
-
-if TYPE_CHECKING:
-    from acausal.diagram.diagram import Diagram
+from acausal.providers import Diagram, provided
 
 Equations = Iterator[Statement]
 """Return type of `equations`, `initial_equations` and `ties`."""
@@ -387,14 +385,12 @@ class Component:
 
     def diagram(self, *, depth: int = 1, opened: Sequence[str] = ()) -> Diagram:
         """The connection diagram; see `acausal.diagram`."""
-        from acausal.diagram.diagram import diagram
-
-        return diagram(self, depth=depth, opened=opened)
+        drawn: Diagram = provided("diagram")(self, depth=depth, opened=opened)
+        return drawn
 
     def _repr_html_(self) -> str:
-        from acausal.notebook import component_html
-
-        return component_html(self)
+        shown: str = provided("component_html")(self)
+        return shown
 
 
 class Record(Component):

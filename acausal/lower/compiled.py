@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -20,15 +20,14 @@ from acausal.flatten.flat import FlatSystem
 from acausal.flatten.reduced import nominal
 from acausal.language.component import Component
 from acausal.lower.build import Builder
+from acausal.lower.casadi_model import CasadiModel
 from acausal.lower.chebyshev import INPUT_WIDTH, polynomial
 from acausal.lower.columns.mapped import Mapped, mapped
 from acausal.lower.event_functions import EventFunctions
 from acausal.numeric.samples import STABILISATION_RATE
+from acausal.providers import provided
 from acausal.reduce.confine import changing, refuse_unsteady
 from acausal.reduce.select import Selection
-
-if TYPE_CHECKING:
-    from acausal.export.casadi_model import CasadiModel
 
 Vector = NDArray[np.float64]
 
@@ -101,9 +100,8 @@ class CompiledModel:
         )
 
     def _repr_html_(self) -> str:
-        from acausal.notebook import compiled_html
-
-        return compiled_html(self)
+        shown: str = provided("compiled_html")(self)
+        return shown
 
     def __getstate__(self) -> dict[str, Any]:
         """The fields: functions that were made from them are made again where they are asked for."""
@@ -404,9 +402,10 @@ class CompiledModel:
         holds; None means all. `minimal` asks for as many states as degrees of freedom, `events` for what happens at
         events. See `acausal.export.functions.casadi_model` and docs/casadi.md.
         """
-        from acausal.export.functions import casadi_model
-
-        return casadi_model(self, outputs, parameters=parameters, minimal=minimal, events=events)
+        made: CasadiModel = provided("casadi_model")(
+            self, outputs, parameters=parameters, minimal=minimal, events=events
+        )
+        return made
 
 
 _INPUTS = ["t", "x", "z", "u", "p", "m"]

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from acausal.export.casadi_model import Port, Ports
+from acausal.lower.casadi_model import Port, Ports
 from acausal.lower.compiled import CompiledModel, Symbols
 from acausal.optimal_control.nlp import Solution
 from acausal.optimal_control.problem import Problem

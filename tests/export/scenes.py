@@ -22,8 +22,8 @@ from acausal import (
     signal_output,
     variable,
 )
-from acausal.export.casadi_model import CasadiModel
 from acausal.library.translational import Flange, Force, Mass
+from acausal.lower.casadi_model import CasadiModel
 
 
 class Slider(Component):

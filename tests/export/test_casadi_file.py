@@ -16,7 +16,7 @@ import pytest
 
 import acausal
 from acausal.errors import AcausalError
-from acausal.export.casadi_model import CasadiModel
+from acausal.lower.casadi_model import CasadiModel
 from acausal.models.drilling_dynamic import ThickBlock
 from tests.export.scenes import DrivenSlider, Slider, numbers
 

@@ -28,7 +28,7 @@ from acausal import (
     where,
 )
 from acausal.errors import UsageError
-from acausal.export.casadi_model import CasadiModel
+from acausal.lower.casadi_model import CasadiModel
 from acausal.models.drilling_dynamic import ThickBlock
 from acausal.models.pendulum import Pendulum
 from tests.export.scenes import DrivenSlider, Slider, numbers, timed

@@ -33,7 +33,7 @@ from acausal import (
     where,
 )
 from acausal.errors import AcausalError
-from acausal.export.casadi_model import CasadiModel
+from acausal.lower.casadi_model import CasadiModel
 from acausal.models.bouncing_ball import BouncingBall
 from acausal.models.clutches import ThreeClutchDrive
 from acausal.models.ivp.andrews_squeezer import AndrewsSqueezer

@@ -10,7 +10,7 @@ import pytest
 
 import acausal
 from acausal import Component
-from acausal.export.casadi_model import CasadiModel
+from acausal.lower.casadi_model import CasadiModel
 from tests.export.scenes import DrivenSlider, Slider, radau
 
 

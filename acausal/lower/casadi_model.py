@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from acausal.errors import UsageError, nearest
+from acausal.providers import provided
 
 FUNCTIONS = ("dae", "ode", "implicit", "outputs", "init", "step", "invariants", "instants")
 """Names of the functions of a `CasadiModel`, in the order in which files hold them."""
@@ -209,9 +210,8 @@ class CasadiModel:
         ExportError
             AC612 when a function cannot be generated.
         """
-        from acausal.export.c_source import sources
-
-        return sources(self)
+        texts: dict[str, str] = provided("sources")(self)
+        return texts
 
     def save(self, path: str | Path) -> None:
         """Write functions and description to one file, completely or not at all; see `acausal.export.casadi_file`.
@@ -221,13 +221,10 @@ class CasadiModel:
         UsageError
             AC012 when the file cannot be written.
         """
-        from acausal.export.casadi_file import save_casadi
-
-        save_casadi(self, path)
+        provided("save_casadi")(self, path)
 
     @classmethod
     def load(cls, path: str | Path) -> CasadiModel:
         """Read what `save` wrote; see `acausal.load_casadi`."""
-        from acausal.export.casadi_file import load_casadi
-
-        return load_casadi(path)
+        read: CasadiModel = provided("load_casadi")(path)
+        return read
