@@ -8,11 +8,16 @@ in front of what may wake, without an event.
 Kinks that bound a factor, as in `v / maximum(r, r_min)`, do not sleep: the rest of the expression goes on. A kink is
 taken to sleep where it, or a sum that holds it, is zero on one side, or where it is constant there and enters the rate
 of a state linearly.
+
+Each that is watched costs a guard, and a stretch whenever it is passed. Bodies that touch have hundreds, of all the
+ways in which their faces may overlap: choices below `no_event` that move a point of contact while the force is on.
+Where there are many, these are left out and handed back, for a message.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +29,9 @@ from acausal.numeric.samples import SamplePoints
 
 Truth = NDArray[np.bool_]
 MOST = 120
-"""Kinks that are watched; boxes on each other have a thousand, of all the ways in which their faces may overlap."""
+"""Kinks that are watched of whatever kind; with more, only those that are plain, `_Graph.is_plain`."""
+MOST_PLAIN = 1000
+"""Kinks that are watched at all."""
 
 _LINEAR = frozenset(("add", "sub", "neg", "mul", "div"))
 _PIECEWISE = frozenset(("min", "max", "where", "noevent"))
@@ -35,17 +42,26 @@ _SAME = 1e-9
 _ZERO = 1e-12
 
 
-def sleeping(solution: Solution, located: Iterable[int], discrete: frozenset[int]) -> tuple[int, ...] | None:
-    """Relations that tell which side of such a kink is on; None for more than `MOST`.
+@dataclass(frozen=True)
+class Sleeping:
+    """Relations that tell which side of a sleeping kink is on.
 
-    Nodes of their own, which stand in no equation: what they tell is looked at, and replaces nothing. Kinks at the
-    place of a `located` relation are left out, and those of operands that rest at the kink itself.
+    Nodes of their own, which stand in no equation: what they tell is looked at, and replaces nothing.
     """
+
+    watched: tuple[int, ...] = ()
+    left: tuple[int, ...] = ()
+    """Those that are too many to be watched."""
+
+
+def sleeping(solution: Solution, located: Iterable[int], discrete: frozenset[int]) -> Sleeping:
+    """The kinks that sleep, but those at the place of a `located` relation, and of operands that rest at the kink."""
     known = set(located)
     graph = _Graph(solution, discrete)
     pool, points = graph.pool, graph.points
     taken = {_shape(points.everywhere(pool.sub(*pool.nodes[n][1:]))) for n in known}
     found: list[int] = []
+    plain = set[int]()
     for number, a, b, sides in _kinks(graph, known):
         distance = points.everywhere(pool.sub(a, b))
         if not np.isfinite(distance).all() or np.count_nonzero(np.abs(distance) <= _ZERO * np.abs(distance).max()) > 1:
@@ -57,9 +73,12 @@ def sleeping(solution: Solution, located: Iterable[int], discrete: frozenset[int
             taken.add(shape)
             # operands below `no_event` make it another node than a relation of the equations
             found.append(pool.make("gt", pool.make("noevent", a), pool.make("noevent", b)))
-            if len(found) > MOST:
-                return None
-    return tuple(found)
+            if graph.is_plain(number):
+                plain.add(found[-1])
+    if len(found) <= MOST:
+        return Sleeping(tuple(found))
+    kept = [n for n in found if n in plain][:MOST_PLAIN]
+    return Sleeping(tuple(kept), tuple(n for n in found if n not in set(kept)))
 
 
 def _kinks(graph: _Graph, located: set[int]) -> Iterator[tuple[int, int, int, tuple[float, ...]]]:
@@ -132,6 +151,10 @@ class _Graph:
                         seen.add(v)
                         stack.append(self.pool.var(v))
         return False
+
+    def is_plain(self, number: int) -> bool:
+        """Whether a kink is a rate, or no choice between expressions: `minimum`, `maximum` and `fabs` are forces."""
+        return self.pool.nodes[number][0] != "where" or self.is_rate(number)
 
     def cancels(self, number: int, sign: float) -> bool:
         """Whether a sum that holds `fabs` of an operand of this sign holds the operand too, so that both vanish."""

@@ -5,17 +5,20 @@ from __future__ import annotations
 from dataclasses import replace
 from weakref import WeakKeyDictionary
 
-from acausal.analyse.sleeping import MOST, sleeping
+from acausal.analyse.sleeping import Sleeping, sleeping
 from acausal.analyse.state_events import discrete_variables
+from acausal.flatten.text import to_text
 from acausal.lower.compile import lower
 from acausal.lower.compiled import CompiledModel
 
 _MADE: WeakKeyDictionary[CompiledModel, tuple[CompiledModel | None, str]] = WeakKeyDictionary()
 UNWATCHED_STEPS = 5000
-"""No step is longer than this part of a run whose kinks are not watched."""
+"""No step is longer than this part of a run whose kinks are not all watched."""
 _BOUNDED = f"no step is longer than 1/{UNWATCHED_STEPS} of the run instead, and what wakes for less may be passed"
-UNWATCHED = f"its kinks cannot be watched in this run: {_BOUNDED}"
+UNWATCHED = f"AC414: kinks of this run cannot be watched, as one of them is passed without end: {_BOUNDED}"
 _KINKS = frozenset(("min", "max", "fabs", "noevent"))
+_NAMED = 3
+_WIDTH = 60
 
 
 def with_watched(compiled: CompiledModel) -> tuple[CompiledModel, tuple[str, ...]]:
@@ -34,10 +37,33 @@ def _watched(compiled: CompiledModel) -> tuple[CompiledModel | None, str]:
         return None, ""
     located = *compiled.state_events.relations, *compiled.time_events.relations
     found = sleeping(solution, located, discrete_variables(reduced))
-    if found is None:
-        return None, f"more than {MOST} kinks at which rates may wake: {_BOUNDED}"
-    if not found:
-        return None, ""
-    lowered = lower(solution, compiled.driven, found)
+    note = _left(compiled, found) if found.left else ""
+    if not found.watched:
+        return None, note
+    lowered = lower(solution, compiled.driven, found.watched)
     lowered = replace(lowered, selection=compiled.selection, recipe=compiled.recipe, start=compiled.start)
-    return replace(lowered, timings=dict(compiled.timings)), ""
+    return replace(lowered, timings=dict(compiled.timings)), note
+
+
+def _left(compiled: CompiledModel, found: Sleeping) -> str:
+    reduced = compiled.solution.structure.reduced
+
+    def name_of(kind: str, k: int) -> str:
+        return reduced.name(k) if kind == "var" else compiled.parameters[k]
+
+    def said(number: int) -> str:
+        sides = [reduced.pool.nodes[n] for n in reduced.pool.nodes[number][1:]]
+        inside = [
+            node[1] if node[0] == "noevent" else n
+            for node, n in zip(sides, reduced.pool.nodes[number][1:], strict=True)
+        ]
+        return " against ".join(to_text(reduced.pool, n, name_of, _WIDTH) for n in inside)
+
+    texts = "; ".join(said(n) for n in found.left[:_NAMED])
+    more = f"; and {len(found.left) - _NAMED} more" if len(found.left) > _NAMED else ""
+    left, whole = len(found.left), len(found.left) + len(found.watched)
+    return (
+        f"AC414: {left} of {whole} kinks at which rates may wake are too many to be watched ({texts}{more}): "
+        f"{_BOUNDED}; locate those that matter by a relation without no_event, or give a max_step that is shorter than "
+        "what they are awake"
+    )

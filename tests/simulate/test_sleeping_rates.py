@@ -28,6 +28,7 @@ from acausal import (
     variable,
     where,
 )
+from acausal.analyse.sleeping import Sleeping
 from acausal.lower.watched import with_watched
 
 SOLVERS = ["idas", "cvodes", "rosenbrock", "erk"]
@@ -177,11 +178,11 @@ def test_kinks_that_cannot_be_watched_do_not_end_a_run(solver: str, monkeypatch:
             yield second * der(self.x) == 1.0
             yield second * der(self.y) == maximum(maximum(self.x - 1.0, 0.0), 1e-300)
 
-    def all_kinks(solution: Any, located: Any, discrete: Any) -> tuple[int, ...]:
+    def all_kinks(solution: Any, located: Any, discrete: Any) -> Sleeping:
         pool = solution.structure.reduced.pool
         nodes = [n for n in pool.reachable(solution.residuals) if pool.nodes[n][0] == "max"]
         nodes += [n for _, d in solution.definitions for n in pool.reachable([d]) if pool.nodes[n][0] == "max"]
-        return tuple(dict.fromkeys(pool.make("gt", *pool.nodes[n][1:]) for n in nodes))
+        return Sleeping(tuple(dict.fromkeys(pool.make("gt", *pool.nodes[n][1:]) for n in nodes)))
 
     plain = acausal.compile(Resting())
     found = with_watched(plain)[0].state_events.watched
