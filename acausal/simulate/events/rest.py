@@ -82,7 +82,9 @@ class Bounces:
     def __post_init__(self) -> None:
         size = len(self.problem.compiled.state_events.relations)
         self.last = np.zeros(size)
-        self.crowd, self.impossible = np.zeros(size, dtype=np.int64), np.zeros(size, dtype=np.int64)
+        self.crowd, self.impossible = np.zeros(size, dtype=np.int64), np.ones(size, dtype=np.int64)
+        for k in range(size):  # only what a `when` resets can come to rest: known here, compiled code need not ask
+            self.impossible[k] = not self._clauses(k)
         self._ends: dict[int, list[float]] = {}
         self._regimes: dict[tuple[Hold, ...], Regime] = {}
 

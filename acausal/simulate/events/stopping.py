@@ -433,7 +433,9 @@ def _stopped(t: Any, x: Any, z: Any, constants: Any, numbers: Any, ode: Any, gua
     rates = ca.vertcat((1 - flag) * ode, 1 - flag, 0)
     none, u = ca.SX(0, 1), ca.SX.sym("u", 0)
     p = ca.vertcat(constants, numbers, band)
-    dae = ca.Function("dae", [t, state, z, p, u], [rates, none, none, ca.densify(guards + band)], *_NAMES)
+    # once it stands still nothing fires any more: several guards that are reached at one instant would, one by one
+    zero = ca.densify(guards + band + _NEVER * flag)
+    dae = ca.Function("dae", [t, state, z, p, u], [rates, none, none, zero], *_NAMES)
     index = ca.SX.sym("index")
     inputs = {"index": index, "t": t, "x": state, "z": z, "p": p, "u": u}
     outputs = {"post_x": ca.vertcat(x, watch, 1), "post_z": z}

@@ -490,7 +490,7 @@ static int integrate(struct flight* s, struct space* o, count_t* k, count_t last
 
 /* Whether a flight begins that may be lower than the noise, by the pull of the one that ended; rest.py
    decides, and predicts from the last few when flights end.
-   `before` are the rates at the impact. */
+   `before` are the rates at the impact; relations that no `when` resets, or that nothing holds at rest, are impossible. */
 static int may_land(const struct flight* s, struct space* o, double t, const double* before) {
   count_t k;
   if (take_rates(s, o, t)) return 1;
