@@ -10,7 +10,9 @@ import math
 from acausal import (
     Component,
     Equations,
+    Expr,
     Real,
+    assert_,
     clamp,
     der,
     dot,
@@ -19,6 +21,7 @@ from acausal import (
     no_event,
     parameter,
     signal_output,
+    sqrt,
     structural,
     tan,
     where,
@@ -36,7 +39,8 @@ class PartialDrillGeometry(Component):
 
     The depth `s` is measured along the drill axis, not along the normal of the face: the force law needs the first,
     while a penetration depth in the sense of collision detection is the second. A tip beside the workpiece is not in
-    contact, however deep it is: `s` is then not positive.
+    contact, however deep it is: `s` is then not positive. What is cut where the edge of a workpiece lies within the
+    cut is not known here; a run in which that happens notes it.
 
     Source: founding paper, section 2 and Figure 3; the paper computes the same quantities by collision detection.
     """
@@ -53,7 +57,7 @@ class PartialDrillGeometry(Component):
     axis: Real = signal_output(unit="1", shape=3, doc="Drill axis towards the tip, resolved in frame_w")
     s: Real = signal_output(unit="m", doc="Depth of the tip behind the entry face, along the drill axis")
     s_exit: Real = signal_output(unit="m", doc="Depth of the tip behind the exit face, along the drill axis")
-    v: Real = signal_output(unit="m/s", doc="Rate of the depth s")
+    v: Real = signal_output(unit="m/s", doc="Rate of the depth s, in front of the workpiece and in it")
     d_O: Real = signal_output(unit="m", doc="Outer diameter of the engaged part of the edges")
     d_I: Real = signal_output(unit="m", doc="Inner diameter of the engaged part of the edges")
     omega: Real = signal_output(
@@ -82,6 +86,21 @@ class PartialDrillGeometry(Component):
         yield w.f == zeros(3)
         yield w.t == zeros(3)
 
+    def clear_of_edges(self, edge: Expr, depth: Expr, body: str) -> Equations:
+        """Note it when the cut reaches as far as `edge` [m], the distance of the axis from an edge of the workpiece.
+
+        `depth` [m] is that of the tip behind the face, or where the face would be.
+        """
+        slope = tan(self.sigma / 2)
+        # Negative above the face, where a drill passes over edges without coming near to cutting them.
+        reach = where(no_event(depth < self.d / (2 * slope)), slope * depth, self.d / 2)
+        yield assert_(
+            edge - reach > -1e-6 * self.d,
+            f"an edge of {body} lies within the cut of the drill: "
+            "inside of it the force is that of a full cut, beside it there is none",
+            level="warning",
+        )
+
 
 class DrillGeometry(PartialDrillGeometry):
     """Level 0: a plate with parallel faces, in closed form.
@@ -93,6 +112,7 @@ class DrillGeometry(PartialDrillGeometry):
         default=math.radians(60.0),
         doc="Angle between drill axis and face normal [rad] beyond which there is no contact",
     )
+    body: str = structural(default="the plate", doc="How messages call the plate")
     t: Real = parameter(unit="m", min=0.0, doc="Thickness of the plate")
     width: Real = parameter(default=0.1, unit="m", min=0.0, doc="Extent of the plate along x of frame_w")
     height: Real = parameter(default=0.1, unit="m", min=0.0, doc="Extent of the plate along y of frame_w")
@@ -108,3 +128,8 @@ class DrillGeometry(PartialDrillGeometry):
         yield self.s == where(no_event(beside), in_front, depth)
         yield self.s_exit == self.s - self.t / cos_tilt
         yield self.v == der(self.s)
+        x, y = fabs(self.tip[0]) - self.width / 2, fabs(self.tip[1]) - self.height / 2
+        inner = where(no_event(x > y), x, y)
+        corner = no_event((x > 0) & (y > 0))
+        edge = where(corner, sqrt(where(corner, x, self.d) ** 2 + y**2), fabs(inner))
+        yield from self.clear_of_edges(edge, depth, self.body)

@@ -20,7 +20,8 @@ from acausal import (
     where,
 )
 from acausal.library.contact.collide.axis.crossing import crossing
-from acausal.library.contact.collide.shapes import Shape
+from acausal.library.contact.collide.axis.edges import edge_distance
+from acausal.library.contact.collide.shapes import HalfSpace, Shape
 from acausal.library.drilling.geometry import PartialDrillGeometry
 from acausal.library.multibody.orientation import IDENTITY, Rotation, Vector, across, axes_rotation, checked_rotation
 
@@ -67,7 +68,8 @@ class ConvexDrillGeometry(PartialDrillGeometry):
     along the axis; a penetration depth in the sense of collision detection, along the shortest way out, would turn
     round past the middle of the workpiece. Hence MPR's ray is the axis, which leaves no choice of a way out
     (`library/contact/collide/axis/crossing.py`). Drilling begins when the tip passes the surface; a drill whose axis
-    misses the workpiece is beside it.
+    misses the workpiece is beside it: there `s` is the smaller of the depth and of minus the distance
+    from the workpiece.
 
     With a box of thickness t at `pose` (0, 0, t/2) it agrees with the analytic plate.
     """
@@ -87,16 +89,18 @@ class ConvexDrillGeometry(PartialDrillGeometry):
     def equations(self) -> Equations:
         r, R = quantity(self.pose[0], "m"), as_expr(self.pose[1])
         depth, beyond, beside, outward = crossing(self.workpiece)(R.T @ (self.tip - r), R.T @ self.axis)
-        # Beside it there is no contact to locate the beginning of.
-        no_contact = no_event((beside > 0.5) & (depth > 0))
-        yield self.s == where(no_contact, 0.0, depth)
+        outside, inside = edge_distance(self.workpiece)(R.T @ (self.tip - r), R.T @ self.axis)
+        # Beside it there is no contact to locate the beginning of, so the depth stays away from zero there.
+        missed = no_event(beside > 0.5)
+        yield self.s == where(missed, minimum(depth, -outside), depth)
         yield self.s_exit == minimum(beyond, self.s)
         yield self.normal == -(R @ outward)
         # At the witness, which moves on the face: cheaper than the derivative of the search, and the same.
         along = dot(self.normal, self.axis)
-        rate = dot(self.normal, der(self.tip) - der(self.axis) * self.s) / maximum(along, _STEEP)
-        yield self.v == where(no_contact, 0.0, rate)
+        yield self.v == dot(self.normal, der(self.tip) - der(self.axis) * self.s) / maximum(along, _STEEP)
         yield self.overlap == self.s * along
+        if not isinstance(self.workpiece, HalfSpace):
+            yield from self.clear_of_edges(where(missed, outside, inside), depth, self.body)
 
 
 _STEEP = math.sin(math.radians(1.0))

@@ -94,6 +94,7 @@ class PartialDrillingForce(Component):
 
     def _plate(self) -> DrillGeometry:
         return DrillGeometry(
+            body=self.level.name,
             axis_a=self.axis_a,
             d=self.d,
             sigma=self.sigma,

@@ -92,6 +92,7 @@ class Iteration:
         self.round = kept(compiled).round
         self.shares = kept(compiled).shares
         self._kept: dict[int, tuple[float, int]] = {}
+        self._broken: set[int] = set()
         self._noted: set[tuple[str, ...]] = set()
         self._regimes: dict[tuple[tuple[Hold, ...], Border | None], Regime] = {}
         self.first, self.dynamic = guards.first, compiled.n_dynamic
@@ -381,9 +382,13 @@ class Iteration:
         return Round(*found)
 
     def _check(self, t: float, holds: Vector, notes: list[str]) -> None:
-        for broken, truth in zip(self.events.asserts, holds, strict=True):
-            if truth <= 0.5:
-                error = violated(self.problem.compiled.name, t, broken)
-                if broken.level == "error":
-                    raise error
-                notes.append(f"t = {t:.9g} s: {broken.message}")
+        for k, (asserted, truth) in enumerate(zip(self.events.asserts, holds, strict=True)):
+            if truth > 0.5:
+                self._broken.discard(k)
+                continue
+            if asserted.level == "error":
+                raise violated(self.problem.compiled.name, t, asserted)
+            if k not in self._broken:  # once, not at every event until it holds again
+                place = f"{asserted.component}: " if asserted.component else ""
+                notes.append(f"t = {t:.9g} s: {place}{asserted.message}")
+            self._broken.add(k)

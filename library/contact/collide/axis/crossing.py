@@ -4,8 +4,9 @@
 
 `tip` [m] and the unit vector `axis` are in the axes of the shape. Outputs: `depth` [m], how far the tip is behind the
 face through which the line enters; `beyond` [m], behind the one through which it leaves; `beside`, positive when the
-line misses the shape (`depth` then counts from the plane across the line that touches it in front); and `normal`, the
-outward unit normal where the line enters.
+line misses the shape (`depth` and `beyond` then count from the planes across the line that touch it in front and
+behind, so that they do not jump where a line moves off a face); and `normal`, the outward unit normal where the line
+enters.
 
 Minkowski Portal Refinement finds the faces, with the line as its ray: one call, without derivatives. For shapes with
 flat faces the rest is a plane; for round ones two steps of Newton's method make it exact, so that both may be
@@ -17,6 +18,8 @@ from __future__ import annotations
 import math
 from functools import lru_cache, partial
 from typing import Any
+
+import numpy as np
 
 from acausal import External
 from acausal.library.contact.collide.shapes import Cylinder, HalfSpace, Shape, Sphere
@@ -48,11 +51,11 @@ def crossing_function(shape: Shape) -> Any:
     import casadi as ca
 
     tip, axis = ca.SX.sym("tip", 3), ca.SX.sym("axis", 3)
-    depth, beyond, hit, n, front = _crossed(shape, tip, axis)
+    depth, beyond, hit, n, front, back = _crossed(shape, tip, axis)
     into = ca.logic_and(hit, ca.dot(n, axis) < -_GRAZING)
     outputs = [
         ca.if_else(into, depth, ca.dot(axis, tip) - front),
-        ca.if_else(into, beyond, -_FAR),
+        ca.if_else(into, beyond, ca.dot(axis, tip) - back),
         ca.logic_not(into),
         ca.if_else(into, n, -axis),
     ]
@@ -60,27 +63,30 @@ def crossing_function(shape: Shape) -> Any:
     return ca.Function("crossing", [tip, axis], outputs, *names)
 
 
-def _crossed(shape: Shape, tip: Any, axis: Any) -> tuple[Any, Any, Any, Any, Any]:
-    """Depth behind entry and exit [m], whether the line meets the shape, normal, begin of the shape along it [m]."""
+def _crossed(shape: Shape, tip: Any, axis: Any) -> tuple[Any, Any, Any, Any, Any, Any]:
+    """Depth behind entry and exit [m], whether the line meets the shape, normal, begin and end along the line [m]."""
     import casadi as ca
 
     from acausal.library.contact.collide.axis.search import faces
+    from acausal.library.contact.collide.minkowski import core, height
 
     if isinstance(shape, HalfSpace):
-        return tip[2] / ca.fmin(axis[2], -_GRAZING), -_FAR, 1, ca.SX(ca.DM([0, 0, 1])), 0
+        return tip[2] / ca.fmin(axis[2], -_GRAZING), -_FAR, 1, ca.SX(ca.DM([0, 0, 1])), 0, _FAR
     if isinstance(shape, Sphere):
         middle, half, hit = _chord(ca.dot(tip, axis), ca.sumsqr(tip) - shape.radius**2, 1)
         depth = middle + half
-        return depth, middle - half, hit, (tip - depth * axis) / shape.radius, -shape.radius
+        return depth, middle - half, hit, (tip - depth * axis) / shape.radius, -shape.radius, shape.radius
     if isinstance(shape, Cylinder):
         return _cylinder(shape, tip, axis)
+    unit = float(np.abs(shape.bounding_box()).max())
     n, entry, out, leaving, hit, front = faces(shape, tip, axis)
     depth = ca.dot(n, tip - entry) / ca.fmin(ca.dot(n, axis), -_FLOOR)
     beyond = ca.dot(out, tip - leaving) / ca.fmax(ca.dot(out, axis), _FLOOR)
-    return depth, beyond, hit, n, ca.dot(axis, front)
+    back = unit * height(core(shape, unit), axis) + shape.margin
+    return depth, beyond, hit, n, ca.dot(axis, front), back
 
 
-def _cylinder(shape: Cylinder, p: Any, e: Any) -> tuple[Any, Any, Any, Any, Any]:
+def _cylinder(shape: Cylinder, p: Any, e: Any) -> tuple[Any, Any, Any, Any, Any, Any]:
     import casadi as ca
 
     # The part across the axis; a line along the axis crosses no side.
@@ -92,8 +98,8 @@ def _cylinder(shape: Cylinder, p: Any, e: Any) -> tuple[Any, Any, Any, Any, Any]
     entered = (p - depth * e) / shape.radius
     through_cap = first < middle + half
     n = ca.if_else(through_cap, ca.vertcat(0, 0, -sense), ca.vertcat(entered[:2], 0))
-    front = -shape.radius * ca.sqrt(share) - side * ca.fabs(e[2])
-    return depth, beyond, ca.logic_and(hit, depth > beyond), n, front
+    back = shape.radius * ca.sqrt(share) + side * ca.fabs(e[2])
+    return depth, beyond, ca.logic_and(hit, depth > beyond), n, -back, back
 
 
 def _chord(along: Any, inside: Any, share: Any) -> tuple[Any, Any, Any]:
