@@ -13,12 +13,14 @@ models without hidden constraints pay nothing, and factors may be parameters.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import TypeVar
 
 import numpy as np
 
 from acausal.analyse.analyse import Structure
 from acausal.analyse.blocks.elimination import eliminate
 from acausal.analyse.blocks.linear import Linear, LinearForm
+from acausal.analyse.combined import Combined, transferred, with_combinations
 from acausal.analyse.invariants import Row, add_terms, combined, null_combinations
 from acausal.errors import StructureError
 from acausal.flatten.pool import LEAVES
@@ -35,8 +37,13 @@ class HiddenConstraint(StructureError):
     equations: dict[int, int]
 
 
-class HiddenDifference(StructureError):
-    """Nonlinear equations know two unknowns by their difference only, and it has no name."""
+class HiddenCombination(StructureError):
+    """The same where nonlinear equations hold unknowns in combinations, with the system that names these."""
+
+    combined: Combined
+
+
+_Hidden = TypeVar("_Hidden", HiddenConstraint, HiddenCombination)
 
 
 def hidden_constraint(structure: Structure, block: Block, error: StructureError) -> StructureError:
@@ -52,44 +59,22 @@ def hidden_constraint(structure: Structure, block: Block, error: StructureError)
         if not rests:
             rests = _differentiated(structure, block)
     if not rests or not all(structure.reduced.pool.variables_in(rest) for rest in rests.values()):
-        return _advised(structure, block, error)  # nothing, or a number that would have to be zero
-    hidden = HiddenConstraint(
-        error.code, error.fact, where=error.where, evidence=error.evidence, cause=error.cause, help=error.help
-    )
+        # nothing, or a number that would have to be zero: their terms may still share combinations of unknowns
+        sources = {structure.flat_equation(r) for r in block.rows}
+        own = [r for r, e in enumerate(structure.reduced.equation) if e in sources]
+        found = with_combinations(structure, own, _highest(structure.reduced))
+        if found is None:
+            return error
+        named = _as(HiddenCombination, error)
+        named.combined = found
+        return named
+    hidden = _as(HiddenConstraint, error)
     hidden.equations = {structure.reduced.equation[r]: _in_flat(structure.reduced, rest) for r, rest in rests.items()}
     return hidden
 
 
-def _advised(structure: Structure, block: Block, error: StructureError) -> StructureError:
-    """The same, with what helps where nonlinear equations know two unknowns by their difference only.
-
-    Two charges `q1 == f(a - b)` and `q2 == g(a - b)` hide `f^-1(q1) == g^-1(q2)`, which no sum shows. With the
-    difference as a variable the structure shows it.
-    """
-    reduced, pool = structure.reduced, structure.reduced.pool
-    unknowns = _highest(reduced)
-    sources = {structure.flat_equation(r) for r in block.rows}
-    rows = [node for e, node in zip(reduced.equation, reduced.residuals, strict=True) if e in sources]
-    form, counts = LinearForm(pool, unknowns), dict[tuple[int, int], int]()
-    for row in rows:
-        if form.of(row) is not None:
-            continue
-        ends = {tuple(pool.nodes[n][1:]) for n in pool.reachable([row]) if pool.nodes[n][0] == "sub"}
-        for a, b in ends:
-            if pool.nodes[a][0] == pool.nodes[b][0] == "var" and {pool.nodes[a][1], pool.nodes[b][1]} <= unknowns:
-                counts[a, b] = counts.get((a, b), 0) + 1
-    pairs = [pair for pair, count in counts.items() if count > 1]
-    if not pairs:
-        return error
-    one, other = (reduced.name(pool.nodes[n][1]) for n in pairs[0])
-    return HiddenDifference(
-        error.code,
-        error.fact,
-        where=error.where,
-        evidence=error.evidence,
-        cause=f"nonlinear equations hold {one} and {other} as a difference only, one unknown for all of them",
-        help=f"declare it as a variable, v == {one} - {other}, and state these equations with it",
-    )
+def _as(kind: type[_Hidden], error: StructureError) -> _Hidden:
+    return kind(error.code, error.fact, where=error.where, evidence=error.evidence, cause=error.cause, help=error.help)
 
 
 def _rests(structure: Structure, rows: Iterable[int], unknowns: set[int]) -> dict[int, int]:
@@ -227,20 +212,11 @@ def _highest(reduced: ReducedSystem) -> set[int]:
 
 def _in_flat(reduced: ReducedSystem, node: int) -> int:
     """A node of the reduced system in the pool of the flat one."""
-    old, new = reduced.pool, reduced.flat.pool
-    done: dict[int, int] = {}
-    for number in old.reachable([node]):
-        op, *operands = old.nodes[number]
-        if op == "var":
-            done[number] = new.var(_scalar(reduced, operands[0]))
-        elif op in ("const", "par", "time"):
-            done[number] = new.intern(old.nodes[number])
-        else:
-            done[number] = new.make(op, *[done[c] for c in operands])
-    return done[node]
+    pool = reduced.flat.pool
 
+    def scalar(variable: int) -> int:
+        if variable < len(reduced.scalar):
+            return reduced.scalar[variable]
+        return pool.derivative(scalar(reduced.pool.integral_of[variable]))
 
-def _scalar(reduced: ReducedSystem, variable: int) -> int:
-    if variable < len(reduced.scalar):
-        return reduced.scalar[variable]
-    return reduced.flat.pool.derivative(_scalar(reduced, reduced.pool.integral_of[variable]))
+    return transferred(reduced.pool, node, pool, scalar)

@@ -147,7 +147,10 @@ def _with_values(compiled: CompiledModel, flat: FlatSystem) -> CompiledModel:
     """A compiled model for another flat system of the same structure; functions made so far are shared."""
     old = compiled.solution.structure
     # compiling has put derivatives into the old pool, which otherwise equals the new one
-    reduced = replaced(old.reduced, flat=replace(flat, pool=old.reduced.flat.pool))
+    known = {name: getattr(flat, name) for name in ("parameter_values", "experiment", "components", "loops", "notes")}
+    own = old.reduced.flat
+    named = own.n_scalars > flat.n_scalars  # variables for combinations, which other places in the source say as well
+    reduced = replaced(old.reduced, flat=replace(own, **known) if named else replace(flat, pool=own.pool))
     structure = replace(old, reduced=reduced, points=SamplePoints(reduced, old.points.visited))
     solution = replace(compiled.solution, structure=structure)
     start = compiled.start

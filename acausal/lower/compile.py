@@ -13,7 +13,7 @@ from acausal.analyse.aliases import reduce
 from acausal.analyse.analyse import analyse
 from acausal.analyse.blocks.solve import Solution, solve
 from acausal.analyse.delays import find_delays, refuse_delays
-from acausal.analyse.hidden import HiddenConstraint, HiddenDifference
+from acausal.analyse.hidden import HiddenCombination, HiddenConstraint
 from acausal.analyse.invariants import use_invariants
 from acausal.analyse.start import Reach, start_problem
 from acausal.analyse.state_events import discrete_variables, find_state_events
@@ -177,8 +177,12 @@ def solved(
         except HiddenConstraint as found:
             first = first or found
             hidden |= found.equations
-        except HiddenDifference:
-            raise
+        except HiddenCombination as found:
+            first = first or found
+            # what it has rewritten it took as it stood with the constraints found so far
+            now = found.combined
+            hidden = {k: now.image[node] for k, node in hidden.items() if k not in now.rewritten}
+            flat = now.flat
         except StructureError as error:
             raise first or error from None  # what was seen first is nearer to what was written
     raise first or InternalError("AC906", f"{flat.name}: constraints come to light without end")

@@ -7,9 +7,10 @@ from dataclasses import replace
 
 from acausal.analyse.aliases import reduce
 from acausal.errors import UsageError, nearest
-from acausal.flatten.flat import FlatEquation, FlatParameter, FlatSystem, suffixes
+from acausal.flatten.flat import FlatSystem, suffixes
 from acausal.flatten.pool import LEAVES, Pool
 from acausal.flatten.reduced import nominal
+from acausal.flatten.translated import translated
 from acausal.reduce.outputs import fitting
 
 ZEROS = "zeros"
@@ -51,7 +52,7 @@ def freeze(flat: FlatSystem, names: Sequence[str]) -> FlatSystem:
             image[k] = new.make(node[0], *[image[c] for c in node[1:]])
     new.slope.update((v, image[n]) for v, n in old.slope.items())
     return replace(
-        _translated(flat, new, image),
+        translated(flat, new, image),
         parameter_values=tuple(flat.parameter_values[k] for k in kept),
         nominals=flat.nominals or _nominals(flat),
         frozen=(*flat.frozen, *(flat.parameter_names[k] for k in frozen)),
@@ -67,37 +68,6 @@ def _nominals(flat: FlatSystem) -> tuple[float, ...]:
         for s in scalars:
             found[s] = size
     return tuple(found)
-
-
-def _translated(flat: FlatSystem, pool: Pool, image: dict[int, int]) -> FlatSystem:
-    """The flat system with the images of its nodes in another pool."""
-
-    def equations(old: Sequence[FlatEquation]) -> tuple[FlatEquation, ...]:
-        return tuple(e._replace(left=image[e.left], right=image[e.right]) for e in old)
-
-    def parameter(p: FlatParameter) -> FlatParameter:
-        nodes = tuple(image[n] for n in p.nodes)
-        return p._replace(nodes=nodes, free=p.free and any(pool.nodes[n][0] == "par" for n in nodes))
-
-    return replace(
-        flat,
-        pool=pool,
-        equations=equations(flat.equations),
-        initial_equations=equations(flat.initial_equations),
-        whens=tuple(
-            w._replace(
-                conditions=tuple(image[n] for n in w.conditions),
-                earlier=tuple(image[n] for n in w.earlier),
-                actions=tuple((s, image[n]) for s, n in w.actions),
-            )
-            for w in flat.whens
-        ),
-        assignments=tuple(a._replace(node=image[a.node]) for a in flat.assignments),
-        asserts=tuple(a._replace(condition=image[a.condition]) for a in flat.asserts),
-        demands=tuple(a._replace(condition=image[a.condition]) for a in flat.demands),
-        parameters=tuple(map(parameter, flat.parameters)),
-        starts={s: start._replace(node=image[start.node]) for s, start in flat.starts.items()},
-    )
 
 
 def _frozen(flat: FlatSystem, names: Sequence[str]) -> set[int]:
