@@ -98,7 +98,7 @@ def casadi_model(
 
 
 def _form(compiled: CompiledModel, wanted: Sequence[Output], begin: Begin) -> Form:
-    dae = finite(dae_function(compiled, wanted))
+    dae = dae_function(compiled, wanted)
     return Form(
         dae,
         init_function(compiled, begin),
@@ -216,13 +216,14 @@ def input_start(compiled: CompiledModel, scalar: int, p: Vector) -> float:
 
 
 def dae_function(compiled: CompiledModel, outputs: Sequence[Output]) -> Any:
-    """`(t, x, z, u, p) -> (ode, alg, y)`."""
+    """`(t, x, z, u, p) -> (ode, alg, y)`, with derivatives that are finite wherever its values are."""
     s = Symbols(compiled)
     y = observed_function(compiled, outputs)
     arguments = [s.t, s.x, s.z, s.u, s.p]
     modes = compiled.all_modes(*arguments)
     found = [*compiled.rhs(*arguments, modes), y(*arguments, modes)]
-    return ca.Function("dae", arguments, [ca.densify(v) for v in found], ["t", "x", "z", "u", "p"], ["ode", "alg", "y"])
+    names = ["t", "x", "z", "u", "p"], ["ode", "alg", "y"]
+    return finite(ca.Function("dae", arguments, [ca.densify(v) for v in found], *names))
 
 
 def observed_function(compiled: CompiledModel, outputs: Sequence[Output]) -> Any:

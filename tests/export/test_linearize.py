@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import math
 
+import casadi as ca
 import numpy as np
 import pytest
 
 import acausal
+from acausal import Component, Equations, Real, der, fixed, quantity, signal_input, sqrt, unitless, variable
 from acausal.errors import UsageError
 from acausal.models.drilling_dynamic import ThickBlock
 from acausal.models.oscillator import Oscillator
 from acausal.models.pendulum import Pendulum
+from acausal.optimal_control import Problem
 from tests.export.scenes import DrivenSlider, Slider
 
 
@@ -91,3 +94,32 @@ def test_unknown_names() -> None:
         assert "mass.v" in str(caught.value)
     with pytest.raises(UsageError, match="no input 'force'"):
         acausal.linearize(Slider(), inputs={"force": 1.0})
+
+
+class Dragged(Component):
+    """A body that moves across a fluid in x and y: drag along the velocity, by the power 1.5 of its size."""
+
+    u: Real = signal_input(unit="1/s2", default=0.0)
+    x: Real = variable(default=fixed(0.0), unit="1/s")
+    y: Real = variable(default=fixed(0.0), unit="1/s")
+
+    def equations(self) -> Equations:
+        size = sqrt(self.x**2 + self.y**2)
+        yield der(self.x) == self.u - self.x * sqrt(unitless(size)) * quantity(1.0, "1/s")
+        yield der(self.y) == -self.y * sqrt(unitless(size)) * quantity(1.0, "1/s")
+
+
+def test_a_length_that_vanishes_has_no_slope_and_is_no_nan() -> None:
+    """At rest the drag grows with the power 1.5, its slope is 0; roots of zero alone would make it 0 * infinity."""
+    linear = acausal.linearize(Dragged())
+    np.testing.assert_array_equal(linear.A, np.zeros((2, 2)))
+    np.testing.assert_array_equal(linear.B, [[1.0], [0.0]])
+
+
+def test_second_derivatives_of_optimal_control_are_numbers_there() -> None:
+    """ipopt evaluates the Hessian at whatever guess it is given, at rest as well."""
+    dae = Problem(Dragged()).quantities.dae()
+    x = ca.SX.sym("x", 2)
+    rates = dae(0.0, x, [], 0.0, [])[0]
+    hessian = ca.Function("H", [x], [ca.hessian(ca.sum1(rates), x)[0]])
+    assert hessian([0.0, 0.0]).is_regular()
