@@ -156,6 +156,14 @@ _METHODS = {
     "casadi_model": "acausal.export.functions",
     "sources": "acausal.export.c_source",
     "save_casadi": "acausal.export.casadi_file",
+    "simulated_to_accuracy": "acausal.study.bench.accurate",
+    "bench_chart": "acausal.study.bench.chart",
+    "fit_picture": "acausal.study.fit.picture",
+    "stability_picture": "acausal.study.stability.picture",
+    "sweep_picture": "acausal.study.sweep.picture",
+    "sweep_dataset": "acausal.study.sweep.tables",
+    "sweep_frame": "acausal.study.sweep.tables",
+    "write_sweep": "acausal.study.sweep.tables",
 }
 provide({**_LAZY, **_METHODS})
 

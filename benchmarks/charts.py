@@ -22,8 +22,7 @@ from acausal.models.drilling_dynamic import ThickBlock
 from acausal.models.drilling_kinematic import ThinPlate
 from acausal.models.ivp.andrews_squeezer import AndrewsSqueezer
 from acausal.models.rc_ladder import RCLadder
-from acausal.study.bench.chart import chart
-from acausal.study.bench.recommend import recommend
+from acausal.study.bench.chart import bench_chart
 from acausal.study.bench.report import Bench
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
@@ -114,7 +113,7 @@ def drawn(scene: Scene, repeat: int, limit: float) -> Bench:
         **scene.options,
     )
     trusted = f"reference: {found.reference.source}, {found.reference.trusted_digits:.1f} digits trusted"
-    chart(found, IMAGES / f"{scene.file}.png", title=f"{scene.title}\n{trusted}")
+    bench_chart(found, IMAGES / f"{scene.file}.png", title=f"{scene.title}\n{trusted}")
     (IMAGES / f"{scene.file}.json").write_text(
         json.dumps(plain({**found.record(), "best": best(found)}), indent=0) + "\n"
     )
@@ -126,7 +125,7 @@ def best(found: Bench) -> list[dict[str, Any]]:
     rows = []
     for accuracy in ACCURACIES:
         try:
-            rows.append(recommend(found, accuracy).record())
+            rows.append(found.recommend(accuracy).record())
         except AcausalError as error:
             rows.append({"accuracy": accuracy, "failure": error.fact})
     return rows

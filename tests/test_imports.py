@@ -81,10 +81,6 @@ MEMBER_OF = {
 # An edge outside the table, by module, with its reason.
 EXCEPTIONS = {
     ("acausal", "animate"): "acausal.animate knows the library, which knows the language: loaded when called",
-    (
-        "acausal.simulate.run",
-        "study",
-    ): "simulate(accuracy=...) is a shorthand for a bench before it, loaded when called",
 }
 
 HEAVY = {"casadi", "matplotlib", "scipy", "pandas", "xarray", "pint"}

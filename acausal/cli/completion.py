@@ -76,7 +76,7 @@ def complete_parameter(ctx: typer.Context, incomplete: str) -> list[str]:
     """`path=` of the parameters and structural arguments of the model that stands before."""
     from acausal.cli.reference import find_model
     from acausal.flatten.instances import instances
-    from acausal.language.declare import Kind
+    from acausal.language.declaration import Kind
 
     reference = _given(ctx, "model")
     if reference is None:

@@ -12,7 +12,7 @@ from acausal.cli.catalogue import Part, used_in
 from acausal.cli.report import place, record, say, table
 from acausal.errors import AcausalError, Span
 from acausal.language.component import Component, Connector
-from acausal.language.declare import Declaration, Fixed, Guess, Kind
+from acausal.language.declaration import Declaration, Fixed, Guess, Kind
 
 _MOST_USES = 12
 _LONGEST = 50

@@ -20,7 +20,7 @@ from acausal.cli.settings import prepare
 from acausal.errors import AcausalError, Span
 from acausal.flatten.instances import instances
 from acausal.language.component import Component
-from acausal.language.declare import Declaration, Kind
+from acausal.language.declaration import Declaration, Kind
 
 if TYPE_CHECKING:
     from acausal.flatten.flat import FlatParameter, FlatSystem

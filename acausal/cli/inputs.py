@@ -10,7 +10,7 @@ from acausal.cli.settings import number_in
 from acausal.errors import UsageError
 from acausal.flatten.around import placed
 from acausal.language.component import Component
-from acausal.language.declare import Declaration
+from acausal.language.declaration import Declaration
 
 _FILE = re.compile(r"(?P<file>.+?\.(?:[A-Za-z]{3}|parquet))(?::(?P<column>.+))?")
 _INDEX = re.compile(r"\[[\d, ]+\]$")

@@ -15,7 +15,7 @@ from acausal.flatten.around import placed
 from acausal.flatten.instances import Instance
 from acausal.flatten.parameters import check_limits, check_overrides
 from acausal.language.component import Component
-from acausal.language.declare import Declaration, Kind
+from acausal.language.declaration import Declaration, Kind
 from acausal.language.freeing import free
 from acausal.language.origin import Origin
 from acausal.units import convert

@@ -10,7 +10,7 @@ from acausal.cli.inputs import declarations
 from acausal.cli.settings import number_in
 from acausal.errors import UsageError
 from acausal.language.component import Component
-from acausal.language.declare import Declaration
+from acausal.language.declaration import Declaration
 
 _FORMS = "PATH=LOW:HIGH:COUNT, PATH=log:LOW:HIGH:COUNT, PATH=A,B,C or PATH=normal:MEAN:DEVIATION"
 _INDEX = re.compile(r"\[[\d, ]+\]$")

@@ -8,7 +8,7 @@ from pathlib import Path
 from acausal.errors import Span
 from acausal.flatten.flat import FlatEquation, FlatSystem, suffix
 from acausal.language.component import Component
-from acausal.language.declare import Declaration
+from acausal.language.declaration import Declaration
 from acausal.language.misuse import declared_at
 
 _WIDTH = 110

@@ -10,7 +10,7 @@ from acausal.flatten.composition import Composition, compose
 from acausal.flatten.instances import Instance
 from acausal.language.component import Component, Connector
 from acausal.language.connect import Connection, is_element, signal_of
-from acausal.language.declare import Declaration, Kind
+from acausal.language.declaration import Declaration, Kind
 from acausal.language.expression import Expr, Symbol
 
 Graph = dict[str, Any]

@@ -21,7 +21,8 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from acausal.lower.casadi_model import Port, Ports
-from acausal.lower.compiled import CompiledModel, Symbols
+from acausal.lower.compiled import CompiledModel
+from acausal.lower.symbols import Symbols
 
 Vector = NDArray[np.float64]
 

@@ -16,8 +16,9 @@ from typing import Any
 import casadi as ca
 
 from acausal.export.methods import Method
-from acausal.lower.compiled import CompiledModel, Symbols
+from acausal.lower.compiled import CompiledModel
 from acausal.lower.event_round import Round
+from acausal.lower.symbols import Symbols
 
 # States are taken to be known to this share of their values or nominal magnitudes where relations are judged.
 _KNOWN = 1e-9

@@ -7,14 +7,16 @@ from typing import Any
 
 import casadi as ca
 
+from acausal.export.begin import Begin
 from acausal.export.finite import finite
-from acausal.export.functions import Begin, observed_function
 from acausal.export.hybrid_step import HybridStep
 from acausal.export.methods import Method
+from acausal.export.observed import observed_function
 from acausal.export.ports import Output
 from acausal.flatten.text import to_text
 from acausal.lower.casadi_model import CasadiEvents, Port, Ports
-from acausal.lower.compiled import CompiledModel, Symbols
+from acausal.lower.compiled import CompiledModel
+from acausal.lower.symbols import Symbols
 
 _ARGUMENTS = ["t", "x", "z", "u", "p", "m"]
 # No step is taken: relations of time hold from their instants on.

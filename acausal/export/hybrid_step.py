@@ -27,12 +27,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.errors import ExportError
+from acausal.export.begin import Begin, begin_of
 from acausal.export.event_step import Settling, any_of
-from acausal.export.functions import Begin, begin_of
 from acausal.export.methods import IMPLICIT, Method
 from acausal.flatten.text import to_text
 from acausal.lower.casadi_model import Port
-from acausal.lower.compiled import CompiledModel, Symbols
+from acausal.lower.compiled import CompiledModel
+from acausal.lower.symbols import Symbols
 from acausal.simulate.equations.kept import kept
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.guards import Guards, Moment

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.errors import ExportError, UsageError, nearest
+from acausal.export.begin import input_start
 from acausal.export.forms import LINEAR, check
-from acausal.export.functions import dae_function, input_start
 from acausal.export.manifold import minimal, on_constraints
+from acausal.export.observed import dae_function
 from acausal.export.ports import Output, named_outputs
 from acausal.language.component import Component
 from acausal.lower.compile import compile

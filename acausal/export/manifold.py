@@ -16,7 +16,8 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from acausal.errors import ExportError
-from acausal.lower.compiled import CompiledModel, Symbols
+from acausal.lower.compiled import CompiledModel
+from acausal.lower.symbols import Symbols
 from acausal.simulate.start.initialize import Start
 from acausal.simulate.start.nearest import nearest_on_constraints
 

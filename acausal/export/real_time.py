@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.errors import ExportError
-from acausal.export.step import StepFunction
-from acausal.export.step_source import identifier
+from acausal.export.step_source import StepFunction, identifier
 from acausal.simulate.native import cache
 
 Vector = NDArray[np.float64]

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from acausal.errors import UsageError, nearest
 from acausal.export.forms import SENSITIVITIES, check
-from acausal.export.functions import observed_function
+from acausal.export.observed import observed_function
 from acausal.export.ports import Output, named_outputs
 from acausal.export.variation import Element, Variation
 from acausal.language.component import Component

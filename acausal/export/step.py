@@ -11,64 +11,25 @@ What a step of bounded work cannot promise it reports: y ends with flags, 0 as l
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from acausal.errors import ExportError, UsageError
+from acausal.export.begin import begin_of
 from acausal.export.forms import STEP, check
-from acausal.export.functions import begin_of, observed_function
 from acausal.export.hybrid_step import HybridStep, timely
 from acausal.export.methods import IMPLICIT, METHODS, Method
+from acausal.export.observed import observed_function
 from acausal.export.ports import Output, named_outputs, output_ports, parameter_ports, variable_ports
+from acausal.export.step_source import StepFunction
 from acausal.lower.casadi_model import Port, Ports
-from acausal.lower.compiled import CompiledModel, Symbols
+from acausal.lower.compiled import CompiledModel
+from acausal.lower.symbols import Symbols
 
 # Unrolled factorisations grow with the cube of this.
 _MOST_UNKNOWNS = 60
-
-
-@dataclass(frozen=True, eq=False)
-class StepFunction:
-    """`function` is `step(x, u, p) -> (x, y)`; vectors are described by the attributes of the same names.
-
-    x holds the states, discrete ones among them, then the algebraic variables, then the modes of a model with events,
-    then the time where the equations depend on it. y belongs to the new x. u is constant during the `step` [s].
-
-    y ends with the flags of the step, 0 or 1: `step.unsettled`, its events had not settled when its turns were used up;
-    `step.unlocated`, more relations were passed than the one that is located, or one there and back;
-    `step.too_large`, an explicit method is not stable at this step, so that what it computes means nothing.
-    """
-
-    name: str
-    method: str
-    step: float
-    function: Any
-    x: Ports
-    u: Ports
-    p: Ports
-    y: Ports
-    notes: tuple[str, ...] = ()
-
-    def __repr__(self) -> str:
-        sizes = ", ".join(f"{len(getattr(self, v))} {v}" for v in "xupy")
-        return f"StepFunction({self.name}: {self.method}, {self.step:g} s, {sizes})"
-
-    def source(self) -> str:
-        """C: the function in CasADi's calling convention, and `NAME_step` with plain arrays."""
-        from acausal.export.step_source import source
-
-        return source(self)
-
-    def save(self, path: str | Path) -> None:
-        """Write the C source, completely or not at all; UsageError AC012 when it cannot be written."""
-        from acausal.files import atomic
-
-        with atomic(Path(path)) as file:
-            file.write(self.source().encode())
 
 
 def step_function(

@@ -1,17 +1,17 @@
-"""C of a step function: CasADi's straight-line code and a wrapper with plain arrays, starts and names."""
+"""A step function and its C: CasADi's straight-line code and a wrapper with plain arrays, starts and names."""
 
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import casadi as ca
 
+from acausal.files import atomic
 from acausal.lower.casadi_model import Ports
 from acausal.simulate.native.source import functions
-
-if TYPE_CHECKING:
-    from acausal.export.step import StepFunction
 
 _HEAD = """/* {name}: one step of {method}, {step!r} s. By acausal: bounded work, no allocation, no state outside x.
 
@@ -40,12 +40,48 @@ void {identifier}_step(const double* x, const double* u, const double* p, double
 """
 
 
+@dataclass(frozen=True, eq=False)
+class StepFunction:
+    """`function` is `step(x, u, p) -> (x, y)`; vectors are described by the attributes of the same names.
+
+    x holds the states, discrete ones among them, then the algebraic variables, then the modes of a model with events,
+    then the time where the equations depend on it. y belongs to the new x. u is constant during the `step` [s].
+
+    y ends with the flags of the step, 0 or 1: `step.unsettled`, its events had not settled when its turns were used up;
+    `step.unlocated`, more relations were passed than the one that is located, or one there and back;
+    `step.too_large`, an explicit method is not stable at this step, so that what it computes means nothing.
+    """
+
+    name: str
+    method: str
+    step: float
+    function: Any
+    x: Ports
+    u: Ports
+    p: Ports
+    y: Ports
+    notes: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        sizes = ", ".join(f"{len(getattr(self, v))} {v}" for v in "xupy")
+        return f"StepFunction({self.name}: {self.method}, {self.step:g} s, {sizes})"
+
+    def source(self) -> str:
+        """C: the function in CasADi's calling convention, and `NAME_step` with plain arrays."""
+        return _source(self)
+
+    def save(self, path: str | Path) -> None:
+        """Write the C source, completely or not at all; UsageError AC012 when it cannot be written."""
+        with atomic(Path(path)) as file:
+            file.write(self.source().encode())
+
+
 def identifier(name: str) -> str:
     """The model's name as the beginning of C names."""
     return re.sub(r"\W", "_", name).lower()
 
 
-def source(made: StepFunction) -> str:
+def _source(made: StepFunction) -> str:
     """The whole file."""
     own = identifier(made.name)
     # not "step": the C library has an old function of that name, which a shared library would call instead

@@ -12,7 +12,7 @@ from acausal.flatten.flat import FlatVariable
 from acausal.flatten.instances import Instance
 from acausal.flatten.pool import Pool
 from acausal.language.component import Connector
-from acausal.language.declare import Declaration, Kind
+from acausal.language.declaration import Declaration, Kind
 
 _UNKNOWNS = (Kind.VARIABLE, Kind.FLOW, Kind.INPUT, Kind.OUTPUT)
 

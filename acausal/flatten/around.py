@@ -25,7 +25,7 @@ def bind_outers(found: list[Instance]) -> tuple[str, ...]:
     DeclarationError
         AC188 when a component needs one that is not around it, AC189 when several could be meant.
     """
-    known: dict[tuple[int, Outer, str], Instance] = {}
+    known: dict[tuple[int, Outer[Component], str], Instance] = {}
     added: dict[tuple[type[Component], str], tuple[Instance, list[str]]] = {}
     bound: list[tuple[Instance, str, Instance]] = []
     for instance in found:  # grows by what is added
@@ -47,10 +47,10 @@ def bind_outers(found: list[Instance]) -> tuple[str, ...]:
 
 
 def _inner(
-    instance: Instance, name: str, wanted: Outer, known: dict[tuple[int, Outer, str], Instance]
+    instance: Instance, name: str, wanted: Outer[Component], known: dict[tuple[int, Outer[Component], str], Instance]
 ) -> Instance | None:
     """The nearest instance around that is wanted; None when there is none."""
-    passed: list[tuple[int, Outer, str]] = []
+    passed: list[tuple[int, Outer[Component], str]] = []
     here, answer = instance.owner, None
     while here is not None and answer is None:
         key = here.number, wanted, name
@@ -64,7 +64,7 @@ def _inner(
     return answer
 
 
-def _of(holder: Instance, instance: Instance, name: str, wanted: Outer) -> Instance | None:
+def _of(holder: Instance, instance: Instance, name: str, wanted: Outer[Component]) -> Instance | None:
     """What is wanted among the parts of one holder, or the holder itself."""
     fitting = [p for p in holder.parts if isinstance(p.component, wanted.cls) and p is not instance]
     if len(fitting) > 1:
@@ -82,7 +82,7 @@ def _of(holder: Instance, instance: Instance, name: str, wanted: Outer) -> Insta
     return holder if isinstance(holder.component, wanted.cls) else None
 
 
-def _added(found: list[Instance], instance: Instance, name: str, wanted: Outer) -> Instance:
+def _added(found: list[Instance], instance: Instance, name: str, wanted: Outer[Component]) -> Instance:
     """The default, put into the model."""
     model = found[0]
     if wanted.default is None:

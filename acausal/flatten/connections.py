@@ -9,7 +9,7 @@ from acausal.errors import DeclarationError, StructureError
 from acausal.flatten.instances import Instance
 from acausal.language.component import Component, Connector
 from acausal.language.connect import Connection, is_element
-from acausal.language.declare import Kind
+from acausal.language.declaration import Kind
 from acausal.language.expression import Symbol
 from acausal.language.origin import Origin
 

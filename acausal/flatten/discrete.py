@@ -11,7 +11,7 @@ from acausal.flatten.pool import Pool
 from acausal.flatten.scalarise import Resolve, Scalars, scalars
 from acausal.flatten.statements import Statement
 from acausal.flatten.templates import sides
-from acausal.language.declare import Declaration, Kind
+from acausal.language.declaration import Declaration, Kind
 from acausal.language.events import Assertion
 from acausal.language.expression import Equation, assigned
 from acausal.language.origin import Origin

@@ -15,7 +15,7 @@ from acausal.flatten.flat import FlatAssignment, FlatEquation, suffix
 from acausal.flatten.instances import Instance
 from acausal.flatten.pool import Pool
 from acausal.language.connect import Connection, is_element, signal_of
-from acausal.language.declare import Kind
+from acausal.language.declaration import Kind
 from acausal.language.expression import Expr, Symbol
 from acausal.language.origin import Origin
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 from acausal.errors import Span
 from acausal.flatten.pool import Pool
 from acausal.language.component import Component, Connector
-from acausal.language.declare import Declaration
+from acausal.language.declaration import Declaration
 from acausal.language.events import Assertion, When
 from acausal.language.experiment import Experiment
 from acausal.language.expression import Equation, Symbol, equation_text

@@ -34,7 +34,7 @@ from acausal.flatten.templates import Template, make_template, replay, sides, te
 from acausal.language.choices import Choice
 from acausal.language.component import Component, Connector
 from acausal.language.connect import Connection
-from acausal.language.declare import Fixed, Guess, Kind
+from acausal.language.declaration import Fixed, Guess, Kind
 from acausal.language.events import When
 from acausal.language.expression import Equation, Expr, Symbol, assigned
 from acausal.language.origin import Origin

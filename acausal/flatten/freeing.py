@@ -11,7 +11,7 @@ from acausal.flatten.flat import FlatEquation
 from acausal.flatten.instances import Instance
 from acausal.flatten.pool import Pool
 from acausal.language.component import Component
-from acausal.language.declare import Declaration, Fixed, Guess, Kind
+from acausal.language.declaration import Declaration, Fixed, Guess, Kind
 
 Signal = tuple[int, str]
 """A signal: instance, name."""

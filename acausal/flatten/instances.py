@@ -9,7 +9,7 @@ from typing import Any
 from acausal.errors import DeclarationError, UsageError
 from acausal.language.choices import Choice, is_changing
 from acausal.language.component import STATING, Component, Connector
-from acausal.language.declare import Kind
+from acausal.language.declaration import Kind
 from acausal.language.misuse import Declared, own_constructor, refuse_misnamed
 from acausal.language.origin import Origin
 

@@ -14,7 +14,7 @@ from acausal.flatten.instances import Instance
 from acausal.flatten.pool import Pool
 from acausal.flatten.scalarise import Scalars, scalars
 from acausal.language.component import Component
-from acausal.language.declare import Declaration, Kind
+from acausal.language.declaration import Declaration, Kind
 from acausal.language.expression import Expr, Shape, Symbol
 from acausal.language.misuse import Declared, declared_at
 from acausal.language.origin import Origin

@@ -8,7 +8,8 @@ from typing import Any
 from acausal.errors import DeclarationError, Span
 from acausal.language.component import STATING, Component
 from acausal.language.connect import Connection
-from acausal.language.declare import Kind, check_discrete
+from acausal.language.declaration import Kind
+from acausal.language.declare import check_discrete
 from acausal.language.dimensions import check_dimensions
 from acausal.language.events import Assertion, When
 from acausal.language.expression import Equation, Expr, Symbol, assigned, is_discrete

@@ -20,7 +20,7 @@ from acausal.flatten.parameters import ParameterTable
 from acausal.flatten.pool import Pool
 from acausal.flatten.scalarise import Scalars, scalars
 from acausal.flatten.statements import Statement
-from acausal.language.declare import Kind
+from acausal.language.declaration import Kind
 from acausal.language.events import Assertion
 from acausal.language.expression import Equation, Symbol, assigned, symbols_in
 from acausal.language.origin import Origin

@@ -13,7 +13,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Self, dataclass_transform
 
 from acausal.errors import DeclarationError, UnknownFieldError, calling_span, nearest
-from acausal.language.declare import Declaration, Kind, Real, checked_value, parameter, structural
+from acausal.language.declaration import Declaration, Kind, Owner
+from acausal.language.declare import Real, checked_value, parameter, structural
 from acausal.language.experiment import Experiment
 from acausal.language.expression import Expr, Symbol
 from acausal.language.misuse import (
@@ -43,7 +44,7 @@ _RESERVED = {"build", *STATING}
 
 
 @dataclass_transform(kw_only_default=True, field_specifiers=(parameter, structural, outer))
-class Component:
+class Component(Owner):
     """Base of everything a modeller writes.
 
     Subclasses declare fields and may define `build(self)`, `equations(self)`, `initial_equations(self)` and
@@ -52,20 +53,17 @@ class Component:
 
     experiment: ClassVar[Experiment] = Experiment()
     """The run that the model is meant for."""
-    _declarations: ClassVar[dict[str, Declaration]] = {}
     _prototypes: ClassVar[dict[str, Component]] = {}
-    _outers: ClassVar[dict[str, Outer]] = {}
+    _outers: ClassVar[dict[str, Outer[Component]]] = {}
     _to_be_connected: ClassVar[tuple[str, ...]] = ()
     """Connectors that cannot stay open: an open one carries no flow, which here would rule what flows elsewhere."""
-    _classes: ClassVar[dict[str, type[Component] | None]]
-    _is_named_right: ClassVar[bool]
     _parts: dict[str, Component | list[Any]]
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
         declarations: dict[str, Declaration] = {}
         prototypes: dict[str, Component] = {}
-        outers: dict[str, Outer] = {}
+        outers: dict[str, Outer[Component]] = {}
         for base in reversed(cls.__bases__):
             declarations |= getattr(base, "_declarations", {})
             prototypes |= getattr(base, "_prototypes", {})
@@ -370,15 +368,6 @@ class Component:
         """A pickled component is its recipe, as a copy is: what `build` has made may hold functions."""
         return _again, (type(self), self.__dict__["_given"], self._marks())
 
-    def _path_to(self, name: str) -> str:
-        """Path of a field as seen from the outermost owner, for messages."""
-        names = [name]
-        here: Component = self
-        while here.__dict__["_owner"] is not None:
-            here, own_name = here.__dict__["_owner"]
-            names.append(own_name)
-        return ".".join(reversed(names))
-
     def __repr__(self) -> str:
         given = ", ".join(f"{k}={_shown(v)}" for k, v in self.__dict__["_given"].items())
         return f"{type(self).__name__}({given})"
@@ -479,7 +468,7 @@ def _type_text(value: Any) -> str:
     return f"list[{type(value[0]).__name__}]" if isinstance(value, list) else type(value).__name__
 
 
-def _annotation_for(value: Declaration | Component | Outer) -> str:
+def _annotation_for(value: Declaration | Component | Outer[Component]) -> str:
     """The annotation that a declaration needs, as far as it can be told."""
     if isinstance(value, Outer):
         return value.cls.__name__
@@ -511,7 +500,7 @@ def _shown(value: Any) -> str:
     return repr(value)
 
 
-def _check_name(cls: type[Component], name: str, value: Declaration | Component | Outer) -> None:
+def _check_name(cls: type[Component], name: str, value: Declaration | Component | Outer[Component]) -> None:
     if name.startswith("_") or name in _RESERVED:
         raise DeclarationError(
             "AC125",

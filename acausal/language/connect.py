@@ -7,7 +7,7 @@ from typing import TypeVar
 
 from acausal.errors import DeclarationError, UnitError
 from acausal.language.component import Component, Connector
-from acausal.language.declare import Kind
+from acausal.language.declaration import Kind
 from acausal.language.expression import Expr, Symbol, shape_text
 from acausal.language.statement import Statement, made
 from acausal.units import parse

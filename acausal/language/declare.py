@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from enum import Enum
-from typing import TYPE_CHECKING, Any, overload
+from typing import Any, overload
 
 from acausal.errors import DeclarationError, UnitError
+from acausal.language.declaration import Declaration, Fixed, Guess, Kind, Owner
 from acausal.language.expression import (
     Expr,
     Operand,
@@ -21,38 +20,6 @@ from acausal.language.expression import (
 )
 from acausal.units import declared, format_dimension, parse
 
-if TYPE_CHECKING:
-    from acausal.language.component import Component
-
-
-class Kind(Enum):
-    """What a declared name is to the compiler."""
-
-    VARIABLE = "variable"
-    FLOW = "flow"
-    PARAMETER = "parameter"
-    INPUT = "input"
-    OUTPUT = "output"
-    STRUCTURAL = "structural"
-    PART = "part"
-
-
-@dataclass(frozen=True)
-class Fixed:
-    """A start value that is an equation of the initial system."""
-
-    value: Any
-
-
-@dataclass(frozen=True)
-class Guess:
-    """A start value that only starts Newton's method."""
-
-    value: Any
-
-
-Start = Fixed | Guess
-
 
 def fixed(value: Operand) -> Fixed:
     """An initial equation: the variable has this value at the start."""
@@ -62,47 +29,6 @@ def fixed(value: Operand) -> Fixed:
 def guess(value: Operand) -> Guess:
     """A start for the iteration that finds the initial value; never an equation."""
     return Guess(value)
-
-
-@dataclass(frozen=True, eq=False)
-class Declaration:
-    """Everything said about one name, except its value.
-
-    `default` is a number, a nested tuple, a function of the instance (`lambda self: sin(self.sigma)`), a
-    `Fixed` or a `Guess`, or None. `prefer_state` ranks candidates for states: True before undeclared before False.
-    `hint` is printed when the compiler cannot determine the variable. `monotone_above` is a value from which on the
-    equations rise or fall steadily with the variable, along a curve that bends to one side: where they are nonlinear in
-    it, the compiler solves them inside the equations instead of leaving an algebraic variable. A `discrete` variable
-    keeps its value between events; of these, `boolean` ones are true or false and `integer` ones count.
-    """
-
-    kind: Kind
-    shape: Shape = ()
-    unit: str = ""
-    doc: str = ""
-    default: Any = None
-    nominal: float = 1.0
-    min: float = -math.inf
-    max: float = math.inf
-    prefer_state: bool | None = None
-    hint: str = ""
-    monotone_above: float | None = None
-    overconstrained: bool = False
-    discrete: bool = False
-    boolean: bool = False
-    integer: bool = False
-
-    def belongs_to(self, cls: type[Component], name: str) -> None:
-        """Remember the class whose body this stands in: as a class, a declaration is pickled by its name."""
-        object.__setattr__(self, "_home", (cls, name))
-
-    def __reduce__(self) -> Any:
-        home = self.__dict__.get("_home")
-        return super().__reduce_ex__(2) if home is None else (_declaration_of, home)
-
-
-def _declaration_of(cls: type[Component], name: str) -> Declaration:
-    return cls._declarations[name]
 
 
 def _declare(kind: Kind, *, unit: str, shape: Shape | int = (), **rest: Any) -> Any:
@@ -281,8 +207,8 @@ class Real:
     @overload
     def __get__(self, instance: None, owner: type[Any]) -> Declaration: ...
     @overload
-    def __get__(self, instance: Component, owner: type[Any]) -> Expr: ...
-    def __get__(self, instance: Component | None, owner: type[Any]) -> Declaration | Expr:
+    def __get__(self, instance: Owner, owner: type[Any]) -> Expr: ...
+    def __get__(self, instance: Owner | None, owner: type[Any]) -> Declaration | Expr:
         if instance is None:
             return self.declaration
         if "_symbols" not in instance.__dict__:
@@ -293,7 +219,7 @@ class Real:
             found = symbols[self.name] = Symbol(instance, self.name, self.declaration)
         return found
 
-    def __set__(self, instance: Component, value: float | Expr | Fixed | Guess | tuple[Any, ...] | list[Any]) -> None:
+    def __set__(self, instance: Owner, value: float | Expr | Fixed | Guess | tuple[Any, ...] | list[Any]) -> None:
         instance.__dict__["_values"][self.name] = checked_value(
             type(instance).__name__, self.name, self.declaration, value
         )

@@ -14,10 +14,8 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from acausal.errors import DeclarationError
+from acausal.language.declaration import Declaration
 from acausal.language.statement import Statement, made
-
-if TYPE_CHECKING:
-    from acausal.language.declare import Declaration
 
 Shape = tuple[int, ...]
 

@@ -10,18 +10,15 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from types import FrameType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from acausal.errors import DeclarationError, Span, calling_span
-from acausal.language.declare import Declaration
+from acausal.language.declaration import Declaration, Owner
 from acausal.language.origin import Origin
 from acausal.language.outer import Outer
 
-if TYPE_CHECKING:
-    from acausal.language.component import Component
 
-
-def refuse_hiding(cls: type[Component], inherited: dict[str, Declaration | Outer]) -> None:
+def refuse_hiding(cls: type[Owner], inherited: dict[str, Declaration | Outer[Any]]) -> None:
     """Refuse attributes that take the name of an inherited field (AC126)."""
     for name in inherited.keys() & cls.__dict__.keys():
         if not isinstance(cls.__dict__[name], Declaration | Outer) and not hasattr(cls.__dict__[name], "_declarations"):
@@ -33,15 +30,15 @@ def refuse_hiding(cls: type[Component], inherited: dict[str, Declaration | Outer
             )
 
 
-def _kind(inherited: Declaration | Outer) -> str:
+def _kind(inherited: Declaration | Outer[Any]) -> str:
     return "outer" if isinstance(inherited, Outer) else inherited.kind.value
 
 
-def own_constructor(cls: type[Component]) -> DeclarationError | None:
+def own_constructor(cls: type[Owner]) -> DeclarationError | None:
     """AC109 for a class that defines `__init__`; None for all others."""
     codes = ((base, getattr(base.__dict__.get("__init__"), "__code__", None)) for base in cls.__mro__)
     base, code = next((found for found in codes if found[1] is not None), (cls, None))
-    if "_declarations" in base.__dict__ and base.__module__ == "acausal.language.component":
+    if base.__module__ == "acausal.language.component":
         return None
     return DeclarationError(
         "AC109",
@@ -54,7 +51,7 @@ def own_constructor(cls: type[Component]) -> DeclarationError | None:
     )
 
 
-def assignment(component: Component, name: str, stating: tuple[str, ...]) -> DeclarationError:
+def assignment(component: Owner, name: str, stating: tuple[str, ...]) -> DeclarationError:
     """AC118 for `self.f = ...` after construction, in the words of where it stands.
 
     `stating` are the names of the generators in which an equation was meant.
@@ -95,7 +92,7 @@ def assignment(component: Component, name: str, stating: tuple[str, ...]) -> Dec
     )
 
 
-def refuse_misnamed(cls: type[Component], stating: tuple[str, ...]) -> None:
+def refuse_misnamed(cls: type[Owner], stating: tuple[str, ...]) -> None:
     """Refuse generators that nobody calls and whose names are nearly those of `stating` (AC129): nothing runs them."""
     if "_is_named_right" in cls.__dict__:
         return
@@ -131,7 +128,7 @@ def called(what: str, form: str, function: Callable[..., Any], *args: Any) -> An
         ) from None
 
 
-def endless(component: Component) -> DeclarationError | None:
+def endless(component: Owner) -> DeclarationError | None:
     """The error for components whose `build` makes themselves again and again; None for other recursions."""
     here = sys._getframe(1)
     frame: FrameType | None = here
@@ -153,7 +150,7 @@ def endless(component: Component) -> DeclarationError | None:
     )
 
 
-def declared_at(cls: type[Component], name: str) -> tuple[Span, ...]:
+def declared_at(cls: type[Owner], name: str) -> tuple[Span, ...]:
     """The line of the class body that declares a field or a method; empty where there is no source."""
     for base in cls.__mro__:
         member = base.__dict__.get(name)
@@ -175,7 +172,7 @@ def declared_at(cls: type[Component], name: str) -> tuple[Span, ...]:
 class Declared:
     """The line of a class body that declares a field; looked up only for a message, like an `Origin`."""
 
-    cls: type[Component]
+    cls: type[Owner]
     name: str
     made: Origin
 
@@ -185,21 +182,21 @@ class Declared:
         return found[0] if found and not found[0].of_library else self.made.span()
 
 
-def declared_class(cls: type[Component], name: str) -> type[Component] | None:
+def declared_class(cls: type[Owner], name: str) -> type[Owner] | None:
     """Class that a part is declared as, of its members for a list; None where the annotation does not tell."""
     known = cls.__dict__.get("_classes")
     if known is None:
         known = cls._classes = {}  # of this class alone: a subclass may declare it anew
     if name not in known:
         known[name] = _annotated_class(cls, name)
-    found: type[Component] | None = known[name]
+    found: type[Owner] | None = known[name]
     return found
 
 
 _PLAIN: dict[str, tuple[type, ...]] = {"int": (int,), "bool": (bool,), "str": (str,), "float": (int, float)}
 
 
-def checked_structural(cls: type[Component], name: str, value: Any) -> Any:
+def checked_structural(cls: type[Owner], name: str, value: Any) -> Any:
     """A structural value that was given, numbers of numpy as numbers of Python.
 
     Raises
@@ -222,7 +219,7 @@ def checked_structural(cls: type[Component], name: str, value: Any) -> Any:
     )
 
 
-def _annotated_class(cls: type[Component], name: str) -> type[Component] | None:
+def _annotated_class(cls: type[Owner], name: str) -> type[Owner] | None:
     for base in cls.__mro__:
         text = inspect.get_annotations(base).get(name)
         if text is None:
@@ -238,7 +235,7 @@ def _annotated_class(cls: type[Component], name: str) -> type[Component] | None:
     return None
 
 
-def field_span(cls: type[Component], name: str) -> tuple[Span, ...]:
+def field_span(cls: type[Owner], name: str) -> tuple[Span, ...]:
     """The line of a class body that declares `name`, searched from the line of the class on."""
     for start in calling_span():
         return _declaring_line(start, name)

@@ -7,20 +7,19 @@ quantities can be written, in `build` and in defaults; the flattener knows whom 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, TypeVar
+from typing import Any, Generic, Literal, TypeVar
 
-if TYPE_CHECKING:
-    from acausal.language.component import Component
+from acausal.language.declaration import Owner
 
-Around = TypeVar("Around", bound="Component")
+Around = TypeVar("Around", bound=Owner)
 
 
 @dataclass(frozen=True, eq=False)
-class Outer:
+class Outer(Generic[Around]):
     """What `outer` makes: the class that is looked for, and what is put into the model when none is around."""
 
-    cls: type[Component]
-    default: Component | None
+    cls: type[Around]
+    default: Around | None
     doc: str
 
 

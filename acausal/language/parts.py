@@ -5,9 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, SupportsIndex
 
 from acausal.errors import DeclarationError, UnknownFieldError
-
-if TYPE_CHECKING:
-    from acausal.language.component import Component
+from acausal.language.declaration import Owner
 
 
 class Parts(list[Any]):
@@ -22,7 +20,7 @@ class Parts(list[Any]):
 
     __slots__ = ("_name", "_owner")
 
-    def __init__(self, members: list[Any], owner: Component, name: str) -> None:
+    def __init__(self, members: list[Any], owner: Owner, name: str) -> None:
         super().__init__(members)
         self._owner = owner
         self._name = name

@@ -21,7 +21,7 @@ from acausal.analyse.analyse import Structure
 from acausal.analyse.blocks.pivots import keeps_sign
 from acausal.analyse.start import start_problem
 from acausal.flatten.flat import FlatSystem
-from acausal.language.declare import Declaration
+from acausal.language.declaration import Declaration
 from acausal.lower.compiled import CompiledModel
 from acausal.numeric.evaluate import gradients
 from acausal.numeric.samples import COUNT, FAR, SamplePoints

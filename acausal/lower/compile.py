@@ -26,7 +26,9 @@ from acausal.language.component import Component
 from acausal.lower.build import Builder
 from acausal.lower.cache import recall, remember, signature
 from acausal.lower.collector import collector_paused
-from acausal.lower.compiled import CompiledModel, Recipe, Symbols, _column
+from acausal.lower.compiled import CompiledModel, _column
+from acausal.lower.lowered import Recipe
+from acausal.lower.symbols import Symbols
 from acausal.numeric.samples import Visited
 from acausal.reduce.confine import changing, confined
 from acausal.reduce.freeze import freeze as fold_parameters

@@ -6,7 +6,7 @@ Arguments are those of the right-hand side, `(t, x[nx], z[nz], u[nu], p[np], m[n
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 
@@ -14,9 +14,8 @@ from acausal.analyse.state_events import origins
 from acausal.errors import Span
 from acausal.flatten.text import to_text
 from acausal.lower.event_round import round_of
-
-if TYPE_CHECKING:
-    from acausal.lower.compiled import CompiledModel
+from acausal.lower.lowered import Lowered
+from acausal.lower.symbols import Symbols
 
 _INPUTS = ["t", "x", "z", "u", "p", "m"]
 
@@ -24,7 +23,7 @@ _INPUTS = ["t", "x", "z", "u", "p", "m"]
 class EventFunctions:
     """Made of one compiled model when they are first asked for."""
 
-    def __init__(self, compiled: CompiledModel) -> None:
+    def __init__(self, compiled: Lowered) -> None:
         self.compiled = compiled
 
     @cached_property
@@ -52,8 +51,6 @@ class EventFunctions:
     @cached_property
     def round(self) -> Any:
         """One round of the event iteration: see `acausal.lower.event_round.Round`."""
-        from acausal.lower.compiled import Symbols
-
         return round_of(self.compiled, self.reactions, Symbols(self.compiled))
 
     @cached_property
@@ -93,8 +90,6 @@ class EventFunctions:
         return tuple(origins(compiled.solution, compiled.state_events, compiled.delays, compiled.rewritten))
 
     def _defined(self) -> Any:
-        from acausal.lower.compiled import Symbols
-
         symbols = Symbols(self.compiled)
         builder = symbols.builder(self.compiled)
         builder.define(self.compiled.solution.definitions, self.compiled.rewritten)
@@ -113,14 +108,12 @@ class EventFunctions:
         return self.compiled.solution.structure.reduced.pool
 
 
-def guard_rates(compiled: CompiledModel, watch: Any) -> Any:
+def guard_rates(compiled: Lowered, watch: Any) -> Any:
     """`(t, x, z, u, p, m, ex, ez) -> (dg/dt without z, noise, dg/dz, dalg/dt without z, dalg/dz)` of guards g.
 
     Time derivatives along the solution, and how far the guards can be wrong when states and algebraic variables can be
     by `ex` and `ez`. Products, because there may be hundreds of guards and states.
     """
-    from acausal.lower.compiled import Symbols
-
     s = Symbols(compiled)
     ode, alg = compiled.rhs(*s.inputs)
     g = watch(*s.inputs)

@@ -16,16 +16,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from acausal.lower.lowered import Lowered
+from acausal.lower.symbols import Symbols
 from acausal.structure.levels import levels
-
-if TYPE_CHECKING:
-    from acausal.lower.compiled import CompiledModel, Symbols
 
 _NAMES_IN = ["t", "x", "z", "u", "p", "m", "was", "decided", "level"]
 
@@ -81,7 +80,7 @@ class Order:
         return 1 + max((*self.conditions, *self.variables.values()), default=-1)
 
 
-def order_of(compiled: CompiledModel, reactions: Any) -> Order:
+def order_of(compiled: Lowered, reactions: Any) -> Order:
     """What is decided after what within one round.
 
     A condition follows from a discrete variable directly, through discrete equations, through relations, and through
@@ -135,7 +134,7 @@ def order_of(compiled: CompiledModel, reactions: Any) -> Order:
     return Order(tuple(rank[v] for v in found[:count]), own_rank)
 
 
-def round_of(compiled: CompiledModel, reactions: Any, s: Symbols) -> Any:
+def round_of(compiled: Lowered, reactions: Any, s: Symbols) -> Any:
     """`(t, x, z, u, p, m, was, decided, level) -> Round`, see there; `reactions` as in `EventFunctions`."""
     events = compiled.state_events
     count = len(events.conditions)

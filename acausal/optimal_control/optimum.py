@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.lower.casadi_model import Port, Ports
-from acausal.lower.compiled import CompiledModel, Symbols
+from acausal.lower.compiled import CompiledModel
+from acausal.lower.symbols import Symbols
 from acausal.optimal_control.nlp import Solution
 from acausal.optimal_control.problem import Problem
 from acausal.optimal_control.quantities import Quantities

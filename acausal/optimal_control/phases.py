@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from acausal.analyse.delays import PADE, refuse_delays
 from acausal.errors import OptimizationError
 from acausal.export.forms import Form, check
-from acausal.lower.compiled import CompiledModel, Symbols
+from acausal.lower.compiled import CompiledModel
+from acausal.lower.symbols import Symbols
 from acausal.optimal_control.branches import Widths, branched, crossed
 from acausal.optimal_control.guess import PhaseGuess
 from acausal.optimal_control.problem import Problem

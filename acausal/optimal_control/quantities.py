@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.errors import UsageError, calling_span, nearest
+from acausal.export.begin import Begin, begin_of, init_function
 from acausal.export.coordinates import coordinates_of
-from acausal.export.functions import Begin, begin_of, dae_function, init_function
+from acausal.export.observed import dae_function
 from acausal.export.ports import Output, named_outputs, parameter_ports, variable_ports
 from acausal.lower.casadi_model import Ports
 from acausal.lower.compiled import CompiledModel

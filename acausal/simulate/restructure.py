@@ -26,7 +26,8 @@ from acausal.flatten.around import placed
 from acausal.flatten.parameters import check_overrides
 from acausal.language.choices import Choice, is_reporting
 from acausal.language.component import Component
-from acausal.lower.compiled import CompiledModel, Recipe
+from acausal.lower.compiled import CompiledModel
+from acausal.lower.lowered import Recipe
 from acausal.reduce.confine import changing
 from acausal.result import Event, Result
 from acausal.simulate.driver.agenda import Source

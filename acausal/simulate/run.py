@@ -14,9 +14,11 @@ from acausal.errors import IntegrationError, UsageError
 from acausal.language.component import Component
 from acausal.lower.cache import choices_stand_for
 from acausal.lower.compile import compile
-from acausal.lower.compiled import CompiledModel, Recipe
+from acausal.lower.compiled import CompiledModel
 from acausal.lower.driven import with_driven
+from acausal.lower.lowered import Recipe
 from acausal.lower.started import with_starts
+from acausal.providers import provided
 from acausal.reduce.confine import changing
 from acausal.result import Result
 from acausal.simulate.arguments import parameter_vector
@@ -109,12 +111,13 @@ def simulate(
         return Pieces(recipe, chosen, recipe.parameters, _piece(inputs, start, chosen, force), progress).result()
     compiled = with_starts(_compiled(model, parameters, outputs if recipe is None else None), start or {})
     if accuracy is not None:
-        from acausal.study.bench.accurate import simulated
-
         own = parameters if isinstance(model, CompiledModel) else None
         run: dict[str, object] = {"start_time": start_time, "stop_time": stop_time, "parameters": own, "inputs": inputs}
         run |= {"native": native, "force": force}
-        return simulated(compiled, accuracy, solver, tolerance, step, run, output_interval, progress)
+        made: Result = provided("simulated_to_accuracy")(
+            compiled, accuracy, solver, tolerance, step, run, output_interval, progress
+        )
+        return made
     chosen = options(compiled.flat.experiment, **asked)
     given = parameters if isinstance(model, CompiledModel) else None
     return _result(compiled, chosen, given or {}, inputs or {}, progress, force)

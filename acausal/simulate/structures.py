@@ -14,7 +14,8 @@ from collections.abc import Hashable, Mapping
 from acausal.language.choices import Choice
 from acausal.language.component import Component
 from acausal.lower.compile import compile
-from acausal.lower.compiled import CompiledModel, Recipe
+from acausal.lower.compiled import CompiledModel
+from acausal.lower.lowered import Recipe
 
 _MOST, _MOST_NODES = 32, 1_000_000
 

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from acausal import Component, Connector
-from acausal.language.declare import Kind
+from acausal.language.declaration import Kind
 from acausal.language.dimensions import check_dimensions
 from acausal.language.expression import Equation, assigned
 from acausal.library import blocks, electrical, rotational, thermal, translational

@@ -11,7 +11,7 @@ import pytest
 
 from acausal import Component, Connector, flatten
 from acausal.errors import DeclarationError
-from acausal.language.declare import Kind
+from acausal.language.declaration import Kind
 from acausal.language.dimensions import check_dimensions
 from acausal.language.events import Assertion
 from acausal.language.overconstrained import Branch, Root

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from acausal import Expr, variable
 from acausal.errors import DeclarationError
-from acausal.language.declare import Declaration
+from acausal.language.declaration import Declaration
 from acausal.language.expression import Symbol
 from acausal.library.multibody.orientation import (
     IDENTITY,

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -20,9 +20,8 @@ from numpy.typing import NDArray
 from acausal.lower.build import BUILD
 from acausal.lower.collector import collector_paused
 from acausal.lower.columns.patterns import CONSTANT, Column, Patterns, Stage, patterns
-
-if TYPE_CHECKING:
-    from acausal.lower.compiled import CompiledModel
+from acausal.lower.lowered import Lowered
+from acausal.lower.symbols import Symbols
 
 Vector = NDArray[np.float64]
 
@@ -77,7 +76,7 @@ def _times(column: Any, factors: Vector) -> Any:
     return column if (factors == 1.0).all() else column * ca.DM(factors)
 
 
-def mapped(compiled: CompiledModel, zeros: frozenset[int]) -> Mapped | None:
+def mapped(compiled: Lowered, zeros: frozenset[int]) -> Mapped | None:
     """The model's equations by patterns; None where that does not pay.
 
     `zeros` are the places of parameters that are zero, whatever p holds.
@@ -122,9 +121,7 @@ def _colours(rhs: Any) -> int:
 class _Program:
     """The columns of one model while they are lowered."""
 
-    def __init__(self, compiled: CompiledModel, zeros: frozenset[int] = frozenset()) -> None:
-        from acausal.lower.compiled import Symbols
-
+    def __init__(self, compiled: Lowered, zeros: frozenset[int] = frozenset()) -> None:
         self.compiled = compiled
         self.zeros = zeros
         solution = compiled.solution
@@ -149,8 +146,6 @@ class _Program:
 
     def constants(self) -> Any:
         """`(p, u) -> c`."""
-        from acausal.lower.compiled import Symbols
-
         symbols = Symbols(self.compiled)
         builder = symbols.builder(self.compiled)
         builder.definitions = self.resolving.definitions

@@ -11,7 +11,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from acausal.lower.compiled import CompiledModel, DefiningBuilder, Symbols
+from acausal.lower.compiled import CompiledModel
+from acausal.lower.symbols import DefiningBuilder, Symbols
 from acausal.simulate.equations.quick import Narrow, Quick
 from acausal.simulate.equations.shares import Shares
 from acausal.simulate.native.equations import parametric

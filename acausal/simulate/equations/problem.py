@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +14,22 @@ from acausal.simulate.equations.numbered import Numbered, numbered
 from acausal.simulate.native.policy import Native
 from acausal.simulate.record.marching import CLOSE, followed
 
-if TYPE_CHECKING:
-    from acausal.simulate.solvers.base import Segment
-
 Vector = NDArray[np.float64]
+
+
+class Stretch(Protocol):
+    """What of a `Segment` says where its algebraic variables are: its start, and its times, shape (n,)."""
+
+    @property
+    def start(self) -> float: ...
+    @property
+    def times(self) -> Vector: ...
+    @property
+    def x(self) -> Vector: ...
+    @property
+    def z(self) -> Vector: ...
+    @property
+    def p(self) -> Vector: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +84,7 @@ class Problem:
         """The equations as integrators get them, with `p` and `u` as they are when this is first asked for."""
         return numbered(self.compiled, self.p, self.u)
 
-    def solve_algebraic(self, segment: Segment, x: Vector) -> Vector:
+    def solve_algebraic(self, segment: Stretch, x: Vector) -> Vector:
         """Algebraic variables at the times of a segment whose states are `x`; shape (nz, n).
 
         They are followed from the start of the segment, and must be the ones with which the rates were computed.

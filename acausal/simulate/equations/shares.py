@@ -20,7 +20,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from acausal.lower.compiled import CompiledModel, Symbols
+from acausal.lower.compiled import CompiledModel
+from acausal.lower.symbols import Symbols
 from acausal.simulate.equations.quick import Quick
 
 Vector = NDArray[np.float64]

@@ -15,8 +15,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from acausal.lower.compiled import CompiledModel, Symbols
+from acausal.lower.compiled import CompiledModel
 from acausal.lower.event_functions import guard_rates
+from acausal.lower.symbols import Symbols
 from acausal.simulate.equations.kept import kept
 from acausal.simulate.equations.quick import Quick
 from acausal.simulate.equations.shares import Border

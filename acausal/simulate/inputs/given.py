@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from acausal.errors import AcausalError, UsageError
 from acausal.flatten.parameters import check_limit
-from acausal.language.declare import Declaration
+from acausal.language.declaration import Declaration
 from acausal.lower.chebyshev import INPUT_WIDTH
 from acausal.lower.compiled import CompiledModel
 from acausal.result import Result

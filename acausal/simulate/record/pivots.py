@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from acausal.analyse.blocks.pivots import keeps_sign
 from acausal.lower.compile import refined
-from acausal.lower.compiled import CompiledModel, Symbols
+from acausal.lower.compiled import CompiledModel
+from acausal.lower.symbols import Symbols
 from acausal.numeric.samples import Visited
 
 if TYPE_CHECKING:

@@ -18,7 +18,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from acausal.lower.compiled import CompiledModel, Symbols
+from acausal.lower.compiled import CompiledModel
+from acausal.lower.symbols import Symbols
 
 Vector = NDArray[np.float64]
 Conditions = Callable[[Vector], tuple[Vector, Vector]]

@@ -23,7 +23,8 @@ from acausal.analyse.analyse import preference
 from acausal.analyse.state_events import discrete_variables
 from acausal.flatten.reduced import ReducedSystem, nominal
 from acausal.lower.build import Builder
-from acausal.lower.compiled import CompiledModel, Symbols
+from acausal.lower.compiled import CompiledModel
+from acausal.lower.symbols import Symbols
 from acausal.simulate.equations.quick import Quick
 from acausal.simulate.start.nearest import shortest
 

@@ -30,7 +30,8 @@ from acausal.study.bench.distance import distance
 from acausal.study.bench.isolated import isolated
 from acausal.study.bench.measure import Measured, Task, measured
 from acausal.study.bench.reference import Reference
-from acausal.study.bench.report import Bench, Run
+from acausal.study.bench.report import Bench
+from acausal.study.bench.run import Run
 from acausal.study.bench.trajectory import components
 
 Vector = NDArray[np.float64]

@@ -18,7 +18,8 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormat
 from acausal.errors import UsageError
 from acausal.files import atomic
 from acausal.plot import FORMATS, Drawing
-from acausal.study.bench.report import Bench, Run, generic
+from acausal.study.bench.report import Bench
+from acausal.study.bench.run import Run, generic
 
 # Okabe and Ito's palette, distinguishable for colour-blind readers, without its yellow.
 _COLORS = {
@@ -54,7 +55,7 @@ _PANEL, _LIST, _CHARACTERS = 4.3, 3.6, 62
 _EXACT = 1e-16
 
 
-def chart(bench: Bench, file: str | Path | None = None, title: str | None = None) -> Figure:
+def bench_chart(bench: Bench, file: str | Path | None = None, title: str | None = None) -> Figure:
     """Solve time, evaluations, and phase errors or steps over the error; what failed, and why, stands beside.
 
     Raises

@@ -3,82 +3,20 @@
 from __future__ import annotations
 
 import math
-import re
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from textwrap import shorten
 from typing import TYPE_CHECKING, Any
 
-from acausal.study.bench.case import Case
-from acausal.study.bench.distance import Distance
+from acausal.errors import IntegrationError
+from acausal.providers import provided
+from acausal.study.bench.recommend import Recommendation
 from acausal.study.bench.reference import Reference
+from acausal.study.bench.run import Run, generic, monotone
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from acausal.study.bench.recommend import Recommendation
-
-
-@dataclass(frozen=True)
-class Run:
-    """One case: its errors and costs, or the `failure` that took their place. Times in seconds.
-
-    `solve_time` is the best of the repetitions, without making integrators and without waiting for the processor;
-    start values and making integrators are `startup_time`. `constraint_drift` is the largest residual of stabilised
-    constraints before projection, None where the form of the equations has none.
-    """
-
-    case: Case
-    failure: str = ""
-    distance: Distance | None = None
-    solve_time: float = math.nan
-    startup_time: float = math.nan
-    counters: Mapping[str, float] = field(default_factory=dict)
-    constraint_drift: float | None = None
-    native: bool = False
-    events: int = 0
-
-    @property
-    def error(self) -> float:
-        """The error on the chart: the largest mixed error over the grid; nan for a failure."""
-        return math.nan if self.distance is None else self.distance.series
-
-    @property
-    def cost(self) -> float:
-        """What one run of a compiled model takes [s]."""
-        return self.solve_time + self.startup_time
-
-    def record(self) -> dict[str, Any]:
-        """For JSON."""
-        d = self.distance
-        return {
-            "solver": self.case.solver,
-            "formulation": self.case.formulation,
-            "tolerance": self.case.tolerance,
-            "step": self.case.step,
-            "series": self.case.series,
-            "failed": bool(self.failure),
-            "failure": self.failure or None,
-            "error": None if d is None else d.series,
-            "end_error": None if d is None else d.end,
-            "absolute_error": None if d is None else d.absolute,
-            "worst": None if d is None else d.worst,
-            "scd": None if d is None else d.scd,
-            "mescd": None if d is None else d.mescd,
-            "phase_error": None if d is None else d.phase,
-            "shape_error": None if d is None else d.shape,
-            "constraint_drift": self.constraint_drift,
-            "solve_time": self.solve_time,
-            "startup_time": self.startup_time,
-            "steps": self.counters.get("steps"),
-            "rhs_evaluations": self.counters.get("rhs_evaluations"),
-            "jacobians": self.counters.get("jacobians"),
-            "factorisations": self.counters.get("factorisations"),
-            "rejected": self.counters.get("rejected"),
-            "events": self.events,
-            "native": self.native,
-        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,16 +95,43 @@ class Bench:
         }
 
     def recommend(self, accuracy: float) -> Recommendation:
-        """The cheapest run that reaches an accuracy; IntegrationError AC411 when there is none."""
-        from acausal.study.bench.recommend import recommend
+        """The cheapest run whose error is at most `accuracy`, with that of every tighter run of its solver.
 
-        return recommend(self, accuracy)
+        Raises
+        ------
+        IntegrationError
+            AC411 when nothing reaches it, or the reference cannot tell.
+        """
+        digits = self.reference.trusted_digits
+        if self.reference.trusted_error > accuracy:
+            raise IntegrationError(
+                "AC411",
+                f"an accuracy of {accuracy:g} cannot be judged for {self.model}: "
+                + (
+                    f"its reference is trusted to {digits:.1f} digits only"
+                    if digits > 0
+                    else "its reference has no digit"
+                ),
+                evidence=[self.reference.source, *self.reference.notes],
+                cause="the model amplifies rounding (chaos), or has jumps the solvers place differently",
+                help="shorten the run (--stop-time), or ask for less",
+            )
+        good = [run for runs in self.series.values() for run in monotone(runs, accuracy)]
+        if not good:
+            arrived = sorted((run for run in self.runs if run.distance is not None), key=lambda run: run.error)
+            raise IntegrationError(
+                "AC411",
+                f"no run of {self.model} reached an accuracy of {accuracy:g}",
+                evidence=[f"{run.case.series}, {run.case.knob}: error {run.error:.1e}" for run in arrived[:3]],
+                help="try tighter tolerances (--tolerance), or ask for less",
+            )
+        best = min(good, key=lambda run: run.cost)
+        return Recommendation(accuracy, best, len(self.runs), self.reference.trusted_digits)
 
     def plot(self, file: str | Path | None = None) -> Figure:
         """Draw the chart, to a file where one is given: .png, .svg or .pdf."""
-        from acausal.study.bench.chart import chart
-
-        return chart(self, file)
+        drawn: Figure = provided("bench_chart")(self, file)
+        return drawn
 
     def failures(self) -> dict[str, tuple[Run, ...]]:
         """Runs that failed, those that failed alike together."""
@@ -214,15 +179,6 @@ _COUNTS = {"steps": "steps", "rhs": "rhs_evaluations", "jac": "jacobians", "fact
 _ORDERS = {"rk2": 2, "rk": 4, "erk": 5, "rosenbrock": 5, "collocation": 5}
 
 
-def generic(failure: str) -> str:
-    """A reason without the numbers that differ from run to run."""
-    text = re.sub(r"^not tried: ", "", failure)
-    text = re.sub(r" at (tolerance|step) \S+( s)?$", "", text)
-    text = re.sub(r": error \S+$", "", text)
-    text = re.sub(r"a step of \S+ s is", "steps are", text)
-    return re.sub(r" stopped at t = \S+ s", " stopped", text)
-
-
 def _cheapest(bench: Bench, accuracy: float) -> str:
     if bench.reference.trusted_error > accuracy:
         return "the reference cannot tell"
@@ -249,15 +205,3 @@ def _row(run: Run, drifts: bool) -> tuple[str, ...]:
         *drift,
         *(f"{run.counters[c]:.0f}" if c in run.counters else "-" for c in _COUNTS.values()),
     )
-
-
-def monotone(runs: Sequence[Run], accuracy: float) -> list[Run]:
-    """Runs that reach an accuracy, and so does every tighter one of the same series: a lucky hit is no advice."""
-    found = []
-    for run in reversed(runs):
-        if run.distance is None:
-            continue
-        if not run.error <= accuracy:
-            break
-        found.append(run)
-    return found

@@ -20,9 +20,10 @@ from acausal.flatten.parameters import entries
 from acausal.language.component import Component
 from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
+from acausal.providers import provided
 from acausal.result import Result
 from acausal.study.fit.dataset import Dataset
-from acausal.study.fit.judge import Judgement, judge
+from acausal.study.fit.judge import Judgement, Unknowns, judge
 from acausal.study.fit.trial import Trial, trial_of
 
 if TYPE_CHECKING:
@@ -89,9 +90,8 @@ class Fit:
 
     def plot(self, file: str | None = None) -> Figure:
         """Measured points on simulated lines, residuals below, one column of panels per signal."""
-        from acausal.study.fit.picture import picture
-
-        return picture(self, file)
+        drawn: Figure = provided("fit_picture")(self, file)
+        return drawn
 
 
 def fit(
@@ -145,28 +145,6 @@ def fit(
     if search.rows <= len(unknown.names):
         raise UsageError("AC057", f"{search.rows} measured values cannot tell {len(unknown.names)} parameters")
     return search.solved(compiled)
-
-
-@dataclass(frozen=True, eq=False)
-class Unknowns:
-    """Parameters to find: paths, units, guesses, limits and magnitudes, each of shape (n,)."""
-
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    guess: Vector
-    low: Vector
-    high: Vector
-
-    @property
-    def guess_by_name(self) -> dict[str, float]:
-        """Where the search begins."""
-        return dict(zip(self.names, self.guess.tolist(), strict=True))
-
-    @property
-    def scale(self) -> Vector:
-        """What each is measured in: its guess, or the width of its limits where that is zero."""
-        width = np.where(np.isfinite(self.high - self.low), self.high - self.low, 1.0)
-        return np.where(self.guess != 0.0, np.abs(self.guess), width)
 
 
 def _unknowns(

@@ -4,13 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-
-if TYPE_CHECKING:
-    from acausal.study.fit.fit import Unknowns
 
 Vector = NDArray[np.float64]
 _CONFIDENCE = 0.95
@@ -24,6 +20,28 @@ _SHARE = 0.05
 _CLOSE = 0.99
 # Correlation of residuals that follow one another beyond which they are no noise: by chance it is 1/sqrt(rows).
 _COLOURED = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Unknowns:
+    """Parameters to find: paths, units, guesses, limits and magnitudes, each of shape (n,)."""
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    guess: Vector
+    low: Vector
+    high: Vector
+
+    @property
+    def guess_by_name(self) -> dict[str, float]:
+        """Where the search begins."""
+        return dict(zip(self.names, self.guess.tolist(), strict=True))
+
+    @property
+    def scale(self) -> Vector:
+        """What each is measured in: its guess, or the width of its limits where that is zero."""
+        width = np.where(np.isfinite(self.high - self.low), self.high - self.low, 1.0)
+        return np.where(self.guess != 0.0, np.abs(self.guess), width)
 
 
 @dataclass(frozen=True, eq=False)

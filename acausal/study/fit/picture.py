@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import matplotlib
 import numpy as np
@@ -13,14 +13,12 @@ from matplotlib.figure import Figure
 from acausal.errors import UsageError
 from acausal.plot import COLORS, STYLE, Drawing, check_suffix, save
 from acausal.scale import readable
-
-if TYPE_CHECKING:
-    from acausal.study.fit.fit import Fit
+from acausal.study.fit.fit import Fit
 
 _MOST = 6
 
 
-def picture(fit: Fit, file: str | Path | None = None) -> Figure:
+def fit_picture(fit: Fit, file: str | Path | None = None) -> Figure:
     """Draw a fit: one column per signal, runs above and residuals below.
 
     Raises

@@ -3,25 +3,21 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from acausal.plot import Drawing, check_suffix, save
 from acausal.simulate.step_limit.amplification import METHODS
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from acausal.study.stability.report import Stability
+from acausal.study.stability.report import Stability
 
 _SHOWN = {"euler": "#E69F00", "rk2": "#D55E00", "rk4": "#009E73", "erk": "#0072B2"}
 _TITLES = {m.name: m.title for m in METHODS}
 
 
-def draw(study: Stability, file: str | Path | None = None) -> Figure:
+def stability_picture(study: Stability, file: str | Path | None = None) -> Figure:
     """Two panels: all eigenvalues h*lambda on symmetric logarithmic axes, and those near the origin as they are.
 
     Raises

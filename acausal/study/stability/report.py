@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from acausal.diagnose.words import counted
+from acausal.providers import provided
 from acausal.study.growth import Growth
 from acausal.study.stability.bdf import BdfEffect
 from acausal.study.stability.character import Character
@@ -154,9 +155,8 @@ class Stability:
 
     def plot(self, file: str | Path | None = None) -> object:
         """Eigenvalues in the complex plane with the methods' stability regions at `step`; a matplotlib figure."""
-        from acausal.study.stability.picture import draw
-
-        return draw(self, file)
+        drawn: object = provided("stability_picture")(self, file)
+        return drawn
 
 
 def _within(text: str) -> str:

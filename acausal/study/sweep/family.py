@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.errors import UsageError, nearest
+from acausal.providers import provided
 from acausal.signals import Signal
-from acausal.study.sweep import tables
 from acausal.study.sweep.store import Store
 
 if TYPE_CHECKING:
@@ -120,22 +120,20 @@ class Sweep:
         UsageError
             AC012 when the file cannot be written, AC013 for another suffix, AC015 when a package is missing.
         """
-        tables.write(self, Path(path))
+        provided("write_sweep")(self, Path(path))
 
     def to_xarray(self) -> Any:
         """An `xarray.Dataset` over `member` and `time`, parameters and status as coordinates."""
-        return tables.dataset(self)
+        return provided("sweep_dataset")(self)
 
     def to_pandas(self) -> Any:
         """A `pandas.DataFrame` with one row for each member: parameters, status, and signals at the end of the run."""
-        pandas = tables.package("pandas")
-        return pandas.DataFrame(tables.columns(self)).set_index("member")
+        return provided("sweep_frame")(self)
 
     def plot(self, *names: str, by: str | None = None, file: str | Path | None = None) -> Figure:
-        """Draw families of curves; see `acausal.study.sweep.picture.plot`."""
-        from acausal.study.sweep.picture import plot
-
-        return plot(self, *names, by=by, file=file)
+        """Draw families of curves; see `acausal.study.sweep.picture`."""
+        drawn: Figure = provided("sweep_picture")(self, *names, by=by, file=file)
+        return drawn
 
     def __repr__(self) -> str:
         varied = ", ".join(s.name for s in self.parameters)

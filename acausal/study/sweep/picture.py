@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import matplotlib
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LinearSegmentedColormap, LogNorm, Normalize
@@ -17,11 +18,7 @@ from numpy.typing import NDArray
 from acausal.errors import UsageError
 from acausal.plot import STYLE, check_suffix, save
 from acausal.scale import readable
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from acausal.study.sweep.family import Sweep
+from acausal.study.sweep.family import Sweep
 
 Vector = NDArray[np.float64]
 
@@ -33,7 +30,7 @@ _MAP = LinearSegmentedColormap.from_list("family", matplotlib.colormaps["viridis
 _STYLES = ("-", "--", ":", "-.")
 
 
-def plot(sweep: Sweep, *names: str, by: str | None = None, file: str | Path | None = None) -> Figure:
+def sweep_picture(sweep: Sweep, *names: str, by: str | None = None, file: str | Path | None = None) -> Figure:
     """Draw signals over time, one panel each, of all members that have values.
 
     Up to 200 members are lines in the colour of a parameter, and in the style of another one with up to four values; of

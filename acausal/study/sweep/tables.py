@@ -8,15 +8,13 @@ import json
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import Any, BinaryIO
 
 import numpy as np
 
 from acausal.errors import UsageError
 from acausal.files import atomic
-
-if TYPE_CHECKING:
-    from acausal.study.sweep.family import Sweep
+from acausal.study.sweep.family import Sweep
 
 
 def package(name: str) -> Any:
@@ -47,7 +45,12 @@ def columns(sweep: Sweep) -> dict[str, Any]:
     }
 
 
-def dataset(sweep: Sweep) -> Any:
+def sweep_frame(sweep: Sweep) -> Any:
+    """The table as a `pandas.DataFrame`, by member."""
+    return package("pandas").DataFrame(columns(sweep)).set_index("member")
+
+
+def sweep_dataset(sweep: Sweep) -> Any:
     """The sweep as an `xarray.Dataset`; `NAME.final` are the values at the end of each run."""
     xarray = package("xarray")
     about = {s.name: {"units": s.unit, "long_name": s.doc} for s in (*sweep.parameters, *sweep.signals)}
@@ -64,7 +67,7 @@ def dataset(sweep: Sweep) -> Any:
     return xarray.Dataset(data, coords=coordinates, attrs={"model": sweep.model})
 
 
-def write(sweep: Sweep, path: Path) -> None:
+def write_sweep(sweep: Sweep, path: Path) -> None:
     """Write the table in the format of the suffix, completely or not at all."""
     writer = WRITERS[check_table(path)]
     with atomic(path) as file:
@@ -127,7 +130,7 @@ def _parquet(sweep: Sweep, file: BinaryIO) -> None:
 
 def _netcdf(sweep: Sweep, file: BinaryIO) -> None:
     # NetCDF 3, which SciPy writes, has no strings of any length and no 64-bit integers
-    whole = dataset(sweep)
+    whole = sweep_dataset(sweep)
     for name in ("member", "events"):
         whole[name] = whole[name].astype(np.int32)
     file.write(bytes(whole.to_netcdf(engine="scipy")))

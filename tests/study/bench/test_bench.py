@@ -28,7 +28,6 @@ from acausal import (
     when,
 )
 from acausal.errors import IntegrationError, UsageError
-from acausal.study.bench.recommend import recommend
 from acausal.study.bench.report import Bench
 
 
@@ -110,12 +109,12 @@ def test_every_run_has_its_costs(swing: Bench) -> None:
 
 
 def test_the_cheapest_run_that_is_exact_enough(swing: Bench) -> None:
-    advice = recommend(swing, 1e-5)
+    advice = swing.recommend(1e-5)
     assert advice.run.error <= 1e-5
     good = [r for r in swing.runs if r.error <= 1e-5]
     assert advice.run.cost == min(r.cost for r in good)
     with pytest.raises(IntegrationError, match="AC411"):
-        recommend(swing, 1e-14)
+        swing.recommend(1e-14)
 
 
 def test_failures_stay_with_their_reason(tmp_path: Path) -> None:

@@ -1,0 +1,104 @@
+"""Where an exported model starts: its start values as numbers, and as a function of its parameters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.errors import ExportError, InitializationError
+from acausal.export.parts import NEWTON
+from acausal.lower.compiled import CompiledModel
+from acausal.numeric.evaluate import values
+from acausal.simulate.start.initialize import initialize
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Begin:
+    """The model's start with its declared parameters and the start values of its inputs, and the modes it is in."""
+
+    t: float
+    x: Vector
+    z: Vector
+    u: Vector
+    p: Vector
+    m: Vector
+    notes: tuple[str, ...]
+
+
+def begin_of(compiled: CompiledModel, p: Vector | None = None) -> Begin:
+    """Solve the start problem; where it has no solution (an input may have to differ from 0), take its guesses.
+
+    `p` are the parameters, shape (np,), as declared by default.
+    """
+    t = compiled.flat.experiment.start_time
+    p = np.array(compiled.parameter_values, dtype=float) if p is None else p
+    u = np.array([input_start(compiled, scalar, p) for scalar in compiled.flat.inputs])
+    m = np.array(compiled.modes(t, p)).ravel()
+    try:
+        start = initialize(compiled, t, p, u, m)
+    except InitializationError as error:
+        x, z = (np.array(v).ravel() for v in compiled.guess(p))
+        return Begin(t, x, z, u, p, m, (f"start values are guesses only: {error.fact}",))
+    return Begin(t, start.x, start.z, u, p, m, start.notes)
+
+
+def input_start(compiled: CompiledModel, scalar: int, p: Vector) -> float:
+    """Declared guess of an input, else 0."""
+    start = compiled.flat.starts.get(scalar)
+    if start is None:
+        return 0.0
+    leaves = {"par": p.__getitem__, "time": lambda _: compiled.flat.experiment.start_time}
+    return float(values(compiled.flat.pool, [start.node], leaves)[start.node])
+
+
+def init_function(compiled: CompiledModel, begin: Begin) -> Any:
+    """`(p) -> (x0, z0)`."""
+    n, nz = len(compiled.states), len(compiled.algebraic)
+    given = {*compiled.start.direct, *compiled.start.defaulted}
+    free = [k for k, v in enumerate(compiled.state_variables) if v not in given]
+    if not free and not nz:
+        p = ca.SX.sym("p", len(compiled.parameters))
+        return ca.Function("init", [p], list(compiled.guess(p)), ["p"], ["x0", "z0"])
+    scale = np.concatenate([compiled.nominal_x[free], compiled.nominal_z])
+    root = _start_root(compiled, begin, free, scale)
+    parameters: Any = ca.MX.sym("p", len(compiled.parameters))
+    x, z = compiled.guess(parameters)
+    # From where the declared parameters' start was found, moved as the guesses move with the parameters.
+    found = ca.DM(np.concatenate([begin.x[free], begin.z]))
+    guessed = ca.vertcat(*compiled.guess(begin.p))[free + list(range(n, n + nz))]
+    first = ca.vertcat(x, z)[free + list(range(n, n + nz))] - guessed + found
+    solved: Any = root(first / ca.DM(scale), parameters) * ca.DM(scale)
+    x0: Any = ca.MX(x)
+    if free:
+        x0[free] = solved[: len(free)]
+    z0 = ca.vertsplit(solved, [0, len(free), len(scale)])[1]
+    return ca.Function("init", [parameters], [x0, z0], ["p"], ["x0", "z0"])
+
+
+def _start_root(compiled: CompiledModel, begin: Begin, free: list[int], scale: Vector) -> Any:
+    """Rootfinder `(y0, p) -> y` for free states and algebraic variables at the start, divided by `scale`."""
+    y, p = ca.SX.sym("y", len(scale)), ca.SX.sym("p", len(compiled.parameters))
+    unknown = y * ca.DM(scale)
+    x = compiled.guess(p)[0]
+    for k, i in enumerate(free):
+        x[i] = unknown[k]
+    point = (begin.t, x, unknown[len(free) :], begin.u, p)
+    arguments = (*point, compiled.all_modes(*point))
+    residual = compiled.rhs(*arguments)[1]
+    if free:
+        residual = ca.vertcat(compiled.conditions(*arguments)[0], residual)
+    if residual.numel() != len(scale):
+        raise ExportError(
+            "AC603",
+            f"{residual.numel()} start conditions for {len(scale)} open values of {compiled.name}",
+            evidence=[c.text for c in compiled.start.conditions[:6]],
+            help="give the start values of states with fixed(...)",
+        )
+    function = ca.Function("start", [y, p], [residual], ["y", "p"], ["r"])
+    return ca.rootfinder("start", "newton", function, NEWTON)

@@ -1,0 +1,49 @@
+"""Equations and wanted outputs of a model as CasADi functions, the modes following from where the model is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import casadi as ca
+
+from acausal.export.finite import finite
+from acausal.export.ports import Output
+from acausal.lower.compiled import CompiledModel
+from acausal.lower.symbols import Symbols
+
+
+def dae_function(compiled: CompiledModel, outputs: Sequence[Output]) -> Any:
+    """`(t, x, z, u, p) -> (ode, alg, y)`, with derivatives that are finite wherever its values are."""
+    s = Symbols(compiled)
+    y = observed_function(compiled, outputs)
+    arguments = [s.t, s.x, s.z, s.u, s.p]
+    modes = compiled.all_modes(*arguments)
+    found = [*compiled.rhs(*arguments, modes), y(*arguments, modes)]
+    names = ["t", "x", "z", "u", "p"], ["ode", "alg", "y"]
+    return finite(ca.Function("dae", arguments, [ca.densify(v) for v in found], *names))
+
+
+def observed_function(compiled: CompiledModel, outputs: Sequence[Output]) -> Any:
+    """`(t, x, z, u, p, m) -> y`."""
+    s = Symbols(compiled)
+    image = compiled.solution.structure.reduced.image
+    builder = s.builder(compiled)
+    nodes = [image[output.scalar] for output in outputs]
+    builder.define(_definitions(compiled, nodes), compiled.rewritten)
+    observed = builder.lower([builder.replaced(n) for n in nodes])
+    return ca.Function("y", s.inputs, [ca.vertcat(*observed) if observed else ca.SX(0, 1)])
+
+
+def _definitions(compiled: CompiledModel, nodes: Sequence[int]) -> list[tuple[int, int]]:
+    """The definitions that `nodes` need, in evaluation order."""
+    pool = compiled.solution.structure.reduced.pool
+    node_of = dict(compiled.solution.definitions)
+    needed: set[int] = set()
+    stack = list(pool.variables_in(*nodes))
+    while stack:
+        v = stack.pop()
+        if v in node_of and v not in needed:
+            needed.add(v)
+            stack.extend(pool.variables_in(node_of[v]))
+    return [d for d in compiled.solution.definitions if d[0] in needed]

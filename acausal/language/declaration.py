@@ -1,0 +1,99 @@
+"""What is known of a declared name, and of the component that declares it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any, ClassVar
+
+
+class Kind(Enum):
+    """What a declared name is to the compiler."""
+
+    VARIABLE = "variable"
+    FLOW = "flow"
+    PARAMETER = "parameter"
+    INPUT = "input"
+    OUTPUT = "output"
+    STRUCTURAL = "structural"
+    PART = "part"
+
+
+@dataclass(frozen=True)
+class Fixed:
+    """A start value that is an equation of the initial system."""
+
+    value: Any
+
+
+@dataclass(frozen=True)
+class Guess:
+    """A start value that only starts Newton's method."""
+
+    value: Any
+
+
+Start = Fixed | Guess
+
+
+@dataclass(frozen=True, eq=False)
+class Declaration:
+    """Everything said about one name, except its value.
+
+    `default` is a number, a nested tuple, a function of the instance (`lambda self: sin(self.sigma)`), a
+    `Fixed` or a `Guess`, or None. `prefer_state` ranks candidates for states: True before undeclared before False.
+    `hint` is printed when the compiler cannot determine the variable. `monotone_above` is a value from which on the
+    equations rise or fall steadily with the variable, along a curve that bends to one side: where they are nonlinear in
+    it, the compiler solves them inside the equations instead of leaving an algebraic variable. A `discrete` variable
+    keeps its value between events; of these, `boolean` ones are true or false and `integer` ones count.
+    """
+
+    kind: Kind
+    shape: tuple[int, ...] = ()
+    unit: str = ""
+    doc: str = ""
+    default: Any = None
+    nominal: float = 1.0
+    min: float = -math.inf
+    max: float = math.inf
+    prefer_state: bool | None = None
+    hint: str = ""
+    monotone_above: float | None = None
+    overconstrained: bool = False
+    discrete: bool = False
+    boolean: bool = False
+    integer: bool = False
+
+    def belongs_to(self, cls: type[Owner], name: str) -> None:
+        """Remember the class whose body this stands in: as a class, a declaration is pickled by its name."""
+        object.__setattr__(self, "_home", (cls, name))
+
+    def __reduce__(self) -> Any:
+        home = self.__dict__.get("_home")
+        return super().__reduce_ex__(2) if home is None else (_declaration_of, home)
+
+
+def _declaration_of(cls: type[Owner], name: str) -> Declaration:
+    return cls._declarations[name]
+
+
+class Owner:
+    """What a component is to its declarations: `Component` is the one subclass."""
+
+    _declarations: ClassVar[dict[str, Declaration]] = {}
+    _classes: ClassVar[dict[str, type[Owner] | None]]
+    _is_named_right: ClassVar[bool]
+
+    def _path_to(self, name: str) -> str:
+        """Path of a field as seen from the outermost owner, for messages."""
+        names = [name]
+        here: Owner = self
+        while here.__dict__["_owner"] is not None:
+            here, own_name = here.__dict__["_owner"]
+            names.append(own_name)
+        return ".".join(reversed(names))
+
+    def _refuse_unmade(self) -> None:
+        """Refuse what a constructor of its own has left without all that a component is (AC109)."""
+        raise NotImplementedError

@@ -1,0 +1,210 @@
+"""What lowering a model gives: its symbolic solution, the right-hand side, and what the entries of vectors are."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.analyse.blocks.solve import Solution
+from acausal.analyse.delays import Delays
+from acausal.analyse.start import StartProblem
+from acausal.analyse.state_events import StateEvents
+from acausal.analyse.time_events import TimeEvents
+from acausal.flatten.flat import FlatSystem
+from acausal.flatten.reduced import nominal
+from acausal.language.component import Component
+from acausal.lower.chebyshev import INPUT_WIDTH
+from acausal.numeric.samples import STABILISATION_RATE
+from acausal.reduce.select import Selection
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Recipe:
+    """What a model was compiled from, for one whose structure changes while it runs."""
+
+    model: Component
+    parameters: Mapping[str, object]
+    formulation: str = "torn"
+    freeze: tuple[str, ...] = ()
+    quasi_static: tuple[str, ...] = ()
+    cache: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class Lowered:
+    """The data of a `CompiledModel`; its functions are made from them.
+
+    Sizes: `nx` states (`n_dynamic` of the coupled system, then `quadratures` integrals of time that act on nothing,
+    then `discretes` variables that change at events only), `nz` algebraic variables, `nu` inputs, `np` free parameters,
+    `nm` modes of events; the numbers of delayed signals and of inputs over time are among them.
+
+    Attributes
+    ----------
+    solution
+        The symbolic stage it was lowered from; `solution.structure.reduced.flat` is the flat system.
+    rhs
+        `(t, x[nx], z[nz], u[nu], p[np], m[nm]) -> (ode[nx], alg[nz])`, SX, smooth in each mode.
+    instants
+        `(p) -> times[nm]` at which the modes change.
+    modes
+        `(t, p) -> m[nm]`, 0 or 1: relations of time, then all others (`mode_nodes`), undecided as 0.
+    selection
+        What was left out of the model, and why; None for the full model.
+    timings
+        Seconds per stage of the compilation.
+    driven
+        Places in u of the inputs that are functions of time: polynomials in each stretch of a run, whose numbers are
+        modes. What u holds there is not used (`acausal.lower.driven`).
+    recipe
+        What `simulate` compiles again and again while the structure of the model changes; None where it never does.
+    varied
+        Whether `rhs` says something else than `solution`: a regime (`simulate/events/regime.py`).
+    """
+
+    name: str
+    solution: Solution
+    state_variables: tuple[int, ...]
+    quadratures: int
+    discretes: int
+    start: StartProblem
+    time_events: TimeEvents
+    rhs: Any
+    modes: Any
+    instants: Any
+    state_events: StateEvents = field(default_factory=StateEvents)
+    delays: Delays = field(default_factory=Delays)
+    selection: Selection | None = None
+    recipe: Recipe | None = None
+    driven: tuple[int, ...] = ()
+    timings: dict[str, float] = field(default_factory=dict)
+    varied: bool = False
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The fields: functions that were made from them are made again where they are asked for."""
+        return {f.name: self.__dict__[f.name] for f in fields(self)}
+
+    @property
+    def flat(self) -> FlatSystem:
+        """The flat system the model was compiled from."""
+        return self.solution.structure.reduced.flat
+
+    @property
+    def asked(self) -> tuple[str, ...]:
+        """The outputs that a reduced model was reduced to; empty for a full one."""
+        return (self.selection.outputs or ()) if self.selection is not None else ()
+
+    @cached_property
+    def states(self) -> tuple[str, ...]:
+        """Names of the states, in the order of x."""
+        return tuple(map(self.solution.structure.reduced.name, self.state_variables))
+
+    @cached_property
+    def algebraic(self) -> tuple[str, ...]:
+        """Names of the algebraic variables, in the order of z."""
+        return tuple(map(self.solution.structure.reduced.name, self.solution.algebraic))
+
+    @cached_property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the inputs, in the order of u."""
+        return tuple(map(self.flat.scalar_name, self.flat.inputs))
+
+    @property
+    def continuous(self) -> tuple[str, ...]:
+        """Names of the states that vary between events: discrete variables, the last of x, are none of them."""
+        return self.states[: len(self.states) - self.discretes]
+
+    @property
+    def n_dynamic(self) -> int:
+        """Number of states of the coupled system."""
+        return len(self.state_variables) - self.quadratures - self.discretes
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the free parameters, in the order of p; the rate of stabilised constraints is the last."""
+        extra = ("stabilisation.rate",) if self.solution.structure.rate is not None else ()
+        return (*self.flat.parameter_names, *extra)
+
+    @property
+    def parameter_values(self) -> tuple[float, ...]:
+        """Values of the free parameters as declared in the model."""
+        extra = (STABILISATION_RATE,) if self.solution.structure.rate is not None else ()
+        return (*self.flat.parameter_values, *extra)
+
+    def nominal(self, variables: Sequence[int]) -> Vector:
+        """Declared nominal magnitudes of reduced variables."""
+        return np.array([nominal(self.solution.structure.reduced, v) for v in variables], dtype=float)
+
+    @cached_property
+    def nominal_x(self) -> Vector:
+        """Nominal magnitudes of the states, shape (nx,)."""
+        return self.nominal(self.state_variables)
+
+    @cached_property
+    def nominal_z(self) -> Vector:
+        """Nominal magnitudes of the algebraic variables, shape (nz,)."""
+        return self.nominal(self.solution.algebraic)
+
+    @cached_property
+    def columns(self) -> tuple[int, ...]:
+        """Nodes whose trajectories a result holds: states, algebraic, inputs, then everything observed."""
+        reduced = self.solution.structure.reduced
+        pool = reduced.pool
+        found: dict[int, None] = {}
+        order = [*self.state_variables, *self.solution.algebraic, *reduced.inputs]
+        for v in [*order, *(v for v, _ in self.solution.definitions)]:
+            found[pool.var(v)] = None
+        for scalar, node in enumerate(reduced.image):
+            op, *rest = pool.nodes[node]
+            if op == "neg":
+                op = pool.nodes[rest[0]][0]
+            if scalar not in reduced.left_out and op not in ("var", "const") and pool.variables_in(node):
+                found[node] = None
+        return tuple(found)
+
+    @property
+    def mode_nodes(self) -> tuple[int, ...]:
+        """Nodes behind the modes, in the order of m."""
+        events = self.state_events
+        return (*self.time_events.relations, *events.samples, *events.memories, *events.flags, *events.relations)
+
+    @cached_property
+    def rewritten(self) -> dict[int, int]:
+        """Nodes that jump or have a kink, by branches on modes."""
+        return {**self.time_events.rewritten, **self.state_events.rewritten}
+
+    @property
+    def mode_places(self) -> tuple[int, ...]:
+        """Places of `mode_nodes` in m; the numbers of inputs and delays come behind the relations of time."""
+        timely, gap = len(self.time_events.relations), len(self.driven) * INPUT_WIDTH + self.delays.size
+        return tuple(k if k < timely else k + gap for k in range(len(self.mode_nodes)))
+
+    @property
+    def n_timely(self) -> int:
+        """Number of modes that are known before a stretch: relations of time, inputs over time, and delays."""
+        return len(self.time_events.relations) + len(self.driven) * INPUT_WIDTH + self.delays.size
+
+    @property
+    def n_modes(self) -> int:
+        """Number of modes."""
+        return len(self.mode_nodes) + len(self.driven) * INPUT_WIDTH + self.delays.size
+
+    @cached_property
+    def constant_nodes(self) -> tuple[int, ...]:
+        """Distinct images that depend on parameters only."""
+        reduced = self.solution.structure.reduced
+        pool = reduced.pool
+        found: dict[int, None] = {}
+        for node in reduced.image:
+            op, *rest = pool.nodes[node]
+            if op == "neg":
+                op = pool.nodes[rest[0]][0]
+            if op != "var" and node not in found and not pool.variables_in(node):
+                found[node] = None
+        return tuple(found)

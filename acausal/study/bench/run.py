@@ -1,0 +1,94 @@
+"""One run of a bench: its errors and what it cost."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from acausal.study.bench.case import Case
+from acausal.study.bench.distance import Distance
+
+
+@dataclass(frozen=True)
+class Run:
+    """One case: its errors and costs, or the `failure` that took their place. Times in seconds.
+
+    `solve_time` is the best of the repetitions, without making integrators and without waiting for the processor;
+    start values and making integrators are `startup_time`. `constraint_drift` is the largest residual of stabilised
+    constraints before projection, None where the form of the equations has none.
+    """
+
+    case: Case
+    failure: str = ""
+    distance: Distance | None = None
+    solve_time: float = math.nan
+    startup_time: float = math.nan
+    counters: Mapping[str, float] = field(default_factory=dict)
+    constraint_drift: float | None = None
+    native: bool = False
+    events: int = 0
+
+    @property
+    def error(self) -> float:
+        """The error on the chart: the largest mixed error over the grid; nan for a failure."""
+        return math.nan if self.distance is None else self.distance.series
+
+    @property
+    def cost(self) -> float:
+        """What one run of a compiled model takes [s]."""
+        return self.solve_time + self.startup_time
+
+    def record(self) -> dict[str, Any]:
+        """For JSON."""
+        d = self.distance
+        return {
+            "solver": self.case.solver,
+            "formulation": self.case.formulation,
+            "tolerance": self.case.tolerance,
+            "step": self.case.step,
+            "series": self.case.series,
+            "failed": bool(self.failure),
+            "failure": self.failure or None,
+            "error": None if d is None else d.series,
+            "end_error": None if d is None else d.end,
+            "absolute_error": None if d is None else d.absolute,
+            "worst": None if d is None else d.worst,
+            "scd": None if d is None else d.scd,
+            "mescd": None if d is None else d.mescd,
+            "phase_error": None if d is None else d.phase,
+            "shape_error": None if d is None else d.shape,
+            "constraint_drift": self.constraint_drift,
+            "solve_time": self.solve_time,
+            "startup_time": self.startup_time,
+            "steps": self.counters.get("steps"),
+            "rhs_evaluations": self.counters.get("rhs_evaluations"),
+            "jacobians": self.counters.get("jacobians"),
+            "factorisations": self.counters.get("factorisations"),
+            "rejected": self.counters.get("rejected"),
+            "events": self.events,
+            "native": self.native,
+        }
+
+
+def generic(failure: str) -> str:
+    """A reason without the numbers that differ from run to run."""
+    text = re.sub(r"^not tried: ", "", failure)
+    text = re.sub(r" at (tolerance|step) \S+( s)?$", "", text)
+    text = re.sub(r": error \S+$", "", text)
+    text = re.sub(r"a step of \S+ s is", "steps are", text)
+    return re.sub(r" stopped at t = \S+ s", " stopped", text)
+
+
+def monotone(runs: Sequence[Run], accuracy: float) -> list[Run]:
+    """Runs that reach an accuracy, and so does every tighter one of the same series: a lucky hit is no advice."""
+    found = []
+    for run in reversed(runs):
+        if run.distance is None:
+            continue
+        if not run.error <= accuracy:
+            break
+        found.append(run)
+    return found
