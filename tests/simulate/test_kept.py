@@ -95,6 +95,19 @@ def test_what_switches_with_time_is_lowered_once(monkeypatch: pytest.MonkeyPatch
     assert np.array_equal(acausal.simulate(compiled, stop_time=3.0, native=False).matrix, first.matrix)
 
 
+def test_so_many_points_go_by_columns_and_change_no_bit() -> None:
+    # expected: the same function at one point after the other
+    x, p = ca.SX.sym("x", 2), ca.SX.sym("p")
+    kinked = ca.if_else(x[0] < p, ca.fmax(x[1], 0.0) ** p, ca.sqrt(x[0]) / x[1])
+    y = ca.vertcat(kinked, ca.sin(x[0]) * ca.exp(-x[1]), ca.atan2(x[0], x[1]), 3.0, p)
+    quick = Quick(ca.Function("f", [x, p, ca.SX.sym("none", 0)], [y]))
+    points = np.random.default_rng(7).normal(size=(5000, 2))
+    points[[3, 4, 5]] = [0.0, 0.0], [np.inf, 1.0], [np.nan, -0.0]
+    found = quick.many(points, np.array([0.3]), np.zeros((5000, 0)))
+    assert any(columns is not None for columns in quick._columns.values())
+    np.testing.assert_array_equal(found, [quick(point, 0.3, [])[0] for point in points])
+
+
 def test_a_function_at_many_points() -> None:
     """At any number of points as at one; rows that are padded to a power of two are not seen."""
     x, p = ca.SX.sym("x", 2), ca.SX.sym("p")

@@ -8,17 +8,20 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from acausal.simulate.equations.columns import by_columns
 from acausal.simulate.equations.direct import rows
 
 Vector = NDArray[np.float64]
 # So many points are worth a function of their own, one for each power of two up to a block.
 _FEW, _BLOCK = 8, 1024
+# So many rows are worth one that goes by columns: 10 us an operation to make it, 3 ns saved on each in every row.
+_WORTH = 3 * _BLOCK
 
 
 class _Memory(threading.local):
@@ -45,6 +48,8 @@ class Quick:
         self.function = _dense(function)  # the buffer does not keep it alive
         self._memory = _Memory(self.function)
         self._many: dict[tuple[int, tuple[int, ...]], Any] = {}
+        self._columns: dict[tuple[int, tuple[int, ...]], Any] = {}
+        self._asked: dict[tuple[int, tuple[int, ...]], int] = {}
 
     def __call__(self, *arguments: Any) -> list[Vector]:
         memory = self._memory
@@ -68,25 +73,35 @@ class Quick:
             starts = range(0, n, _BLOCK)
             return np.vstack([self.many(*(a[k : k + _BLOCK] if a.ndim == 2 else a for a in arguments)) for k in starts])
         padded = 1 << (n - 1).bit_length()
-        common = tuple(k for k, a in enumerate(arguments) if a.ndim == 1)
-        mapped: Any = self._many.get((padded, common))
-        if mapped is None:
-            whole: Any = self.function.map("many", "serial", padded, list(common), [])
-            mapped = self._many[padded, common] = ca.Function("first", whole.mx_in(), whole.call(whole.mx_in())[:1])
-        buffer, run = mapped.buffer()
+        key = padded, tuple(k for k, a in enumerate(arguments) if a.ndim == 1)
+        self._asked[key] = self._asked.get(key, 0) + padded
+        if self._asked[key] > _WORTH and key not in self._columns:
+            self._columns[key] = by_columns(self.function, *key)
+        columns = self._columns.get(key)
+        order: Literal["C", "F"] = "C" if columns is None else "F"
+        buffer, run = (self._mapped(*key) if columns is None else columns).buffer()
         held = []
         for place, value in enumerate(arguments):
             if value.size:
-                whole_rows = np.empty((padded, *value.shape[1:])) if value.ndim == 2 else np.array(value)
+                whole_rows = np.array(value)
                 if value.ndim == 2:
+                    whole_rows = np.empty((padded, value.shape[1]), order=order)
                     whole_rows[:n], whole_rows[n:] = value, value[-1]
-                held.append(whole_rows.reshape(-1))
+                held.append(whole_rows.reshape(-1, order=order))
                 buffer.set_arg(place, held[-1].data)
-        found = np.zeros((padded, size))
-        buffer.set_res(0, found.reshape(-1).data)
+        found = np.zeros((padded, size), order=order)
+        buffer.set_res(0, found.reshape(-1, order=order).data)
         run()
         # which of them has failed is not told
         return rows(self.function, arguments) if buffer.ret() else found[:n]
+
+    def _mapped(self, padded: int, common: tuple[int, ...]) -> Any:
+        """The function at so many instants, one after the other."""
+        key = padded, common
+        if key not in self._many:
+            whole: Any = self.function.map("many", "serial", padded, list(common), [])
+            self._many[key] = ca.Function("first", whole.mx_in(), whole.call(whole.mx_in())[:1])
+        return self._many[key]
 
 
 class Narrow:

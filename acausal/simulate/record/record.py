@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from acausal.flatten.flat import suffixes
 from acausal.lower.compiled import CompiledModel
 from acausal.result import Event, Result, Signal
+from acausal.simulate.equations.columns import MOST_OPERATIONS
 from acausal.simulate.equations.direct import rows
 from acausal.simulate.equations.kept import kept
 from acausal.simulate.events.guards import Cause
@@ -21,6 +22,8 @@ from acausal.simulate.record.project import off_constraints, projection
 from acausal.simulate.solvers.base import Piece
 
 Vector = NDArray[np.float64]
+# All signals of so many rows are computed column by column.
+_LONG = 1024
 
 
 class Recorder:
@@ -177,7 +180,11 @@ class Recorder:
         slides = bool(((m[first:] > 0.0) & (m[first:] < 1.0)).any())
         arguments = times[:, None], x.T, z.T, self.u, p, m.T
         if columns is None:
-            return rows(self.compiled.blended_observe if slides else self.compiled.observe, arguments)
+            if slides:
+                return rows(self.compiled.blended_observe, arguments)
+            if len(times) < _LONG or self.compiled.observe.n_instructions() > MOST_OPERATIONS:
+                return rows(self.compiled.observe, arguments)
+            return kept(self.compiled).observe.many(*arguments)
         at_hand = len(x) + len(z)
         found = np.empty((len(times), len(columns)))
         asked = [(k, c) for k, c in enumerate(columns) if c >= at_hand]
