@@ -13,6 +13,8 @@ docs/optimal-control.md goes through it.
 from acausal.optimal_control.closed_loop import ClosedLoop as ClosedLoop
 from acausal.optimal_control.closed_loop import closed_loop as closed_loop
 from acausal.optimal_control.controller import Controller as Controller
+from acausal.optimal_control.estimator import Estimate as Estimate
+from acausal.optimal_control.estimator import Estimator as Estimator
 from acausal.optimal_control.optimum import Multiplier as Multiplier
 from acausal.optimal_control.optimum import Optimum as Optimum
 from acausal.optimal_control.problem import Phase as Phase

@@ -58,8 +58,9 @@ def closed_loop(
     parameters
         The plant's own values, which the controller does not know.
     measure, estimate
-        At each sample `estimate(time, measured)` gets the named variables of the plant and returns parameters for the
-        controller, those that it does not return as in its problem.
+        At each sample `estimate(time, measured)` gets the named variables of the plant, inputs as they were held up to
+        now, and returns parameters for the controller, those that it does not return as in its problem, and states that
+        the controller takes instead of the plant's.
 
     Raises
     ------
@@ -81,12 +82,15 @@ def closed_loop(
         measured = dict(zip(names, np.array(dae(t, x, z, u, q.p)[2]).ravel().tolist(), strict=True))
         began = clock.process_time()
         known = estimate(t, measured) if estimate is not None else None
-        inputs = controller(q.coordinates.states(x[:, None]).ravel()[order], known)
+        states = dict(zip(controller.states, q.coordinates.states(x[:, None]).ravel()[order].tolist(), strict=True))
+        found = {} if known is None else dict(known)
+        states |= {name: found.pop(name) for name in controller.states if name in found}
+        inputs = controller(states, found)
         cost[k], iterations[k] = clock.process_time() - began, controller.iterations
         u = np.array([inputs[n] for n in q.u.names])
         given.append(u)
-        found = step(x0=x / q.x.nominal, z0=z, p=ca.vertcat(t, *u))
-        x, z = np.array(found["xf"]).ravel() * q.x.nominal, np.array(found["zf"]).ravel()
+        ended = step(x0=x / q.x.nominal, z0=z, p=ca.vertcat(t, *u))
+        x, z = np.array(ended["xf"]).ravel() * q.x.nominal, np.array(ended["zf"]).ravel()
     times = q.begin.t + controller.step * np.arange(samples + 1)
     held = np.vstack([*given, given[-1]])
     result = simulate(

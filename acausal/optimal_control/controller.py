@@ -18,7 +18,7 @@ from acausal.optimal_control.radau import Program, transcribed
 
 Vector = NDArray[np.float64]
 
-_IPOPT = {
+WARM = {
     "print_level": 0,
     "sb": "yes",
     "max_iter": 100,
@@ -29,6 +29,7 @@ _IPOPT = {
     "warm_start_mult_bound_push": 1e-6,
     "mu_init": 1e-4,
 }
+"""Options of ipopt for solvers that begin from their last answer."""
 
 
 class Controller:
@@ -48,7 +49,7 @@ class Controller:
     def __init__(
         self, problem: Problem, tolerance: float, degree: int, varying: Sequence[str], options: Mapping[str, Any]
     ) -> None:
-        _check(problem)
+        check_horizon(problem)
         q = problem.quantities
         self.problem = problem
         self.states = q.states.names
@@ -56,11 +57,11 @@ class Controller:
         self.step = spec.shortest / len(spec.mesh)
         guesses = guessed(problem)
         laws = dynamics_of(problem, guesses)
-        _check_autonomous(problem, laws[0].dae)
+        check_autonomous(problem, laws[0].dae)
         self._varying = [q.parameters.position(name) for name in varying]
         self._check_circles()
         program = transcribed(problem, laws, guesses, [spec.mesh], Basis(degree, 0), q.p, self._varying)
-        self._solver, self._inputs = _compiled(program, {**_IPOPT, "tol": tolerance, **options})
+        self._solver, self._inputs = _compiled(program, {**WARM, "tol": tolerance, **options})
         low, high = program.nlp.limits
         self._limits = {"lbg": low, "ubg": high}
         self._guess, self._duals = np.concatenate(program.nlp.begin), np.zeros(len(low))
@@ -126,10 +127,18 @@ class Controller:
             )
 
 
-def _check(problem: Problem) -> None:
+def check_horizon(problem: Problem, past: bool = False) -> None:
+    """Refuse a problem that is no window of samples: of the future, or of the past, where parameters are estimated."""
     spec = problem.specs[0]
     fixed = len(problem.specs) == 1 and spec.shortest == spec.longest and spec.switch is None
-    if problem.objective is None or not fixed or problem.quantities.decided:
+    if past and (not fixed or problem.objective is not None):
+        raise UsageError(
+            "AC053",
+            f"{problem!r} is no window to estimate in",
+            help="one phase with duration=samples * step and intervals=samples, and no objective: that is made of "
+            "what is measured",
+        )
+    if not past and (problem.objective is None or not fixed or problem.quantities.decided):
         raise UsageError(
             "AC053",
             f"{problem!r} is no horizon",
@@ -138,12 +147,13 @@ def _check(problem: Problem) -> None:
         )
 
 
-def _check_autonomous(problem: Problem, dae: Any) -> None:
+def check_autonomous(problem: Problem, dae: Any) -> None:
+    """Refuse a model with a clock of its own."""
     compiled = problem.quantities.compiled
     if compiled.time_events.relations or any(dae.jac_sparsity(k, 0).nnz() for k in range(3)):
         raise UsageError(
             "AC053",
-            f"{compiled.name} depends on the time, which a controller does not know",
+            f"{compiled.name} depends on the time, which no sample knows",
             help="make its source an input or a parameter that varies: acausal.free(model, name)",
         )
 

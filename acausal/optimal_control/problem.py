@@ -18,6 +18,7 @@ from acausal.result import Result
 
 if TYPE_CHECKING:
     from acausal.optimal_control.controller import Controller
+    from acausal.optimal_control.estimator import Estimator
     from acausal.optimal_control.optimum import Optimum
 
 _RELATIONS = {ca.OP_LE: 1, ca.OP_LT: 1, ca.OP_EQ: 0}
@@ -326,6 +327,39 @@ class Problem:
 
         self._begun()
         return Controller(self, tolerance, degree, varying, dict(options or {}))
+
+    def estimator(
+        self,
+        measured: Mapping[str, float],
+        *,
+        deviations: Mapping[str, float] | None = None,
+        tolerance: float = 1e-6,
+        degree: int = 3,
+        options: Mapping[str, Any] | None = None,
+    ) -> Estimator:
+        """The problem as a moving-horizon estimator of states and decided parameters.
+
+        Its one phase is the window that is looked back on, its intervals are the samples; there is no objective.
+
+        Parameters
+        ----------
+        measured
+            Standard deviation of the noise by the name of each measured variable.
+        deviations
+            By the name of a state, how far it may be off where the window begins; by that of a decided parameter, how
+            far it may change in a sample. What is not named is found from the measurements alone.
+        tolerance, degree, options
+            As for `solve`.
+
+        Raises
+        ------
+        UsageError
+            AC010 for an unknown name, AC053 for several phases, a free duration, an objective.
+        """
+        from acausal.optimal_control.estimator import Estimator
+
+        self._begun()
+        return Estimator(self, measured, dict(deviations or {}), tolerance, degree, dict(options or {}))
 
     def _begun(self) -> bool:
         """One phase at least; a free one by default."""

@@ -106,6 +106,7 @@ class Demand:
 class Program:
     """The whole program, and where everything is in it."""
 
+    problem: Problem
     nlp: Nlp
     basis: Basis
     p: Any
@@ -115,6 +116,7 @@ class Program:
     ports: tuple[Any, Any] = ((), ())
     first: Any = None
     steps: Steps | None = None
+    past: bool = False
     known: dict[int, Any] = field(default_factory=dict)
 
 
@@ -127,11 +129,13 @@ def transcribed(
     expected: Vector,
     varying: Sequence[int] | None = None,
     steps: Steps | None = None,
+    past: bool = False,
 ) -> Program:
     """The program of a problem on meshes, with its guess; `expected` are the parameters in it, shape (np,).
 
     `varying` leaves the first states and the parameters at these places open, as parameters of the program.
-    With `steps` intervals are bridged by them instead, from border to border.
+    With `steps` intervals are bridged by them instead, from border to border. With `past` inputs are what was given, as
+    parameters of the program, and all first states are unknown.
 
     Raises
     ------
@@ -146,7 +150,7 @@ def transcribed(
         p[place] = w[k]
     first = nlp.parameter(len(q.x)) if varying is not None else None
     sizes = _sizes(problem, guesses)
-    program = Program(nlp, basis, p, [], w, ports=(q.x, q.u), first=first, steps=steps)
+    program = Program(problem, nlp, basis, p, [], w, ports=(q.x, q.u), first=first, steps=steps, past=past)
     wanted = [k for k, output in enumerate(q.outputs) if q.place(output.name) is None]
     begin: Any = q.begin.t
     for spec, guess, mesh, law in zip(problem.specs, guesses, meshes, dynamics, strict=True):
@@ -157,9 +161,9 @@ def transcribed(
     _link(program, problem, sizes[0])
     _values(program, problem)
     _ends(program, problem)
-    for constraint in (*_limits(problem), *problem.constraints):
+    for constraint in (*(() if past else _limits(problem)), *problem.constraints):
         _demand(program, problem, constraint, sizes[2])
-    nlp.objective = _inserted(program, problem, problem.objective)
+    nlp.objective = _inserted(program, problem, ca.MX(0.0) if problem.objective is None else problem.objective)
     return program
 
 
@@ -209,8 +213,9 @@ def _phase(
     values = _guessed(guess, basis, sizes, (starts, lengths, shares), q)
     if law.algebraic is not None:
         values[1] = np.zeros((0, n))
-    unknowns = [nlp.unknown(v, *v.shape) for v in values]
-    x, z, u = (ca.DM(s) * v if v.numel() else v for s, v in zip(sizes, unknowns, strict=True))
+    unknowns = [nlp.unknown(v, *v.shape) for v in values[: 2 if program.past else 3]]
+    x, z, *free = (ca.DM(s) * v if v.numel() else v for s, v in zip(sizes, unknowns, strict=False))
+    u = free[0] if free else ca.reshape(nlp.parameter(values[2].size), *values[2].shape)
     duration = _duration(nlp, spec, guess)
     at = u @ basis.blocks(basis.bernstein(basis.points), count, 0)
     times = begin + duration * ca.DM(shares).T
@@ -281,7 +286,7 @@ def _link(program: Program, problem: Problem, size: Vector) -> None:
     """The start of the first phase, and each end with the start that follows."""
     nlp, q = program.nlp, problem.quantities
     first = program.phases[0].x[:, 0]
-    held = [k for k in range(len(q.x)) if k not in problem.free_start]
+    held = [k for k in range(len(q.x)) if k not in problem.free_start and not program.past]
     begin = q.start(program.p) if q.decided else ca.DM(q.first)
     begin = begin if program.first is None else program.first
     if held:

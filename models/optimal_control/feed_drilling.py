@@ -89,6 +89,16 @@ def horizon(limit: float = 3000.0, samples: int = 4, step: float = 0.01) -> Prob
     return problem
 
 
+def window(samples: int = 8, step: float = 0.01) -> Problem:
+    """The last samples, to look back on: k_c11 of the block is what an estimator finds in them."""
+    from acausal.optimal_control import Problem
+
+    problem = Problem(FeedDrilling())
+    problem.phase(duration=samples * step, intervals=samples)
+    problem.decide("k_c11", min=1000e6, max=5000e6)
+    return problem
+
+
 @dataclass
 class Hardness:
     """Estimate of k_c11 [Pa] from thrust, feed rate and engaged width, by Kienzle's law; a first-order filter.
