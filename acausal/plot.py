@@ -16,6 +16,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.transforms import Transform, offset_copy
 
 from acausal.errors import UnitError, UsageError
 from acausal.files import atomic
@@ -319,6 +320,7 @@ def _draw(ax: Axes, results: Sequence[tuple[str, Result]], panel: Panel, groups:
     _, (horizontal, *_) = results[0][1].elements(panel.against or "time")
     scale = readable(horizontal.unit, max(_magnitude(line.across) for group in groups for line in group.lines))
     handles: list[Line2D] = []
+    side = ax
     for k, group in enumerate(groups):
         side = ax if k == 0 else ax.twinx()
         for line in group.lines:
@@ -342,10 +344,18 @@ def _draw(ax: Axes, results: Sequence[tuple[str, Result]], panel: Panel, groups:
     if len(panel.title) + sum(len(str(h.get_label())) + 6 for h in handles) <= _PANEL_WIDTH:
         place: dict[str, Any] = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "ncols": len(handles)}
     else:
-        place = {"loc": "center left", "bbox_to_anchor": (1.02 if len(groups) == 1 else 1.12, 0.5)}
+        place = {"loc": "center left", "bbox_to_anchor": (1.0, 0.5), "bbox_transform": _right_of(side)}
     ax.legend(handles=handles, borderaxespad=0.2, columnspacing=1.4, **place)
     text = horizontal.doc.rstrip(".") or horizontal.name
     return f"{text} {scale.label}".strip()
+
+
+def _right_of(side: Axes) -> Transform:
+    """A little to the right of the axes and of what stands there: ticks and label of a second scale."""
+    drawing = side.get_figure(root=True)
+    box = side.yaxis.get_tightbbox()
+    end = max(0.0, box.x1 - side.bbox.x1) * 72.0 / drawing.dpi if box is not None and drawing is not None else 0.0
+    return offset_copy(side.transAxes, drawing, x=end + 8.0, units="points")
 
 
 def _calm(ax: Axes, values: Sequence[Array]) -> None:

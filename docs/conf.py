@@ -14,7 +14,9 @@ subprocess.run([sys.executable, str(HERE / "generate.py")], check=True)
 project = "acausal"
 author = "the founders of acausal"
 release = version = installed("acausal")
-extensions = ["myst_nb"]
+sys.path.insert(0, str(HERE))
+extensions = ["myst_nb", "mathml"]
+html_math_renderer = "mathml"
 exclude_patterns = ["images", "**/images"]
 html_theme = "furo"
 html_title = "acausal"

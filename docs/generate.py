@@ -6,7 +6,6 @@ import ast
 import inspect
 import math
 import sys
-from collections import Counter
 from collections.abc import Iterator, Mapping
 from functools import cache
 from importlib import import_module
@@ -14,22 +13,19 @@ from pathlib import Path
 from typing import Any
 
 import typer.main
+from examples import example
 
 import acausal
 from acausal.cli.catalogue import Part, families, library_parts
 from acausal.cli.component import described
 from acausal.cli.main import app
-from acausal.cli.reference import find_model
 from acausal.diagram.symbols import symbol_of
 from acausal.latex import latex
-from acausal.plot import figure, plot
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent
 REFERENCE = HERE / "reference"
 
-# Models whose runs take longer than a page may.
-_SLOW = frozenset({"ClutchChain", "FeketePoints", "PendulumDrift", "TransistorAmplifier", "StackedPlates", "BoxStack"})
 # How symbols are drawn here: in the colour of the text, on light and dark pages.
 _STYLE = "fill:none;stroke:currentColor;stroke-width:1.5"
 _MARKS = {
@@ -58,14 +54,13 @@ def main() -> None:
     REFERENCE.mkdir(exist_ok=True)
     for stale in REFERENCE.glob("*.md"):
         stale.unlink()
-    examples = _pictures()
-    pages = {f"library-{family}": _family(family, examples) for family in families()}
+    pages = {f"library-{family}": _family(family) for family in families()}
     pages |= {"commands": _commands(), "python": _python(), "errors": _errors()}
     for name, lines in pages.items():
         (REFERENCE / f"{name}.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def _family(family: str, examples: Mapping[str, str]) -> Iterator[str]:
+def _family(family: str) -> Iterator[str]:
     yield f"# Library: {family}"
     yield ""
     for part in library_parts():
@@ -96,7 +91,7 @@ def _family(family: str, examples: Mapping[str, str]) -> Iterator[str]:
             yield from _table((title, "default", "unit", "limits", "meaning"), rows)
         yield from _table(("part", "type", "meaning"), [(p["path"], p["type"], p["doc"]) for p in content["parts"]])
         yield from _equations(content["equations"])
-        yield from _example(content["used_in"]["models"], examples)
+        yield from example(part, REFERENCE / "pictures")
 
 
 def _symbol(cls: Any) -> Iterator[str]:
@@ -125,51 +120,9 @@ def _equations(equations: list[dict[str, str]]) -> Iterator[str]:
         else:
             texts.append(e["text"] + f"    # {e['when']}" * bool(e["when"]))
     if formulas:
-        yield from ("```{math}", r"\begin{gathered}", " \\\\\n".join(formulas), r"\end{gathered}", "```", "")
+        yield from ("```{math}", r"\begin{aligned}", " \\\\\n".join(formulas), r"\end{aligned}", "```", "")
     if texts:
         yield from ("```python", *texts, "```", "")
-
-
-def _example(models: list[str], examples: Mapping[str, str]) -> Iterator[str]:
-    """The shipped model that shows the component, with its picture; the others by name."""
-    if not models:
-        return
-    # Those that show few components were chosen last: they are the small ones.
-    shown = next((m for m in reversed(examples) if m in models), None)
-    if shown is not None:
-        yield from (f"Example: `acausal simulate {shown} --plot`", "", f"![{shown}]({examples[shown]})", "")
-    others = [m for m in models if m != shown]
-    if others:
-        yield from (f"Used in: {', '.join(f'`{m}`' for m in others[:8])}.", "")
-
-
-def _pictures() -> dict[str, str]:
-    """Runs of the shipped models that components are shown by: few models, each for as many components as it can."""
-    used = {p.reference: _content(p)["used_in"]["models"] for p in library_parts()}
-    left = {name for name, models in used.items() if models}
-    chosen: list[str] = []
-    while left:
-        counts = Counter(m for name in left for m in used[name] if m not in _SLOW)
-        if not counts:
-            break
-        model = min(counts, key=lambda m: (-counts[m], m))
-        chosen.append(model)
-        left -= {name for name in left if model in used[name]}
-    return {model: picture for model in chosen if (picture := _drawn(model))}
-
-
-def _drawn(name: str) -> str:
-    """Path of the figure of a run, relative to the reference; "" for a model that declares no figure."""
-    model = find_model(name)()
-    result = acausal.simulate(model, tolerance=1e-5)
-    panels = type(model).figure
-    states = [s for s in acausal.compile(model).states if s in result][:4]
-    if not panels and not states:
-        return ""
-    (REFERENCE / "pictures").mkdir(exist_ok=True)
-    file = REFERENCE / "pictures" / f"{name}.png"
-    figure(result, panels, file=file) if panels else plot(result, *states, file=file)
-    return f"pictures/{name}.png"
 
 
 @cache

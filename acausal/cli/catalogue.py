@@ -82,6 +82,7 @@ def _modules(package: str) -> dict[str, _Module]:
     return found
 
 
+@cache
 def _followed(module: str, name: str) -> tuple[str, str]:
     """Where the class is defined that `module` calls `name`."""
     seen = set()
@@ -133,18 +134,29 @@ def families() -> tuple[str, ...]:
     return tuple(dict.fromkeys(p.family for p in library_parts()))
 
 
+@cache
+def named_by(package: str) -> dict[tuple[str, str], frozenset[tuple[str, str]]]:
+    """For each class of `acausal.library` or `acausal.models`, where the classes are defined that its body names."""
+    return {
+        (module, name): frozenset(_followed(module, n) for n in content.named_in(node))
+        for module, content in _modules(package).items()
+        for name, node in content.classes.items()
+    }
+
+
+@cache
 def used_in(part: Part) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Names of the shipped models, and of the library's components, whose class body names the part."""
+    """Names of the shipped models, and of the library's components, that have the part.
+
+    A component counts if its class body names the part; a model also if that of a component in its own folder does.
+    """
+    wanted = (part.module, part.name)
+    components = {name for (_, name), named in named_by(PACKAGE).items() if wanted in named and name != part.name}
+    models, holders = named_by("acausal.models"), {wanted}
+    while found := {key for key, named in models.items() if key not in holders and holders & named}:
+        holders |= found
     runnable = {(m.module, m.name) for m in shipped_models()}
-    places: tuple[list[str], list[str]] = ([], [])
-    for which, package in enumerate(("acausal.models", PACKAGE)):
-        for module, content in _modules(package).items():
-            aliases = {a for a in (part.name, *content.imports) if _followed(module, a) == (part.module, part.name)}
-            for name, node in content.classes.items():
-                is_shown = package == PACKAGE or (module, name) in runnable
-                if is_shown and name != part.name and aliases & set(content.named_in(node)):
-                    places[which].append(name)
-    return tuple(sorted(set(places[0]))), tuple(sorted(set(places[1])))
+    return tuple(sorted({name for _, name in holders & runnable})), tuple(sorted(components))
 
 
 def find_part(reference: str) -> Part | None:

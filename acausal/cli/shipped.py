@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 PACKAGE = "acausal.models"
@@ -23,6 +24,7 @@ class ShippedModel:
         return f"{self.module}:{self.name}"
 
 
+@cache
 def shipped_models() -> tuple[ShippedModel, ...]:
     """All of them, by name."""
     folder = Path(__file__).resolve().parents[1] / "models"
