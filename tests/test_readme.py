@@ -25,8 +25,8 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 README = ROOT / "README.md"
-# Studies of many runs, which take 20 s together; tests/cli has quick ones.
-LONG = frozenset({"bench", "reduce", "sweep"})
+# The quick test runs the Python of the page and these of its commands; each verb has tests of its own in tests/cli.
+QUICK = frozenset({"simulate", "plot", "new"})
 RESULT_FILES = {".csv", ".mat", ".npz"}
 _FENCE = re.compile(
     r"^(?P<fence>`{3,}) *(?P<language>\w*)[^\n]*\n(?P<body>.*?)^(?P=fence) *$", re.MULTILINE | re.DOTALL
@@ -101,9 +101,9 @@ def assert_moves(result: Any, origin: str) -> None:
 
 # A reader's plt.show() opens a window; here there is none to open.
 @pytest.mark.filterwarnings("ignore:FigureCanvasAgg is non-interactive")
-@pytest.mark.parametrize("left_out", [LONG, pytest.param(frozenset(), marks=pytest.mark.slow)], ids=["quick", "all"])
+@pytest.mark.parametrize("verbs", [QUICK, pytest.param(None, marks=pytest.mark.slow)], ids=["quick", "all"])
 def test_readme_runs_and_moves(
-    page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, left_out: frozenset[str]
+    page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, verbs: frozenset[str] | None
 ) -> None:
     from acausal.result import Result, load
 
@@ -120,7 +120,7 @@ def test_readme_runs_and_moves(
             run_python(block, namespace, tmp_path)
         elif block.language == "console":
             for line, arguments in commands(block):
-                if arguments[0] not in left_out:
+                if verbs is None or arguments[0] in verbs:
                     run_command(line, arguments)
         for name, value in namespace.items():
             if isinstance(value, Result) and id(value) not in checked:

@@ -17,6 +17,7 @@ def first_python_block(page: str) -> str:
     return match[1]
 
 
+@pytest.mark.slow
 def test_the_report_of_the_page_is_the_one_that_is_printed() -> None:
     """All lines but those of times and of the solver's steps, which differ by machine."""
     found: dict[str, Any] = {}

@@ -21,7 +21,7 @@ from acausal.models.ivp.planar_pendulum import GRAVITY
 
 Array = NDArray[np.float64]
 # Half a million steps to follow 1e-9 s of ringing over 1e-3 s.
-SLOW = {"ring_modulator"}
+SLOW = {"ring_modulator", "wheelset"}
 # Not among the reference data; their answers are published with the test set.
 NOT_KEPT = {"transistor_amplifier", "hires"}
 
@@ -51,7 +51,11 @@ def test_multistep_solvers_agree(name: str, solver: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["andrews_squeezer", "car_axis", "charge_pump", "fekete_points", "planar_pendulum", "wheelset"]
+    "name",
+    [
+        *("andrews_squeezer", "car_axis", "charge_pump", "fekete_points", "planar_pendulum"),
+        pytest.param("wheelset", marks=pytest.mark.slow),
+    ],
 )
 def test_the_whole_dae_has_the_same_answers(name: str) -> None:
     """Every equation of every block left to the solver: accelerations and multipliers are iterated upon, too."""

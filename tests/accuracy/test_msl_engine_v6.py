@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+import pytest
+
 import acausal
 from acausal import (
     Component,
@@ -171,6 +173,7 @@ class EngineV6(Component):
         yield connect(self.load.flange_b, self.resistance.flange)
 
 
+@pytest.mark.slow
 def test_six_cylinders(reference: Path) -> None:
     result = acausal.simulate(EngineV6(), stop_time=1.01, tolerance=1e-8, output_interval=1.01 / 5000)
     renamed = {"filter.x[0]": "resistance.x1", "filter.x[1]": "resistance.x2"}

@@ -156,6 +156,7 @@ def test_failures_and_orders_stand_in_the_table(tmp_path: Path) -> None:
     assert "drift" not in found.out
 
 
+@pytest.mark.slow
 def test_a_solution_that_ends_has_no_reference_beyond(tmp_path: Path) -> None:
     (tmp_path / "pole.py").write_text(
         "from acausal import Component, Equations, Experiment, Real, der, fixed, variable\n"

@@ -108,6 +108,7 @@ def test_holes_run_compiled_and_are_refused_where_equations_must_stay() -> None:
     assert refused(lambda: compiled.casadi()) == "AC027"
 
 
+@pytest.mark.slow
 def test_a_ball_lands_when_an_accuracy_is_asked_for() -> None:
     """It fell through the plates: the bench ran the structure with which runs begin, without contacts.
 

@@ -121,7 +121,7 @@ def test_depth_is_the_least_overlap_of_all_directions(a: str, b: str) -> None:
     """
     one, two = SHAPES[a], SHAPES[b]
     rng = np.random.default_rng(int.from_bytes(f"{a}{b}".encode()) % 2**32)
-    for depth in (0.01, 0.003, -0.05, 0.05, 0.1):
+    for depth in (0.003, -0.05, 0.1):
         pose_a, pose_b = placed(one, two, depth, rng)
         d, n, p, q = contact(one, pose_a, two, pose_b)
         assert float(plane_heights(one, pose_a, two, pose_b, n[None])[0]) == pytest.approx(d, abs=1e-12)

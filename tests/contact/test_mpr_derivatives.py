@@ -59,7 +59,18 @@ def test_first_derivatives(a: str, b: str) -> None:
     assert found == pytest.approx(differences(values, arguments), abs=1e-6 * size**3)
 
 
-@pytest.mark.parametrize(("a", "b"), [p for p in PAIRS if p[0] in ("sphere", "cone")])
+# Second derivatives compile for a second: a body of each kind once, the others are slow.
+SECOND = [("sphere", "sphere"), ("sphere", "box"), ("cone", "capsule"), ("cone", "hull"), ("cone", "drill")]
+
+
+@pytest.mark.parametrize(
+    ("a", "b"),
+    [
+        pytest.param(*p, marks=() if p in SECOND else pytest.mark.slow)
+        for p in map(tuple, PAIRS)
+        if p[0] in ("sphere", "cone")
+    ],
+)
 def test_second_derivatives(a: str, b: str) -> None:
     """Of the depth, where also symmetry tells, and of the normal."""
     inputs, _, J = along_twist(a, b)

@@ -111,6 +111,7 @@ def test_an_end_that_the_model_asks_for_ends_all_structures() -> None:
     assert r.stats["terminated"] == "low"
 
 
+@pytest.mark.slow
 def test_pairs_that_come_and_go_make_no_difference() -> None:
     """The same throw with all pairs in the equations, and with those near the ball only."""
     model = ThrownBall(keep=2)
@@ -137,6 +138,7 @@ def test_the_cost_does_not_grow_with_what_is_far_away() -> None:
     assert runs[0].final("ball.r_0[0]") == runs[1].final("ball.r_0[0]")
 
 
+@pytest.mark.slow
 def test_a_stack_of_five_boxes_stands() -> None:
     """15 possible pairs, of which 5 touch; each carries the boxes above it."""
     model = BoxStack()

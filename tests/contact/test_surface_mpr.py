@@ -45,6 +45,7 @@ class BallOn(Component):
         yield connect(self.body.frame_a, self.contact.frame_a)
 
 
+@pytest.mark.slow
 def test_a_ball_on_a_cylinder_moves_as_on_the_ground() -> None:
     assert method(Sphere(0.05), Cylinder(0.08, 0.1)) == "MPR"
     assert method(Sphere(0.05), HalfSpace()) == "closed form"

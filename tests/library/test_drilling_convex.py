@@ -205,6 +205,7 @@ def test_holes_that_overlap_are_told() -> None:
     assert notes[0].startswith("AC178: two holes of drill in plate0 overlap, 6 mm apart")
 
 
+@pytest.mark.slow
 def test_a_thousand_workpieces_take_the_steps_of_one() -> None:
     """Those the drill never comes near are in no equation; the time is in benchmarks/contact.py."""
     one, many = (acausal.simulate(HolesSideBySide(n=n), native=False, stop_time=10.0).stats for n in (1, 1000))

@@ -56,7 +56,13 @@ def run(rows: Rows, solver: str, native: bool = False) -> acausal.Result:
 
 
 @pytest.mark.parametrize(
-    ("solver", "native"), [("idas", False), ("rosenbrock", False), ("rosenbrock", True), ("erk", True)]
+    ("solver", "native"),
+    [
+        ("idas", False),
+        pytest.param("rosenbrock", False, marks=pytest.mark.slow),
+        ("rosenbrock", True),
+        pytest.param("erk", True, marks=pytest.mark.slow),
+    ],
 )
 def test_measured_data_with_noise(solver: str, native: bool) -> None:
     t, y = noise(3000)

@@ -25,7 +25,15 @@ def operations(compiled: Any) -> int:
     return int(ca.Function("f", [t, x], [ode]).n_instructions())
 
 
-@pytest.mark.parametrize("model", [PendulumChain, lambda n: Tree(n=n, arms=1), lambda n: Tree(n=n)])
+@pytest.mark.parametrize(
+    "model",
+    [
+        PendulumChain,
+        pytest.param(lambda n: Tree(n=n, arms=1), marks=pytest.mark.slow),
+        pytest.param(lambda n: Tree(n=n), marks=pytest.mark.slow),
+    ],
+    ids=["chain", "one arm", "arms"],
+)
 def test_operations_per_body_do_not_grow(model: Any) -> None:
     """The articulated-body algorithm costs the same for every body (Featherstone 2008, table 10.1).
 

@@ -77,6 +77,7 @@ def test_what_knows_one_instant_only_is_refused_with_place_and_remedy(what: str)
     assert caught.value.help
 
 
+@pytest.mark.slow
 def test_a_bench_of_a_model_with_delays() -> None:
     found = acausal.bench(
         RegenerativeTurning(),

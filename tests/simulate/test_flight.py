@@ -119,13 +119,23 @@ MODELS: list[tuple[Callable[[], Component], float]] = [
 ]
 
 
-@pytest.mark.parametrize("solver", ["rosenbrock", "erk"])
-@pytest.mark.parametrize(("model", "stop"), MODELS, ids=[m.__name__ for m, _ in MODELS])
+# Each model with one of the solvers; the others are slow.
+QUICK = {
+    *((model, "rosenbrock") for model in (BouncingBall, SampledSpeedControl, SCRBridge)),
+    *((model, "erk") for model in (BuckConverter, ThreeClutchDrive, BridgeRectifier, Wanderer)),
+}
+PAIRS = [
+    pytest.param(model, stop, solver, marks=() if (model, solver) in QUICK else pytest.mark.slow)
+    for model, stop in MODELS
+    for solver in ("rosenbrock", "erk")
+    if (model, solver) != (SampledSpeedControl, "erk")  # a stiff plant, not one for an explicit method
+]
+
+
+@pytest.mark.parametrize(("model", "stop", "solver"), PAIRS)
 def test_a_compiled_run_passes_the_events_of_an_interpreted_one(
     model: Callable[[], Component], stop: float, solver: str, flown: list[flight.Landing | None]
 ) -> None:
-    if model is SampledSpeedControl and solver == "erk":
-        pytest.skip("a stiff plant, not one for an explicit method")
     compiled = acausal.compile(model())
     runs = [
         acausal.simulate(compiled, stop_time=stop, output_interval=stop / 40, tolerance=1e-7, solver=solver, native=n)

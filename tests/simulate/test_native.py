@@ -97,7 +97,13 @@ def run(solver: str, native: bool | None, **options: Any) -> acausal.Result:
 @COMPILER
 @pytest.mark.usefixtures("shared")
 @pytest.mark.parametrize(
-    ("solver", "step"), [("rosenbrock", None), ("rosenbrock", 1e-3), ("erk", None), ("erk", 1e-3), ("rk2", 1e-3)]
+    ("solver", "step"),
+    [
+        ("rosenbrock", None),
+        *(pytest.param(solver, 1e-3, marks=pytest.mark.slow) for solver in ("rosenbrock", "erk")),
+        ("erk", None),
+        ("rk2", 1e-3),
+    ],
 )
 def test_same_numbers(solver: str, step: float | None) -> None:
     """With one row at the end, or fixed steps: rows inside of steps are not of compiled code only."""

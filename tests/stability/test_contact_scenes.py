@@ -78,9 +78,9 @@ def test_kv_tension(zeta: float, restitution: float, release: float) -> None:
 # s(10) [m], from IDAS at 1e-12 in segments, self-agreement 1e-13 m
 DEPTHS = [
     (1e6, 10.0, 1.0, 1.284243480e-2),
-    (1e7, 10.0, 1.0, 1.282439797e-2),
-    (1e8, 10.0, 1.0, 1.282259563e-2),
-    (1e8, 1.0, 1.0, 1.282259583e-2),
+    pytest.param(1e7, 10.0, 1.0, 1.282439797e-2, marks=pytest.mark.slow),
+    pytest.param(1e8, 10.0, 1.0, 1.282259563e-2, marks=pytest.mark.slow),
+    pytest.param(1e8, 1.0, 1.0, 1.282259583e-2, marks=pytest.mark.slow),
     (1e8, 50.0, 0.1, 1.282259965e-2),
 ]
 
@@ -94,6 +94,7 @@ def test_drill_dynamic(k: float, m: float, zeta: float, depth: float) -> None:
     assert result.final("s") == pytest.approx(depth, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_drill_dynamic_limits_are_those_of_the_table() -> None:
     """README of the reference data, at the drilling equilibrium, zeta = 1, k = 1e8, m = 1: 1.86e-4, 1.86e-4, 2.60e-4.
 

@@ -25,6 +25,7 @@ def avoided(study: object) -> set[str | None]:
     return {a.solver for a in verdict.avoid} | {a.method for a in verdict.avoid}
 
 
+@pytest.mark.slow
 def test_undamped() -> None:
     """`undamped`: amplitude within 1e-3 after 1000 periods at 1e-6, never growing; IDAS at 1e-4: tens of tolerances."""
     study = acausal.stability(UndampedOscillator())

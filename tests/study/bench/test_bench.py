@@ -125,7 +125,7 @@ def test_failures_stay_with_their_reason(tmp_path: Path) -> None:
         steps=(1e-3,),
         formulations=("torn",),
         repeat=1,
-        time_limit=3.0,
+        time_limit=1.0,
         native=False,
     )
     by_name = {(r.case.series, r.case.tolerance): r for r in found.runs}
@@ -262,7 +262,7 @@ def test_the_report_is_short_and_the_chart_says_all(tmp_path: Path) -> None:
         steps=(0.5, 0.05, 0.005),
         formulations=("torn",),
         repeat=1,
-        time_limit=3.0,
+        time_limit=1.0,
         native=False,
     )
     lines = list(found.lines())

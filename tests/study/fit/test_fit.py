@@ -108,6 +108,7 @@ def test_two_signals_are_weighted_by_their_noise() -> None:
     assert found.runs <= 30
 
 
+@pytest.mark.slow
 def test_what_the_data_do_not_tell_apart_is_named() -> None:
     """Only c/m and d/m rule a free swing; nothing else."""
     found = fit(Oscillator(), swing(110.0, 1.2), ["c", "d", "m"])

@@ -94,6 +94,7 @@ def test_contacts_behind_one_that_was_left_out_keep_their_names() -> None:
         assert reduced.at(float(t), name) == pytest.approx(full.at(float(t), name), abs=1e-3 * largest)
 
 
+@pytest.mark.slow
 def test_a_scene_in_pieces_becomes_one_model() -> None:
     names = ["boxes[0].r_0[2]", "scene.contacts[ground,box0].F_N"]
     found = acausal.reduce(BoxStack(n=2), names, stop_time=0.05, repeat=1)

@@ -253,6 +253,7 @@ class Orbit(Component):
         yield der(self.v) == -self.y / cubed
 
 
+@pytest.mark.slow
 def test_what_a_study_says_of_an_orbit_is_what_its_run_does() -> None:
     """An error of the semi-axis leads to 1.5 T times as much at the end, T = 157; the advised solver arrives."""
     study = acausal.stability(Orbit(), points=12)
