@@ -94,7 +94,7 @@ def flatten(
     starts, surplus = builder.starts()
     initial = builder.initial_equations() + surplus
     fill_starts(pool, starts, discrete)
-    demands = [a for a in builder.asserts if a.level == "error" and pool.is_constant(a.condition)]
+    demands = [a for a in builder.asserts if pool.is_constant(a.condition)]
     flat = FlatSystem(
         name=type(model).__name__,
         pool=pool,

@@ -181,9 +181,23 @@ def check_values(flat: FlatSystem, values: Sequence[float]) -> None:
         if not is_rounding and not math.isnan(value):  # what cannot be computed is named when the run needs it
             where = partial(_bound_at, flat, p.path)
             check_limit(p.path, suffix(declaration.shape, k), declaration, value, where)
-    for demand in flat.demands:
-        if flat.pool.parameter_value(demand.condition, values) == 0.0:
-            raise _unmet(flat, demand, values)
+    for demand in _broken(flat, values, "error"):
+        raise _unmet(flat, demand, values)
+
+
+def doubtful_values(flat: FlatSystem, values: Sequence[float]) -> tuple[str, ...]:
+    """What assertions about parameters alone warn of."""
+    return tuple(f"{_subject(flat, d)}: {d.message}" for d in _broken(flat, values, "warning"))
+
+
+def _broken(flat: FlatSystem, values: Sequence[float], level: str) -> list[FlatAssert]:
+    own = (d for d in flat.demands if d.level == level)
+    return [d for d in own if flat.pool.parameter_value(d.condition, values) == 0.0]
+
+
+def _subject(flat: FlatSystem, demand: FlatAssert) -> str:
+    kind = flat.components[demand.component].cls.__name__
+    return f"{demand.component} ({kind})" if demand.component else kind
 
 
 def _bound_at(flat: FlatSystem, path: str) -> Sequence[Span]:
@@ -196,11 +210,10 @@ def _unmet(flat: FlatSystem, demand: FlatAssert, values: Sequence[float]) -> Dec
     pool, component = flat.pool, flat.components[demand.component]
     held = sorted({pool.nodes[n][1] for n in pool.reachable([demand.condition]) if pool.nodes[n][0] == "par"})
     names = [flat.parameter_names[k] for k in held]
-    subject = f"{demand.component} ({component.cls.__name__})" if demand.component else component.cls.__name__
     stated = demand.origin.span()
     return DeclarationError(
         "AC139",
-        f"{subject}: {demand.message}",
+        f"{_subject(flat, demand)}: {demand.message}",
         where=[*([component.origin.span()] if demand.component else []), *([] if stated.of_library else [stated])],
         evidence=["with " + ", ".join(f"{name} = {values[k]:g}" for k, name in zip(held, names, strict=True))],
         help=f"change {' or '.join(names)}",

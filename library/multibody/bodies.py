@@ -18,6 +18,7 @@ from acausal import (
     der,
     fabs,
     guess,
+    identity,
     is_root,
     maximum,
     parameter,
@@ -79,6 +80,9 @@ class PartialBody(PartialHeavy):
         """
         yield assert_(_is_inertia(tensor), "the inertia tensor is not symmetric and positive semidefinite")
         a, w, z = self.frame_a, self.w_a, self.z_a
+        if is_root(a):  # joints may keep a body from all the axes about which its moments are not those of masses
+            of_mass = identity(3) * ((tensor[0, 0] + tensor[1, 1] + tensor[2, 2]) / 2) - tensor
+            yield assert_(_is_inertia(of_mass), _NO_MASSES, level="warning")
         g = self.gravity_at(self.r_0 + a.R @ r_CM)
         of_centre = cross(z, r_CM) + cross(w, cross(w, r_CM))
         # Each in the axes in which it is explicit: a free body is asked for its acceleration, another for its force.
@@ -158,8 +162,9 @@ class BodyShape(PartialTwoFrameBody, PartialMassiveBody):
 def _is_inertia(tensor: Expr) -> Expr:
     """Symmetric, and none of its principal minors negative, but for rounding.
 
-    The triangle inequality of principal inertias is not asked for: idealised bodies break it, such as one with a moment
-    about its axis alone, and their motion is determined all the same.
+    The triangle inequality of principal inertias is not asked for: idealised bodies break it, such as the motors of
+    Modelica's robot with a moment about one axis alone, and their motion is determined all the same. A body that moves
+    freely notes it.
     """
     (a, b, c), (f, d, e), (g, h, i) = ([tensor[j, k] for k in range(3)] for j in range(3))
     size = fabs(a) + fabs(d) + fabs(i)
@@ -173,3 +178,4 @@ def _is_inertia(tensor: Expr) -> Expr:
 
 
 _ROUNDING = 1e-9
+_NO_MASSES = "no masses have this inertia: a principal moment is larger than the sum of the two others"

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import acausal
-from acausal import Component, Equations, connect, fixed, part
+from acausal import Component, Equations, Real, connect, fixed, parameter, part
 from acausal.errors import DeclarationError
 from acausal.flatten.flat import FlatSystem
 from acausal.library.multibody import (
@@ -193,6 +193,29 @@ def test_a_value_given_later_is_asked_too() -> None:
     with pytest.raises(DeclarationError) as caught:
         acausal.simulate(compiled, parameters={"body.I_21": 1.5}, stop_time=1e-3)
     assert caught.value.code == "AC139"
+
+
+class Thrown(Component):
+    """A body that nobody holds."""
+
+    world: World = part()
+    body: Body = part()
+    I_33: Real = parameter(default=0.03, unit="kg.m2")
+
+    def build(self) -> None:
+        start: dict[str, Any] = {name: fixed((0.0, 0.0, 0.0)) for name in ("r_0", "v_0", "w_a")}
+        self.world = World()
+        self.body = Body(m=1.0, I_11=0.01, I_22=0.01, I_33=self.I_33, Q=(0.0, 0.0, 0.0, 1.0), **start)
+
+
+def test_a_free_body_whose_inertia_no_masses_have_notes_it() -> None:
+    """I_33 = sum of m (x^2 + y^2) is at most I_11 + I_22, and equal to it for a flat body."""
+
+    def notes(value: float) -> Any:
+        return acausal.simulate(Thrown(), stop_time=0.01, parameters={"I_33": value}).stats["notes"]
+
+    assert any(note.startswith("body (Body): no masses have this inertia") for note in notes(0.03))
+    assert notes(0.02) == ()
 
 
 @pytest.mark.parametrize("seed", range(3))

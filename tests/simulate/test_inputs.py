@@ -268,6 +268,13 @@ def test_equations_and_bindings_are_cut() -> None:
     assert result.final("b.y") == pytest.approx(2.0 - T + T * decay, rel=1e-6)
 
 
+@pytest.mark.parametrize("names", [("a.u", "a.u"), ("b.u", "a.u", "b.u")])
+def test_an_input_is_freed_once(names: tuple[str, ...]) -> None:
+    with pytest.raises(AcausalError, match="twice") as error:
+        acausal.free(ByEquation(), *names)
+    assert error.value.code == "AC047"
+
+
 @pytest.mark.parametrize(("name", "words"), [("lag.x", "lag.u"), ("ramp.y", "output"), ("lag.T", "parameter")])
 def test_what_is_no_input_cannot_be_freed(name: str, words: str) -> None:
     with pytest.raises(AcausalError) as error:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from acausal.analyse.delays import refuse_delays
 from acausal.errors import IntegrationError, RunError
+from acausal.flatten.parameters import doubtful_values
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.watched import UNWATCHED, UNWATCHED_STEPS, with_watched
 from acausal.numeric.samples import STABILISATION_RATE
@@ -137,7 +138,8 @@ class Run:
         refuse_jumps(self.compiled, instants.tolist(), self.modes, self.p)
         memory = self.remembering() if self.compiled.delays else None
         start = self.begun(m) if memory is None else opened(memory, self.problem, opts.start_time, self.begun, m)
-        start = replace(start, notes=(*start.notes, *notes))
+        doubts = doubtful_values(self.compiled.flat, self.p.tolist())
+        start = replace(start, notes=(*start.notes, *doubts, *notes))
         for note in start.notes:
             _log.warning("%s: %s", self.compiled.name, note)
         self.timings["initialize"] = clock.perf_counter() - began
