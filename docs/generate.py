@@ -13,6 +13,8 @@ from pathlib import Path
 from typing import Any
 
 import typer.main
+from error_examples import Example as ErrorExample
+from error_examples import examples as error_examples
 from examples import example
 
 import acausal
@@ -217,7 +219,9 @@ def _errors() -> Iterator[str]:
                 keys = {k.arg: k.value for k in call.keywords}
                 entry = (_words(call.args[1]), _words(keys["help"]) if "help" in keys else "")
                 found.setdefault(str(call.args[0].value), []).append(entry)
-    examples = _messages()
+    examples, shown = _messages(), error_examples()
+    if examples and (missing := sorted(set(found) - set(examples) - set(shown))):
+        raise SystemExit(f"docs/error-examples.txt: no example of {', '.join(missing)}")
     for digit, title in GROUPS.items():
         codes = [c for c in sorted(found) if c[2] == digit]
         if not codes:
@@ -230,8 +234,20 @@ def _errors() -> Iterator[str]:
             for fact, remedy in dict.fromkeys(found[code]):
                 yield f"- {fact}" + (f"  \n  *Remedy:* {remedy}" if remedy else "")
             yield ""
-            if code in examples:
+            if code in shown and (sentence := shown[code].sentence):
+                yield from (sentence, "")
+            elif code in shown:
+                yield from ("Example:", "", *_asked(shown[code]), "```text", shown[code].message(), "```", "")
+            elif code in examples:
                 yield from ("Example:", "", "```text", examples[code], "```", "")
+
+
+def _asked(case: ErrorExample) -> Iterator[str]:
+    """What leads to the message."""
+    if case.python:
+        yield from ("```python", case.python, "```", "")
+    if case.command:
+        yield from ("```console", f"$ {case.command}", "```", "")
 
 
 def _messages() -> dict[str, str]:
