@@ -2,7 +2,8 @@
 
 Phases end where branches change. Within one, what such a branch computes is smooth, and an interior-point method meets
 no kink. Only branches that differ between phases are put in place: all others stay as the model has them, or are
-rounded where that is asked for.
+rounded where that is asked for, or freed: their answer becomes a number between 0 and 1 that the program chooses, bound
+to what decides it by complementarity.
 """
 
 from __future__ import annotations
@@ -61,6 +62,17 @@ _SOFT: Mapping[int, Callable[..., Any]] = {
     ca.OP_OR: lambda a, b: a + b - a * b,
     _CHOICE: lambda a, b: a * b,
 }
+# A freed branch by its answer, 1 where its difference is positive.
+_FREED: Mapping[int, Callable[..., Any]] = {
+    ca.OP_FMIN: lambda a, b, y: b + y * (a - b),
+    ca.OP_FMAX: lambda a, b, y: b + y * (a - b),
+    ca.OP_FABS: lambda a, y: (2 * y - 1) * a,
+    ca.OP_SIGN: lambda a, y: 2 * y - 1,
+    ca.OP_LT: lambda a, b, y: y,
+    ca.OP_LE: lambda a, b, y: y,
+}
+# By what sign of the difference of the operands the answer is yes.
+_SENSE: Mapping[int, int] = {ca.OP_FMIN: -1, ca.OP_LT: -1, ca.OP_LE: -1}
 # Share of the instants of a guess that a branch must be off for to be rounded: what is beside an end is not.
 _OFTEN = 0.1
 
@@ -86,6 +98,35 @@ def branched(function: Any, points: Sequence[Sequence[Vector]], widths: Sequence
     decided = uniform & (first != first[0]).any(axis=0)
     own = [*widths, *({} for _ in range(len(points) - len(widths)))]
     return [_with(function, decided[k], first[k], own[k]) for k in range(len(points))]
+
+
+def freed(function: Any, points: Sequence[Sequence[Vector]], number: int, sizes: Widths) -> Any:
+    """The function of phase `number` with the answers of some branches as a further argument, a column.
+
+    A further result is what decides each of them, divided by its size and positive where the answer is yes. Branches
+    that differ between phases are put in place as by `branched`.
+    """
+    questions = _questions(function, _QUESTIONS)
+    answers = [_evaluated(questions, columns) > 0.5 for columns in points]
+    uniform = np.array([a.all(axis=1) | ~a.any(axis=1) for a in answers])
+    first = np.array([a[:, 0] for a in answers])
+    decided = uniform & (first != first[0]).any(axis=0)
+    chosen = {k: size for k, size in sizes.items() if size > 0.0}
+    free: list[Any] = []
+    deciding: list[Any] = []
+
+    def instead(k: int, op: int, operands: list[Any]) -> Any:
+        if op not in _FREED:
+            return None
+        difference = _SENSE.get(op, 1) * _DIFFERENCES[op](*operands)
+        deciding.append(difference / chosen[k])
+        free.append(ca.SX.sym("y"))
+        return _FREED[op](*operands, free[-1])
+
+    arguments, outputs = _rebuilt(function, decided[number], first[number], chosen, instead)
+    names = [*function.name_in(), "answers"], [*function.name_out(), "deciding"]
+    columns = (ca.vertcat(ca.SX(0, 1), *v) for v in (free, deciding))
+    return ca.Function(function.name(), [*arguments, next(columns)], [*outputs, next(columns)], *names)
 
 
 def crossed(function: Any, points: Sequence[Vector], smooth: float, often: bool = False) -> dict[int, float]:
@@ -135,6 +176,20 @@ def _questions(function: Any, forms: Mapping[int, Callable[..., Any]]) -> Any:
 
 def _with(function: Any, decided: Truth, answers: Truth, widths: Widths) -> Any:
     """The function with some of its branches decided, and some rounded."""
+
+    def instead(k: int, op: int, operands: list[Any]) -> Any:
+        if widths[k] == 0.0 or op not in _ROUNDED:
+            return None
+        return _ROUNDED[op](*operands, widths[k])
+
+    arguments, outputs = _rebuilt(function, decided, answers, widths, instead)
+    return ca.Function(function.name(), arguments, outputs, function.name_in(), function.name_out())
+
+
+def _rebuilt(
+    function: Any, decided: Truth, answers: Truth, chosen: Widths, instead: Callable[[int, int, list[Any]], Any]
+) -> tuple[list[Any], list[Any]]:
+    """Arguments and outputs with some branches decided, and others replaced; None leaves one as it is."""
     number = iter(range(len(decided)))
     soft: set[int] = set()  # truths between 0 and 1
 
@@ -142,11 +197,9 @@ def _with(function: Any, decided: Truth, answers: Truth, widths: Widths) -> Any:
         if op not in _QUESTIONS:
             return softened(op, operands)
         k = next(number)
-        if k in widths:
-            if widths[k] == 0.0 or op not in _ROUNDED:
-                return None
-            found = _ROUNDED[op](*operands, widths[k])
-            if op in (ca.OP_LT, ca.OP_LE):
+        if k in chosen:
+            found = instead(k, op, operands)
+            if found is not None and op in (ca.OP_LT, ca.OP_LE):
                 soft.add(found.element_hash())
             return found
         return _ANSWERS[op][0 if answers[k] else 1](*operands) if decided[k] else None
@@ -159,8 +212,7 @@ def _with(function: Any, decided: Truth, answers: Truth, widths: Widths) -> Any:
             soft.add(found.element_hash())
         return found
 
-    arguments, outputs = _walked(function, change)
-    return ca.Function(function.name(), arguments, outputs, function.name_in(), function.name_out())
+    return _walked(function, change)
 
 
 def _walked(function: Any, branch: Callable[[int, list[Any]], Any]) -> tuple[list[Any], list[Any]]:

@@ -33,24 +33,33 @@ class Law:
         Places of the rows of y among all outputs.
     parameters
         `(w) -> p`.
+    answers
+        How many entries at the end of z are answers of branches; y has as many rows more, of what decides them.
     """
 
     equations: Any
     algebraic: Any
     wanted: tuple[int, ...]
     parameters: Any
+    answers: int = 0
 
 
 def law_of(dae: Any, p: Vector, places: Sequence[int], wanted: Sequence[int]) -> Law:
-    """The equations of `dae` with all parameters but those at `places` at their values in p, shape (np,)."""
+    """The equations of `dae` with all parameters but those at `places` at their values in p, shape (np,).
+
+    `dae` may have answers of branches as a sixth argument, and what decides them as a fourth result.
+    """
     t, x, z, u, _ = (ca.SX.sym(dae.name_in(k), dae.numel_in(k)) for k in range(5))
+    free = [ca.SX.sym("y", dae.numel_in(5))] if dae.n_in() > 5 else []
     w, full = ca.SX.sym("w", len(places)), ca.SX(ca.DM(p))
     for k, place in enumerate(places):
         full[place] = w[k]
-    ode, alg, y = dae(t, x, z, u, full)
+    ode, alg, y, *deciding = dae(t, x, z, u, full, *free)
     y = y[list(wanted)] if len(wanted) else ca.SX(0, 1)
     algebraic = None
-    if 0 < z.numel() <= _MOST_SOLVED:
+    if free:
+        z, y = ca.vertcat(z, *free), ca.vertcat(y, *deciding)
+    elif 0 < z.numel() <= _MOST_SOLVED:
         slope = ca.jacobian(alg, z)
         if not ca.depends_on(slope, z):
             at_zero = ca.substitute(alg, z, ca.SX(z.numel(), 1))
@@ -61,4 +70,5 @@ def law_of(dae: Any, p: Vector, places: Sequence[int], wanted: Sequence[int]) ->
     names = ["t", "x", "z", "u", "w"], ["ode", "alg", "y"]
     outputs = [ca.densify(v) for v in (ode, alg, y)]
     equations = ca.Function("law", [t, x, z, u, w], outputs, *names)
-    return Law(equations, algebraic, tuple(wanted), ca.Function("p", [w], [full]))
+    parameters = ca.Function("p", [w], [full])
+    return Law(equations, algebraic, tuple(wanted), parameters, sum(v.numel() for v in free))

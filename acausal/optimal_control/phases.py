@@ -14,7 +14,7 @@ from acausal.errors import OptimizationError
 from acausal.export.forms import Form, check
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.symbols import Symbols
-from acausal.optimal_control.branches import Widths, branched, crossed
+from acausal.optimal_control.branches import Widths, branched, crossed, freed
 from acausal.optimal_control.guess import PhaseGuess
 from acausal.optimal_control.problem import Problem
 from acausal.optimal_control.quantities import Quantities
@@ -40,8 +40,12 @@ _SAME = 1e-4
 _OFF = 1e-6
 
 
-def dynamics_of(problem: Problem, guesses: Sequence[PhaseGuess], widths: Sequence[Widths] = ()) -> list[Dynamics]:
+def dynamics_of(
+    problem: Problem, guesses: Sequence[PhaseGuess], widths: Sequence[Widths] = (), free: bool = False
+) -> list[Dynamics]:
     """The equations of all phases, with branches rounded to these widths by number, for each phase.
+
+    With `free` they are not rounded: their answers become unknowns, and widths say how large what decides them is.
 
     Raises
     ------
@@ -63,12 +67,17 @@ def dynamics_of(problem: Problem, guesses: Sequence[PhaseGuess], widths: Sequenc
     found = []
     # what the switch at the very end changes is told by what comes behind it
     beyond = [_arguments(g, _INSIDE, begins[-1], q.p) for g in [guesses[-1].following] if g is not None]
-    laws = branched(dae, [*inside, *beyond], widths)[: len(inside)]
     kept = [dict.fromkeys(own, 0.0) for own in widths]
-    sharps = branched(dae, [*inside, *beyond], kept)[: len(inside)] if any(widths) else [None] * len(laws)
+    laws = branched(dae, [*inside, *beyond], kept if free else widths)[: len(inside)]
+    rounded = any(widths) and not free
+    sharps = branched(dae, [*inside, *beyond], kept)[: len(inside)] if rounded else [None] * len(laws)
+    opened = [
+        freed(dae, [*inside, *beyond], k, widths[k]) if free and k < len(widths) and widths[k] else None
+        for k in range(len(laws))
+    ]
     for k, (law, sharp, relation) in enumerate(zip(laws, sharps, switches, strict=True)):
         if relation is None:
-            found.append(Dynamics(law, sharp=sharp))
+            found.append(Dynamics(law, sharp=sharp, freed=opened[k]))
             continue
         s = Symbols(compiled)
         arguments = s.inputs[:-1]
@@ -78,7 +87,7 @@ def dynamics_of(problem: Problem, guesses: Sequence[PhaseGuess], widths: Sequenc
         following = guesses[k + 1] if k + 1 < len(guesses) else None
         ends = _arguments(guesses[k], np.array([1.0]), begins[k], q.p)
         jump = _jump(problem, relation, ends, following, problem.specs[k].name)
-        found.append(Dynamics(law, guard, jump, sharp))
+        found.append(Dynamics(law, guard, jump, sharp, opened[k]))
     return found
 
 

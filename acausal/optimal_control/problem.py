@@ -247,10 +247,11 @@ class Problem:
         *,
         tolerance: float = 1e-8,
         degree: int = 3,
-        control: int = 2,
+        control: int | None = None,
         accuracy: float | None = None,
         refinements: int = 5,
         smooth: float = 0.0,
+        complementarity: bool = False,
         shooting: str | None = None,
         steps: int = 4,
         solver: str = "ipopt",
@@ -265,8 +266,9 @@ class Problem:
         degree
             Collocation points in each interval (Radau IIA; order 2 degree - 1).
         control
-            Degree of the inputs as polynomials in each interval: 0 constant, 1 straight, 2 parabolas. Their Bernstein
-            coefficients keep the limits, so that they hold between the points, too.
+            Degree of the inputs as polynomials in each interval: 0 constant, 1 straight, 2 parabolas, by default 2.
+            Their Bernstein coefficients keep the limits, so that they hold between the points, too. With
+            `complementarity` by default 0: between two points a parabola may pass a switch and come back unseen.
         accuracy
             Largest error of a state over one interval, by its magnitude, that the mesh may leave: intervals in which
             IDAS goes elsewhere are halved, and the problem is solved again. None leaves the mesh as it is.
@@ -277,6 +279,12 @@ class Problem:
             where their order is free: widths by the largest value of what changes its sign. 0 leaves the model as it
             is. `stats["bias"]` is how far that leads a state away, the integral of what its rate is off by, by its
             largest magnitude; a note says it, too.
+        complementarity
+            Instead of rounding, the answers of these branches become unknowns: at each collocation point a branch is
+            taken or not by the sign of what decides it, and where that rests at zero (friction that sticks) something
+            between, as in a run. The order of switches is found with the optimum. Switches lie in intervals, not at
+            their borders: `stats["replay_error"]` is how far a run of the model with the answer ends up elsewhere, by
+            the largest magnitude of a state, and `accuracy` bounds it by halving the intervals that hold a switch.
         shooting, steps
             Instead of collocation, a method of the exported steps, "rk2", "rk4", "rosenbrock" or "sdirk", and its steps
             in each interval. Inputs are then constant in an interval, limits hold at its end, and between the borders
@@ -298,7 +306,9 @@ class Problem:
 
         self._begun()
         bridge = Steps(shooting, steps) if shooting is not None else None
-        how = Choices(tolerance, degree, control, accuracy, refinements, smooth, bridge, solver, dict(options or {}))
+        more = dict(options or {})
+        control = control if control is not None else 0 if complementarity else 2
+        how = Choices(tolerance, degree, control, accuracy, refinements, smooth, complementarity, bridge, solver, more)
         return solved(self, how)
 
     def controller(

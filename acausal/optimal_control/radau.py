@@ -41,12 +41,15 @@ class Dynamics:
         `(t, x, z, u, p) -> x` after the end; None where nothing jumps.
     sharp
         `dae` without what is rounded in it; None where nothing is.
+    freed
+        `(t, x, z, u, p, y) -> (ode, alg, y, deciding)` with answers of branches that the program chooses; None without.
     """
 
     dae: Any
     guard: Any = None
     jump: Any = None
     sharp: Any = None
+    freed: Any = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +72,8 @@ class PhaseProgram:
         The collocation points as shares of the phase, shape (n,); `weights` those of the quadrature.
     integrals
         With shooting, the integrals over the phase by the symbols that stand for them.
+    answers
+        Answers of branches that the program chooses at the collocation points, shape (branches, n).
     """
 
     spec: PhaseSpec
@@ -86,6 +91,7 @@ class PhaseProgram:
     shares: Vector
     weights: Vector
     integrals: dict[int, Any] = field(default_factory=dict)
+    answers: Any = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +110,10 @@ class Demand:
 
 @dataclass(frozen=True, eq=False)
 class Program:
-    """The whole program, and where everything is in it."""
+    """The whole program, and where everything is in it.
+
+    `relaxed` are numbers of demands on answers of branches, two each, which a solution tightens.
+    """
 
     problem: Problem
     nlp: Nlp
@@ -117,6 +126,7 @@ class Program:
     first: Any = None
     steps: Steps | None = None
     past: bool = False
+    relaxed: list[int] = field(default_factory=list)
     known: dict[int, Any] = field(default_factory=dict)
 
 
@@ -154,7 +164,7 @@ def transcribed(
     wanted = [k for k, output in enumerate(q.outputs) if q.place(output.name) is None]
     begin: Any = q.begin.t
     for spec, guess, mesh, law in zip(problem.specs, guesses, meshes, dynamics, strict=True):
-        special = law_of(law.dae, expected, places, wanted)
+        special = law_of(law.dae if law.freed is None else law.freed, expected, places, wanted)
         phase = _phase(program, problem, spec, mesh, law, special, guess, sizes, begin)
         program.phases.append(phase)
         begin = begin + phase.duration
@@ -213,6 +223,10 @@ def _phase(
     values = _guessed(guess, basis, sizes, (starts, lengths, shares), q)
     if law.algebraic is not None:
         values[1] = np.zeros((0, n))
+    nz = len(values[1])
+    if law.answers:
+        values[1] = np.vstack([values[1], _answered(dynamics, guess, shares, q)])
+        sizes = (sizes[0], np.concatenate([sizes[1], np.ones(law.answers)]), sizes[2])
     unknowns = [nlp.unknown(v, *v.shape) for v in values[: 2 if program.past else 3]]
     x, z, *free = (ca.DM(s) * v if v.numel() else v for s, v in zip(sizes, unknowns, strict=False))
     u = free[0] if free else ca.reshape(nlp.parameter(values[2].size), *values[2].shape)
@@ -236,10 +250,39 @@ def _phase(
     if z.numel():
         nlp.demand(inside.points.ask(alg))
     weights = (lengths[:, None] * basis.weights).ravel()
+    answers = z[nz:, :]
+    z = z[:nz, :] if law.answers else z
+    if law.answers:
+        _complementary(program, inside, answers, nz)
     if law.algebraic is not None:
         z = law.algebraic.map(n)(times, x[:, 1:], at, ca.repmat(program.w, 1, n))
     places = (inside, first, last)
-    return PhaseProgram(spec, mesh, dynamics, law, x, z, u, *places, begin, duration, shares, weights, integrals)
+    numbers = (begin, duration, shares, weights)
+    return PhaseProgram(spec, mesh, dynamics, law, x, z, u, *places, *numbers, integrals, answers)
+
+
+def _answered(dynamics: Dynamics, guess: PhaseGuess, shares: Vector, q: Quantities) -> Vector:
+    """Answers of freed branches in the guess, away from their ends."""
+    x, z, u = (ca.DM(v) if v.size else ca.DM(v.shape[0], len(shares)) for v in guess.at(shares))
+    n, count = len(shares), dynamics.freed.numel_in(5)
+    times = ca.DM(q.begin.t + guess.duration * shares).T
+    deciding = dynamics.freed.map(n)(times, x, z, u, ca.repmat(ca.DM(q.p), 1, n), 0.5 * ca.DM.ones(count, n))[3]
+    return np.asarray(np.clip(0.5 + 5.0 * np.array(deciding), 0.02, 0.98))
+
+
+def _complementary(program: Program, inside: Site, answers: Any, nz: int) -> None:
+    """An answer y is 1 where what decides it, d, is positive, and 0 where it is negative: y d >= 0 and (1 - y) d <= 0.
+
+    Between, where d rests at 0, the program chooses it, as Filippov's solutions do (the reformulation of steps of
+    A. Nurkanovic, M. Diehl, IEEE Control Systems Letters 6 (2022) 3110-3115). Both are relaxed, and tightened from one
+    solution to the next (S. Scholtes, SIAM J. Optimization 11 (2001) 918-936).
+    """
+    nlp = program.nlp
+    nlp.demand(answers, 0.0, 1.0)
+    y, d = inside.point[2][nz:], inside.equations[2][-inside.law.answers :]
+    program.relaxed.append(len(nlp.lower))
+    nlp.demand(inside.points.ask(y * d), -1.0, np.inf)
+    nlp.demand(inside.points.ask((1 - y) * d), -np.inf, 1.0)
 
 
 def _shot(program: Program, problem: Problem, spec: PhaseSpec, law: Law, unknowns: Any, size: Vector) -> dict[int, Any]:

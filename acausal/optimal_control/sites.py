@@ -61,7 +61,8 @@ class Site:
     def model(self) -> list[Any]:
         """SX arguments t, x, z, u, p of functions of the model."""
         (t, x, z, u, w), law = self.point, self.law
-        return [t, x, law.algebraic(t, x, u, w) if law.algebraic is not None else z, u, law.parameters(w)]
+        own = law.algebraic(t, x, u, w) if law.algebraic is not None else z[: z.numel() - law.answers]
+        return [t, x, own, u, law.parameters(w)]
 
     def integrand(self, q: Quantities, expression: Any) -> Any:
         """An expression of variables, the time and decided parameters at one instant, SX.

@@ -22,6 +22,7 @@ from acausal.optimal_control.polynomials import Basis
 from acausal.optimal_control.problem import Problem
 from acausal.optimal_control.radau import Program, transcribed
 from acausal.optimal_control.shooting import Steps
+from acausal.optimal_control.switching import switching_errors, tightened
 from acausal.optimal_control.trajectory import Trajectory, trajectory_of
 
 if TYPE_CHECKING:
@@ -53,6 +54,7 @@ class Choices:
     accuracy: float | None
     refinements: int
     smooth: float
+    complementarity: bool
     steps: Steps | None
     solver: str
     options: Mapping[str, Any]
@@ -75,14 +77,17 @@ class _Laps:
 def solved(problem: Problem, choices: Choices) -> Optimum:
     """See `Problem.solve`."""
     basis = Basis(choices.degree, choices.control) if choices.steps is None else Basis(1, 0)
-    _check(problem, basis.degree, basis.control, choices.solver, choices.smooth)
+    _check(problem, basis.degree, basis.control, choices)
     accuracy, refinements = choices.accuracy, choices.refinements
     taken = _Laps()
     guesses = guessed(problem)
     taken.lap("guess")
     first = guesses
-    widths = kinks(problem, first, choices.smooth, often=True) if choices.smooth else []
-    laws = dynamics_of(problem, first, widths)
+    free = choices.complementarity
+    # by the size of what decides a branch, a share of 1
+    smooth = 1.0 if free else choices.smooth
+    widths = kinks(problem, first, smooth, often=True) if smooth else []
+    laws = dynamics_of(problem, first, widths, free)
     meshes = [spec.mesh for spec in problem.specs]
     iterations: list[int] = []
     expected = problem.quantities.p
@@ -93,13 +98,16 @@ def solved(problem: Problem, choices: Choices) -> Optimum:
         taken.lap("solve")
         iterations.append(solution.iterations)
         trajectory = trajectory_of(program, solution)
-        others = _others(problem, trajectory, widths, choices.smooth) if choices.smooth else widths
+        others = _others(problem, trajectory, widths, smooth) if smooth else widths
         if others != widths and len(iterations) <= refinements:
             widths, guesses, expected = others, trajectory.guesses(), trajectory.p
-            laws = dynamics_of(problem, first, widths)
+            laws = dynamics_of(problem, first, widths, free)
             continue
-        verified(problem, laws, trajectory)
-        errors = interval_errors(problem, laws, trajectory)
+        if program.relaxed:
+            errors = switching_errors(problem, program, solution, trajectory)
+        else:
+            verified(problem, laws, trajectory)
+            errors = interval_errors(problem, laws, trajectory)
         worst = max((float(e.max()) for e in errors), default=0.0)
         taken.lap("check")
         if accuracy is None or worst <= accuracy:
@@ -115,11 +123,12 @@ def solved(problem: Problem, choices: Choices) -> Optimum:
         "solver": choices.solver,
         "iterations": iterations[0] if len(iterations) == 1 else tuple(iterations),
         "intervals": sum(map(len, meshes)),
-        "interval_error": worst,
+        **({"replay_error": worst} if program.relaxed else {"interval_error": worst}),
         "bias": (off := bias(laws, trajectory)),
-        "notes": (*problem.quantities.begin.notes, *_coarse(trajectory, errors, worst), *_rounded(widths, off)),
         **taken.seconds,
     }
+    own = _switching(worst) if program.relaxed else _coarse(trajectory, errors, worst)
+    stats["notes"] = (*problem.quantities.begin.notes, *own, *(_rounded(widths, off) if choices.smooth else ()))
     for note in stats["notes"]:
         _log.warning("%s: %s", problem.compiled.name, note)
     return optimum_of(problem, program, solution, trajectory, stats)
@@ -138,7 +147,24 @@ def _rounded(widths: list[Widths], off: float) -> tuple[str, ...]:
     return (f"{count} kinks are rounded, which leads states away by up to {off:.2g} of their magnitude",)
 
 
-def _check(problem: Problem, degree: int, control: int, solver: str, smooth: float) -> None:
+def _switching(worst: float) -> tuple[str, ...]:
+    """A note where a run with the answer goes elsewhere."""
+    if worst <= 10 * _NOTED:
+        return ()
+    return (
+        f"switches lie within intervals: a run with these inputs goes {worst:.2g} of a state's magnitude elsewhere; "
+        "solve(accuracy=1e-2)",
+    )
+
+
+def _check(problem: Problem, degree: int, control: int, choices: Choices) -> None:
+    solver, smooth = choices.solver, choices.smooth
+    if choices.complementarity and (smooth or choices.steps is not None or solver != "ipopt"):
+        raise UsageError(
+            "AC053",
+            "complementarity goes with collocation and ipopt, and rounds nothing",
+            help="leave out smooth=, shooting= and solver=",
+        )
     if problem.objective is None:
         raise UsageError("AC053", f"{problem!r} minimizes nothing", help="problem.minimize(problem.duration)")
     if solver not in SOLVERS:
@@ -156,10 +182,11 @@ def _check(problem: Problem, degree: int, control: int, solver: str, smooth: flo
 def _run(program: Program, choices: Choices) -> Solution:
     """What the solver finds."""
     name = choices.solver
-    found = minimized(program.nlp, name, {"tol": choices.tolerance, **SOLVERS[name], **choices.options})
+    options = {"tol": choices.tolerance, **SOLVERS[name], **choices.options}
+    found = minimized(program.nlp, name, options)
     if not found.success:
         raise _failure(program, found, name)
-    return found
+    return tightened(program, found, options) if program.relaxed else found
 
 
 def _failure(program: Program, solution: Solution, solver: str) -> OptimizationError:
