@@ -11,15 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.animate import meshes
-from acausal.animate.looks import RED, Arrow, Drawn, Hole, Look, Part, Piece, Rigid, Stretched, look_of
+from acausal.animate.looks import RED, Arrow, Drawn, Hole, Look, Part, Piece, Rigid, Stretched, look_of, up_of
 from acausal.animate.meshes import Array
 from acausal.errors import UsageError
 from acausal.flatten.around import placed
 from acausal.flatten.instances import Instance
+from acausal.language.choices import is_changing
 from acausal.language.component import Component, Connector
-from acausal.library.contact.scene.scene import ContactScene
-from acausal.library.drilling.interfaces import PartialDrillingForce
-from acausal.library.multibody.world import World
 from acausal.result import Result
 
 _QUARTER = math.radians(90.0)
@@ -73,7 +71,7 @@ def scene_of(
         AC083 when the model has nothing with a shape, AC082 when the result is not of this model.
     """
     found, _ = placed(model)
-    found = [*found, *_named_by_pair(found, result)]
+    found = [*found, *_named_to_last(found, result)]
     drawn = [i for i in found if look_of(i.component, looks or {}) is not None]
     shown = [i for i in drawn if _is_recorded(i, result)]
     if not drawn:
@@ -93,7 +91,9 @@ def scene_of(
     notes += _too_fast(nodes)
     forces, scale = _scaled([n for n in nodes if n.kind == "force"], size)
     kept = (*(n for n in nodes if n.kind != "force"), *forces)
-    return Scene(type(model).__name__, result.time[rows], kept, size, _upright(found, result), scale, tuple(notes))
+    return Scene(
+        type(model).__name__, result.time[rows], kept, size, _upright(found, result, size), scale, tuple(notes)
+    )
 
 
 def _check_is_of(
@@ -101,11 +101,12 @@ def _check_is_of(
 ) -> None:
     """Refuse a result that knows nothing of the model's bodies, or bodies that the model does not have (AC082)."""
     known = {i.path for i in found}
-    changing = tuple(f"{i.prefix}contacts[" for i in found if isinstance(i.component, ContactScene))
+    changing = tuple({name.partition("[")[0] + "[" for i in found for name in _lasting(i)})
     frames = [n.removesuffix(".r_0[0]") for n in result.names if n.endswith(".r_0[0]")]
     foreign = [f for f in frames if ".frame" in f and f not in known and not f.startswith(changing)]
-    # Contacts that never came about are not in a result, and every model may have a world.
-    needed = [i for i in drawn if not _may_be_missing(i) and not isinstance(i.component, World)]
+    # Contacts that never came about are not in a result, and what others look for around them, a world, is in many.
+    around = tuple(o.cls for i in found for o in type(i.component)._outers.values())
+    needed = [i for i in drawn if not _may_be_missing(i) and not isinstance(i.component, around)]
     if foreign or (needed and not any(i in shown for i in needed)):
         what = f"{foreign[0]} is not in the model" if foreign else f"it has no signals of {needed[0].path}"
         raise UsageError(
@@ -122,28 +123,32 @@ def _is_recorded(instance: Instance, result: Result) -> bool:
     return bool(frames) and len({f.rpartition(".")[2] for f in frames} & own) == len(own)
 
 
-def _named_by_pair(found: Iterable[Instance], result: Result) -> list[Instance]:
-    """Contacts of scenes whose contacts come and go: results call them by the names of the two bodies."""
-    made = []
-    for holder in found:
-        scene = holder.component
-        if not isinstance(scene, ContactScene):
-            continue
-        name = rf"({re.escape(holder.prefix)}contacts\[([^],]+),([^],#]+)(?:#\d+)?\])"
-        pairs = {(scene.bodies[i].name, scene.bodies[j].name): k for k, (i, j) in enumerate(scene.candidates)}
-        for match in filter(None, (re.fullmatch(rf"{name}\.depth|{name}\.s", n) for n in result.names)):
-            path, *pair = (g for g in match.groups() if g is not None)
-            k = pairs.get((pair[0], pair[1]))
-            if k is not None:
-                instance = Instance(scene.contacts[k], path, -1, holder)
-                frames = [(n, c) for n, c in scene.contacts[k]._parts.items() if isinstance(c, Connector)]
+def _lasting(holder: Instance) -> dict[str, str]:
+    """Paths in the model of what comes and goes in a component, by the paths that results call it."""
+    component = holder.component
+    labels = component.whole().labels() if is_changing(component) else ()
+    return {holder.prefix + kept: holder.prefix + own for own, kept in labels}
+
+
+def _named_to_last(found: Iterable[Instance], result: Result) -> list[Instance]:
+    """Contacts that come and go, as results call them: by the names of the two bodies, and the place of the contact."""
+    known, made = {i.path: i for i in found}, []
+    for holder in list(known.values()):
+        own = _lasting(holder)
+        heads = tuple({name.partition("[")[0] + "[" for name in own})
+        paths = dict.fromkeys(n[: n.index("]") + 1] for n in result.names if heads and n.startswith(heads))
+        for path in paths:
+            source = known.get(own.get(re.sub(r"#\d+]$", "]", path), ""))
+            if source is not None:
+                instance = Instance(source.component, path, -1, holder)
+                frames = [(n, c) for n, c in source.component._parts.items() if isinstance(c, Connector)]
                 instance.parts += [Instance(c, f"{path}.{n}", -1, instance) for n, c in frames]
                 made.append(instance)
     return made
 
 
 def _may_be_missing(instance: Instance) -> bool:
-    return instance.owner is not None and isinstance(instance.owner.component, ContactScene)
+    return instance.owner is not None and is_changing(instance.owner.component)
 
 
 def _rows(time: Array, poses: int) -> NDArray[np.intp]:
@@ -328,19 +333,11 @@ def _too_fast(nodes: Iterable[Node]) -> list[str]:
     return []
 
 
-def _upright(found: Iterable[Instance], result: Result) -> Array:
+def _upright(found: Iterable[Instance], result: Result, size: float) -> Array:
     """A rotation that brings up to +y: against gravity, else against the feed of a drill."""
-    instances = list(found)
-    for instance in instances:
-        if isinstance(instance.component, World) and f"{instance.path}.g_0[0]" in result:
-            g = np.asarray(result.final(f"{instance.path}.g_0"))
-            if np.linalg.norm(g) > 0.0:
-                return _turned_up(-g)
-    for instance in instances:
-        if isinstance(instance.component, PartialDrillingForce) and f"{instance.path}.frame_a.R[0,0]" in result:
-            axis = np.asarray(instance.component.axis_a, dtype=float)
-            return _turned_up(-(result[f"{instance.path}.frame_a.R"][0] @ axis))
-    return np.eye(3)
+    told = [up_of(Part(i.component, None, i.path, result, size)) for i in found]
+    known = sorted((up for up in told if up is not None), key=lambda up: not up.sure)
+    return _turned_up(known[0].direction) if known else np.eye(3)
 
 
 def _turned_up(up: Array) -> Array:

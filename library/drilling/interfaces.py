@@ -19,7 +19,8 @@ from acausal import (
     structural,
 )
 from acausal.errors import DeclarationError
-from acausal.library.contact.scene.checks import check_pose, check_shape
+from acausal.library.contact.collide.checks import check_shape
+from acausal.library.contact.scene.checks import check_pose
 from acausal.library.drilling.cutting import PartialCuttingForce
 from acausal.library.drilling.geometry import DrillGeometry, PartialDrillGeometry
 from acausal.library.drilling.geometry_convex import ConvexDrillGeometry, ConvexLevel, PlateLevel

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from acausal.animate import meshes
-from acausal.animate.looks import shape_mesh
 from acausal.animate.meshes import Mesh
 from acausal.library.contact import Box, Capsule, Cone, ConvexHull, Cylinder, Sphere
 from acausal.library.contact.collide.shapes import Shape
+from acausal.library.contact.looks import shape_mesh
 
 
 def volume(mesh: Mesh) -> float:

@@ -22,8 +22,8 @@ import numpy as np
 
 from acausal import External
 from acausal.errors import DeclarationError
+from acausal.library.contact.collide.checks import check_shape
 from acausal.library.contact.collide.shapes import HalfSpace, Shape
-from acausal.library.contact.scene.checks import check_shape
 
 _INPUTS = ((3,), (3, 3), (3,), (3, 3))
 _OUTPUTS = ((), (3,), (3,), (3,))

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from acausal import Component
 from acausal.errors import DeclarationError
 from acausal.library.contact.collide.shapes import Shape
+from acausal.library.contact.manifold.touch import method
 from acausal.library.contact.scene.friction import Coulomb, FrictionLaw
 from acausal.library.contact.scene.laws import NormalLaw
 from acausal.library.contact.scene.surface import AT_FRAME, Pose, SurfaceContact
@@ -67,8 +68,6 @@ class ContactBody:
 
     def describe(self, other: ContactBody) -> str:
         """How the contact of a pair is found, for the report."""
-        from acausal.library.contact.manifold.touch import method
-
         return method(self.shape, other.shape)
 
     @property

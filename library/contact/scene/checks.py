@@ -4,29 +4,16 @@ from __future__ import annotations
 
 import math
 import numbers
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from acausal.errors import DeclarationError
-from acausal.library.contact.collide.shapes import Shape
-
-if TYPE_CHECKING:
-    from acausal.library.contact.scene.bodies import ContactBody
+from acausal.library.contact.collide.checks import check_shape, shown
+from acausal.library.contact.scene.bodies import ContactBody
 
 _SKEW = 1e-6
-
-
-def check_shape(shape: object, body: str) -> None:
-    """Raise DeclarationError AC174 unless `shape` is one, with a volume."""
-    if not isinstance(shape, Shape):
-        raise DeclarationError(
-            "AC174",
-            f"the shape of {body} is {_shown(shape)}, not a shape",
-            help="give a Sphere, Box, Cylinder, Capsule, Cone, PointedDrill, HalfSpace or ConvexHull",
-        )
-    shape.check(body)
 
 
 def check_pose(pose: Any, body: str) -> None:
@@ -35,7 +22,7 @@ def check_pose(pose: Any, body: str) -> None:
     place, turn = (_numbers(part, shape) for part, shape in zip(pair, ((3,), (3, 3)), strict=True))
     fact = ""
     if place is None or turn is None:
-        fact = f"is {_shown(pose)}, not a place of 3 numbers [m] and a rotation of 3x3 numbers"
+        fact = f"is {shown(pose)}, not a place of 3 numbers [m] and a rotation of 3x3 numbers"
     elif np.abs(turn @ turn.T - np.eye(3)).max() > _SKEW or np.linalg.det(turn) < 0:
         fact = "turns by a matrix that is no rotation: its rows are not three right-handed unit vectors"
     if fact:
@@ -54,15 +41,13 @@ def check_bodies(bodies: object) -> None:
     DeclarationError
         AC172 for names, AC174 for shapes, AC179 for poses, reaches, and for what is no body.
     """
-    from acausal.library.contact.scene.bodies import ContactBody
-
     listed: list[Any] = list(bodies) if isinstance(bodies, tuple | list) else [None]
     given = [b for b in listed if isinstance(b, ContactBody)]
     if len(given) < len(listed):
         wrong = next(b for b in listed if not isinstance(b, ContactBody))
         raise DeclarationError(
             "AC179",
-            f"the bodies of the scene are {_shown(bodies if wrong is None else wrong)}, not a tuple of bodies",
+            f"the bodies of the scene are {shown(bodies if wrong is None else wrong)}, not a tuple of bodies",
             help="ContactScene(bodies=(ContactBody(name=..., shape=...), ...))",
         )
     names = [b.name for b in given]
@@ -76,10 +61,10 @@ def check_bodies(bodies: object) -> None:
 def check_scene(skin: object, keep: object) -> None:
     """Raise DeclarationError AC179 for a skin [m] or a number of pairs that cannot be."""
     if not (isinstance(skin, numbers.Real) and 0.0 < float(skin) < math.inf):
-        raise DeclarationError("AC179", f"the skin of the scene is {_shown(skin)}", help="give a length above 0 m")
+        raise DeclarationError("AC179", f"the skin of the scene is {shown(skin)}", help="give a length above 0 m")
     if not isinstance(keep, int) or keep < 0:
         raise DeclarationError(
-            "AC179", f"the scene is to keep {_shown(keep)} pairs", help="give a whole number, 0 or more"
+            "AC179", f"the scene is to keep {shown(keep)} pairs", help="give a whole number, 0 or more"
         )
 
 
@@ -94,7 +79,7 @@ def _check_body(body: ContactBody) -> None:
     if low is None or high is None or not (low <= high).all():
         raise DeclarationError(
             "AC179",
-            f"the reach of {body.name} is {_shown(body.reach)}, not the lowest and the highest corner of a box",
+            f"the reach of {body.name} is {shown(body.reach)}, not the lowest and the highest corner of a box",
             help="reach=((x_min, y_min, z_min), (x_max, y_max, z_max)) in m, in world axes",
         )
 
@@ -107,8 +92,3 @@ def _numbers(value: ArrayLike | None, shape: tuple[int, ...], finite: bool = Tru
         return None
     wrong = found.shape != shape or np.isnan(found).any() or (finite and not np.isfinite(found).all())
     return None if wrong else found
-
-
-def _shown(value: object) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else text[:57] + "..."

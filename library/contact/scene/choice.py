@@ -2,21 +2,50 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from acausal import Component
 from acausal.library.contact.scene.bodies import ContactBody, PoseValue
 from acausal.library.contact.scene.broad_phase import CANNOT_MEET, Pair, overlapping
+from acausal.library.contact.scene.outlines import Outlines
 from acausal.library.contact.scene.surface import SurfaceContact
 
-if TYPE_CHECKING:
-    from acausal.library.contact.scene.scene import ContactScene
-
 Array = NDArray[np.float64]
+
+
+class Scene(Protocol):
+    """What a choice asks of its scene; `ContactScene` says what it means."""
+
+    @property
+    def bodies(self) -> tuple[ContactBody, ...]: ...
+    @property
+    def skin(self) -> float: ...
+    @property
+    def moving(self) -> Sequence[tuple[int, ContactBody]]: ...
+    @property
+    def numbers(self) -> list[int]: ...
+    @property
+    def at_rest(self) -> tuple[Array, ...]: ...
+    @property
+    def outlines(self) -> Outlines: ...
+    @property
+    def ends(self) -> Any: ...
+    @property
+    def dropped(self) -> Mapping[str, int]: ...
+    @property
+    def has_traces(self) -> bool: ...
+    @property
+    def candidates(self) -> tuple[Pair, ...]: ...
+    def pairs_of(self, places: Any, /) -> tuple[Pair, ...]: ...
+    def with_pairs(self, pairs: Sequence[Pair], steady: bool, /) -> Component: ...
+    def kind(self, pair: Pair, /) -> type[Component]: ...
+    def place(self, body: ContactBody, /) -> int | None: ...
+    def maker(self, i: int, j: int, /) -> int: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +66,7 @@ class SceneChoice:
         Whether pairs that are left out keep their numbers free, so that those behind them keep their names.
     """
 
-    scene: ContactScene
+    scene: Scene
     pairs: tuple[Pair, ...]
     places: Mapping[Pair, tuple[Array, ...]] = field(default_factory=dict)
     sites: Mapping[Pair, int] = field(default_factory=dict)
@@ -45,7 +74,7 @@ class SceneChoice:
     wandering: tuple[Pair, ...] = ()
     steady: bool = False
 
-    def applied(self) -> ContactScene:
+    def applied(self) -> Component:
         """The scene with these contacts."""
         return self.scene.with_pairs(self.pairs, self.steady)
 
