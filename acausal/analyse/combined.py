@@ -52,18 +52,23 @@ class Combined:
     image: dict[int, int]
 
 
-def with_combinations(structure: Structure, rows: Iterable[int], unknowns: Collection[int]) -> Combined | None:
-    """A variable for each combination of unknowns that nonlinear ones of these equations hold; None where none does.
+def holding_combinations(structure: Structure, rows: Iterable[int], unknowns: Collection[int]) -> list[int]:
+    """Those of these equations of the reduced system that hold combinations of unknowns in nonlinear terms.
 
-    `rows` are equations of the reduced system, and `unknowns` its variables that are not known from states.
+    `unknowns` are the variables that are not known from states.
     """
+    reduced = structure.reduced
+    form = LinearForm(reduced.pool, unknowns)
+    return [r for r in rows if form.of(reduced.residuals[r]) is None and _held(form, reduced.residuals[r])]
+
+
+def with_combinations(structure: Structure, rows: Iterable[int], unknowns: Collection[int]) -> Combined:
+    """A variable for each combination of unknowns that these equations hold in nonlinear terms."""
     reduced, pool = structure.reduced, structure.reduced.pool
     form = LinearForm(pool, unknowns)
-    curved = [r for r in rows if form.of(reduced.residuals[r]) is None]
+    curved = list(dict.fromkeys(rows))
     held = {r: _held(form, reduced.residuals[r]) for r in curved}
     found = list(dict.fromkeys(c for r in curved for c in held[r].values()))
-    if not found:
-        return None
     own = {c: pool.new_variables(1) for c in found}
     first = reduced.flat.n_scalars
     flat, image = with_variables(reduced.flat, len(found))

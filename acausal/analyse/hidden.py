@@ -20,7 +20,7 @@ import numpy as np
 from acausal.analyse.analyse import Structure
 from acausal.analyse.blocks.elimination import eliminate
 from acausal.analyse.blocks.linear import Linear, LinearForm
-from acausal.analyse.combined import Combined, transferred, with_combinations
+from acausal.analyse.combined import Combined, holding_combinations, transferred, with_combinations
 from acausal.analyse.invariants import Row, add_terms, combined, null_combinations
 from acausal.errors import StructureError
 from acausal.flatten.pool import LEAVES
@@ -36,11 +36,26 @@ class HiddenConstraint(StructureError):
 
     equations: dict[int, int]
 
+    def add(self, other: StructureError) -> None:
+        """Take over what another block hides, but for equations that this one replaces already."""
+        if isinstance(other, HiddenConstraint):
+            self.equations = other.equations | self.equations
+
 
 class HiddenCombination(StructureError):
-    """The same where nonlinear equations hold unknowns in combinations, with the system that names these."""
+    """The same where nonlinear equations hold unknowns in combinations: which of the reduced system's equations."""
 
-    combined: Combined
+    structure: Structure
+    rows: list[int]
+
+    def add(self, other: StructureError) -> None:
+        """Take over the equations of another block."""
+        if isinstance(other, HiddenCombination):
+            self.rows += other.rows
+
+    def combined(self) -> Combined:
+        """The system that names the combinations."""
+        return with_combinations(self.structure, self.rows, _highest(self.structure.reduced))
 
 
 _Hidden = TypeVar("_Hidden", HiddenConstraint, HiddenCombination)
@@ -62,11 +77,11 @@ def hidden_constraint(structure: Structure, block: Block, error: StructureError)
         # nothing, or a number that would have to be zero: their terms may still share combinations of unknowns
         sources = {structure.flat_equation(r) for r in block.rows}
         own = [r for r, e in enumerate(structure.reduced.equation) if e in sources]
-        found = with_combinations(structure, own, _highest(structure.reduced))
-        if found is None:
+        own = holding_combinations(structure, own, _highest(structure.reduced))
+        if not own:
             return error
         named = _as(HiddenCombination, error)
-        named.combined = found
+        named.structure, named.rows = structure, own
         return named
     hidden = _as(HiddenConstraint, error)
     hidden.equations = {structure.reduced.equation[r]: _in_flat(structure.reduced, rest) for r, rest in rests.items()}
@@ -94,7 +109,7 @@ def _rests(structure: Structure, rows: Iterable[int], unknowns: set[int]) -> dic
 
 
 def _substituted(structure: Structure, rows: Sequence[int], unknowns: set[int]) -> dict[int, int]:
-    """What is left of a nonlinear equation when linear ones tell all that it knows of the unknowns.
+    """What is left of nonlinear equations when linear ones tell all that they know of the unknowns, by row.
 
     `v == a - b` and `q == C (a - b) (1 + (a - b)**2)`: the unknowns stand in both as one difference.
     """
@@ -114,13 +129,14 @@ def _substituted(structure: Structure, rows: Sequence[int], unknowns: set[int]) 
                 done[number] = pool.collected(made) if op in SUMS else made
         return done[node]
 
-    form = LinearForm(pool, unknowns)
+    form, found = LinearForm(pool, unknowns), dict[int, int]()
     # an equation without unknowns is a constraint that everybody sees
     rows = [r for r in rows if pool.variables_in(structure.residuals[r]) & unknowns]
     for r in sorted(rows, key=lambda r: form.of(structure.residuals[r]) is None):
         left = image(structure.residuals[r])
         if not pool.variables_in(left) & unknowns:
-            return {r: left}
+            found[r] = left
+            continue
         linear = form.of(left)
         if linear is None:
             continue
@@ -130,7 +146,7 @@ def _substituted(structure: Structure, rows: Sequence[int], unknowns: set[int]) 
             own = pool.neg(pool.mul(linear[1][pivot], pool.sub(left, pool.mul(linear[1][pivot], pool.var(pivot)))))
             known[pivot] = pool.collected(own)
             known.update({v: image(node) for v, node in known.items()})
-    return {}
+    return found
 
 
 def _sums(structure: Structure, rows: Iterable[int], unknowns: set[int]) -> dict[int, int]:

@@ -182,7 +182,7 @@ def solved(
         except HiddenCombination as found:
             first = first or found
             # what it has rewritten it took as it stood with the constraints found so far
-            now = found.combined
+            now = found.combined()
             hidden = {k: now.image[node] for k, node in hidden.items() if k not in now.rewritten}
             flat = now.flat
         except StructureError as error:

@@ -285,3 +285,12 @@ def test_other_values_take_the_combination_from_the_cache() -> None:
     anew = acausal.compile(Parallel(named=False), parameters=values, cache=False)
     ends = [acausal.simulate(c, stop_time=0.01, tolerance=1e-9).final("Q[0].q_p") for c in (again, anew)]
     assert ends[0] == pytest.approx(ends[1], rel=1e-9)
+
+
+@pytest.mark.slow
+def test_a_ladder_with_more_hidden_constraints_than_rounds() -> None:
+    """24 capacitors beside nonlinear ones, none grounded: each hides a constraint, all are found in three rounds."""
+    net: list[Element] = [("V", 1, 0, 4.0), ("R", 1, 2, 10.0)]
+    for node in range(2, 26):
+        net += [("C", node, node + 1, 4e-4), ("Q", node, node + 1, 7e-4), ("R", node + 1, 0, 20.0 + node)]
+    assert not _wrong([tuple(net)])

@@ -14,7 +14,7 @@ from acausal.analyse.analyse import Structure
 from acausal.analyse.blocks.elimination import Eliminated, eliminate, safety
 from acausal.analyse.blocks.linear import LinearForm
 from acausal.analyse.blocks.monotone import causal, newton
-from acausal.analyse.hidden import hidden_constraint
+from acausal.analyse.hidden import HiddenCombination, HiddenConstraint, hidden_constraint
 from acausal.diagnose.null_space.dependence import check_rank, dependent, special_values
 from acausal.errors import StructureError
 from acausal.structure import Block, Incidence, tear
@@ -79,7 +79,9 @@ def solve(structure: Structure, formulation: str = "torn") -> Solution:
     # Without states nothing is integrated: what would be left to the solver is left to Newton's method alone.
     work = _Work(structure, formulation == "dae" and bool(structure.states))
     for block in structure.blocks:
-        work.block(block)
+        work.block_or_later(block)
+    if work.hidden is not None:
+        raise work.hidden
     return Solution(
         structure=structure,
         definitions=tuple(work.definitions),
@@ -109,10 +111,31 @@ class _Work:
         self.algebraic: list[int] = []
         self.residuals: list[int] = []
         self.reports: list[BlockReport] = []
+        self.hidden: HiddenConstraint | HiddenCombination | None = None  # what the blocks looked at so far hide
+        self.left: set[int] = set()  # unknowns that are not solved for then
 
     def define(self, variable: int, node: int) -> None:
         self.definitions.append((variable, node))
         self.points.define(variable, node)
+
+    def block_or_later(self, block: Block) -> None:
+        """Solve a block; one that hides constraints waits for the next structure, and so does what needs its unknowns.
+
+        A ladder of sixty sections hides one in each: all are found before the analysis begins anew.
+        """
+        if self.left and self.left & self.pool.variables_in(*(self.structure.residuals[r] for r in block.rows)):
+            self.left.update(block.columns)
+            return
+        try:
+            self.block(block)
+        except StructureError as error:
+            if self.hidden is not None:
+                self.hidden.add(error)
+            elif isinstance(error, HiddenConstraint | HiddenCombination):
+                self.hidden = error
+            else:
+                raise
+            self.left.update(block.columns)
 
     def block(self, block: Block) -> None:
         if len(block.columns) == 1:
