@@ -18,4 +18,4 @@ from acausal.optimal_control.estimator import Estimator as Estimator
 from acausal.optimal_control.optimum import Multiplier as Multiplier
 from acausal.optimal_control.optimum import Optimum as Optimum
 from acausal.optimal_control.problem import Phase as Phase
-from acausal.optimal_control.problem import Problem as Problem
+from acausal.optimal_control.solvable import Problem as Problem

@@ -13,7 +13,7 @@ from acausal.errors import OptimizationError, UsageError
 from acausal.optimal_control.guess import guessed
 from acausal.optimal_control.phases import dynamics_of
 from acausal.optimal_control.polynomials import Basis
-from acausal.optimal_control.problem import Problem
+from acausal.optimal_control.problem import StatedProblem
 from acausal.optimal_control.radau import Program, transcribed
 
 Vector = NDArray[np.float64]
@@ -47,7 +47,7 @@ class Controller:
     """
 
     def __init__(
-        self, problem: Problem, tolerance: float, degree: int, varying: Sequence[str], options: Mapping[str, Any]
+        self, problem: StatedProblem, tolerance: float, degree: int, varying: Sequence[str], options: Mapping[str, Any]
     ) -> None:
         check_horizon(problem)
         q = problem.quantities
@@ -127,7 +127,7 @@ class Controller:
             )
 
 
-def check_horizon(problem: Problem, past: bool = False) -> None:
+def check_horizon(problem: StatedProblem, past: bool = False) -> None:
     """Refuse a problem that is no window of samples: of the future, or of the past, where parameters are estimated."""
     spec = problem.specs[0]
     fixed = len(problem.specs) == 1 and spec.shortest == spec.longest and spec.switch is None
@@ -147,7 +147,7 @@ def check_horizon(problem: Problem, past: bool = False) -> None:
         )
 
 
-def check_autonomous(problem: Problem, dae: Any) -> None:
+def check_autonomous(problem: StatedProblem, dae: Any) -> None:
     """Refuse a model with a clock of its own."""
     compiled = problem.quantities.compiled
     if compiled.time_events.relations or any(dae.jac_sparsity(k, 0).nnz() for k in range(3)):

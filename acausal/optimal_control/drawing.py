@@ -5,18 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from acausal.optimal_control.optimum import Multiplier, Optimum
 from acausal.panel import Panel
 from acausal.plot import figure, save
-
-if TYPE_CHECKING:
-    from acausal.optimal_control.optimum import Multiplier, Optimum
 
 _HELD = "#D55E00"
 # Instants of a phase that are drawn.

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.optimal_control.polynomials import Basis
-from acausal.optimal_control.problem import Problem
+from acausal.optimal_control.problem import StatedProblem
 from acausal.optimal_control.radau import Dynamics
 from acausal.optimal_control.trajectory import PhaseTrajectory, Trajectory
 
@@ -20,7 +20,7 @@ Vector = NDArray[np.float64]
 _TOLERANCE = 1e-10
 
 
-def interval_errors(problem: Problem, laws: Sequence[Dynamics], trajectory: Trajectory) -> list[Vector]:
+def interval_errors(problem: StatedProblem, laws: Sequence[Dynamics], trajectory: Trajectory) -> list[Vector]:
     """Largest error of a state at the end of each interval, by its magnitude over all phases; one array per phase.
 
     nan counts as infinite: IDAS did not get to the end of the interval.

@@ -26,7 +26,7 @@ from acausal.optimal_control.controller import WARM, check_autonomous, check_hor
 from acausal.optimal_control.guess import guessed
 from acausal.optimal_control.phases import dynamics_of
 from acausal.optimal_control.polynomials import Basis
-from acausal.optimal_control.problem import Problem
+from acausal.optimal_control.problem import StatedProblem
 from acausal.optimal_control.radau import Program, along, transcribed
 
 Vector = NDArray[np.float64]
@@ -53,7 +53,7 @@ class Estimator:
 
     def __init__(
         self,
-        problem: Problem,
+        problem: StatedProblem,
         measured: Mapping[str, float],
         deviations: Mapping[str, float],
         tolerance: float,
@@ -163,7 +163,7 @@ def _compiled(
 
 
 def _check_names(
-    problem: Problem, measured: Mapping[str, float], deviations: Mapping[str, float], decided: list[str]
+    problem: StatedProblem, measured: Mapping[str, float], deviations: Mapping[str, float], decided: list[str]
 ) -> None:
     known = [*problem.quantities.x.names, *decided]
     for name in deviations:

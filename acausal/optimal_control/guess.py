@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from acausal.errors import OptimizationError
 from acausal.optimal_control.declare import PhaseSpec
-from acausal.optimal_control.problem import Problem
+from acausal.optimal_control.problem import StatedProblem
 from acausal.result import Result
 from acausal.simulate.run import simulate
 
@@ -36,7 +36,7 @@ class PhaseGuess:
     following: PhaseGuess | None = None
 
 
-def guessed(problem: Problem) -> list[PhaseGuess]:
+def guessed(problem: StatedProblem) -> list[PhaseGuess]:
     """The guess of every phase.
 
     Raises
@@ -69,7 +69,7 @@ def guessed(problem: Problem) -> list[PhaseGuess]:
     return found
 
 
-def _lines(problem: Problem) -> dict[int, tuple[float, float]]:
+def _lines(problem: StatedProblem) -> dict[int, tuple[float, float]]:
     """The straight lines that were given, and of what goes along them the constant rates."""
     given = problem.guess_lines
     if not given:
@@ -80,7 +80,7 @@ def _lines(problem: Problem) -> dict[int, tuple[float, float]]:
     return {**slopes, **given}
 
 
-def _run(problem: Problem) -> Result:
+def _run(problem: StatedProblem) -> Result:
     q = problem.quantities
     inputs: dict[str, Any] = {port.name: min(max(port.start, port.min), port.max) for port in q.u}
     inputs |= problem.guess_inputs
@@ -126,7 +126,7 @@ def _stored(run: Result, names: Sequence[str]) -> Vector:
     return np.array([run[name] for name in names]).reshape(len(names), len(run.time))
 
 
-def _end(problem: Problem, run: Result, spec: PhaseSpec, first: float) -> float:
+def _end(problem: StatedProblem, run: Result, spec: PhaseSpec, first: float) -> float:
     """When the run fulfils what ends the phase, after `first`."""
     assert spec.switch is not None
     guard = problem.guards[spec.switch]
@@ -146,7 +146,7 @@ def _end(problem: Problem, run: Result, spec: PhaseSpec, first: float) -> float:
     return float(low + (high - low) * values[k] / (values[k] - values[k + 1]))
 
 
-def _guard_values(problem: Problem, switch: int, run: Result, rows: Any) -> Vector:
+def _guard_values(problem: StatedProblem, switch: int, run: Result, rows: Any) -> Vector:
     """Values of a guard at rows of a run, shape (n,)."""
     q, guard = problem.quantities, problem.guards[switch]
     n = len(rows)
@@ -165,7 +165,7 @@ def _guard_values(problem: Problem, switch: int, run: Result, rows: Any) -> Vect
     return np.array(function.map(n)(*(c[None, :] for c in columns))).ravel()
 
 
-def _not_reached(problem: Problem, run: Result, spec: PhaseSpec) -> OptimizationError:
+def _not_reached(problem: StatedProblem, run: Result, spec: PhaseSpec) -> OptimizationError:
     text = problem.guards[spec.switch].text if spec.switch is not None else "its end"
     seen = [f"{e.time:.4g} s  {e.condition}" for e in run.events[:6]]
     return OptimizationError(

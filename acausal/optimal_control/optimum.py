@@ -14,10 +14,11 @@ from acausal.lower.casadi_model import Port, Ports
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.symbols import Symbols
 from acausal.optimal_control.nlp import Solution
-from acausal.optimal_control.problem import Problem
+from acausal.optimal_control.problem import StatedProblem
 from acausal.optimal_control.quantities import Quantities
 from acausal.optimal_control.radau import Demand, Program
 from acausal.optimal_control.trajectory import PhaseTrajectory, Trajectory
+from acausal.providers import provided
 from acausal.result import Event, Result
 from acausal.series import TimeSeries
 from acausal.simulate.record.record import Described
@@ -149,11 +150,10 @@ class Optimum(Result):
 
         Options are `file` and `title`; with any other of `acausal.plot.plot`, signals are drawn as of every result.
         """
-        from acausal.optimal_control.drawing import drawn
-
         if set(options) - {"file", "title"}:
             return super().plot(*names, **options)
-        return drawn(self, names, options.get("file"), options.get("title"))
+        drawing: Figure = provided("drawn")(self, names, options.get("file"), options.get("title"))
+        return drawing
 
     @property
     def held(self) -> tuple[Multiplier, ...]:
@@ -175,7 +175,7 @@ def _off_events(times: Vector, *events: tuple[Event, ...]) -> NDArray[np.bool_]:
 
 
 def optimum_of(
-    problem: Problem, program: Program, solution: Solution, trajectory: Trajectory, stats: Mapping[str, object]
+    problem: StatedProblem, program: Program, solution: Solution, trajectory: Trajectory, stats: Mapping[str, object]
 ) -> Optimum:
     """The answer made of the numbers that a solver found."""
     q, compiled = problem.quantities, problem.quantities.compiled

@@ -16,7 +16,7 @@ from acausal.lower.compiled import CompiledModel
 from acausal.lower.symbols import Symbols
 from acausal.optimal_control.branches import Widths, branched, crossed, freed
 from acausal.optimal_control.guess import PhaseGuess
-from acausal.optimal_control.problem import Problem
+from acausal.optimal_control.problem import StatedProblem
 from acausal.optimal_control.quantities import Quantities
 from acausal.optimal_control.radau import Dynamics
 from acausal.optimal_control.trajectory import PhaseTrajectory, Trajectory
@@ -41,7 +41,7 @@ _OFF = 1e-6
 
 
 def dynamics_of(
-    problem: Problem, guesses: Sequence[PhaseGuess], widths: Sequence[Widths] = (), free: bool = False
+    problem: StatedProblem, guesses: Sequence[PhaseGuess], widths: Sequence[Widths] = (), free: bool = False
 ) -> list[Dynamics]:
     """The equations of all phases, with branches rounded to these widths by number, for each phase.
 
@@ -91,7 +91,7 @@ def dynamics_of(
     return found
 
 
-def kinks(problem: Problem, guesses: Sequence[PhaseGuess], smooth: float, often: bool = False) -> list[Widths]:
+def kinks(problem: StatedProblem, guesses: Sequence[PhaseGuess], smooth: float, often: bool = False) -> list[Widths]:
     """Branches that go both ways within each phase, by number with the widths to round them; see `crossed`."""
     q, dae = problem.quantities, problem.quantities.dae()
     begins = q.begin.t + np.cumsum([0.0, *(guess.duration for guess in guesses)])
@@ -128,7 +128,7 @@ def _refuse_clocks(compiled: CompiledModel) -> None:
         )
 
 
-def _jump(problem: Problem, relation: int, ends: list[Vector], following: PhaseGuess | None, name: str) -> Any:
+def _jump(problem: StatedProblem, relation: int, ends: list[Vector], following: PhaseGuess | None, name: str) -> Any:
     """`(t, x, z, u, p) -> x` of what the clauses of a relation change; None where they change nothing.
 
     `ends` are the arguments at the end of the phase in the guess.
@@ -199,7 +199,7 @@ def _check_guess(q: Quantities, found: Vector, following: PhaseGuess, ends: list
         )
 
 
-def verified(problem: Problem, laws: Sequence[Dynamics], trajectory: Trajectory) -> None:
+def verified(problem: StatedProblem, laws: Sequence[Dynamics], trajectory: Trajectory) -> None:
     """Refuse an optimum that takes branches which the model does not take there, or passes over an event.
 
     Raises
@@ -217,7 +217,7 @@ def verified(problem: Problem, laws: Sequence[Dynamics], trajectory: Trajectory)
         _check_instants(problem, dae, phase, trajectory.p)
 
 
-def _check_instants(problem: Problem, dae: Any, phase: PhaseTrajectory, p: Vector) -> None:
+def _check_instants(problem: StatedProblem, dae: Any, phase: PhaseTrajectory, p: Vector) -> None:
     """Refuse instants inside of a phase at which sources of the model make rates jump; kinks are for the mesh."""
     instants = np.unique(np.array(problem.quantities.compiled.instants(p)).ravel())
     share = (instants - phase.begin) / phase.duration
@@ -256,7 +256,9 @@ def _evaluated(function: Any, columns: Sequence[Vector]) -> list[Vector]:
     return [np.array(v) for v in (found if isinstance(found, tuple | list) else [found])]
 
 
-def _check_branches(problem: Problem, dae: Any, law: Dynamics, phase: PhaseTrajectory, columns: list[Vector]) -> None:
+def _check_branches(
+    problem: StatedProblem, dae: Any, law: Dynamics, phase: PhaseTrajectory, columns: list[Vector]
+) -> None:
     q = problem.quantities
     names = (q.x.names, q.z.names, tuple(o.name for o in q.outputs))
     words = ("the rate of {}", "the equation of {}", "{}")
@@ -279,7 +281,7 @@ def _check_branches(problem: Problem, dae: Any, law: Dynamics, phase: PhaseTraje
             )
 
 
-def _check_events(problem: Problem, phase: PhaseTrajectory, columns: list[Vector]) -> None:
+def _check_events(problem: StatedProblem, phase: PhaseTrajectory, columns: list[Vector]) -> None:
     compiled = problem.quantities.compiled
     s = Symbols(compiled)
     arguments = s.inputs[:-1]

@@ -19,7 +19,7 @@ from acausal.optimal_control.guess import PhaseGuess
 from acausal.optimal_control.law import Law, law_of
 from acausal.optimal_control.nlp import Nlp
 from acausal.optimal_control.polynomials import Basis
-from acausal.optimal_control.problem import Problem
+from acausal.optimal_control.problem import StatedProblem
 from acausal.optimal_control.quantities import Quantities, magnitude
 from acausal.optimal_control.shooting import Steps, bridge
 from acausal.optimal_control.sites import Site, site_of
@@ -115,7 +115,7 @@ class Program:
     `relaxed` are numbers of demands on answers of branches, two each, which a solution tightens.
     """
 
-    problem: Problem
+    problem: StatedProblem
     nlp: Nlp
     basis: Basis
     p: Any
@@ -131,7 +131,7 @@ class Program:
 
 
 def transcribed(
-    problem: Problem,
+    problem: StatedProblem,
     dynamics: Sequence[Dynamics],
     guesses: Sequence[PhaseGuess],
     meshes: Sequence[Mesh],
@@ -188,7 +188,7 @@ def _decisions(nlp: Nlp, q: Quantities, expected: Vector) -> Any:
     return ca.vertcat(*found) if found else ca.MX(0, 1)
 
 
-def _sizes(problem: Problem, guesses: Sequence[PhaseGuess]) -> tuple[Vector, Vector, Vector]:
+def _sizes(problem: StatedProblem, guesses: Sequence[PhaseGuess]) -> tuple[Vector, Vector, Vector]:
     """Magnitudes of x, z and u."""
     q = problem.quantities
     seen = [g.at(np.linspace(0.0, 1.0, 51)) for g in guesses]
@@ -206,7 +206,7 @@ def _sizes(problem: Problem, guesses: Sequence[PhaseGuess]) -> tuple[Vector, Vec
 
 def _phase(
     program: Program,
-    problem: Problem,
+    problem: StatedProblem,
     spec: PhaseSpec,
     mesh: Mesh,
     dynamics: Dynamics,
@@ -285,7 +285,9 @@ def _complementary(program: Program, inside: Site, answers: Any, nz: int) -> Non
     nlp.demand(inside.points.ask((1 - y) * d), -np.inf, 1.0)
 
 
-def _shot(program: Program, problem: Problem, spec: PhaseSpec, law: Law, unknowns: Any, size: Vector) -> dict[int, Any]:
+def _shot(
+    program: Program, problem: StatedProblem, spec: PhaseSpec, law: Law, unknowns: Any, size: Vector
+) -> dict[int, Any]:
     """Demand that intervals end where the next ones begin; the integrals over them."""
     assert program.steps is not None
     (begins, lengths), x, z, at = unknowns
@@ -325,7 +327,7 @@ def _guessed(
     return [values / size[:, None] for values, size in zip((x, z, u), sizes, strict=True)]
 
 
-def _link(program: Program, problem: Problem, size: Vector) -> None:
+def _link(program: Program, problem: StatedProblem, size: Vector) -> None:
     """The start of the first phase, and each end with the start that follows."""
     nlp, q = program.nlp, problem.quantities
     first = program.phases[0].x[:, 0]
@@ -341,7 +343,7 @@ def _link(program: Program, problem: Problem, size: Vector) -> None:
         nlp.demand((after.x[:, 0] - last) / ca.DM(size))
 
 
-def _values(program: Program, problem: Problem) -> None:
+def _values(program: Program, problem: StatedProblem) -> None:
     """Values at ends and integrals, in the order in which they were asked for."""
     for value in problem.values:
         phase = program.phases[value.phase]
@@ -358,7 +360,7 @@ def _values(program: Program, problem: Problem) -> None:
         program.known[_key(value.symbol)] = found
 
 
-def _check_start(problem: Problem, expression: Any, phase: PhaseProgram) -> None:
+def _check_start(problem: StatedProblem, expression: Any, phase: PhaseProgram) -> None:
     q = problem.quantities
     if not len(q.z) or not q.outputs or phase.law.algebraic is not None:
         return
@@ -372,7 +374,7 @@ def _check_start(problem: Problem, expression: Any, phase: PhaseProgram) -> None
             )
 
 
-def _ends(program: Program, problem: Problem) -> None:
+def _ends(program: Program, problem: StatedProblem) -> None:
     """Guards that are zero where their phases end."""
     for phase in program.phases:
         if phase.spec.switch is None:
@@ -386,7 +388,7 @@ def _ends(program: Program, problem: Problem) -> None:
         _add(program, constraint, None, value, 1.0, None)
 
 
-def _limits(problem: Problem) -> list[Constraint]:
+def _limits(problem: StatedProblem) -> list[Constraint]:
     """The declared limits of inputs."""
     everywhere = tuple(range(len(problem.specs)))
     found = []
@@ -399,7 +401,7 @@ def _limits(problem: Problem) -> list[Constraint]:
     return found
 
 
-def _demand(program: Program, problem: Problem, constraint: Constraint, size_u: Vector) -> None:
+def _demand(program: Program, problem: StatedProblem, constraint: Constraint, size_u: Vector) -> None:
     q, basis = problem.quantities, program.basis
     if not constraint.phases:
         value = _inserted(program, problem, constraint.expression)
@@ -434,7 +436,7 @@ def _add(
     program.demands.append(Demand(constraint, phase, rows, scale, points))
 
 
-def along(program: Program, problem: Problem, expression: Any, site: Site) -> Any:
+def along(program: Program, problem: StatedProblem, expression: Any, site: Site) -> Any:
     """An expression of variables at the instants of a site, shape (m, n)."""
     q, n = problem.quantities, site.points.n
     own = ca.symvar(expression)
@@ -463,7 +465,7 @@ def _linear(nlp: Nlp, row: Any) -> bool:
     return not own or not any(ca.which_depends(row, ca.veccat(*own), 2, True))
 
 
-def _numbers(program: Program, problem: Problem) -> tuple[list[Any], list[Any]]:
+def _numbers(program: Program, problem: StatedProblem) -> tuple[list[Any], list[Any]]:
     """Symbols of numbers that are known so far, and what they are in the program."""
     symbols = [d[3] for d in problem.quantities.decided]
     values = [program.p[d[0]] for d in problem.quantities.decided]
@@ -476,7 +478,7 @@ def _numbers(program: Program, problem: Problem) -> tuple[list[Any], list[Any]]:
     return symbols, values
 
 
-def _inserted(program: Program, problem: Problem, expression: Any) -> Any:
+def _inserted(program: Program, problem: StatedProblem, expression: Any) -> Any:
     """An expression of numbers in terms of the unknowns."""
     symbols, values = _numbers(program, problem)
     return ca.substitute([expression], symbols, values)[0] if symbols else expression

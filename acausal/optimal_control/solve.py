@@ -6,7 +6,7 @@ import logging
 import time as clock
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,17 +16,14 @@ from acausal.optimal_control.branches import Widths
 from acausal.optimal_control.error import interval_errors
 from acausal.optimal_control.guess import guessed
 from acausal.optimal_control.nlp import Solution, minimized
-from acausal.optimal_control.optimum import optimum_of
+from acausal.optimal_control.optimum import Optimum, optimum_of
 from acausal.optimal_control.phases import bias, dynamics_of, kinks, verified
 from acausal.optimal_control.polynomials import Basis
-from acausal.optimal_control.problem import Problem
+from acausal.optimal_control.problem import StatedProblem
 from acausal.optimal_control.radau import Program, transcribed
 from acausal.optimal_control.shooting import Steps
 from acausal.optimal_control.switching import switching_errors, tightened
 from acausal.optimal_control.trajectory import Trajectory, trajectory_of
-
-if TYPE_CHECKING:
-    from acausal.optimal_control.optimum import Optimum
 
 Vector = NDArray[np.float64]
 
@@ -74,7 +71,7 @@ class _Laps:
         self._last = now
 
 
-def solved(problem: Problem, choices: Choices) -> Optimum:
+def solved(problem: StatedProblem, choices: Choices) -> Optimum:
     """See `Problem.solve`."""
     basis = Basis(choices.degree, choices.control) if choices.steps is None else Basis(1, 0)
     _check(problem, basis.degree, basis.control, choices)
@@ -134,7 +131,7 @@ def solved(problem: Problem, choices: Choices) -> Optimum:
     return optimum_of(problem, program, solution, trajectory, stats)
 
 
-def _others(problem: Problem, trajectory: Trajectory, widths: list[Widths], smooth: float) -> list[Widths]:
+def _others(problem: StatedProblem, trajectory: Trajectory, widths: list[Widths], smooth: float) -> list[Widths]:
     """The branches that are rounded, and those that the answer goes both ways at."""
     found = kinks(problem, trajectory.guesses(), smooth)
     return [{**more, **known} for more, known in zip(found, widths, strict=True)]
@@ -157,7 +154,7 @@ def _switching(worst: float) -> tuple[str, ...]:
     )
 
 
-def _check(problem: Problem, degree: int, control: int, choices: Choices) -> None:
+def _check(problem: StatedProblem, degree: int, control: int, choices: Choices) -> None:
     solver, smooth = choices.solver, choices.smooth
     if choices.complementarity and (smooth or choices.steps is not None or solver != "ipopt"):
         raise UsageError(

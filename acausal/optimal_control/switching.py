@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from acausal.errors import AcausalError
 from acausal.optimal_control.nlp import Solution, minimized
 from acausal.optimal_control.optimum import optimum_of
-from acausal.optimal_control.problem import Problem
+from acausal.optimal_control.problem import StatedProblem
 from acausal.optimal_control.radau import PhaseProgram, Program
 from acausal.optimal_control.trajectory import Trajectory
 
@@ -44,7 +44,9 @@ def tightened(program: Program, solution: Solution, options: Mapping[str, Any]) 
     return replace(solution, iterations=iterations)
 
 
-def switching_errors(problem: Problem, program: Program, solution: Solution, trajectory: Trajectory) -> list[Vector]:
+def switching_errors(
+    problem: StatedProblem, program: Program, solution: Solution, trajectory: Trajectory
+) -> list[Vector]:
     """Where a run with the answer goes elsewhere, by the largest magnitude of a state: in intervals with a switch.
 
     Where there is none the mesh is too coarse for what is smooth, and all intervals have the error.

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from acausal import Equations, Real, parameter, part, structural, time, where
-from acausal.library.blocks import waveforms
 from acausal.library.blocks.boolean_sources import BooleanPulse
 from acausal.library.blocks.interfaces import PartialSignalSource, PartialSource
-from acausal.library.blocks.waveforms import Points
+from acausal.library.blocks.waveforms import Points, pulse, ramp, sine, step, table
 
 
 class Constant(PartialSource):
@@ -31,7 +30,7 @@ class Step(PartialSignalSource):
     height: Real = parameter(default=1.0, doc="Height of the jump")
 
     def equations(self) -> Equations:
-        yield self.y == waveforms.step(self.height, self.offset, self.start_time)
+        yield self.y == step(self.height, self.offset, self.start_time)
 
 
 class Ramp(PartialSignalSource):
@@ -41,7 +40,7 @@ class Ramp(PartialSignalSource):
     duration: Real = parameter(unit="s", min=0.0, doc="Duration of the rise")
 
     def equations(self) -> Equations:
-        yield self.y == waveforms.ramp(self.height, self.duration, self.offset, self.start_time)
+        yield self.y == ramp(self.height, self.duration, self.offset, self.start_time)
 
 
 class Sine(PartialSignalSource):
@@ -52,7 +51,7 @@ class Sine(PartialSignalSource):
     phase: Real = parameter(default=0.0, unit="rad", doc="Phase at start_time")
 
     def equations(self) -> Equations:
-        yield self.y == waveforms.sine(self.amplitude, self.f, self.phase, self.offset, self.start_time)
+        yield self.y == sine(self.amplitude, self.f, self.phase, self.offset, self.start_time)
 
 
 class Pulse(PartialSignalSource):
@@ -73,9 +72,7 @@ class Pulse(PartialSignalSource):
         if self.clocks:
             yield self.y == self.offset + where(self.clocks[0].y, self.amplitude, 0.0)
         else:
-            yield self.y == waveforms.pulse(
-                self.amplitude, self.width, self.period, self.nperiod, self.offset, self.start_time
-            )
+            yield self.y == pulse(self.amplitude, self.width, self.period, self.nperiod, self.offset, self.start_time)
 
 
 class TimeTable(PartialSignalSource):
@@ -84,4 +81,4 @@ class TimeTable(PartialSignalSource):
     table: Points = structural(doc="Rows (time [s], value); times ascend and count from start_time")
 
     def equations(self) -> Equations:
-        yield self.y == waveforms.table(self.table, self.offset, self.start_time)
+        yield self.y == table(self.table, self.offset, self.start_time)

@@ -19,7 +19,8 @@ import pytest
 import acausal
 from acausal import Component, Equations, Real, der, fixed, guess, parameter, quantity, time, variable, where
 from acausal.errors import IntegrationError
-from acausal.simulate.native import cache, native, policy
+from acausal.simulate.native import cache, policy
+from acausal.simulate.native.functions import native
 
 COMPILER = pytest.mark.skipif(cache.compiler() is None, reason="no C compiler on this machine")
 

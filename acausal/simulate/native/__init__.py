@@ -3,5 +3,3 @@
 `cache.py` finds and builds libraries, `source.py` writes C, `program.py` calls whole integrators, `functions.py` makes
 CasADi functions of libraries, `policy.py` decides. Measurements: docs/devdocs/native.md.
 """
-
-from acausal.simulate.native.functions import native as native
