@@ -19,11 +19,12 @@ import numpy as np
 from acausal.errors import ExportError, UsageError
 from acausal.export.begin import begin_of
 from acausal.export.forms import STEP, check
-from acausal.export.hybrid_step import HybridStep, timely
+from acausal.export.hybrid_step import HybridStep
 from acausal.export.methods import IMPLICIT, METHODS, Method
 from acausal.export.observed import observed_function
 from acausal.export.ports import Output, named_outputs, output_ports, parameter_ports, variable_ports
 from acausal.export.step_source import StepFunction
+from acausal.export.timely import inside, note, timely
 from acausal.lower.casadi_model import Port, Ports
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.symbols import Symbols
@@ -119,7 +120,7 @@ class _Made:
             u=variable_ports(compiled, compiled.solution.structure.reduced.inputs, begin.u),
             p=parameter_ports(compiled),
             y=Ports([*output_ports(self.wanted, np.zeros(len(self.wanted))), *self.flags]),
-            notes=(*compiled.flat.notes, *begin.notes, *self.left_out, *(hybrid.notes if hybrid else ())),
+            notes=(*compiled.flat.notes, *begin.notes, *self.left_out, *self.notes),
         )
 
     def _next(self, stored: Any, clock: Any, start: float) -> tuple[Any, Any, Any]:
@@ -137,8 +138,9 @@ class _Made:
         if hybrid:
             x, z, m, settled, located = hybrid.step(t, x, z, before)
             kept = m[hybrid.kept] if hybrid.kept else ca.MX(0, 1)
-            flags = [ca.logic_not(settled), ca.logic_not(located), *flags]
+            flags = [ca.logic_not(settled), ca.logic_or(ca.logic_not(located), inside(compiled, t, h, self.p)), *flags]
         else:
+            flags = [*([inside(compiled, t, h, self.p)] if compiled.n_timely else []), *flags]
             x, z = self.method.step(t, h, x, z, [self.u, self.p, before])
             m = self._timely(end)
             if compiled.n_timely:
@@ -150,12 +152,18 @@ class _Made:
         return bool(self.y.jac_sparsity(0, 0).nnz())
 
     @property
+    def notes(self) -> tuple[str, ...]:
+        """The limits of steps of this size."""
+        return (*(self.hybrid.notes if self.hybrid else ()), *note(self.compiled, self.h))
+
+    @property
     def flags(self) -> list[Port]:
         """Descriptions of the flags behind the outputs."""
         unsettled = Port("step.unsettled", "", "1 when the events of the step did not settle in its turns", 0.0)
         missed = Port("step.unlocated", "", "1 when more was passed in the step than the event it locates", 0.0)
         large = Port("step.too_large", "", "1 when the explicit method is not stable at this step", 0.0)
-        return [unsettled, missed] * bool(self.hybrid) + [large] * (self.method.limit is not None)
+        events = [unsettled, missed] if self.hybrid else [missed] * bool(self.compiled.n_timely)
+        return events + [large] * (self.method.limit is not None)
 
     def _timely(self, t: Any) -> Any:
         """Modes just after an instant; those of variables are not looked at."""

@@ -31,6 +31,7 @@ from acausal import (
     signal_input,
     sin,
     terminate,
+    time,
     variable,
     when,
     where,
@@ -332,3 +333,61 @@ def test_guards_that_swing_within_a_step_are_said(swings: float, method: str) ->
     off = abs(float(x[step.x.position("y")]) / (40 * h) - math.acos(0.9) / math.pi)
     assert (said > 0.0) == (swings > 0.2)
     assert said or off < 0.01
+
+
+class Timed(Component):
+    """y rises for 4 ms from `at` on, and n counts the ticks of a clock of 0.1 s that begins at `first`."""
+
+    at: Real = parameter(default=0.523)
+    first: Real = parameter(default=0.0)
+    x: Real = variable(default=fixed(0.0))
+    y: Real = variable(default=fixed(0.0))
+    n: Real = discrete(default=0.0)
+
+    def equations(self) -> Equations:
+        yield der(self.x) == 1.0
+        yield der(self.y) == where((time > self.at) & (time < self.at + 4e-3), 1.0, 0.0)
+        yield when(sample(self.first, 0.1), reset(self.n, pre(self.n) + 1.0))
+
+
+@pytest.mark.parametrize("method", ["rk4", "sdirk"])
+@pytest.mark.parametrize(
+    ("h", "at", "first", "expected"),
+    [
+        (0.1, 0.523, 0.0, [5]),
+        (0.1, 0.523, 0.05, list(range(10))),
+        (1e-3, 0.523, 0.0, []),
+        (1e-3, 0.5235, 0.0, [523, 527]),
+    ],
+)
+def test_instants_within_a_step_are_said(h: float, at: float, first: float, expected: list[int], method: str) -> None:
+    """What time alone decides is known exactly: a pulse of 4 ms was lost in a step of 0.1 s without a word."""
+    step = step_function(acausal.compile(Timed()), h, method, ["y"])
+    x, said, p = step.x.start, [], np.array(step.p.start, dtype=float)
+    p[step.p.position("at")], p[step.p.position("first")] = at, first
+    for k in range(round(1.0 / h)):
+        x, y = step.function(x, [], p)
+        if float(y[step.y.position("step.unlocated")]):
+            said.append(k)
+    assert said == expected
+    if not expected:
+        assert float(x[step.x.position("y")]) == pytest.approx(4e-3, rel=1e-6)
+    assert any("instants of relations of time" in note for note in step.notes)
+
+
+class Switched(Component):
+    """y rises from 0.523 s on, and nothing else happens."""
+
+    y: Real = variable(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        yield der(self.y) == where(time > 0.523, 1.0, 0.0)
+
+
+def test_instants_within_a_step_are_said_without_other_events() -> None:
+    step = step_function(acausal.compile(Switched()), 0.1, "rk4", ["y"])
+    x, said = step.x.start, []
+    for _ in range(10):
+        x, y = step.function(x, [], step.p.start)
+        said.append(float(y[step.y.position("step.unlocated")]))
+    assert said == [0.0] * 5 + [1.0] + [0.0] * 4

@@ -24,7 +24,7 @@ from acausal import (
     where,
     zeros,
 )
-from acausal.errors import AcausalError
+from acausal.errors import AcausalError, EventError
 
 SOLVERS = ["rosenbrock", "idas", "cvodes", "erk"]
 
@@ -177,3 +177,24 @@ def test_derivatives_at_points_of_the_branch_that_is_off() -> None:
     compiled = acausal.compile(HertzianFlight(h=fixed(0.2), v=fixed(-1.7)))
     found = acausal.linearize(compiled, x={"h": 0.1, "v": -1.0})
     assert np.array_equal(found.A, [[0.0, 1.0], [0.0, 0.0]])
+
+
+class BothRoots(Component):
+    """h falls to zero in two seconds, with infinite slopes on both sides of it."""
+
+    h: Real = variable(default=fixed(1.0))
+
+    def equations(self) -> Equations:
+        yield der(self.h) == where(self.h > 0.0, -sqrt(self.h), sqrt(-self.h))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("solver", "tolerance"), [("idas", 1e-4), ("idas", 1e-6), ("cvodes", 1e-8)])
+def test_a_guard_passed_again_and_again_within_its_error_is_refused(solver: str, tolerance: float) -> None:
+    """From 2 s on it rests: idas passed it 500 times a second at 1e-4, and took minutes."""
+    with pytest.raises(EventError, match=r"AC501(.|\n)*h > 0") as caught:
+        acausal.simulate(BothRoots(), stop_time=4.0, solver=solver, tolerance=tolerance)
+    result = caught.value.result
+    assert result is not None
+    assert abs(result.final("h")) < tolerance
+    assert 2.0 < result.time[-1] < 3.0

@@ -37,6 +37,8 @@ _log = logging.getLogger(__name__)
 _CREEPING = 1e-3
 # Events of a guard that lingers on zero, in a run.
 _LINGERING = 10
+# Events in a row whose guard was never as large as it may be wrong: 20 of a relation, there and back.
+_VAGUE = 40
 # Share of the run that is integrated at once at least.
 _SHORTEST = 1e-9
 # Looks of a one-step method in a whole run, and in any stretch.
@@ -76,6 +78,7 @@ class Hybrid:
     history: list[tuple[float, Regime]] = field(default_factory=list)
     _gap: float = np.inf
     _failed: bool = False
+    _vague: dict[int, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.guards = Guards(self.problem, self.tolerances, self.span)
@@ -321,9 +324,8 @@ class Hybrid:
             reached = Arrival(None, moment.x, moment.z)
         else:
             reached = self.search.to_event(segment, moment, band, self._gap, record)
-            vague = None if reached.vague is None else moment.regime.owners[reached.vague][0]
-            if vague is not None and vague not in self.problem.compiled.state_events.watched:
-                self._note_vague(self.guards.texts[vague])
+            if reached.time is not None:
+                self._judge(reached, moment)
         if not self.problem.compiled.delays:
             return Stop(none, segment.times[:0], reached.time, reached.x, reached.z)
         # what is delayed is remembered of the stretch as it is, and of nothing beyond it
@@ -335,10 +337,19 @@ class Hybrid:
         self._record(times[keep], piece.x[:, keep], piece.z[:, keep], moment, piece.counters)
         return Stop(none, segment.times[:0], reached.time, piece.x[:, -1], piece.z[:, -1])
 
-    def _note_vague(self, relation: str) -> None:
-        self._note(
-            f"{relation}: what decides it may be wrong by more than its size; a tighter tolerance locates it better"
-        )
+    def _judge(self, reached: Arrival, moment: Moment) -> None:
+        """Say of a guard that it was never as large as it may be wrong; refuse it where no other one is passed."""
+        if reached.vague is None:
+            self._vague.clear()
+            return
+        relation = moment.regime.owners[reached.vague][0]
+        if relation in self.problem.compiled.state_events.watched:
+            return
+        text = self.guards.texts[relation]
+        self._note(f"{text}: what decides it may be wrong by more than its size; a tighter tolerance locates it better")
+        self._vague[relation] = self._vague.get(relation, 0) + 1
+        if self._vague[relation] > _VAGUE:
+            raise unsettled(self.problem.compiled.name, float(reached.time or 0.0), [text])
 
     def _note(self, note: str) -> None:
         if note not in self.notes:
