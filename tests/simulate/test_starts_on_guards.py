@@ -129,7 +129,7 @@ def preload(times: tuple[float, ...]) -> Times:
 
     start = [0.01475 - 0.095 + 0.0955, 0.0, -0.093 + 0.0955, 0.0, -0.06925 + 0.0955, 0.0]
     found = solve_ivp(rates, (0.0, times[-1]), start, "Radau", times, rtol=1e-7, atol=1e-10, max_step=0.5)
-    return found.y[0] - 0.0955 + 0.095
+    return np.asarray(found.y[0] - 0.0955 + 0.095)
 
 
 @pytest.mark.parametrize("solver", ["idas", "cvodes", "rosenbrock"])
