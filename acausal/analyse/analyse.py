@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence, Set
 from dataclasses import dataclass, replace
-from functools import cached_property
 from math import comb
 
 import numpy as np
@@ -73,11 +72,6 @@ class Structure:
         while equation in self.integral:
             equation = self.integral[equation]
         return self.reduced.equation[equation]
-
-    @cached_property
-    def index_reduced(self) -> bool:
-        """True when equations had to be differentiated."""
-        return bool(self.integral)
 
 
 def analyse(reduced: ReducedSystem, keep_constraints: bool = False, visited: Visited | None = None) -> Structure:

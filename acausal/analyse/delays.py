@@ -7,13 +7,11 @@ solver integrates a smooth right-hand side, compiled code included, and nothing 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 from acausal.analyse.blocks.solve import Solution
 from acausal.errors import Span, UsageError
 from acausal.flatten.flat import FlatSystem
-from acausal.flatten.pool import Pool
 from acausal.language.delay import Delayed
 
 DEGREE = 24
@@ -113,11 +111,6 @@ def _smoother(solution: Solution, sources: list[int]) -> dict[tuple[int, int], i
             nodes = [pool.var(structure.derivative(x)) for x in sorted(states) if x in structure.states]
             level += 1
     return found
-
-
-def holds_delay(pool: Pool, roots: Iterable[int]) -> bool:
-    """Whether a delay stands below nodes."""
-    return bool(pool.delays) and any(isinstance(pool.nodes[n][0], Delayed) for n in pool.reachable(roots))
 
 
 def refuse_delays(flat: FlatSystem, what: str, help_: str) -> None:

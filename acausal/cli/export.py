@@ -11,7 +11,7 @@ from acausal.cli.options import FreeOption, JsonOption, ModelArgument, OutputsOp
 from acausal.cli.outputs import check_writable
 from acausal.cli.reference import find_model
 from acausal.cli.report import quantity, record, remark, say, table
-from acausal.cli.settings import listed, prepare, seconds_of
+from acausal.cli.settings import Prepared, listed, prepare, seconds_of
 
 if TYPE_CHECKING:
     from acausal.lower.casadi_model import CasadiModel
@@ -54,17 +54,23 @@ def casadi(
     Example: acausal export casadi Pendulum -o pendulum.casadi
     """
     cls = find_model(model)
-    prepared = prepare(cls, settings or (), freed or ())
     target = output_file or Path(f"{cls.__name__}.casadi")
     check_writable(target)
+    made = _functions(prepare(cls, settings or (), freed or ()), outputs, parameters, minimal, events)
+    made.save(target)
+    _show(made, [target], as_json)
+
+
+def _functions(
+    prepared: Prepared, outputs: list[str] | None, parameters: list[str] | None, minimal: bool, events: bool
+) -> CasadiModel:
+    """What both commands write."""
     from acausal.lower.compile import compile
 
     compiled = compile(prepared.model, parameters=prepared.parameters)
-    made = compiled.casadi(
+    return compiled.casadi(
         listed(outputs) or None, parameters=listed(parameters) or None, minimal=minimal, events=events
     )
-    made.save(target)
-    _show(made, [target], as_json)
 
 
 def _show(made: CasadiModel, files: list[Path], as_json: bool) -> None:
@@ -108,16 +114,10 @@ def c(
 
     Example: acausal export c Pendulum -o build
     """
-    cls = find_model(model)
-    prepared = prepare(cls, settings or (), freed or ())
-    target = folder or Path()
     from acausal.files import atomic
-    from acausal.lower.compile import compile
 
-    compiled = compile(prepared.model, parameters=prepared.parameters)
-    made = compiled.casadi(
-        listed(outputs) or None, parameters=listed(parameters) or None, minimal=minimal, events=events
-    )
+    made = _functions(prepare(find_model(model), settings or (), freed or ()), outputs, parameters, minimal, events)
+    target = folder or Path()
     texts = made.source()
     files = [target / name for name in texts]
     for file in files:

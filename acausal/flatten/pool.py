@@ -334,20 +334,7 @@ class Pool:
 
     def variables_in(self, *roots: int) -> set[int]:
         """Numbers of the variables that `roots` depend on."""
-        nodes = self.nodes
-        found: set[int] = set()
-        seen: set[int] = set()
-        stack = list(roots)
-        while stack:
-            number = stack.pop()
-            node = nodes[number]
-            op = node[0]
-            if op == "var":
-                found.add(node[1])
-            elif op not in LEAVES and number not in seen:
-                seen.add(number)
-                stack.extend(node[1:])
-        return found
+        return self.variables_behind(roots, {})
 
     def variables_behind(self, roots: Iterable[int], definitions: Mapping[int, int]) -> set[int]:
         """The same through variables that are defined by nodes; each node is visited once."""

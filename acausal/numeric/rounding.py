@@ -11,6 +11,7 @@ rounding error would be 1e9 times as large there, or vanish.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -31,28 +32,22 @@ def agrees(pool: Pool, node: int, values: dict[int, Any], rough: dict[int, Any])
 
     `values` holds it and every node below it; `rough` is filled with the values in single precision.
     """
-    nodes = pool.nodes
-    stack = [node]
+
+    def value(here: int, op: str, operands: list[int]) -> Any:
+        if _ends(op):
+            return np.asarray(values[here]).astype(np.float32)[()]
+        return operation(op)(*[rough[c] for c in operands])
+
     with np.errstate(all="ignore"):
-        while stack:
-            here = stack[-1]
-            if here in rough:
-                stack.pop()
-                continue
-            op, *operands = nodes[here]
-            if op in LEAVES or isinstance(op, Call):
-                rough[here] = np.asarray(values[here]).astype(np.float32)[()]
-                stack.pop()
-                continue
-            missing = [c for c in operands if c not in rough]
-            if missing:
-                stack.extend(missing)
-                continue
-            rough[here] = operation(op)(*[rough[c] for c in operands])
-            stack.pop()
+        _fill(pool, node, rough, _ends, value)
         found = np.asarray(rough[node])
         exact = np.asarray(values[node], dtype=float)
         return found.dtype == np.float32 and bool((np.abs(found - exact) < AGREES * np.abs(exact)).all())
+
+
+def _ends(op: str) -> bool:
+    """Whether an operation is taken as it is in double precision: a leaf, or a call of a function from outside."""
+    return op in LEAVES or isinstance(op, Call)
 
 
 def is_certain(pool: Pool, node: int, values: dict[int, Any], bounds: dict[int, Any]) -> Samples:
@@ -61,22 +56,34 @@ def is_certain(pool: Pool, node: int, values: dict[int, Any], bounds: dict[int, 
     `values` holds it and every node below it; `bounds` is filled with the bounds of these nodes, each computed once as
     long as the values are the same.
     """
-    nodes = pool.nodes
-    stack = [node]
+
+    def value(here: int, op: str, operands: list[int]) -> Any:
+        return _bound(op, operands, values[here], values, bounds)
+
     with np.errstate(all="ignore"):
-        while stack:
-            here = stack[-1]
-            if here in bounds:
-                stack.pop()
-                continue
-            op, *operands = nodes[here]
-            missing = [] if op in LEAVES else [c for c in operands if c not in bounds]
+        _fill(pool, node, bounds, LEAVES.__contains__, value)
+        return np.asarray(np.abs(values[node]) > CERTAIN * bounds[node])
+
+
+def _fill(
+    pool: Pool,
+    node: int,
+    done: dict[int, Any],
+    ends: Callable[[str], bool],
+    value: Callable[[int, str, list[int]], Any],
+) -> None:
+    """Fill `done` with the value of a node and of all below it, each after its operands; what `ends` needs none."""
+    stack = [node]
+    while stack:
+        here = stack[-1]
+        if here not in done:
+            op, *operands = pool.nodes[here]
+            missing = [] if ends(op) else [c for c in operands if c not in done]
             if missing:
                 stack.extend(missing)
                 continue
-            bounds[here] = _bound(op, operands, values[here], values, bounds)
-            stack.pop()
-        return np.asarray(np.abs(values[node]) > CERTAIN * bounds[node])
+            done[here] = value(here, op, operands)
+        stack.pop()
 
 
 def _bound(op: str, operands: list[int], y: Any, values: dict[int, Any], bounds: dict[int, Any]) -> Any:

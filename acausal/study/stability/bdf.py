@@ -70,11 +70,5 @@ def principal_root(order: int, z: complex) -> complex:
     return 1.0 / (1.0 - w)
 
 
-def amplifies(order: int, z: complex) -> bool:
-    """Whether any root of BDF's characteristic equation is outside the unit circle."""
-    roots = np.roots([*(1.0 / j for j in range(order, 0, -1)), -z])
-    return bool(np.min(np.abs(1.0 - roots)) < 1.0 - 1e-12)
-
-
 def _factor(exponent: float) -> float:
     return math.exp(min(exponent, 700.0))
