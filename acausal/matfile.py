@@ -34,6 +34,8 @@ _UNIT = re.compile(r"(?P<doc>.*?) ?\[(?P<unit>[^][|]*)(?:\|[^][]*)?\]", re.DOTAL
 
 _DIGITS = 16
 _CHECKSUM = re.compile(rb"(Time, checksum )([0-9a-f]{16})")
+# What is left of it where damage has met the checksum itself; others say "Time in [s]" or "Simulation time".
+_REMAINS = re.compile(r"Time, ch|ecksum|sum [0-9a-f]{4}|[0-9a-f]{8} \[s\]")
 
 # Type codes of level 4, little-endian: 1000 * order + 10 * precision + kind (0 numbers, 1 text).
 _DOUBLE, _INT32, _TEXT = 0, 20, 51
@@ -116,6 +118,8 @@ def read_mat(path: Path) -> Table:
     if head[3] == "binTrans":
         content = {k: v.T for k, v in content.items() if isinstance(v, np.ndarray)} | {"Aclass": content["Aclass"]}
     names, descriptions = _texts(content["name"]), _texts(content["description"])
+    if not signed and _REMAINS.search(descriptions[0] if descriptions else ""):
+        raise ValueError("its checksum cannot be read: the file is damaged")
     data = np.asarray(content["data_2"], dtype=float)
     constants = np.asarray(content["data_1"], dtype=float)[0]
     places = np.asarray(content["dataInfo"])[:, :2]

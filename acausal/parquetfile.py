@@ -32,7 +32,8 @@ def write_parquet(table: Table, file: BinaryIO) -> None:
         columns.append(table.trajectories[:, s.column] * s.sign + 0.0 if moving else np.full(n, s.value))
     about = {"model": table.model, _ATTRS: json.dumps({"model": table.model, "units": units})}
     arrays = [pyarrow.array(c) for c in columns]
-    parquet.write_table(pyarrow.Table.from_arrays(arrays, schema=pyarrow.schema(fields, metadata=about)), file)
+    whole = pyarrow.Table.from_arrays(arrays, schema=pyarrow.schema(fields, metadata=about))
+    parquet.write_table(whole, file, write_page_checksum=True)
 
 
 def read_parquet(path: Path) -> Table:
@@ -46,7 +47,7 @@ def read_parquet(path: Path) -> Table:
         For a table without times, or with empty cells.
     """
     _, parquet = _pyarrow()
-    table = parquet.read_table(path)
+    table = parquet.read_table(path, page_checksum_verification=True)
     about: Mapping[bytes, bytes] = table.schema.metadata or {}
     attrs = json.loads(about.get(_ATTRS, b"{}"))
     units = attrs.get("units", {}) if isinstance(attrs, dict) else {}

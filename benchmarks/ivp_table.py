@@ -187,7 +187,7 @@ def page(sections: Sequence[Section]) -> str:
             "- by hand: IDAS called through CasADi on equations reduced and written by hand, solve only; no nominals.",
             "",
             f"Python {platform.python_version()}, CasADi {casadi.CasadiMeta.version()}, {platform.machine()}, "
-            f"{os.cpu_count()} processors shared with others: times are good to a factor of two.",
+            f"{os.cpu_count()} processors busy with other work: errors and steps count, times only roughly.",
             "",
             "## At 1e-8 with the solver that `auto` takes",
             "",
