@@ -65,9 +65,7 @@ def to_glb(scene: Scene) -> bytes:
     try:
         import pygltflib as kinds
     except ImportError as error:
-        raise UsageError(
-            "AC084", "animations need pygltflib", help="python -m pip install 'acausal[animate]'"
-        ) from error
+        raise UsageError("AC084", "animations need pygltflib", help="python -m pip install pygltflib") from error
     gltf = kinds.GLTF2(asset=kinds.Asset(version="2.0", generator="acausal"))
     buffer = _Buffer(gltf, kinds)
     below: list[int] = []

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import inspect
 import re
 import sys
 from types import FrameType, ModuleType
 
-from acausal.cli.catalogue import library_parts, near_parts
+from acausal.cli.catalogue import families, library_parts, near_parts
 from acausal.errors import nearest
 from acausal.language.component import Component
-
-_KEYWORD = re.compile(r"(\w+)\(\) got an unexpected keyword argument '(\w+)'")
-_BY_NAME = re.compile(r"(\w+)\(\) takes (?:0|\d+) positional arguments? but")
+from acausal.language.expression import Expr
 
 
 def advice(error: Exception, frame: FrameType) -> str | None:
@@ -21,39 +18,53 @@ def advice(error: Exception, frame: FrameType) -> str | None:
         return _unknown_name(str(getattr(error, "name", "")), frame)
     if isinstance(error, AttributeError):
         return _unknown_attribute(str(getattr(error, "name", "")), getattr(error, "obj", None))
-    if isinstance(error, ImportError) and not isinstance(error, ModuleNotFoundError):
+    if isinstance(error, ModuleNotFoundError):
+        return _library(error.name or "")
+    if isinstance(error, ImportError):
         wanted = re.search(r"cannot import name '(\w+)'", str(error))
         if wanted is None:
             return None
         return _unknown_attribute(wanted[1], sys.modules.get(error.name or "")) or _elsewhere(wanted[1])
-    return _declaration(str(error)) if isinstance(error, TypeError) else None
+    return _operation(str(error)) if isinstance(error, TypeError) else None
 
 
 def _unknown_name(name: str, frame: FrameType) -> str | None:
     owner = frame.f_locals.get("self")
     if isinstance(owner, Component) and (name in owner._declarations or hasattr(type(owner), name)):
         return f"write self.{name}"
-    return _did_you_mean(name, [*frame.f_locals, *frame.f_globals]) or _elsewhere(name)
+    if name in _public():
+        return f"from acausal import {name}"
+    known = [*frame.f_locals, *frame.f_globals, *_public()]
+    return _did_you_mean(name, known) or _elsewhere(name)
+
+
+def _public() -> list[str]:
+    """What `from acausal import ...` gives."""
+    return [name for name in dir(sys.modules["acausal"]) if not name.startswith("_")]
 
 
 def _unknown_attribute(name: str, owner: object) -> str | None:
+    if isinstance(owner, Expr) and name == "der":
+        return "write der(self.x)"
     if isinstance(owner, ModuleType):
         return _did_you_mean(name, [n for n in dir(owner) if not n.startswith("_")])
     return None
 
 
-def _declaration(text: str) -> str | None:
-    """Help for the functions that declare fields, which take everything by keyword."""
-    from acausal.language import declare
-
-    found = _KEYWORD.match(text) or _BY_NAME.match(text)
-    function = getattr(declare, found[1], None) if found else None
-    if found is None or not inspect.isfunction(function):
+def _library(module: str) -> str | None:
+    """Which libraries there are, for one that is not."""
+    if not module.startswith("acausal.library."):
         return None
-    names = list(inspect.signature(function).parameters)
-    if len(found.groups()) > 1 and found[2] in ("start", "value", "init", "initial", "fixed") and "default" in names:
-        return f"write default=fixed(...) or default=guess(...); {found[1]} takes {', '.join(names)}"
-    return f"{found[1]} takes by keyword: {', '.join(names)}"
+    return _did_you_mean(module.split(".")[2], list(families())) or f"there are {', '.join(families())}"
+
+
+def _operation(text: str) -> str | None:
+    """Help for what Python allows between numbers and expressions do not, and the other way round."""
+    if "for ^:" in text:
+        return "a power is written x**2"
+    if re.match(r"'(Symbol|Operation|Constant|Expr)' object is not callable", text):
+        return "an expression is no function: write time or self.x without brackets"
+    return None
 
 
 def _elsewhere(name: str) -> str | None:
@@ -61,7 +72,8 @@ def _elsewhere(name: str) -> str | None:
     exact = [f"from acausal.library.{p.family} import {name}" for p in library_parts() if p.name == name]
     if exact:
         return ", or ".join(exact)
-    close = near_parts(name)
+    # Components are written with a capital; a word that is not has other relatives.
+    close = near_parts(name) if name[:1].isupper() else []
     return f"did you mean {', '.join(close)} of acausal.library?" if close else None
 
 

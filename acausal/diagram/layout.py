@@ -47,9 +47,7 @@ def _engine() -> Any:
     try:
         import dukpy
     except ImportError as error:
-        raise UsageError(
-            "AC084", "diagrams are laid out with dukpy", help="python -m pip install 'acausal[diagram]'"
-        ) from error
+        raise UsageError("AC084", "diagrams are laid out with dukpy", help="python -m pip install dukpy") from error
     engine = dukpy.JSInterpreter()
     engine.evaljs(
         f"{_SHIMS}\n(function () {{ {asset('elk-worker.min.js')} \n}})(); var Elk = module.exports['default']; 1"

@@ -27,6 +27,7 @@ from acausal.language.misuse import (
     field_span,
     own_constructor,
     refuse_hiding,
+    refuse_undeclared,
 )
 from acausal.language.origin import Origin
 from acausal.language.outer import Outer, outer
@@ -90,6 +91,8 @@ class Component(Owner):
                         help=f"{name}: {_annotation_for(value)} = ...",
                     )
                 _check_name(cls, name, value)
+            else:
+                refuse_undeclared(cls, name, annotated.get(name), value)
             if isinstance(value, Component):
                 prototypes[name] = value
                 declarations[name] = Declaration(Kind.PART, doc=(type(value).__doc__ or "").split("\n")[0])

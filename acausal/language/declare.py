@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import inspect
 import math
-from typing import Any, overload
+from collections.abc import Callable
+from functools import wraps
+from typing import Any, TypeVar, cast, overload
 
-from acausal.errors import DeclarationError, UnitError
+from acausal.errors import DeclarationError, UnitError, calling_span, nearest
 from acausal.language.declaration import Declaration, Fixed, Guess, Kind, Owner
 from acausal.language.expression import (
     Expr,
@@ -19,6 +22,35 @@ from acausal.language.expression import (
     shape_text,
 )
 from acausal.units import declared, format_dimension, parse
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+# What the argument `default` is called elsewhere.
+_DEFAULT = ("start", "value", "init", "initial", "fixed", "guess")
+
+
+def _by_keyword(function: Function) -> Function:
+    """Arguments that a declaration does not have are told in its words, AC110, from Python too."""
+
+    @wraps(function)
+    def declared_by(*given: Any, **named: Any) -> Any:
+        if given or named.keys() - known:
+            wrong = next((name for name in named if name not in known), "")
+            raise _wrong_argument(function.__name__, list(known), wrong)
+        return function(**named)
+
+    known = inspect.signature(function).parameters.keys()
+    return cast(Function, declared_by)
+
+
+def _wrong_argument(kind: str, names: list[str], wrong: str) -> DeclarationError:
+    takes = f"{kind} takes {', '.join(names)}"
+    if not wrong:
+        return DeclarationError("AC110", f"{kind} takes its arguments by name", where=calling_span(), help=takes)
+    advice = f"did you mean {', '.join(close)}? {takes}" if (close := nearest(wrong, names)) else takes
+    if wrong in _DEFAULT and "default" in names:
+        starts = kind in ("variable", "signal_output")
+        advice = f"write {'default=fixed(...) or default=guess(...)' if starts else 'default=...'}; {takes}"
+    return DeclarationError("AC110", f"{kind} has no argument '{wrong}'", where=calling_span(), help=advice)
 
 
 def fixed(value: Operand) -> Fixed:
@@ -46,6 +78,7 @@ def _declare(kind: Kind, *, unit: str, shape: Shape | int = (), **rest: Any) -> 
     return Declaration(kind, _shape(shape), unit, **rest)
 
 
+@_by_keyword
 def variable(
     *,
     unit: str = "",
@@ -77,6 +110,7 @@ def variable(
     )
 
 
+@_by_keyword
 def discrete(
     *, unit: str = "", doc: str = "", shape: Shape | int = (), default: Any = None, nominal: float = 1.0
 ) -> Any:
@@ -91,6 +125,7 @@ def discrete(
     )
 
 
+@_by_keyword
 def boolean(*, default: Any = None, shape: Shape | int = (), doc: str = "") -> Any:
     """A variable that is true or false and changes at events only: a condition wherever one is asked for.
 
@@ -100,6 +135,7 @@ def boolean(*, default: Any = None, shape: Shape | int = (), doc: str = "") -> A
     return _discrete(Kind.VARIABLE, default, shape, doc, boolean=True)
 
 
+@_by_keyword
 def integer(*, default: Any = None, shape: Shape | int = (), doc: str = "") -> Any:
     """A variable that counts and changes at events only; assigned as `boolean` is. Starts at 0."""
     return _discrete(Kind.VARIABLE, default, shape, doc, integer=True)
@@ -132,11 +168,13 @@ def _shape(shape: Shape | int) -> Shape:
     return tuple(sizes)
 
 
+@_by_keyword
 def flow(*, unit: str = "", doc: str = "", shape: Shape | int = (), nominal: float = 1.0, hint: str = "") -> Any:
     """A connector variable that sums to zero over a connection, positive into the component."""
     return _declare(Kind.FLOW, unit=unit, doc=doc, shape=shape, nominal=nominal, hint=hint)
 
 
+@_by_keyword
 def signal_input(
     *,
     unit: str = "",
@@ -158,6 +196,7 @@ def signal_input(
     )
 
 
+@_by_keyword
 def signal_output(
     *,
     unit: str = "",
@@ -170,6 +209,7 @@ def signal_output(
     return _declare(Kind.OUTPUT, unit=unit, doc=doc, shape=shape, nominal=nominal, monotone_above=monotone_above)
 
 
+@_by_keyword
 def parameter(
     *,
     default: Any = None,
@@ -187,11 +227,13 @@ def parameter(
     return _declare(Kind.PARAMETER, unit=unit, doc=doc, shape=shape, default=default, nominal=nominal, min=min, max=max)
 
 
+@_by_keyword
 def structural(*, default: Any = None, doc: str = "") -> Any:
     """A Python value (int, bool, str, tuple, function) that decides the equations; changing it recompiles."""
     return Declaration(Kind.STRUCTURAL, doc=doc, default=default)
 
 
+@_by_keyword
 def part(*, doc: str = "") -> Any:
     """A component, or a list of components, that `build` creates; one that is given to the constructor replaces it."""
     return Declaration(Kind.PART, doc=doc)

@@ -51,6 +51,23 @@ def own_constructor(cls: type[Owner]) -> DeclarationError | None:
     )
 
 
+def refuse_undeclared(cls: type[Owner], name: str, annotation: object, value: object) -> None:
+    """AC112 for what looks like a field of a model and would be none: `mass: Mass = Mass`, `k: Real = 2.0`."""
+    if annotation is None or "ClassVar" in str(annotation):
+        return
+    if isinstance(value, type) and issubclass(value, Owner):
+        fact, help = (
+            f"is the class {value.__name__}, not a component",
+            f"{name}: {value.__name__} = {value.__name__}(...)",
+        )
+    elif getattr(annotation, "__name__", annotation) in ("Real", "acausal.Real") and isinstance(value, int | float):
+        fact = f"is the plain number {value}: nobody could set it, and it has no unit"
+        help = f"{name}: Real = parameter(default={value}), or {name}: ClassVar[float] = {value}"
+    else:
+        return
+    raise DeclarationError("AC112", f"{cls.__name__}.{name} {fact}", where=field_span(cls, name), help=help)
+
+
 def assignment(component: Owner, name: str, stating: tuple[str, ...]) -> DeclarationError:
     """AC118 for `self.f = ...` after construction, in the words of where it stands.
 

@@ -109,11 +109,19 @@ def said(folder: Path, source: str) -> list[str]:
             "M.equations raised AttributeError: module 'acausal.library.translational' has no attribute 'Mas'",
             "did you mean Mass",
         ),
+        (MODEL.format("2.0 * time"), "M.equations raised NameError: name 'time'", "from acausal import time"),
+        (MODEL.format("self.x ^ 2"), "M.equations raised TypeError: unsupported operand", "a power is written x**2"),
         (
-            "class M(Component):\n    x: Real = variable(start=1.0)\n",
-            "M raised TypeError: variable() got an unexpected keyword argument 'start'",
-            "write default=fixed(...) or default=guess(...)",
+            MODEL.format("self.x.der()"),
+            "M.equations raised AttributeError: 'Symbol' object has no attribute 'der'",
+            "write der(self.x)",
         ),
+        (
+            "from acausal import time\n" + MODEL.format("time()"),
+            "M.equations raised TypeError: 'Operation' object is not callable",
+            "an expression is no function: write time",
+        ),
+        ("import acausal.library.electric\n", "model.py raised ModuleNotFoundError", "did you mean electrical?"),
         (
             "from acausal.library.electrical import Resistr\n",
             "model.py raised ImportError: cannot import name 'Resistr'",
@@ -134,3 +142,37 @@ def test_a_signal_that_loses_its_value_is_named(tmp_path: Path) -> None:
     assert any(
         line.startswith("note: y has no finite value at t = 0.5") and line.endswith("and after") for line in lines
     )
+
+
+@pytest.mark.parametrize(
+    ("source", "fact", "advice"),
+    [
+        (
+            "class M(Component):\n    x: Real = variable(start=1.0)\n",
+            "variable has no argument 'start'",
+            "write default=fixed(...) or default=guess(...)",
+        ),
+        (
+            "from acausal import parameter\nclass M(Component):\n    k: Real = parameter(value=1.0)\n",
+            "parameter has no argument 'value'",
+            "write default=...",
+        ),
+        (
+            "from acausal import parameter\nclass M(Component):\n    k: Real = parameter(2.0)\n",
+            "parameter takes its arguments by name",
+            "default, unit",
+        ),
+        ("class M(Component):\n    k: Real = 2.0\n", "M.k is the plain number 2.0", "k: Real = parameter(default=2.0)"),
+        (
+            "class M(Component):\n    m: translational.Mass = translational.Mass\n",
+            "M.m is the class Mass, not a component",
+            "m: Mass = Mass(...)",
+        ),
+    ],
+)
+def test_slips_of_declarations_are_refused_in_python_too(tmp_path: Path, source: str, fact: str, advice: str) -> None:
+    """They were a TypeError, and `m: Mass = Mass` and `k: Real = 2.0` were no fields without a word."""
+    lines = said(tmp_path, source)
+    assert lines[0].partition("]: ")[2].startswith(fact)
+    assert source.splitlines()[-1].strip() in "\n".join(lines)
+    assert advice in lines[-1]
