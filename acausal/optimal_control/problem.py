@@ -260,7 +260,7 @@ class StatedProblem:
             names = self.quantities.entries(what) if is_name else ()
             own = label or str(expression)
             own = own if expression.numel() == 1 else (names[k] if is_name and not name else f"{own}[{k}]")
-            text = own if name else _written(own, lower, upper)
+            text = own if name else written(own, lower, upper)
             scale = self.quantities.nominal(names[k]) if is_name else _magnitude(lower, upper)
             variable = names[k] if is_name else None
             if any(c.name == text and (c.lower, c.upper) != (lower, upper) for c in self.constraints):
@@ -328,7 +328,8 @@ def _magnitude(lower: float, upper: float) -> float:
     return max(finite, default=1.0)
 
 
-def _written(name: str, lower: float, upper: float) -> str:
+def written(name: str, lower: float, upper: float) -> str:
+    """What a demand is called that nobody named."""
     if lower == upper:
         return f"{name} == {lower:g}"
     if lower == -math.inf:
