@@ -66,7 +66,7 @@ class TimeSeries:
         for k in [*back[:1].tolist(), *triple[:1].tolist()]:
             raise UsageError(
                 "AC044",
-                f"{self.name}, row {k + 2}: t = {time[k + 1]:.17g} s follows t = {time[k]:.17g} s",
+                f"{self.name}, row {k + 2}: t = {float(time[k + 1])} s follows t = {float(time[k])} s",
                 help="times ascend; two equal times are a jump, three are not",
             )
 

@@ -71,6 +71,11 @@ def fit(
 
     Example: acausal fit Oscillator swing.csv --free c,d --plot-file fit.png
     """
+    twice = next((file for k, file in enumerate(data) if file in data[:k]), None)
+    if twice is not None:
+        raise UsageError(
+            "AC009", f"{twice} is given twice", help="it would count as two experiments, and intervals be too narrow"
+        )
     cls = find_model(model)
     picture = plot_file or (Path(f"{cls.__name__}.png") if plot else None)
     if picture is not None:

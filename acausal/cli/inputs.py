@@ -7,12 +7,13 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from acausal.cli.settings import number_in
-from acausal.errors import UsageError
+from acausal.errors import UsageError, nearest
 from acausal.flatten.around import placed
 from acausal.language.component import Component
 from acausal.language.declaration import Declaration
 
 _FILE = re.compile(r"(?P<file>.+?\.(?:[A-Za-z]{3}|parquet))(?::(?P<column>.+))?")
+_PLAIN = re.compile(r"[-+]?[\d.]+([eE][-+]?\d+)?")
 _INDEX = re.compile(r"\[[\d, ]+\]$")
 
 
@@ -39,17 +40,27 @@ def inputs_of(model: Component, texts: Sequence[str] | None, interpolation: str)
         if file is not None and f".{file['file'].rpartition('.')[2].lower()}" in WRITERS:
             found[name] = read_series(file["file"], file["column"], interpolation)
         else:
-            found[name] = number_in("--input", f"{name}={value}", value, declared.get(_INDEX.sub("", name)))
+            found[name] = _number("--input", name, value, declared)
     return found
 
 
 def starts_of(model: Component, texts: Sequence[str] | None) -> dict[str, float]:
     """Start values by path in SI, from texts PATH=VALUE."""
     declared = declarations(model) if texts else {}
-    return {
-        name: number_in("--start", f"{name}={value}", value, declared.get(_INDEX.sub("", name)))
-        for name, value in _assignments("--start", texts)
-    }
+    return {name: _number("--start", name, value, declared) for name, value in _assignments("--start", texts)}
+
+
+def _number(flag: str, name: str, value: str, declared: Mapping[str, Declaration]) -> float:
+    """A number with the unit of what it is for; a plain one of an unknown name is left to whoever takes it."""
+    own = declared.get(_INDEX.sub("", name))
+    if own is None and not _PLAIN.fullmatch(value):
+        close = nearest(name, declared)
+        raise UsageError(
+            "AC010",
+            f"{flag} {name}={value}: the model declares no '{name}'",
+            evidence=[f"nearest  {', '.join(close)}"] if close else [],
+        )
+    return number_in(flag, f"{name}={value}", value, own)
 
 
 def _assignments(flag: str, texts: Sequence[str] | None) -> list[tuple[str, str]]:

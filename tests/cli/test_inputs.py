@@ -55,6 +55,7 @@ def test_a_force_in_any_unit(force: str) -> None:
         ("f", "AC009", "write NAME=VALUE"),
         ("share=1N", "AC009", "--input share=1N: no number"),
         ("g=1", "AC033", "inputs of Cart: f, share"),
+        ("g=1kN", "AC010", "declares no 'g'"),
     ],
 )
 def test_wrong_inputs(given: str, code: str, words: str) -> None:
@@ -91,6 +92,7 @@ def test_a_source_is_freed() -> None:
         ("--input f=1 --input f=2", "AC009"),
         ("--start mass.v=1kg", "AC151"),
         ("--start mass.w=1", "AC046"),
+        ("--start mass.w=1mm", "AC010"),
         ("--free force.f", "AC047"),
         ("--interpolation cubic", "AC009"),
         ("--input f=none.csv", "AC014"),

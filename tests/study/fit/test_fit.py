@@ -205,3 +205,5 @@ def test_the_command_prints_what_was_found(tmp_path: Path) -> None:
     values = {p["name"]: p for p in json.loads(again.output)["parameters"]}
     assert values["c"]["low"] <= 110.0 <= values["c"]["high"]
     assert values["d"]["unit"] == "N.s/m"
+    twice = CliRunner().invoke(app, ["fit", "Oscillator", str(file), str(file), "--free", "c"])
+    assert twice.exit_code == 2
