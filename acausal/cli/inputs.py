@@ -54,7 +54,7 @@ def _number(flag: str, name: str, value: str, declared: Mapping[str, Declaration
     """A number with the unit of what it is for; a plain one of an unknown name is left to whoever takes it."""
     own = declared.get(_INDEX.sub("", name))
     if own is None and not _PLAIN.fullmatch(value):
-        close = nearest(name, declared)
+        close = nearest(name, list(declared))
         raise UsageError(
             "AC010",
             f"{flag} {name}={value}: the model declares no '{name}'",
