@@ -22,6 +22,7 @@ from acausal.analyse.blocks.pivots import keeps_sign
 from acausal.analyse.start import start_problem
 from acausal.flatten.flat import FlatSystem
 from acausal.language.declaration import Declaration
+from acausal.lower import stored
 from acausal.lower.compiled import CompiledModel
 from acausal.numeric.evaluate import gradients
 from acausal.numeric.samples import COUNT, FAR, SamplePoints
@@ -117,7 +118,11 @@ def recall(key: Signature, flat: FlatSystem) -> CompiledModel | None:
     """The model of this structure with the values of `flat`; None when there is none, or it would not be safe."""
     entry = _cache.get(key)
     if entry is None:
-        return None
+        found = stored.find(key, flat)
+        if found is None:
+            return None
+        entry = _Entry(found)
+        _cache.put(key, entry)
     if entry.compiled.selection is not None:
         # its flat system is a part of this one, and its values are the same
         recalled: CompiledModel = replaced(entry.compiled, timings={})
@@ -133,8 +138,9 @@ def recall(key: Signature, flat: FlatSystem) -> CompiledModel | None:
 
 
 def remember(key: Signature, compiled: CompiledModel) -> None:
-    """Keep a model for others of its structure."""
+    """Keep a model for others of its structure, of this process and of others."""
     _cache.put(key, _Entry(compiled))
+    stored.keep(key, compiled)
 
 
 def forget() -> None:

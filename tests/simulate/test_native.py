@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 import acausal
-from acausal import Component, Equations, Real, der, fixed, guess, parameter, quantity, time, variable, where
+from acausal import Component, Equations, Real, der, fixed, guess, parameter, private, quantity, time, variable, where
 from acausal.errors import IntegrationError
 from acausal.simulate.native import cache, policy
 from acausal.simulate.native.functions import native
@@ -227,7 +227,9 @@ def _not_a_library(path: Path) -> None:
     """Whole, but nothing that can be loaded."""
     path.unlink()
     path.write_bytes(b"text")
-    path.rename(path.with_name(f"{path.stem.rpartition('-')[0]}-{cache._digest(path, path.parent)}{path.suffix}"))
+    path.rename(
+        path.with_name(f"{path.stem.rpartition('-')[0]}-{private.digest(path.read_bytes(), path.parent)}{path.suffix}")
+    )
 
 
 @COMPILER

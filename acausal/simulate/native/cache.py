@@ -1,33 +1,22 @@
-"""Libraries on disk, found by what they were made from.
-
-A library's file name is `<key>-<digest>`: the key is a hash of everything it was made from, the digest one of its own
-bytes. One file is therefore complete and right, or not there at all: it is renamed into place when it is ready, and
-two processes that build the same one at the same time do not disturb each other.
-
-What is found is run. So the digest is keyed with a secret of the folder, and folder and files have to be this user's
-and nobody else's to write; where they are not, a private temporary folder takes their place (`docs/security.md`).
-"""
+"""Libraries on disk, found by what they were made from: the key is a hash of everything of it (`acausal.private`)."""
 
 from __future__ import annotations
 
-import atexit
 import hashlib
-import hmac
 import logging
 import os
 import platform
-import secrets
 import shutil
 import signal
-import stat
 import subprocess
 import sys
 import tempfile
 from contextlib import suppress
-from functools import cache
 from pathlib import Path
 
 import casadi as ca
+
+from acausal import private
 
 _log = logging.getLogger(__name__)
 
@@ -37,67 +26,17 @@ interpreter's numbers on machines with fused multiply-add as well."""
 
 # Goes into every key: raised when the sources that `source.py` writes change their meaning.
 _FORMAT = "6"
-_SECRET = 32
 _SUFFIX = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
 
 
 def folder() -> Path:
-    """Where libraries are kept: `$ACAUSAL_CACHE`, else the user's cache folder of this platform."""
-    chosen = os.environ.get("ACAUSAL_CACHE")
-    if chosen:
-        return Path(chosen) / "native"
-    if sys.platform == "win32":
-        base = Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
-    elif sys.platform == "darwin":
-        base = Path.home() / "Library" / "Caches"
-    else:
-        base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    return base / "acausal" / "native"
+    """Where libraries are kept."""
+    return private.folder("native")
 
 
 def home() -> Path:
-    """The folder to use: `folder()`, or a temporary one where others could have put something into that."""
-    wanted = folder()
-    try:
-        wanted.mkdir(mode=0o700, parents=True, exist_ok=True)
-        why = _distrusted(wanted)
-    except OSError as error:
-        why = error.strerror or str(error)
-    return wanted if not why else _private(str(wanted), why)
-
-
-@cache
-def _private(instead: str, why: str) -> Path:
-    """A folder of this process alone; made once, with a note, and removed at its end."""
-    made = Path(tempfile.mkdtemp(prefix="acausal-"))
-    atexit.register(shutil.rmtree, made, ignore_errors=True)
-    _log.warning("compiled code is not kept: %s, %s", instead, why)
-    return made
-
-
-def _distrusted(path: Path) -> str:
-    """Why code from a folder must not be run; empty when nobody but this user can have written to it."""
-    if not hasattr(os, "geteuid"):
-        return ""  # Windows: the user's own folder has an access list of its own
-    found = path.lstat()
-    if not stat.S_ISDIR(found.st_mode):
-        return "which is no folder"
-    if found.st_uid != os.geteuid():
-        return "which belongs to another user"
-    if found.st_mode & 0o022:
-        return "to which others may write: chmod 700 it, or delete it"
-    for above in path.absolute().parents:
-        mode = above.stat().st_mode
-        if mode & 0o002 and not mode & stat.S_ISVTX:
-            return f"in {above}, where anybody may put another folder in its place"
-    return ""
-
-
-def _is_ours(path: Path) -> bool:
-    """Whether a file is a plain one of this user's, which nobody else may write."""
-    found = path.lstat()
-    mine = not hasattr(os, "geteuid") or (found.st_uid == os.geteuid() and not found.st_mode & 0o022)
-    return stat.S_ISREG(found.st_mode) and mine
+    """The folder to use; see `private.home`."""
+    return private.home("native")
 
 
 def is_empty() -> bool:
@@ -122,15 +61,7 @@ def key(kind: str, *made_from: str) -> str:
 
 def find(wanted: str) -> Path | None:
     """The library of this key; files that are not as this program has written them are removed."""
-    if is_empty():
-        return None
-    kept = home()
-    for path in kept.glob(f"{wanted}-*{_SUFFIX}"):
-        with suppress(OSError):
-            if _is_ours(path) and hmac.compare_digest(_digest(path, kept), path.stem.rpartition("-")[2]):
-                return path
-        discard(path)
-    return None
+    return private.find("native", wanted, _SUFFIX)
 
 
 def build(wanted: str, source: str) -> Path | None:
@@ -161,10 +92,7 @@ def _build(command: str, wanted: str, source: str) -> Path | None:
         if failure is not None:
             _log.warning("%s failed, functions are interpreted: %s", command, failure)
             return None
-        made.chmod(0o600)
-        found = kept / f"{wanted}-{_digest(made, kept)}{_SUFFIX}"
-        os.replace(made, found)
-    return found
+        return private.place(made, kept, wanted, _SUFFIX)
 
 
 def _patience(source: str) -> float:
@@ -203,31 +131,3 @@ def _end(process: subprocess.Popen[str]) -> None:
     else:
         process.kill()
     process.communicate()
-
-
-def discard(path: Path) -> None:
-    """Remove a library that cannot be used."""
-    with suppress(OSError):
-        path.unlink()
-
-
-def _digest(path: Path, kept: Path) -> str:
-    return hmac.new(_secret(kept), path.read_bytes(), hashlib.sha256).hexdigest()[:32]
-
-
-def _secret(kept: Path) -> bytes:
-    """The key of the digests in a folder, made when it is first needed; another process may be faster."""
-    path = kept / "secret"
-    with suppress(OSError):
-        if _is_ours(path) and len(found := path.read_bytes()) == _SECRET:
-            return found
-        discard(path)  # somebody else's, or cut short: what it has signed is made again
-    with tempfile.NamedTemporaryFile(dir=kept, prefix="secret-", delete=False) as file:  # mode 600
-        file.write(secrets.token_bytes(_SECRET))
-    try:
-        os.link(file.name, path)
-    except FileExistsError:
-        pass
-    finally:
-        os.unlink(file.name)
-    return path.read_bytes()

@@ -8,6 +8,7 @@ from typing import Any
 
 import casadi as ca
 
+from acausal import private
 from acausal.simulate.native import cache, source
 
 
@@ -46,5 +47,5 @@ def _loaded(path: Path | None, load: Callable[[Path], Any]) -> Any | None:
     try:
         return load(path)
     except (OSError, AttributeError, RuntimeError):
-        cache.discard(path)
+        private.discard(path)
         return None
