@@ -22,8 +22,8 @@ from acausal.analyse.blocks.pivots import keeps_sign
 from acausal.analyse.start import start_problem
 from acausal.flatten.flat import FlatSystem
 from acausal.language.declaration import Declaration
-from acausal.lower import stored
 from acausal.lower.compiled import CompiledModel
+from acausal.lower.stored import find, keep
 from acausal.numeric.evaluate import gradients
 from acausal.numeric.samples import COUNT, FAR, SamplePoints
 
@@ -118,7 +118,7 @@ def recall(key: Signature, flat: FlatSystem) -> CompiledModel | None:
     """The model of this structure with the values of `flat`; None when there is none, or it would not be safe."""
     entry = _cache.get(key)
     if entry is None:
-        found = stored.find(key, flat)
+        found = find(key, flat)
         if found is None:
             return None
         entry = _Entry(found)
@@ -140,7 +140,7 @@ def recall(key: Signature, flat: FlatSystem) -> CompiledModel | None:
 def remember(key: Signature, compiled: CompiledModel) -> None:
     """Keep a model for others of its structure, of this process and of others."""
     _cache.put(key, _Entry(compiled))
-    stored.keep(key, compiled)
+    keep(key, compiled)
 
 
 def forget() -> None:

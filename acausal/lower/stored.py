@@ -32,12 +32,13 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from acausal import private
 from acausal.flatten.flat import FlatSystem
 from acausal.language.component import Component
 from acausal.language.events import Assertion
 from acausal.language.expression import Equation
 from acausal.lower.compiled import CompiledModel
+from acausal.private import discard, folder, home, place
+from acausal.private import find as file_of
 
 _log = logging.getLogger(__name__)
 _KIND, _SUFFIX = "models", ".model"
@@ -45,7 +46,7 @@ _KIND, _SUFFIX = "models", ".model"
 # files that are kept.
 _WORTH, _LEAST_NODES, _LONG, _MOST = 1.0, 4_000, 5, 100
 _SOURCES = ("language", "flatten", "structure", "numeric", "analyse", "reduce", "lower", "diagnose")
-_OWN = [["acausal", folder] for folder in (*_SOURCES, "errors")]
+_OWN = [["acausal", name] for name in (*_SOURCES, "errors")]
 # What is called while a model is read, beside classes of this package and components.
 _CALLED = {
     ("acausal.language.declaration", "_declaration_of"),
@@ -70,10 +71,10 @@ class _Unknown(Exception):
 
 def find(signature: tuple[Any, ...], flat: FlatSystem) -> CompiledModel | None:
     """The model of this signature that a process has written, with its values; None when there is none."""
-    if not _is_heavy(flat) or not private.folder(_KIND).is_dir():
+    if not _is_heavy(flat) or not folder(_KIND).is_dir():
         return None
     key = _key(signature)
-    path = None if key is None else private.find(_KIND, key, _SUFFIX)
+    path = None if key is None else file_of(_KIND, key, _SUFFIX)
     if path is None:
         return None
     try:
@@ -81,7 +82,7 @@ def find(signature: tuple[Any, ...], flat: FlatSystem) -> CompiledModel | None:
         os.utime(path)  # used last
     except Exception as error:  # whatever is wrong with it, it can be made again
         _log.info("%s is not read: %r", path, error)
-        private.discard(path)
+        discard(path)
         return None
     return found if isinstance(found, CompiledModel) else None
 
@@ -97,14 +98,14 @@ def keep(signature: tuple[Any, ...], compiled: CompiledModel) -> None:
     try:
         content = io.BytesIO()
         _Writer(content, protocol=5).dump(_bare(compiled))
-        kept = private.home(_KIND)
+        kept = home(_KIND)
         with tempfile.TemporaryDirectory(prefix="write-", dir=kept) as scratch:
             made = Path(scratch) / "model"
             made.write_bytes(content.getvalue())
-            private.place(made, kept, key, _SUFFIX)
+            place(made, kept, key, _SUFFIX)
         oldest = sorted(kept.glob(f"*{_SUFFIX}"), key=lambda path: path.stat().st_mtime)
         for path in oldest[:-_MOST]:
-            private.discard(path)
+            discard(path)
     except (OSError, pickle.PicklingError, TypeError, AttributeError) as error:
         _log.info("%s is not kept for other processes: %r", compiled.name, error)
 
@@ -173,8 +174,8 @@ def _made_by() -> str:
     """A hash of everything that turns a signature into a model."""
     found = hashlib.sha256(repr((sys.version_info[:3], np.__version__, ca.CasadiMeta.version())).encode())
     root = Path(__file__).resolve().parents[1]
-    for folder in _SOURCES:
-        for path in sorted((root / folder).rglob("*.py")):
+    for name in _SOURCES:
+        for path in sorted((root / name).rglob("*.py")):
             found.update(str(path.relative_to(root)).encode() + b"\0" + path.read_bytes())
     return found.hexdigest()
 

@@ -16,7 +16,10 @@ from pathlib import Path
 
 import casadi as ca
 
-from acausal import private
+from acausal.private import find as file_of
+from acausal.private import folder as folder_of
+from acausal.private import home as home_of
+from acausal.private import place
 
 _log = logging.getLogger(__name__)
 
@@ -31,12 +34,12 @@ _SUFFIX = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
 
 def folder() -> Path:
     """Where libraries are kept."""
-    return private.folder("native")
+    return folder_of("native")
 
 
 def home() -> Path:
     """The folder to use; see `private.home`."""
-    return private.home("native")
+    return home_of("native")
 
 
 def is_empty() -> bool:
@@ -61,7 +64,7 @@ def key(kind: str, *made_from: str) -> str:
 
 def find(wanted: str) -> Path | None:
     """The library of this key; files that are not as this program has written them are removed."""
-    return private.find("native", wanted, _SUFFIX)
+    return file_of("native", wanted, _SUFFIX)
 
 
 def build(wanted: str, source: str) -> Path | None:
@@ -92,7 +95,7 @@ def _build(command: str, wanted: str, source: str) -> Path | None:
         if failure is not None:
             _log.warning("%s failed, functions are interpreted: %s", command, failure)
             return None
-        return private.place(made, kept, wanted, _SUFFIX)
+        return place(made, kept, wanted, _SUFFIX)
 
 
 def _patience(source: str) -> float:

@@ -8,7 +8,7 @@ from typing import Any
 
 import casadi as ca
 
-from acausal import private
+from acausal.private import discard
 from acausal.simulate.native import cache, source
 
 
@@ -47,5 +47,5 @@ def _loaded(path: Path | None, load: Callable[[Path], Any]) -> Any | None:
     try:
         return load(path)
     except (OSError, AttributeError, RuntimeError):
-        private.discard(path)
+        discard(path)
         return None
