@@ -13,7 +13,7 @@ weights of what is expected.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -96,8 +96,12 @@ class Estimator:
         ------
         OptimizationError
             AC703 where no estimate was found; the next call begins from the last answer again.
+        UsageError
+            AC033 for an input or a measured value that is missing, or is no number.
         """
         q = self.problem.quantities
+        _check_given(inputs, q.u.names, "input")
+        _check_given(measured, self.measured, "measured value")
         self._inputs.append([inputs[name] for name in q.u.names])
         self._seen.append([measured[name] for name in self.measured])
         if len(self._seen) > self._width:
@@ -160,6 +164,16 @@ def _compiled(
     inner: dict[str, Any] = {"ipopt": {**WARM, **options}, "print_time": False, "expand": True, "error_on_fail": False}
     solver = ca.nlpsol("estimator", "ipopt", nlp.whole(), inner)
     return solver, ca.Function("answer", [nlp.x, nlp.p], [phase.x[:, ::degree], program.w])
+
+
+def _check_given(given: Mapping[str, float], names: Sequence[str], kind: str) -> None:
+    """A sample needs all of them; one nan would spoil a whole window."""
+    for name in names:
+        if name not in given or not np.isfinite(given[name]):
+            value = f"is {given[name]}" if name in given else "is missing"
+            raise UsageError(
+                "AC033", f"the {kind} {name} {value}", help=f"each sample has all of {', '.join(names)}, in SI units"
+            )
 
 
 def _check_names(

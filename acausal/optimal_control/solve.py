@@ -181,9 +181,11 @@ def _run(program: Program, choices: Choices) -> Solution:
     name = choices.solver
     options = {"tol": choices.tolerance, **SOLVERS[name], **choices.options}
     found = minimized(program.nlp, name, options)
+    if found.success and program.relaxed:
+        found = tightened(program, found, options)
     if not found.success:
         raise _failure(program, found, name)
-    return tightened(program, found, options) if program.relaxed else found
+    return found
 
 
 def _failure(program: Program, solution: Solution, solver: str) -> OptimizationError:

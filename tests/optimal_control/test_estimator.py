@@ -104,6 +104,18 @@ def test_a_window_is_a_phase_of_fixed_duration_without_an_objective() -> None:
 
 
 @pytest.mark.parametrize(
+    ("inputs", "measured"), [({}, {"h": 0.1}), ({"u": 1.0}, {}), ({"u": 1.0}, {"h": float("nan")})]
+)
+def test_a_sample_is_complete(inputs: dict[str, float], measured: dict[str, float]) -> None:
+    estimator = window()
+    with pytest.raises(UsageError) as refused:
+        estimator(inputs, measured)
+    assert refused.value.code == "AC033"
+    # what was refused has left no trace
+    assert estimator({"u": 1.0}, {"h": 0.1}).states["h"] == pytest.approx(0.1, abs=0.01)
+
+
+@pytest.mark.parametrize(
     ("measured", "deviations", "code"),
     [({"h": 0.01}, {"width": 1.0}, "AC010"), ({"g": 0.01}, {}, "AC010"), ({"h": 0.0}, {}, "AC053"), ({}, {}, "AC053")],
 )
