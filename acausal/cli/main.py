@@ -33,6 +33,7 @@ from acausal.cli.report import record_error, say, show_error
 from acausal.cli.simulate import simulate
 from acausal.cli.stability import stability
 from acausal.cli.sweep import sweep
+from acausal.errors import UsageError
 from acausal.simulate.interrupt import Interruptible
 
 
@@ -63,6 +64,8 @@ class _Verbs(TyperGroup):
             raise _ended(error, ctx) from error
         except Exception as error:
             if _is_usage_error(error):
+                if ctx.meta.get("json"):
+                    record_error(_of_parser(error))
                 raise
             raise _ended(error, ctx) from error
 
@@ -70,6 +73,12 @@ class _Verbs(TyperGroup):
 def _is_usage_error(error: Exception) -> bool:
     """True for errors of the option parser, whatever package typer takes it from."""
     return hasattr(error, "exit_code") and hasattr(error, "format_message")
+
+
+def _of_parser(error: Any) -> UsageError:
+    """What the option parser says, as the messages of acausal are."""
+    path = getattr(getattr(error, "ctx", None), "command_path", "acausal")
+    return UsageError("AC019", error.format_message().rstrip("."), help=f"{path} --help")
 
 
 def _ended(error: Exception, ctx: Any) -> typer.Exit:

@@ -6,6 +6,8 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
+import pytest
+
 from tests.cli.running import run
 
 
@@ -38,3 +40,22 @@ def test_every_verb_shows_an_example_that_it_understands() -> None:
         for text in examples[0].split("; "):
             assert text.startswith(name), text
             assert {w for w in text.split() if re.match(r"--?[a-z]", w)} <= options, text
+
+
+@pytest.mark.parametrize(
+    ("arguments", "fact"),
+    [
+        (("doctor", "surplus"), "unexpected extra argument"),
+        (("fit", "Oscillator"), "Missing argument"),
+        (("simulate", "Oscillator", "--outptu", "x.mat"), "No such option: --outptu"),
+        (("simulat", "Oscillator"), "No such command"),
+    ],
+)
+def test_what_the_option_parser_refuses_is_data_too(arguments: tuple[str, ...], fact: str) -> None:
+    """It was a frame of lines on stderr, and nothing on stdout."""
+    found = run(*arguments, "--json")
+    assert found.code == 2
+    error = found.json["error"]
+    assert error["code"] == "AC019"
+    assert fact in error["fact"]
+    assert error["help"].endswith("--help")
