@@ -166,7 +166,7 @@ def test_derivatives_are_those_of_differences(name: str) -> None:
 
 
 @pytest.mark.skipif(which("gcc") is None, reason="no C compiler")
-@pytest.mark.parametrize("name", ["plate", "hull of 60", "cone"])
+@pytest.mark.parametrize("name", ["plate", "hull of 60", pytest.param("cone", marks=pytest.mark.slow)])
 def test_generated_c_says_the_same(name: str, tmp_path: Path) -> None:
     f = crossing_function(SHAPES[name])
     generator = ca.CodeGenerator("crossing.c")

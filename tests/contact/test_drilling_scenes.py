@@ -76,7 +76,7 @@ class TiltedDrill(Component):
         yield connect(self.speed.flange, self.spindle.axis)
 
 
-@pytest.mark.parametrize("degrees", [5.0, 20.0])
+@pytest.mark.parametrize("degrees", [5.0, pytest.param(20.0, marks=pytest.mark.slow)])
 def test_a_tilted_drill_goes_through(degrees: float) -> None:
     """At full diameter the cutting law at the given feed; the thrust pushes the spring aside by its part along x."""
     tilt = math.radians(degrees)
@@ -95,6 +95,7 @@ def test_a_tilted_drill_goes_through(degrees: float) -> None:
     assert np.abs(r["balance.residual"]).max() < 1e-6 * np.abs(r["balance.W_source"]).max()
 
 
+@pytest.mark.slow
 def test_another_moving_plate_keeps_the_balance() -> None:
     values = {"F": 2500.0, "c": 1.5e6, "plate.m": 7.0}
     r = acausal.simulate(StackedPlates(), stop_time=20.0, parameters=values)

@@ -58,7 +58,7 @@ def run(rows: Rows, solver: str, native: bool = False) -> acausal.Result:
 @pytest.mark.parametrize(
     ("solver", "native"),
     [
-        ("idas", False),
+        pytest.param("idas", False, marks=pytest.mark.slow),
         pytest.param("rosenbrock", False, marks=pytest.mark.slow),
         ("rosenbrock", True),
         pytest.param("erk", True, marks=pytest.mark.slow),

@@ -40,7 +40,7 @@ MATRICES = st.lists(st.lists(st.one_of(st.just(0.0), SMALL), min_size=N, max_siz
 VECTORS = st.lists(SMALL, min_size=N, max_size=N)
 
 
-@settings(max_examples=60)
+@settings(max_examples=40)
 @given(MATRICES, VECTORS, st.booleans())
 @example(np.eye(N).tolist(), [1.0] * N, False)
 @example((np.ones((N, N)) - np.eye(N)).tolist(), [1.0, 2.0, 3.0, 4.0, 5.0], True)

@@ -30,7 +30,7 @@ DRIVERS = [
     pytest.param("erk", False, id="erk"),
     pytest.param("idas", None, id="idas"),
     pytest.param("cvodes", None, id="cvodes"),
-    pytest.param("rosenbrock", True, id="rosenbrock-compiled"),
+    pytest.param("rosenbrock", True, id="rosenbrock-compiled", marks=pytest.mark.slow),
     pytest.param("erk", True, id="erk-compiled"),
 ]
 

@@ -233,7 +233,7 @@ def _not_a_library(path: Path) -> None:
 
 
 @COMPILER
-@pytest.mark.parametrize("damage", [_torn, _not_a_library])
+@pytest.mark.parametrize("damage", [_torn, pytest.param(_not_a_library, marks=pytest.mark.slow)])
 def test_damaged_library_is_made_again(empty: Path, damage: Callable[[Path], None], compilations: list[str]) -> None:
     good = run("erk", True)
     damage(libraries(empty)[0])

@@ -25,7 +25,7 @@ def columns(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 
 
 @COMPILER
-@pytest.mark.parametrize("solver", ["erk", "rosenbrock"])
+@pytest.mark.parametrize("solver", [pytest.param("erk", marks=pytest.mark.slow), "rosenbrock"])
 @pytest.mark.usefixtures("columns")
 def test_compiled_and_interpreted_runs_agree(solver: str) -> None:
     compiled = acausal.compile(MassSpringDamperChain(n=250), cache=False)

@@ -97,6 +97,7 @@ def test_gimbal() -> None:
     assert float(alone.stats["steps"]) < 500  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_quaternion_drift() -> None:
     """`quaternion-drift`: ||q| - 1| <= 10*rtol after 1000 s at 10 rad/s; IDAS loses 3e-2 at 1e-6 without the norm."""
     study = acausal.stability(QuaternionDrift(), stop_time=100.0)

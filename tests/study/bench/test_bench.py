@@ -117,6 +117,7 @@ def test_the_cheapest_run_that_is_exact_enough(swing: Bench) -> None:
         swing.recommend(1e-14)
 
 
+@pytest.mark.slow
 def test_failures_stay_with_their_reason(tmp_path: Path) -> None:
     found = acausal.bench(
         Stiff,

@@ -191,6 +191,7 @@ def test_what_cannot_be_fitted_is_refused(case: str) -> None:
     assert words in str(caught.value)
 
 
+@pytest.mark.slow
 def test_the_command_prints_what_was_found(tmp_path: Path) -> None:
     file, picture = tmp_path / "swing.csv", tmp_path / "fit.png"
     data = swing(110.0, 1.2)

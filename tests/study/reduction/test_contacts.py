@@ -54,7 +54,7 @@ class Rails(Component):
             yield connect(ball.frame_a, self.scene.frame(f"ball{k}"))
 
 
-@pytest.mark.parametrize("keep", [12, 2])
+@pytest.mark.parametrize("keep", [pytest.param(12, marks=pytest.mark.slow), 2])
 def test_what_moves_only_when_it_is_hit_is_hit(keep: int) -> None:
     # balls 1 and 2 rest until ball 0 comes: bounds without contacts would take them for motionless
     # a scene of more pairs than `keep` runs in pieces, which takes longer: compared once is enough
