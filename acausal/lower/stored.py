@@ -106,7 +106,7 @@ def keep(signature: tuple[Any, ...], compiled: CompiledModel) -> None:
         oldest = sorted(kept.glob(f"*{_SUFFIX}"), key=lambda path: path.stat().st_mtime)
         for path in oldest[:-_MOST]:
             discard(path)
-    except (OSError, pickle.PicklingError, TypeError, AttributeError) as error:
+    except Exception as error:  # a model that cannot be written is a model all the same
         _log.info("%s is not kept for other processes: %r", compiled.name, error)
 
 
@@ -163,7 +163,7 @@ def _key(signature: tuple[Any, ...]) -> str | None:
         words = marshal.dumps(
             (_made_by(), _told(signature, {})), 2
         )  # without references, which differ between processes
-    except (_Unknown, ValueError, OSError, TypeError) as error:
+    except (_Unknown, ValueError, OSError, TypeError, RecursionError) as error:
         _log.info("no key for other processes: %r", error)
         return None
     return hashlib.sha256(words).hexdigest()
