@@ -23,6 +23,7 @@ from tests.multibody.loops import (
     rscr,
     rssr,
     shaken,
+    three_rps,
 )
 from tests.multibody.maximal import Mechanism, Mechanisms, Pose, rotations
 
@@ -111,6 +112,25 @@ def test_random_loops_move_as_in_maximal_coordinates(kind: Kind) -> None:
 def test_a_few_loops(kind: Kind) -> None:
     equal, wrong, refused = searched(kind, 1, 2, 0.1)
     assert (equal, wrong, refused) == (2, [], [])
+
+
+@pytest.mark.slow
+def test_a_run_that_crawls_to_a_vanishing_pivot_begins_again() -> None:
+    """A platform whose pivot vanishes at 0.2 s: a Rosenbrock method took minutes there, in ever smaller steps."""
+    random = np.random.default_rng([201, *b"three_rps"])
+    plan = three_rps(random)
+    own = shaken(plan, random)
+    run = acausal.simulate(
+        acausal.compile(Assembly(plan=plan)),
+        parameters=parameters(own),
+        stop_time=0.3,
+        tolerance=TOLERANCE,
+        solver="rosenbrock",
+        output_interval=0.006,
+    )
+    assert float(run.stats["steps"]) < 5000  # type: ignore[arg-type]
+    off, allowed = distances([maximal(own)], joined([pose(own, run, 0)]), joined([pose(own, run, -1)]), 0.3)
+    assert off[0] <= allowed[0]
 
 
 def test_a_crank_out_of_reach_is_told_so() -> None:

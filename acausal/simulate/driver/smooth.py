@@ -17,6 +17,7 @@ from acausal.simulate.events.regime import Regime
 from acausal.simulate.interrupt import Interrupted
 from acausal.simulate.native.flight import FlightProgram
 from acausal.simulate.native.policy import Library
+from acausal.simulate.record.pivots import loses_pivots, may_lose_pivots
 from acausal.simulate.record.record import Recorder
 from acausal.simulate.solvers import Solver
 from acausal.simulate.solvers.base import Piece, Segment, pace, program
@@ -27,6 +28,8 @@ Vector = NDArray[np.float64]
 _log = logging.getLogger(__name__)
 # Steps times variables that take about a second.
 _LONG = 1e6
+# Steps between two output times from which on it is looked whether a solver crawls to a vanishing pivot.
+_FEW_STEPS = 400
 
 
 @dataclass
@@ -105,10 +108,28 @@ class Smooth:
             raise
         except RuntimeError as error:
             _log.debug("%s: %s", self.solver.name, error)
+            if may_lose_pivots(self.problem.compiled):
+                segment = self._approached(segment)
+                if loses_pivots(self.recorder, segment):
+                    self._failed = segment
+                    raise
             self._failed, last = salvage(solved, segment, self._record)
             if last is not None:
                 return last  # in smaller pieces it went through
             raise
+
+    def _approached(self, segment: Segment) -> Segment:
+        """What is left of a segment that failed when its first rows, up to where the solver crawls, are recorded."""
+        try:
+            piece = self.integrate(self.problem, replace(segment, partial=True, patience=_FEW_STEPS))
+        except RuntimeError:
+            return segment
+        count = min(piece.x.shape[1], len(segment.times) - 1)
+        if not count:
+            return segment
+        times = segment.times
+        piece = self._record(times[:count], replace(piece, x=piece.x[:, :count], z=piece.z[:, :count]))
+        return replace(segment, start=float(times[count - 1]), times=times[count:], x=piece.x[:, -1], z=piece.z[:, -1])
 
     def _parts(self, times: Vector) -> Iterator[Vector]:
         """Output times in chunks, after each of which progress is reported and the run can be stopped.

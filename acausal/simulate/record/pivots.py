@@ -45,16 +45,22 @@ def without_lost_pivots(recorder: Recorder, stopped: Segment | None) -> Compiled
 
     `stopped` begins where a run came to that failed.
     """
-    compiled = recorder.compiled
-    if not may_lose_pivots(compiled) or not recorder.count:
+    if not may_lose_pivots(recorder.compiled) or not recorder.count:
         return None
-    function = _pivots(compiled)
+    rows, lost = _lost(recorder, stopped)
+    return refined(recorder.compiled, _visited(recorder, rows, lost)) if len(lost) else None
+
+
+def loses_pivots(recorder: Recorder, stopped: Segment) -> bool:
+    """Whether some pivot is lost up to where a run came to, or on the way on from there."""
+    return bool(len(_lost(recorder, stopped)[1]))
+
+
+def _lost(recorder: Recorder, stopped: Segment | None) -> tuple[Rows, Vector]:
+    """Rows of a run, and the values there of the pivots that are lost, shape (pivots, rows)."""
     rows = recorder.rows() if stopped is None else _extended(recorder, stopped)
-    found = _values(function, recorder, rows)
-    lost = [k for k in range(len(found)) if not keeps_sign(found[k])]
-    if not lost:
-        return None
-    return refined(compiled, _visited(recorder, rows, found[lost]))
+    found = _values(_pivots(recorder.compiled), recorder, rows)
+    return rows, found[[k for k in range(len(found)) if not keeps_sign(found[k])]]
 
 
 def _pivots(compiled: CompiledModel) -> Any:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.simulate.equations.problem import Problem
+from acausal.simulate.record.pivots import may_lose_pivots
 from acausal.simulate.solvers.attainable import units
 from acausal.simulate.solvers.base import CasadiSolver, Segment, stepping
 
@@ -30,8 +31,8 @@ class Rosenbrock(CasadiSolver):
             # a Newton step below the tolerance is enough: a thousandth of it, CasADi's own, is below rounding at 1e-10
             "init_tol": 0.3,
             # a loop of joints that crawls where a pivot vanishes begins again with others: that is to be noticed in
-            # seconds, not in an hour
-            **stepping(segment, segment.most_steps // 2 if problem.compiled.flat.loops else 10**6),
+            # seconds, not in an hour; one that needs more steps than this goes on in smaller pieces
+            **stepping(segment, max(400, 8_000 // len(segment.times)) if may_lose_pivots(problem.compiled) else 10**6),
         }
 
     def units(self, problem: Problem, segment: Segment) -> NDArray[np.float64] | None:
