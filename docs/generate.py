@@ -221,7 +221,7 @@ def _errors() -> Iterator[str]:
                 found.setdefault(str(call.args[0].value), []).append(entry)
     examples, shown = _messages(), error_examples()
     if examples and (missing := sorted(set(found) - set(examples) - set(shown))):
-        raise SystemExit(f"docs/error-examples.txt: no example of {', '.join(missing)}")
+        sys.stderr.write(f"docs/error-examples.txt has no example of {', '.join(missing)}\n")
     for digit, title in GROUPS.items():
         codes = [c for c in sorted(found) if c[2] == digit]
         if not codes:
