@@ -15,13 +15,14 @@ from math import isfinite
 from acausal import Equations, Expr, as_expr, clamp, floor, lookup, structural, unitless, where
 from acausal.errors import DeclarationError
 from acausal.library.blocks.interfaces import PartialSISO
+from acausal.library.blocks.kinks import sudden
 
 Points = tuple[tuple[float, float], ...]
 """Abscissa and ordinate of each point, abscissas strictly increasing."""
 
 
 MANY = 64
-"""Points of a table beyond which the segment is searched, and kinks are not events any more."""
+"""Points of a table beyond which the segment is searched, and only sudden kinks are events."""
 
 
 class Smoothness(Enum):
@@ -50,8 +51,9 @@ def table(
 ) -> Expr:
     """The function through `points` at `u`; the points are in the units of what they are used for, in SI.
 
-    Kinks are events unless `located` is False, or there are more than `MANY` points: then they are left to the error
-    control of the solver, which is cheaper where a trajectory runs through many of them. Steps are always events.
+    Kinks are events unless `located` is False: then they are left to the error control of the solver, which is cheaper
+    where a trajectory runs through many of them. Of more than `MANY` only those are events that no step of a solver
+    foresees (`kinks.py`). Steps are always events.
 
     One point alone is a constant. The segment is found by halving: among few points by decisions of the model, else
     by a search (`acausal.lookup`).
@@ -68,7 +70,7 @@ def table(
     steps = smoothness is Smoothness.CONSTANT_SEGMENTS
     slopes = _SLOPES[smoothness](known)
     if len(known) > MANY:
-        return _searched(known, slopes, u, smoothness, extrapolation)
+        return _searched(known, slopes, u, smoothness, extrapolation, located)
     pieces: list[tuple[float, Expr]] = []
     for (x0, y0), (x1, y1), (left, right) in zip(known[:-1], known[1:], slopes, strict=True):
         pieces.append((x0, as_expr(y0) if steps else _cubic(u, x0, y0, x1, y1, left, right)))
@@ -89,6 +91,7 @@ def _searched(
     u: Expr,
     smoothness: Smoothness,
     extrapolation: Extrapolation,
+    located: bool,
 ) -> Expr:
     """The same by a search for the segment."""
     x, y = zip(*points, strict=True)
@@ -104,12 +107,32 @@ def _searched(
     if smoothness is Smoothness.LINEAR_SEGMENTS:
         rows = [row[:2] for row in rows]
         if extrapolation is Extrapolation.LAST_TWO_POINTS:
-            return as_expr(lookup(x, rows)(u))
+            return _cut(x, rows, u, located)
     hold = extrapolation is Extrapolation.HOLD_LAST_POINT
     first, last = (0.0, 0.0) if hold else (slopes[0][0], slopes[-1][1])
     ends = [(y[0] - first * (x[1] - x[0]), first), (y[-1], last)]  # a segment more on each side
     outer = [(*end, *[0.0] * (len(rows[0]) - 2)) for end in ends]
-    return as_expr(lookup([2.0 * x[0] - x[1], *x, 2.0 * x[-1] - x[-2]], [outer[0], *rows, outer[1]])(u))
+    # as long as all of it: a trajectory may come from anywhere
+    far = x[-1] - x[0]
+    outer[0] = (y[0] - first * far, *outer[0][1:])
+    return _cut((x[0] - far, *x, x[-1] + far), [outer[0], *rows, outer[1]], u, located)
+
+
+def _cut(ends: Sequence[float], rows: Sequence[tuple[float, ...]], u: Expr, located: bool) -> Expr:
+    """Polynomials by a search, cut by relations at the kinks that no step foresees."""
+    lengths = [b - a for a, b in pairwise(ends)]
+    slopes = [
+        [row[1] + h * (2.0 * row[2] + h * 3.0 * row[3]) if len(row) > 2 else row[1] for h in (0.0, length)]
+        for row, length in zip(rows, lengths, strict=True)
+    ]
+    height = max(r[0] for r in rows) - min(r[0] for r in rows)
+    cuts = sudden(ends, [b[0] - a[1] for a, b in pairwise(slopes)], height, back=True) if located else []
+    pieces: list[tuple[float, Expr]] = []
+    for first, last in pairwise([0, *cuts, len(rows)]):
+        # two functions in turn: a cut between calls of one function would be none
+        name = "table_" if len(pieces) % 2 else "table"
+        pieces.append((ends[first], as_expr(lookup(ends[first : last + 1], rows[first:last], name)(u))))
+    return _choice(u, pieces, smooth=False)
 
 
 def checked_points(points: Sequence[Sequence[float]]) -> Points:

@@ -13,13 +13,11 @@ from itertools import pairwise
 
 from acausal import Expr, lookup, quantity, sin, time, unitless, where
 from acausal.errors import DeclarationError
-from acausal.library.blocks.tables import MANY, wrong_row
+from acausal.library.blocks.kinks import sudden
+from acausal.library.blocks.tables import wrong_row
 
 Points = tuple[tuple[float, float], ...]
 """Rows (time [s], value), times ascending; two rows with the same time are a jump."""
-
-# Rows before a kink that it is compared with, and how many times as large as theirs it must be to be cut.
-_RECENT, _SUDDEN = 8, 8.0
 
 
 def step(height: Expr, offset: Expr, start_time: Expr) -> Expr:
@@ -94,24 +92,15 @@ def _joined(rows: Sequence[tuple[float, float, float, float]]) -> list[tuple[flo
 
 
 def _cuts(rows: Sequence[tuple[float, float, float, float]]) -> list[int]:
-    """Rows at which the run is cut: jumps, and those kinks that no step of a solver foresees.
-
-    A few kinks are all cut. Of more, those only that are much larger than the kinks shortly before: a solver whose
-    steps are long, because nothing has happened, would step over what begins there. Where rows change from one to the
-    next as they did before, its steps follow them, as they follow any curve.
-    """
+    """Rows at which the run is cut: jumps, and those kinks that no step of a solver foresees."""
     height = max(r[1] for r in rows) - min(r[1] for r in rows) + abs(rows[-1][2]) * (rows[-1][3] - rows[-1][0])
-    jumps, kinks = [], [0.0]
+    jumps = []
     for k, (a, b) in enumerate(pairwise(rows), start=1):
         gap = abs(b[1] - (a[1] + a[2] * (a[3] - a[0])))
         if b[0] > a[3] or gap > 1e-12 * height:
             jumps.append(k)
-        kinks.append(abs(b[2] - a[2]) * min(a[3] - a[0], b[3] - b[0]))
-    seen = [k for k, size in enumerate(kinks) if size > 1e-9 * height]
-    if len(seen) <= MANY:
-        return sorted({*jumps, *seen})
-    recent = (max(kinks[max(1, k - _RECENT) : k], default=0.0) for k in seen)
-    return sorted({*jumps, *(k for k, before in zip(seen, recent, strict=True) if kinks[k] > _SUDDEN * before)})
+    turns = [b[2] - a[2] for a, b in pairwise(rows)]
+    return sorted({*jumps, *sudden([*(r[0] for r in rows), rows[-1][3]], turns, height, back=False)})
 
 
 def _select(breaks: Sequence[Expr], values: Sequence[Expr | float]) -> Expr | float:

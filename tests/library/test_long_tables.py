@@ -198,3 +198,52 @@ def test_a_square_beside_many_equal_parts_has_a_derivative() -> None:
     dae = columns.dae(np.ones(n), np.ones(0), constants)
     x = np.linspace(0.5, 0.1, n)
     assert np.isfinite(np.array(dae.jacobian()(0.0, x, [], [0.0], [], *[0] * 4)[1])).all()
+
+
+class Passed(Component):
+    """The area under a table, read at a position that moves at one metre a second, forward or back."""
+
+    points: Rows = structural()
+    back: bool = structural(default=False)
+    table: CombiTable1D = part()
+    u: Real = variable()
+    area: Real = variable(default=fixed(0.0))
+
+    def build(self) -> None:
+        self.table = CombiTable1D(table=self.points)
+
+    def equations(self) -> Equations:
+        yield der(self.u) == (-1.0 if self.back else 1.0)
+        yield self.table.u == self.u
+        yield der(self.area) == self.table.y
+
+    def initial_equations(self) -> Equations:
+        yield self.u == (self.points[-1][0] if self.back else self.points[0][0])
+
+
+def quiet(busy: int) -> Rows:
+    """A tent of area 0.005 between long straight rows, beside `busy` rows of noise as high as it is."""
+    noise = np.random.default_rng(1).uniform(-1.0, 1.0, busy)
+    rows = [(0.02 * k, float(v)) for k, v in enumerate(noise)]
+    end = 0.02 * busy
+    return (*rows, (end, 0.0), (end + 5.0, 0.0), (end + 5.005, 1.0), (end + 5.01, 0.0), (end + 7.0, 0.0))
+
+
+@pytest.mark.parametrize("solver", ["idas", "cvodes", "rosenbrock"])
+@pytest.mark.parametrize("back", [False, True])
+def test_a_tent_behind_a_long_row_is_seen(solver: str, back: bool) -> None:
+    """Trapezia of the rows. idas and cvodes passed the tent: tables of more than 64 points had no events at kinks."""
+    points = quiet(80)
+    x, y = zip(*points, strict=True)
+    stop = x[-1]
+    r = acausal.simulate(Passed(points=points, back=back), stop_time=stop, solver=solver, tolerance=1e-6)
+    assert r.final("area") == pytest.approx(np.trapezoid(y, x), abs=1e-5)
+
+
+@pytest.mark.parametrize("solver", ["idas", "cvodes"])
+def test_a_tent_of_time_behind_a_long_row_is_seen(solver: str) -> None:
+    points = quiet(80)
+    x, y = zip(*points, strict=True)
+    model = Lag(rows=points, x=fixed(0.0), area=fixed(0.0))
+    r = acausal.simulate(model, stop_time=x[-1], solver=solver, tolerance=1e-6)
+    assert r.final("area") == pytest.approx(np.trapezoid(y, x), abs=1e-5)
