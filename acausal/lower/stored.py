@@ -44,7 +44,7 @@ _log = logging.getLogger(__name__)
 _KIND, _SUFFIX = "models", ".model"
 # Seconds of compiling that are worth a file, nodes of a flat system that may take as long, nodes to an equation, and
 # files that are kept.
-_WORTH, _LEAST_NODES, _LONG, _MOST = 1.0, 4_000, 5, 100
+_WORTH, _LEAST_NODES, _LONG, _MOST = 0.3, 4_000, 5, 100
 _SOURCES = ("language", "flatten", "structure", "numeric", "analyse", "reduce", "lower", "diagnose")
 _OWN = [["acausal", name] for name in (*_SOURCES, "errors")]
 # What is called while a model is read, beside classes of this package and components.
