@@ -22,7 +22,7 @@ Vector = NDArray[np.float64]
 
 POINTS, FEWEST = 100, 80
 # Holes that a drill may leave side by side (AC027), and what was before (AC035), are no functions of one instant.
-REFUSED = {"HolesSideBySide": "AC027", "RegenerativeTurning": "AC035"}
+REFUSED = {"Delays": "AC035", "HolesSideBySide": "AC027", "RegenerativeTurning": "AC035"}
 # Runs of these end with an error or take seconds: points lie around the start.
 AT_START = {"BoxStack", "GimbalAngles", "PendulumDrift", "PendulumInconsistent", "RingModulator", "Wheelset"}
 # Whole matrices take half a minute and more to build: products with vectors say the same.
