@@ -11,7 +11,8 @@ of a state linearly.
 
 Each that is watched costs a guard, and a stretch whenever it is passed. Bodies that touch have hundreds, of all the
 ways in which their faces may overlap: choices below `no_event` that move a point of contact while the force is on.
-Where there are many, these are left out and handed back, for a message.
+Where there are many, these are left out and handed back, for a message and a bound on the steps. Under that bound only
+rates are watched: the weights of those points, `minimum` and `maximum` in products, would take eight times the work.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from acausal.numeric.samples import SamplePoints
 
 Truth = NDArray[np.bool_]
 MOST = 120
-"""Kinks that are watched of whatever kind; with more, only those that are plain, `_Graph.is_plain`."""
+"""Kinks that are watched of whatever kind; with more, no choices, and with choices among them only rates."""
 MOST_PLAIN = 1000
 """Kinks that are watched at all."""
 
@@ -61,7 +62,7 @@ def sleeping(solution: Solution, located: Iterable[int], discrete: frozenset[int
     pool, points = graph.pool, graph.points
     taken = {_shape(points.everywhere(pool.sub(*pool.nodes[n][1:]))) for n in known}
     found: list[int] = []
-    plain = set[int]()
+    choices, rates = set[int](), set[int]()
     for number, a, b, sides in _kinks(graph, known):
         distance = points.everywhere(pool.sub(a, b))
         if not np.isfinite(distance).all() or np.count_nonzero(np.abs(distance) <= _ZERO * np.abs(distance).max()) > 1:
@@ -73,11 +74,13 @@ def sleeping(solution: Solution, located: Iterable[int], discrete: frozenset[int
             taken.add(shape)
             # operands below `no_event` make it another node than a relation of the equations
             found.append(pool.make("gt", pool.make("noevent", a), pool.make("noevent", b)))
-            if graph.is_plain(number):
-                plain.add(found[-1])
+            if graph.is_rate(number):
+                rates.add(found[-1])
+            elif pool.nodes[number][0] == "where":
+                choices.add(found[-1])
     if len(found) <= MOST:
         return Sleeping(tuple(found))
-    kept = [n for n in found if n in plain][:MOST_PLAIN]
+    kept = [n for n in found if n in rates or not choices][:MOST_PLAIN]
     return Sleeping(tuple(kept), tuple(n for n in found if n not in set(kept)))
 
 
@@ -151,10 +154,6 @@ class _Graph:
                         seen.add(v)
                         stack.append(self.pool.var(v))
         return False
-
-    def is_plain(self, number: int) -> bool:
-        """Whether a kink is a rate, or no choice between expressions: `minimum`, `maximum` and `fabs` are forces."""
-        return self.pool.nodes[number][0] != "where" or self.is_rate(number)
 
     def cancels(self, number: int, sign: float) -> bool:
         """Whether a sum that holds `fabs` of an operand of this sign holds the operand too, so that both vanish."""
