@@ -7,6 +7,7 @@ from typing import Any
 import hypothesis.strategies as st
 import numpy as np
 from hypothesis import HealthCheck, example, given, settings
+from numpy.typing import NDArray
 
 import acausal
 from acausal import (
@@ -84,9 +85,20 @@ def run(model: Component, **options: Any) -> acausal.Result:
     return acausal.simulate(compiled, stop_time=2.0, tolerance=1e-9, output_interval=0.25, native=False)
 
 
+def rows(result: acausal.Result, name: str) -> NDArray[np.float64]:
+    """At the times that were asked for: a kink that is watched, in one of two models perhaps, adds a row."""
+    return np.array([result[name][result.time == t][-1] for t in np.arange(0.0, 2.125, 0.25)])
+
+
 @QUICK
 @given(webs, starts, names, st.sampled_from([(), ("zeros",), ("k",), ("k[1]", "k[3]")]))
 @example((((),) * N), (0.0,) * N, ["z"], ())
+@example(
+    ((("linear", 3, 0, -0.4),), (("linear", 2, 0, -0.4), ("kink", 0, 1, -0.4)), (), (("kink", 1, 4, -0.4),), ()),
+    (0.0, 0.6, 0.6, 0.0, 0.0),
+    ["x[0]"],
+    (),
+)
 @example(((("parameter", 1, 1, 0.3),), ((),), (), (), ()), (0.6, 0.0, 0.0, 0.0, 0.0), ["x[0]"], ("zeros",))
 def test_outputs_are_those_of_the_full_model(
     web: tuple[tuple[Term, ...], ...], start: tuple[float, ...], wanted: list[str], frozen: tuple[str, ...]
@@ -95,7 +107,7 @@ def test_outputs_are_those_of_the_full_model(
     full = run(Web(terms=web, starts=start))
     part = run(Web(terms=web, starts=start), outputs=wanted, freeze=frozen)
     for name in wanted:
-        np.testing.assert_allclose(part[name], full[name], rtol=2e-8, atol=2e-9, err_msg=name)
+        np.testing.assert_allclose(rows(part, name), rows(full, name), rtol=2e-8, atol=2e-9, err_msg=name)
 
 
 @QUICK
@@ -112,4 +124,4 @@ def test_parameters_change_without_compiling(
     changed = acausal.simulate(part, parameters=values, **options)
     anew = acausal.simulate(acausal.compile(model, parameters=values), **options)
     for name in wanted:
-        np.testing.assert_allclose(changed[name], anew[name], rtol=2e-8, atol=2e-9, err_msg=name)
+        np.testing.assert_allclose(rows(changed, name), rows(anew, name), rtol=2e-8, atol=2e-9, err_msg=name)
