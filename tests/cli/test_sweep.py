@@ -86,3 +86,10 @@ def test_wrong_requests_end_with_2_and_leave_no_file(folder: Path, arguments: tu
     assert (done.code, code in done.err) == (2, True), done.err
     assert {p.name for p in folder.iterdir()} <= {"decay.py", "__pycache__", "Decay.sweep"}
     assert not (folder / "Decay.sweep").exists() or "q=1" in str(arguments)
+
+
+def test_an_executor_that_nobody_knows_ends_a_small_sweep(folder: Path) -> None:
+    done = run("sweep", "decay.py", "--vary", "k=1,2", "--stop-time", "1s", "--executor", "dask:/x", "--json")
+    assert (done.code, done.json["error"]["code"]) == (2, "AC060")
+    assert "'dask:/x'" in done.json["error"]["fact"]
+    assert not (folder / "Decay.sweep").exists()

@@ -10,6 +10,9 @@ from contextlib import contextmanager
 from acausal.errors import UsageError
 from acausal.study.sweep.tables import package
 
+# How long a scheduler may take to answer.
+_PATIENCE = "10s"
+
 
 @contextmanager
 def cluster(address: str, workers: int) -> Iterator[tuple[Executor, int]]:
@@ -29,7 +32,7 @@ def cluster(address: str, workers: int) -> Iterator[tuple[Executor, int]]:
             yield client.get_executor(pure=False, retries=0), workers
         return
     try:
-        client = distributed.Client(f"tcp://{address}", timeout="10s")
+        client = distributed.Client(f"tcp://{address}", timeout=_PATIENCE)
     except (OSError, ValueError) as error:
         raise UsageError(
             "AC063",

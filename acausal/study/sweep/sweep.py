@@ -35,6 +35,8 @@ from acausal.study.sweep.store import Definition, Store
 from acausal.study.sweep.vary import design
 
 Vector = NDArray[np.float64]
+# An executor and how many of its workers there are.
+Pool = tuple[Executor, int]
 
 # Signals that are kept without being named.
 _MOST_SIGNALS = 24
@@ -91,7 +93,8 @@ def sweep(
         Processes; by default one for each core that this process may use. With 1 everything runs in this thread.
     executor
         Any `concurrent.futures.Executor`, or "processes" (default), "threads", "dask://host:port", or "dask://" for a
-        cluster of `workers` processes on this machine.
+        cluster of `workers` processes on this machine. It is opened before the first run. The first member, and the
+        second where that is quick, run in this process: they check the request and tell how long the others take.
     file
         A `.sweep` file, into which each finished chunk is written at once; None keeps all in memory.
     resume
@@ -110,8 +113,8 @@ def sweep(
     ------
     UsageError
         AC060 for a variation that makes no sense, AC061 for what cannot be varied, AC062 for a file of another sweep,
-        AC064 for a model that cannot be sent, AC015 for a missing package; and what `compile` and the first run say of
-        a wrong request.
+        AC063 for a Dask scheduler that does not answer, AC064 for a model that cannot be sent, AC015 for a missing
+        package; and what `compile` and the first run say of a wrong request.
     RunError
         AC413 when the workers of a given executor are gone.
     """
@@ -124,12 +127,14 @@ def sweep(
     if file is not None:
         setting["model"] = _fingerprint(compiled)
     definition = Definition(compiled.name, _varied(compiled, names), values, kept, task.grid, setting)
-    store = _opened(None if file is None else Path(file), definition, resume)
-    try:
-        _run(task, definition, store, workers, executor, progress)
-        return gathered(store)
-    finally:
-        store.close()
+    # Before anything runs or is written: a sweep of few members would never ask who runs the others.
+    with _pool(executor, workers, len(values)) as pool:
+        store = _opened(None if file is None else Path(file), definition, resume)
+        try:
+            _run(task, definition, store, workers, pool, progress)
+            return gathered(store)
+        finally:
+            store.close()
 
 
 def _run(
@@ -137,7 +142,7 @@ def _run(
     definition: Definition,
     store: Store,
     workers: int | None,
-    executor: Executor | str | None,
+    pool: Pool | None,
     progress: Report | None,
 ) -> None:
     """Run what is missing."""
@@ -164,8 +169,7 @@ def _run(
         del waiting[1]
     del waiting[0]
     if waiting:
-        with _crew(task, workers, executor, len(waiting)) as crew:
-            carried_out(crew, task, waiting, pace, keep)
+        carried_out(_crew(task, workers, pool, len(waiting)), task, waiting, pace, keep)
 
 
 class _Count:
@@ -326,8 +330,8 @@ def _opened(file: Path | None, definition: Definition, resume: bool) -> Store:
 
 
 @contextmanager
-def _crew(task: Task, workers: int | None, executor: Executor | str | None, members: int) -> Iterator[Crew]:
-    """Who runs the members.
+def _pool(executor: Executor | str | None, workers: int | None, members: int) -> Iterator[Pool | None]:
+    """The executor that is asked for, open; None for processes of our own.
 
     Raises
     ------
@@ -336,23 +340,31 @@ def _crew(task: Task, workers: int | None, executor: Executor | str | None, memb
     """
     width = min(members, workers or _cores())
     if isinstance(executor, Executor):
-        yield Foreign(task, executor, workers or getattr(executor, "_max_workers", None) or _cores())
+        yield executor, workers or getattr(executor, "_max_workers", None) or _cores()
     elif executor in (None, "processes"):
-        yield Here(task) if width == 1 else Processes(task, width)
+        yield None
     elif executor == "threads":
         from concurrent.futures import ThreadPoolExecutor
 
-        with ThreadPoolExecutor(width) as pool:
-            yield Foreign(task, pool, width)
-    elif executor.startswith("dask://"):
+        with ThreadPoolExecutor(width) as threads:
+            yield threads, width
+    elif isinstance(executor, str) and executor.startswith("dask://"):
         from acausal.study.sweep.cluster import cluster
 
-        with cluster(executor.removeprefix("dask://"), width) as (pool, threads):
-            yield Foreign(task, pool, threads)
+        with cluster(executor.removeprefix("dask://"), width) as opened:
+            yield opened
     else:
         raise UsageError(
             "AC060", f"there is no executor '{executor}'", help="processes, threads, dask://host:port, dask://"
         )
+
+
+def _crew(task: Task, workers: int | None, pool: Pool | None, members: int) -> Crew:
+    """Who runs the members after the first."""
+    if pool is not None:
+        return Foreign(task, *pool)
+    width = min(members, workers or _cores())
+    return Here(task) if width == 1 else Processes(task, width)
 
 
 def _cores() -> int:

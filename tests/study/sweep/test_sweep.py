@@ -354,6 +354,40 @@ def test_a_worker_that_cannot_load_the_model_says_so(monkeypatch: pytest.MonkeyP
         decays(executor=pool)
 
 
+@pytest.mark.parametrize("executor", ["", "Threads", "dask:/x", "foo://", 3])
+def test_an_executor_that_nobody_knows_is_refused_though_two_members_would_not_need_it(executor: Any) -> None:
+    with pytest.raises(UsageError, match=f"AC060.*'{executor}'"):
+        decays({"k": [1.0, 2.0]}, executor=executor, workers=None)
+
+
+def test_a_scheduler_that_does_not_answer_is_named_and_no_file_is_touched(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Nobody listens at port 1; a finished sweep, which a new one would replace, stays."""
+    pytest.importorskip("distributed")
+    monkeypatch.setattr("acausal.study.sweep.cluster._PATIENCE", "0.5s")
+    file = tmp_path / "kept.sweep"
+    decays({"k": [1.0, 2.0]}, file=file)
+    before = file.read_bytes()
+    with pytest.raises(UsageError, match=r"AC063.*127\.0\.0\.1:1") as refused:
+        decays({"k": [3.0, 4.0]}, file=file, executor="dask://127.0.0.1:1", workers=None)
+    assert "dask scheduler" in (refused.value.help or "")
+    assert file.read_bytes() == before
+
+
+def test_all_members_but_the_first_two_go_to_the_executor() -> None:
+    sent: list[int] = []
+
+    class Counting(ThreadPoolExecutor):
+        def submit(self, run: Any, key: Any, model: Any, members: Any) -> Any:  # type: ignore[override]
+            sent.extend(k for k, _ in members)
+            return super().submit(run, key, model, members)
+
+    with Counting(1) as pool:
+        decays({"k": [1.0, 2.0, 3.0, 4.0, 5.0]}, executor=pool, workers=None, native=False)
+    assert sorted(sent) == [2, 3, 4]
+
+
 def test_without_dask_its_executor_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(UsageError, match="AC015"):
