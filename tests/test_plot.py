@@ -112,6 +112,21 @@ def test_a_plain_number_is_converted_with_what_it_stands_beside() -> None:
     assert "rpm" in ax.get_ylabel()
 
 
+# 25 rad/s are 25 * 60 / (2 pi) rpm, 25 mm are 0.025 m
+@pytest.mark.parametrize(
+    ("unit", "other", "one"),
+    [("rad/s", "rpm", 60 / (2 * np.pi)), ("rpm", "rad/s", 2 * np.pi / 60), ("mm", "m", 1e-3), ("1", "mm", 1e3)],
+)
+@pytest.mark.parametrize("together", [True, False])
+def test_units_of_one_dimension_share_a_scale(unit: str, other: str, one: float, together: bool) -> None:
+    signals = {s.name: s for s in (Signal("set", unit, "", 0), Signal("w", other, "", 1))}
+    result = Result("Servo", TIME, np.column_stack([25.0 + 0.0 * TIME, 25.0 * one + 0.0 * TIME]), signals)
+    drawing = plot(result, "set", "w", together=True) if together else figure(result, [Panel(("set", "w"))])
+    (ax,) = drawing.axes  # one scale
+    first, second = (np.asarray(line.get_ydata()) for line in ax.get_lines())
+    assert first == pytest.approx(second, rel=1e-12)
+
+
 def test_a_plain_number_beside_two_quantities_is_refused() -> None:
     with pytest.raises(UsageError) as caught:
         figure(following("", "rad/s"), [Panel(("setpoint", "motor.w", "motor.tau"))])

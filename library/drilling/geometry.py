@@ -87,7 +87,7 @@ class PartialDrillGeometry(Component):
         yield w.t == zeros(3)
 
     def clear_of_edges(self, edge: Expr, depth: Expr, body: str) -> Equations:
-        """Note it when the cut reaches as far as `edge` [m], the distance of the axis from an edge of the workpiece.
+        """Note it (AC191) when the cut reaches as far as `edge` [m], from the axis to an edge of the workpiece.
 
         `depth` [m] is that of the tip behind the face, or where the face would be.
         """
@@ -96,8 +96,9 @@ class PartialDrillGeometry(Component):
         reach = where(no_event(depth < self.d / (2 * slope)), slope * depth, self.d / 2)
         yield assert_(
             edge - reach > -1e-6 * self.d,
-            f"an edge of {body} lies within the cut of the drill: "
-            "inside of it the force is that of a full cut, beside it there is none",
+            f"AC191: an edge of {body} lies within the cut of the drill: inside of it the force is that of a full cut, "
+            "beside it there is none, and a drill moved across it is in full contact at once; keep the axis a radius "
+            "of the drill away from the edge, and move sideways only above the face",
             level="warning",
         )
 

@@ -56,6 +56,13 @@ class PartialLongBody(PartialTwoFrameBody):
             "it has no direction: give r other than r_shape, or length_direction",
         )
 
+    def demand_extent(self, m: Expr) -> Equations:
+        """Refuse a length of 0 from which no mass follows: what that leaves open would be told of whole assemblies."""
+        yield assert_(
+            (self.length > 0) | (m > 0),
+            "its length is 0, and so is the mass that follows from it: give r other than r_shape, length, or m",
+        )
+
     def centre(self) -> Expr:
         """The centre of mass [m], in frame_a."""
         return self.r_shape + self._along() * (self.length / 2)
@@ -76,6 +83,7 @@ class BodyCylinder(PartialLongBody):
 
     def equations(self) -> Equations:
         yield assert_(self.inner_diameter <= self.diameter, "the bore is wider than the cylinder")
+        yield from self.demand_extent(self.m)
         yield from self.balance(self.m, self.centre(), self.tensor)
 
     def _mass(self) -> Expr:
@@ -116,6 +124,7 @@ class BodyBox(PartialLongBody):
         )
         z = cross(self._along(), self._width_direction())
         yield assert_(dot(z, z) > _PARALLEL**2, "width_direction is parallel to the length")
+        yield from self.demand_extent(self.m)
         yield from self.balance(self.m, self.centre(), self.tensor)
 
     def _width_direction(self) -> Expr:

@@ -106,6 +106,17 @@ def test_every_solver_tells_it_on_the_way_there(solver: str) -> None:
     assert run(LEVELS[0], 0.07, -5e-3, solver=solver, output_interval=5.0) == pytest.approx([reached], abs=1e-5)
 
 
+@pytest.mark.parametrize("level", LEVELS, ids=["plate", "box"])
+def test_a_drill_moved_towards_the_side_of_a_body_is_told_what_will_be_wrong(level: PlateLevel | ConvexLevel) -> None:
+    """9 mm deep beside the body the drill has its full radius, which meets the side before the axis does."""
+    r = acausal.simulate(AtTheEdge(level=level), parameters={"x": 0.08, "u": -4e-3}, start_time=5.0, stop_time=6.0)
+    assert told(r) == pytest.approx([(0.03 - RADIUS) / 4e-3], abs=1e-5)
+    (note,) = [n for n in r.stats["notes"] if "AC191" in n]  # type: ignore[attr-defined]
+    assert note.startswith("t = 5.5")
+    for word in ("drill.geometry", f"an edge of {level.name}", "full contact", "radius"):
+        assert word in note
+
+
 @pytest.mark.slow
 def test_compiled_runs_tell_it() -> None:
     for level in LEVELS:

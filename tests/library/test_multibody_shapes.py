@@ -162,6 +162,12 @@ def test_thin_tube_of_a_given_mass() -> None:
     assert values(flat, "body.tensor") == pytest.approx(np.diag([0.02, across, across]).ravel(), rel=1e-12)
 
 
+def test_flat_disc_of_a_given_mass() -> None:
+    """A cylinder of length 0, m = 2 kg, R = 0.1 m: m R^2 / 2 along, m R^2 / 4 across."""
+    flat = acausal.flatten(Arm(body=BodyCylinder(r=(0.6, 0.0, 0.0), length=0.0, diameter=0.2, m=2.0)))
+    assert values(flat, "body.tensor") == pytest.approx(np.diag([0.01, 0.005, 0.005]).ravel(), rel=1e-12)
+
+
 BOX: dict[str, Any] = {"width": 0.1, "width_direction": (0.0, 1.0, 0.0)}
 
 
@@ -169,6 +175,9 @@ BOX: dict[str, Any] = {"width": 0.1, "width_direction": (0.0, 1.0, 0.0)}
     ("body", "words"),
     [
         (BodyCylinder(r=(0.0, 0.0, 0.0), diameter=0.1, length=0.2), "no direction"),
+        (BodyCylinder(r=(1.0, 0.0, 0.0), diameter=0.1, length=0.0), "length is 0"),
+        (BodyCylinder(r=(0.0, 0.0, 0.0), length_direction=(1.0, 0.0, 0.0), diameter=0.1), "length is 0"),
+        (BodyBox(r=(1.0, 0.0, 0.0), length=0.0, **BOX), "length is 0"),
         (BodyCylinder(r=(1.0, 0.0, 0.0), diameter=0.1, inner_diameter=0.2, m=1.0), "wider than the cylinder"),
         (BodyBox(r=(0.0, 1.0, 0.0), **BOX), "parallel to the length"),
         (BodyBox(r=(1.0, 0.0, 0.0), inner_width=0.1, m=1.0, **BOX), "hollow"),
