@@ -91,7 +91,7 @@ def animate(
     animation = make(prepared.model, result, poses=poses, **options)
     for file in files:
         animation.save(file)
-    for note in () if quiet else animation.scene.notes:
+    for note in () if quiet or as_json else animation.scene.notes:
         remark(f"note: {note}")
     if as_json:
         scene = animation.scene

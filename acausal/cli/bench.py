@@ -131,17 +131,22 @@ def bench(
         native=native,
         start_time=seconds_of("start_time", start_time),
         stop_time=seconds_of("stop_time", stop_time),
-        progress=None if quiet else remark,
+        progress=None if quiet or as_json else remark,
     )
     for file in output or ():
         _write(found, file)
     advice = found.recommend(accuracy) if accuracy is not None else None
     if as_json:
-        record({**found.record(), "recommendation": None if advice is None else advice.record()})
+        told = None if advice is None else advice.record()
+        record({**found.record(), "recommendation": told, "files": [str(file) for file in output or ()]})
         return
     again = [model, *_repeated("--set", settings), *_repeated("--input", inputs)]
     again += [*_repeated("--start-time", [start_time]), *_repeated("--stop-time", [stop_time])]
     _summary(found, advice, shlex.join(again), recommend, details)
+    if quiet:
+        return
+    for note in found.notes:
+        remark(f"note: {note}")
     for file in output or ():
         remark(f"wrote {file}")
 
@@ -175,8 +180,6 @@ def _summary(found: Bench, advice: Recommendation | None, model: str, brief: boo
             say(f"  order      {name}: observed {seen:.1f} of {own}{lost}")
         parts = [f"{name} {seconds(t)}" for name, t in found.times.items() if t == t]
         say(f"  apart      {', '.join(parts)}")
-    for note in found.notes:
-        remark(f"note: {note}")
     if advice is not None:
         say(f"  recommended for {advice.accuracy:g}: {advice.text}")
         say(f"  acausal simulate {model} {advice.command}")

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from acausal.cli.names import unit_of
-from acausal.cli.options import JsonOption, ModelArgument, SetOption
+from acausal.cli.options import JsonOption, ModelArgument, QuietOption, SetOption
 from acausal.cli.reference import find_model
 from acausal.cli.report import place, plural, quantity, record, say, table
 from acausal.cli.settings import prepare
@@ -15,8 +16,10 @@ if TYPE_CHECKING:
     from acausal.simulate.start.initialize import Start
 
 
-def check(model: ModelArgument, settings: SetOption = None, as_json: JsonOption = False) -> None:
-    """Check a model without running it, up to its start.
+def check(
+    model: ModelArgument, settings: SetOption = None, as_json: JsonOption = False, quiet: QuietOption = False
+) -> None:
+    """Check a model without running it, up to its start; with --quiet the exit code says it.
 
     Example: acausal check oscillator.py
     """
@@ -43,9 +46,13 @@ def check(model: ModelArgument, settings: SetOption = None, as_json: JsonOption 
     }
     if as_json:
         record(content)
-        return
+    elif not quiet:
+        _print(content, compiled.algebraic)
+
+
+def _print(content: dict[str, Any], iterated: Sequence[str]) -> None:
     say(
-        f"{compiled.name}: {plural(content['equations'], 'equation')}, {plural(content['unknowns'], 'unknown')}, "
+        f"{content['model']}: {plural(content['equations'], 'equation')}, {plural(content['unknowns'], 'unknown')}, "
         f"{plural(content['states'], 'state')}"
         + (f", {plural(content['discrete'], 'discrete variable')}" if content["discrete"] else "")
     )
@@ -56,7 +63,7 @@ def check(model: ModelArgument, settings: SetOption = None, as_json: JsonOption 
     if content["stabilised"]:
         say(f"  {plural(content['stabilised'], 'constraint')} kept by stabilisation: no fixed states suit them")
     if content["algebraic"]:
-        say(f"  {plural(content['algebraic'], 'unknown')} iterated: {', '.join(compiled.algebraic[:6])}")
+        say(f"  {plural(content['algebraic'], 'unknown')} iterated: {', '.join(iterated[:6])}")
     if content["start"]:
         say("start")
         table([(s["path"], quantity(s["value"], s["unit"]), s["why"]) for s in content["start"]], indent="  ")

@@ -62,7 +62,7 @@ def compare(
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Compare two result files, or a result with measurements; exit 3 when out of tolerance.
+    """Compare two result files, or a result with measurements; exit 3 when out of tolerance, which is all with --quiet.
 
     Values are compared at the times of the file with fewer rows, away from events: there, rounding in time is a jump.
     Units are converted.

@@ -7,10 +7,10 @@ from typing import Annotated
 
 import typer
 
-from acausal.cli.options import ComponentArgument, QuietOption, SetOption
+from acausal.cli.options import ComponentArgument, JsonOption, QuietOption, SetOption
 from acausal.cli.outputs import check_writable
 from acausal.cli.reference import find_component
-from acausal.cli.report import remark
+from acausal.cli.report import record, remark
 from acausal.cli.settings import prepare
 
 
@@ -28,6 +28,7 @@ def diagram(
         Path | None,
         typer.Option("--output-file", "-o", help=".svg, or .html to open blocks by a click. Default: MODEL.svg."),
     ] = None,
+    as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Draw the connection diagram of a model or of a component of the library.
@@ -41,5 +42,7 @@ def diagram(
     target = check_diagram_file(output_file or Path(f"{cls.__name__}.svg"))
     check_writable(target)
     make(prepare(cls, settings or ()).model, depth=depth, opened=tuple(opened or ())).save(target)
-    if not quiet:
+    if as_json:
+        record({"model": cls.__name__, "files": [str(target)]})
+    elif not quiet:
         remark(f"wrote {target}")

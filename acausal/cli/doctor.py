@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from acausal.cli.failure import FAILED
-from acausal.cli.options import JsonOption
+from acausal.cli.options import JsonOption, QuietOption
 from acausal.cli.report import record
 
 if TYPE_CHECKING:
@@ -36,8 +36,8 @@ class Finding:
     detail: str
 
 
-def doctor(as_json: JsonOption = False) -> None:
-    """Check the installation; exit 1 when something is broken.
+def doctor(as_json: JsonOption = False, quiet: QuietOption = False) -> None:
+    """Check the installation; exit 1 when something is broken; with --quiet only that is printed.
 
     Versions, the solvers on a small model against its closed form, a C compiler, the folder of
     compiled models, optional packages.
@@ -49,7 +49,7 @@ def doctor(as_json: JsonOption = False) -> None:
     if as_json:
         record({"healthy": healthy, "findings": [vars(f) for f in findings]})
     else:
-        _print(findings)
+        _print([f for f in findings if f.status == "broken" or not quiet])
     if not healthy:
         raise typer.Exit(FAILED)
 

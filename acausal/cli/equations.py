@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from acausal.cli.names import flat_names, reduced_names
-from acausal.cli.options import JsonOption, ModelArgument, SetOption
+from acausal.cli.options import JsonOption, ModelArgument, QuietOption, SetOption
 from acausal.cli.reference import find_model
 from acausal.cli.report import place, plural, record, say
 from acausal.cli.settings import prepare
@@ -39,6 +39,7 @@ def equations(
     ] = (Stage.flat),
     settings: SetOption = None,
     as_json: JsonOption = False,
+    quiet: QuietOption = False,  # nothing but the equations is printed anyway
 ) -> None:
     """Print the equations of a model at a stage of the compiler.
 

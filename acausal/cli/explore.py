@@ -8,9 +8,9 @@ from typing import Annotated
 import typer
 
 from acausal.cli.completion import complete_result
-from acausal.cli.options import QuietOption, SignalsOption
+from acausal.cli.options import JsonOption, QuietOption, SignalsOption
 from acausal.cli.outputs import check_writable
-from acausal.cli.report import remark
+from acausal.cli.report import record, remark
 from acausal.cli.settings import listed
 
 
@@ -29,6 +29,7 @@ def explore(
         Path | None,
         typer.Option("--output-file", "-o", help="The page. Default: RESULT.html.", show_default=False),
     ] = None,
+    as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Write a page to look at results: all signals with units and meanings, curves over each other, differences.
@@ -48,8 +49,11 @@ def explore(
         for name in listed(signals)
         for fit in fitting(name, dict.fromkeys(n for r in loaded for n in r.names)) or [name]
     ]
-    make(*loaded, labels=labels_of(results), signals=names).save(target)
-    if not quiet:
+    labels = labels_of(results)
+    make(*loaded, labels=labels, signals=names).save(target)
+    if as_json:
+        record({"results": labels, "signals": names, "files": [str(target)]})
+    elif not quiet:
         remark(f"wrote {target}, {target.stat().st_size / 1e6:.2g} MB")
 
 

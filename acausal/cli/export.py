@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from acausal.cli.options import FreeOption, JsonOption, ModelArgument, OutputsOption, SetOption
+from acausal.cli.options import FreeOption, JsonOption, ModelArgument, OutputsOption, QuietOption, SetOption
 from acausal.cli.outputs import check_writable
 from acausal.cli.reference import find_model
 from acausal.cli.report import quantity, record, remark, say, table
@@ -45,6 +45,7 @@ def casadi(
     minimal: MinimalOption = False,
     events: EventsOption = False,
     as_json: JsonOption = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Write the functions of a model for CasADi: dae, ode, implicit, outputs, init, step, invariants, instants.
 
@@ -58,7 +59,7 @@ def casadi(
     check_writable(target)
     made = _functions(prepare(cls, settings or (), freed or ()), outputs, parameters, minimal, events)
     made.save(target)
-    _show(made, [target], as_json)
+    _show(made, [target], as_json, quiet)
 
 
 def _functions(
@@ -73,13 +74,15 @@ def _functions(
     )
 
 
-def _show(made: CasadiModel, files: list[Path], as_json: bool) -> None:
+def _show(made: CasadiModel, files: list[Path], as_json: bool, quiet: bool) -> None:
     functions = {name: str(f) for name, f in made.functions.items()}
     vectors = {name: [vars(port) for port in getattr(made, name)] for name in ("x", "z", "u", "p", "y")}
     if as_json:
         record(
             {"model": made.name, "functions": functions, **vectors, "notes": made.notes, "files": [*map(str, files)]}
         )
+        return
+    if quiet:
         return
     for text in functions.values():
         say(text)
@@ -109,6 +112,7 @@ def c(
     minimal: MinimalOption = False,
     events: EventsOption = False,
     as_json: JsonOption = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Write the same functions as C: MODEL.c, MODEL.h and MODEL_main.c, which prints what they give at the start.
 
@@ -125,7 +129,7 @@ def c(
     for file, text in zip(files, texts.values(), strict=True):
         with atomic(file) as opened:
             opened.write(text.encode())
-    _show(made, files, as_json)
+    _show(made, files, as_json, quiet)
 
 
 @export.command()
@@ -141,6 +145,7 @@ def step(
     settings: SetOption = None,
     freed: FreeOption = None,
     as_json: JsonOption = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Write step(x, u, p) -> x, y as C for real time: no allocation, no loops, the same work in every call.
 
@@ -162,6 +167,8 @@ def step(
         record(
             {**content, "operations": int(made.function.n_instructions()), "notes": made.notes, "files": [str(target)]}
         )
+        return
+    if quiet:
         return
     say(f"{made.function}  {made.method}, {made.step:g} s, {made.function.n_instructions()} operations")
     rows = [

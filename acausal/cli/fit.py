@@ -101,9 +101,15 @@ def fit(
     if picture is not None:
         found.plot(str(picture))
     if as_json:
-        record(_content(found))
+        record({**_content(found), "files": [] if picture is None else [str(picture)]})
         return
-    _print(found, model)
+    _print(found)
+    if quiet:
+        return
+    for note in found.notes:
+        remark(f"note: {note}")
+    values = " ".join(f"--set {n}={v:.9g}" for n, v in found.parameters.items())
+    remark(f"run it: acausal simulate {model} {values}")
     if picture is not None:
         remark(f"wrote {picture}")
 
@@ -143,7 +149,7 @@ def _content(found: Fit) -> dict[str, Any]:
     }
 
 
-def _print(found: Fit, model: str) -> None:
+def _print(found: Fit) -> None:
     sizes = (
         plural(len(found.names), "parameter"),
         f"{plural(found.rows, 'value')} of {plural(len(found.rms), 'signal')}",
@@ -168,7 +174,3 @@ def _print(found: Fit, model: str) -> None:
             if i < k
         ]
         table(entries, ("correlation",), indent="  ")
-    for note in found.notes:
-        remark(f"note: {note}")
-    settings = " ".join(f"--set {n}={v:.9g}" for n, v in found.parameters.items())
-    remark(f"run it: acausal simulate {model} {settings}")

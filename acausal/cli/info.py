@@ -12,7 +12,7 @@ import typer
 
 from acausal.cli.component import show_part
 from acausal.cli.names import flat_names, unit_of
-from acausal.cli.options import ComponentArgument, JsonOption, SetOption
+from acausal.cli.options import ComponentArgument, JsonOption, QuietOption, SetOption
 from acausal.cli.outputs import check_picture
 from acausal.cli.reference import find_component
 from acausal.cli.report import place, plural, quantity, record, remark, say, seconds, table
@@ -46,6 +46,7 @@ def info(
         ),
     ] = None,
     as_json: JsonOption = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Show a model: text, parameters, states, signals. A component of the library: connectors, equations, where used.
 
@@ -92,15 +93,18 @@ def info(
         content["stats"] = stage_counts(compiled)
         content["timings"] = dict(compiled.timings)
         content["structure"] = _structure(structure_report(compiled))
-    if as_json:
-        record(content)
-    else:
-        _print(content)
+    files = []
     if spy is not None and compiled:
         from acausal import plot_structure
 
         plot_structure.spy(compiled, spy)
-        remark(f"wrote {spy}")
+        files.append(str(spy))
+    if as_json:
+        record({**content, "files": files})
+    else:
+        _print(content)
+    for file in () if quiet or as_json else files:
+        remark(f"wrote {file}")
     if failure is not None:
         remark(f"this model does not compile: error[{failure.code}] {failure.fact}; see: acausal check {model}")
 

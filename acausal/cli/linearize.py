@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from acausal.cli.options import FreeOption, InputsOption, JsonOption, ModelArgument, OutputsOption, SetOption
+from acausal.cli.options import (
+    FreeOption,
+    InputsOption,
+    JsonOption,
+    ModelArgument,
+    OutputsOption,
+    QuietOption,
+    SetOption,
+)
 from acausal.cli.reference import find_model
 from acausal.cli.report import plural, record, remark, say, table
 from acausal.cli.settings import listed, numbers_of, prepare, seconds_of
@@ -34,6 +42,7 @@ def linearize(
     freed: FreeOption = None,
     outputs: OutputsOption = None,
     as_json: JsonOption = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Linearize a model: x' = A x + B u, y = C x + D u, in deviations, with the eigenvalues of A.
 
@@ -60,6 +69,8 @@ def linearize(
         record(_content(found))
     else:
         _print(found)
+    for note in () if quiet or as_json else found.notes:
+        remark(f"note: {note}")
 
 
 def _content(found: Linearization) -> dict[str, Any]:
@@ -103,8 +114,6 @@ def _print(found: Linearization) -> None:
             table([[f"{v + 0.0:.6g}" for v in row] for row in matrix.tolist()], indent="  ")
         elif matrix.size:
             say(f"{name}   {matrix.shape[0]} x {matrix.shape[1]}: --json prints it")
-    for note in found.notes:
-        remark(f"note: {note}")
 
 
 def _mode_row(m: dict[str, float]) -> tuple[str, str, str]:

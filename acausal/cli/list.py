@@ -8,7 +8,7 @@ import typer
 
 from acausal.cli.catalogue import Part, families, library_parts
 from acausal.cli.completion import complete_family, complete_list
-from acausal.cli.options import JsonOption
+from acausal.cli.options import JsonOption, QuietOption
 from acausal.cli.report import record, say, table
 from acausal.cli.shipped import ShippedModel, shipped_models
 from acausal.errors import UsageError, nearest
@@ -28,6 +28,7 @@ def list_models(
         typer.Option("--search", metavar="WORD", help="Models and components with this word in name or text."),
     ] = None,
     as_json: JsonOption = False,
+    quiet: QuietOption = False,  # nothing but the list is printed anyway
 ) -> None:
     """List the shipped models or the components of the library: name, module, what they show or are.
 

@@ -9,8 +9,9 @@ from typing import Annotated
 
 import typer
 
+from acausal.cli.options import JsonOption, QuietOption
 from acausal.cli.outputs import check_writable
-from acausal.cli.report import remark
+from acausal.cli.report import record, remark
 from acausal.errors import UsageError
 
 _SKELETON = '''\
@@ -74,6 +75,8 @@ class {name}(Component):
 
 def new(
     file: Annotated[Path, typer.Argument(metavar="FILE.py", help="The file to write.", show_default=False)],
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Write a model that runs, with comments, to begin your own from.
 
@@ -86,4 +89,7 @@ def new(
         raise UsageError("AC080", f"{file} is there already", help="choose another name, or remove it")
     check_writable(file)
     file.write_text(_SKELETON.format(file=file, name=name), encoding="utf-8")
-    remark(f"wrote {file}; run it: acausal simulate {file} --plot")
+    if as_json:
+        record({"model": name, "files": [str(file)]})
+    elif not quiet:
+        remark(f"wrote {file}; run it: acausal simulate {file} --plot")

@@ -45,7 +45,7 @@ SetOption = Annotated[
     ),
 ]
 DetailsOption = Annotated[bool, typer.Option("--details", help="All that was found, not the ten lines that matter.")]
-JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object: the report, or the error.")]
 ResultArgument = Annotated[
     Path,
     typer.Argument(
@@ -121,7 +121,9 @@ NativeOption = Annotated[
     bool | None,
     typer.Option("--native/--no-native", help="Compile to C; decided by the run's length when not given."),
 ]
-QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
+QuietOption = Annotated[
+    bool, typer.Option("--quiet", "-q", help="Print errors and what was asked for: no remarks, no progress.")
+]
 RepeatOption = Annotated[int, typer.Option("--repeat", help="Time is the best of so many runs after a warm-up.")]
 OutputsOption = Annotated[
     list[str] | None,

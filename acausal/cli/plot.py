@@ -9,8 +9,8 @@ from typing import Annotated
 import typer
 
 from acausal.cli.completion import complete_drawn, complete_signal
-from acausal.cli.options import QuietOption, ResultArgument
-from acausal.cli.report import remark, say
+from acausal.cli.options import JsonOption, QuietOption, ResultArgument
+from acausal.cli.report import record, remark, say
 
 
 def plot(
@@ -39,6 +39,7 @@ def plot(
         ),
     ] = None,
     title: Annotated[str | None, typer.Option("--title", help="Text above the figure.", show_default=False)] = None,
+    as_json: JsonOption = False,
     quiet: QuietOption = False,
     window: Annotated[bool, typer.Option("--show", help="Open a window too.")] = False,
 ) -> None:
@@ -56,6 +57,9 @@ def plot(
         replace(load(path), model=label)
         for path, label in zip([result, *more], labels_of([result, *more]), strict=True)
     )
+    if not signals and as_json:
+        record({"model": loaded.model, "signals": {n: s.unit for n, s in loaded.signals.items()}, "files": []})
+        return
     if not signals:
         for name, signal in loaded.signals.items():
             say(f"{name} [{signal.unit}]" if signal.unit else name)
@@ -71,7 +75,9 @@ def plot(
     target = file or result.with_suffix(".png")
     heading = title if title is not None or not others else ""
     drawing = draw(loaded, *names, file=target, together=together, against=against, title=heading, also=others)
-    if not quiet:
+    if as_json:
+        record({"model": loaded.model, "drawn": names, "files": [str(target)]})
+    elif not quiet:
         remark(f"wrote {target}")
     if window:
         show(drawing)

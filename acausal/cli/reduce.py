@@ -11,6 +11,7 @@ from acausal.cli.options import (
     InputsOption,
     JsonOption,
     ModelArgument,
+    QuietOption,
     RepeatOption,
     SetOption,
     StopTimeOption,
@@ -65,6 +66,7 @@ def reduce(
         bool, typer.Option("--compare/--no-compare", help="Run both models: speed gained and error caused.")
     ] = True,
     as_json: JsonOption = False,
+    quiet: QuietOption = False,  # nothing but the report is printed anyway
 ) -> None:
     """Keep only what wanted outputs depend on, and what moves; report what was left out and why.
 

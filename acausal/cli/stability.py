@@ -13,6 +13,7 @@ from acausal.cli.options import (
     InputsOption,
     JsonOption,
     ModelArgument,
+    QuietOption,
     SetOption,
     StartTimeOption,
     StopTimeOption,
@@ -51,6 +52,7 @@ def stability(
         typer.Option("--output-file", "-o", help="Picture: .png, .svg or .pdf. Default: none.", show_default=False),
     ] = None,
     as_json: JsonOption = False,
+    quiet: QuietOption = False,
     details: DetailsOption = False,
 ) -> None:
     """Which solver to take, why, what to avoid: from eigenvalues, largest steps and growth of errors along a run.
@@ -78,9 +80,9 @@ def stability(
     if output is not None:
         found.plot(output)
     if as_json:
-        record(found.content())
-    else:
-        for line in found.lines(details):
-            say(line)
-    if output is not None:
+        record({**found.content(), "files": [] if output is None else [str(output)]})
+        return
+    for line in found.lines(details):
+        say(line)
+    if output is not None and not quiet:
         remark(f"wrote {output}")

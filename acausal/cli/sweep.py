@@ -172,8 +172,15 @@ def sweep(
 def _tell(found: Sweep, last: Progress | None, written: Sequence[Path], as_json: bool, quiet: bool) -> None:
     if as_json:
         record({**_content(found), "files": [str(path) for path in written]})
-    elif not quiet:
+        return
+    if not quiet:
         _summary(found, last)
+    for code, count in Counter(found.codes[k] for k in found.failed).most_common(_MOST_LINES):
+        first = found.codes.index(code)
+        remark(f"failed: {plural(count, 'member')} with {code}, the first is {first}: {found.messages[first]}")
+    if not quiet:
+        for note, count in Counter(n for notes in found.notes for n in notes).most_common(_MOST_LINES):
+            remark(f"note: {note} ({plural(count, 'member')})")
         for path in written:
             remark(f"wrote {path}")
 
@@ -228,11 +235,6 @@ def _summary(found: Sweep, last: Progress | None) -> None:
             values = found.final(s.name)[ok]
             rows.append((s.name, *(quantity(float(v), s.unit) for v in np.quantile(values, [0.0, 0.5, 1.0]))))
         table(rows, ("", "least", "median", "most"), indent="  ")
-    for code, count in Counter(found.codes[k] for k in found.failed).most_common(_MOST_LINES):
-        first = found.codes.index(code)
-        remark(f"failed: {plural(count, 'member')} with {code}, the first is {first}: {found.messages[first]}")
-    for note, count in Counter(n for notes in found.notes for n in notes).most_common(_MOST_LINES):
-        remark(f"note: {note} ({plural(count, 'member')})")
 
 
 def _content(found: Sweep) -> dict[str, object]:

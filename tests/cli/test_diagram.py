@@ -13,9 +13,11 @@ pytest.importorskip("dukpy")
 
 
 def test_models_and_components_are_drawn() -> None:
-    assert run("diagram", "Oscillator").code == 0
+    quiet = run("diagram", "Oscillator", "--quiet")
+    assert (quiet.code, quiet.out, quiet.err) == (0, "", "")
     assert set(drawn(Path("Oscillator.svg").read_text()).blocks) == {"wall", "damper", "mass", "spring"}
-    assert run("diagram", "DrillingForce", "-o", "force.html").code == 0
+    told = run("diagram", "DrillingForce", "-o", "force.html", "--json")
+    assert (told.err, told.json) == ("", {"model": "DrillingForce", "files": ["force.html"]})
     assert "diagramLayout" in Path("force.html").read_text()
     outcome = run("diagram", "PendulumChain", "--set", "n=2", "-o", "chain.svg")
     assert outcome.code == 0, outcome.err
