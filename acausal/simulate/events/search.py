@@ -50,6 +50,10 @@ _FARTHER = 16.0
 _NEARER, _MOST_NEARER = 0.2, 3
 # So many failures must have brought a run on by this share of it.
 _MANY, _PROGRESS = 100, 1e-6
+# And so many steps by this one, whatever the outputs are.
+_PATIENCE, _ADVANCE = 20_000, 1e-4
+# Pieces of what is left where a stretch without guards needs more steps than one call of a solver may take.
+_FINER = 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +119,6 @@ class _Way:
     band: Vector
     start: _Start
     record: Record
-    patience: int
     times: Vector
     values: Vector
     largest: Vector
@@ -127,7 +130,9 @@ class _Way:
     share: float = _CLOSER
     failures: int = 0
     mark: float = 0.0
+    since: float = 0.0
     steps: float = 0.0
+    is_finer: bool = False
 
 
 class _NotDelivered(RuntimeError):
@@ -214,8 +219,8 @@ class Search:
             values = np.maximum(g + band, 0.0)
         start = _Start(segment.start, values, leaving, rates, noises)
         times = np.array([segment.start])
-        way = _Way(segment, moment, band, start, record, segment.most_steps, times, values[None, :], values, segment)
-        way.mark = segment.start
+        way = _Way(segment, moment, band, start, record, times, values[None, :], values, segment)
+        way.mark = way.since = segment.start
         return way
 
     def _rest(self, way: _Way, t: float, x: Vector, z: Vector) -> Truth:
@@ -236,7 +241,10 @@ class Search:
         segment, problem = way.segment, way.moment.regime.problem
         here, outputs = segment.start, segment.times
         if not way.moment.regime.owners:
-            return outputs, segment
+            if not way.is_finer or segment.step is not None:
+                return outputs, segment
+            times = np.union1d(np.linspace(here, outputs[-1], _FINER + 1)[1:], outputs)
+            return times, replace(segment, times=times)
         least, asked = looking.resolution(here, self.span), segment
         if way.closer:  # the error of a stiff variable may be that of a long time in its guard
             asked = replace(asked, tolerances=segment.tolerances.scaled(way.share, least=_FINEST))
@@ -295,13 +303,16 @@ class Search:
                 raise RuntimeError(words)
             way.mark = here
         if not way.moment.regime.owners:
-            raise RuntimeError(words)
+            if way.is_finer or "TOO_MUCH_WORK" not in words:
+                raise RuntimeError(words)
+            way.is_finer = True
+            return
         if way.closer and way.share < 1.0 and "TOO_MUCH_WORK" not in words:
             way.share = 1.0  # voltages over micro-ohms: rounding alone is more than a hundredth of the tolerance
             return
         if float(marks[0]) - here <= 2.0 * looking.resolution(here, self.span):
             # a start at a kink: it may take many steps of no length
-            if "TOO_MUCH_WORK" not in words or way.steps_allowed >= way.patience:
+            if "TOO_MUCH_WORK" not in words or way.steps_allowed >= _PATIENCE:
                 raise RuntimeError(words)
             way.steps_allowed *= _DIVISION
             return
@@ -413,9 +424,12 @@ class Search:
         else:
             self._grow(way, due, x)
         way.record(due, Piece(x, z, counters))
-        way.steps = counters.get("steps", 0.0) + (0.0 if len(due) else way.steps)
-        if way.steps > way.patience:
-            raise RuntimeError("TOO_MUCH_WORK: more steps than allowed within an output interval")
+        way.steps += counters.get("steps", 0.0)
+        advance = (here - way.since) / (_ADVANCE * self.span)
+        if way.steps > _PATIENCE * max(advance, 1.0):
+            raise RuntimeError("TOO_MUCH_WORK: the run hardly comes on")
+        if advance >= 1.0:
+            way.since, way.steps = here, 0.0
         x, z = piece.x[:, keep - 1], piece.z[:, keep - 1]
         way.segment = replace(segment, start=here, times=segment.times[segment.times > here], x=x, z=z)
         if not way.moment.regime.owners:
