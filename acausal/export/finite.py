@@ -4,7 +4,8 @@
 they are where the limit holds; but the chain rule multiplies an infinite slope by zero there, which is nan, in the
 first derivative or in the second. So does the length of a vector that vanishes. A power, a root, an inverse sine or
 cosine, and an angle are therefore taken apart at the one point where their slope is not finite: they keep their value,
-and their derivatives are 0. Everywhere else nothing changes.
+and their derivatives are 0. Everywhere else nothing changes. Bases that cannot vanish are left alone; where parameters
+decide whether they can, the question goes away with numbers for the parameters.
 """
 
 from __future__ import annotations
@@ -13,6 +14,8 @@ import math
 from typing import Any
 
 import casadi as ca
+
+from acausal.export.lower_bounds import Bounded, LowerBounds, known
 
 _SINGULAR = frozenset((ca.OP_SQRT, ca.OP_POW, ca.OP_CONSTPOW, ca.OP_ASIN, ca.OP_ACOS, ca.OP_ATAN2, ca.OP_HYPOT))
 
@@ -23,49 +26,100 @@ def finite(function: Any) -> Any:
     if _SINGULAR.isdisjoint(operations) or ca.OP_CALL in operations:
         return function
     arguments = function.sx_in()
-    entries = [a.nonzeros() for a in arguments]
+    are_known = [name == "p" for name in function.name_in()]
+    entries = [
+        [known(v) if is_known else Bounded(v) for v in a.nonzeros()]
+        for a, is_known in zip(arguments, are_known, strict=True)
+    ]
     results = [[ca.SX(0)] * function.nnz_out(k) for k in range(function.n_out())]
-    work: list[Any] = [ca.SX(0)] * function.sz_w()
+    work = [known(ca.SX(0))] * function.sz_w()
+    bounds, apart = LowerBounds(), _Apart()
     for k, op in enumerate(operations):
         places, to = function.instruction_input(k), function.instruction_output(k)
         if op == ca.OP_CONST:
-            work[to[0]] = ca.SX(function.instruction_constant(k))
+            work[to[0]] = known(ca.SX(function.instruction_constant(k)))
         elif op == ca.OP_INPUT:
             work[to[0]] = entries[places[0]][places[1]]
         elif op == ca.OP_OUTPUT:
-            results[to[0]][to[1]] = work[places[0]]
+            results[to[0]][to[1]] = work[places[0]].value
         else:
             operands = [work[p] for p in places]
-            work[to[0]] = _operation(op, operands)
+            work[to[0]] = bounds.bounded(op, apart.operation(op, operands), operands)
     values = [ca.SX(function.sparsity_out(k), ca.vertcat(ca.SX(0, 1), *v)) for k, v in enumerate(results)]
     return ca.Function(function.name(), arguments, values, function.name_in(), function.name_out())
 
 
-def _operation(op: int, operands: list[Any]) -> Any:
-    if op not in _SINGULAR:
-        return ca.SX.unary(op, *operands) if len(operands) == 1 else ca.SX.binary(op, *operands)
-    a = operands[0]
-    if a.is_constant() and op in (ca.OP_POW, ca.OP_CONSTPOW):
-        return a ** operands[1]
-    if op == ca.OP_SQRT:
-        return ca.if_else(a == 0, 0, ca.sqrt(a + (a == 0)))
-    if op in (ca.OP_ASIN, ca.OP_ACOS):
-        at_end = ca.fabs(a) == 1
-        inside = ca.if_else(at_end, 0, a)
-        if op == ca.OP_ASIN:
-            return ca.if_else(at_end, ((a > 0) - (a < 0)) * (math.pi / 2), ca.asin(inside))
-        return ca.if_else(at_end, (a < 0) * math.pi, ca.acos(inside))
-    if op in (ca.OP_ATAN2, ca.OP_HYPOT):
-        b = operands[1]
+class _Apart:
+    """Operations taken apart where their slope is not finite; equal bases, bounds and exponents are asked once."""
+
+    def __init__(self) -> None:
+        # By hash; the expression itself is kept, for one that is gone leaves its hash to others.
+        self._bases: dict[int, tuple[Any, Any, Any]] = {}
+        self._exponents: dict[int, tuple[Any, Any]] = {}
+        self._bounds: dict[int, tuple[Any, Any]] = {}
+
+    def operation(self, op: int, operands: list[Bounded]) -> Any:
+        values = [o.value for o in operands]
+        if op not in _SINGULAR:
+            return ca.SX.unary(op, *values) if len(values) == 1 else ca.SX.binary(op, *values)
+        a = values[0]
+        if op == ca.OP_SQRT:
+            is_zero, base = self._base(operands[0])
+            return ca.sqrt(base) - is_zero
+        if op in (ca.OP_POW, ca.OP_CONSTPOW):
+            return self._power(operands[0], values[1])
+        if op in (ca.OP_ASIN, ca.OP_ACOS):
+            return _inverse(op, a)
+        b = values[1]
         origin = ca.logic_and(a == 0, b == 0)
         other = b + origin
-        value = ca.atan2(a, other) if op == ca.OP_ATAN2 else ca.hypot(a, other)
-        return ca.if_else(origin, 0, value)
-    return _power(a, operands[1])
+        return ca.if_else(origin, 0, ca.atan2(a, other) if op == ca.OP_ATAN2 else ca.hypot(a, other))
+
+    def _power(self, base: Bounded, exponent: Any) -> Any:
+        if base.value.is_constant() or (exponent.is_constant() and _is_smooth(float(exponent))):
+            return base.value**exponent
+        is_zero, other = self._base(base)
+        return other**exponent + _where(is_zero, self._beside_one(exponent))
+
+    def _base(self, base: Bounded) -> tuple[Any, Any]:
+        """Whether a base is zero, and the base with 1 in place of zero."""
+        key = base.value.element_hash()
+        if key not in self._bases:
+            is_zero = base.value == 0
+            if base.low is not None and not base.is_known:
+                is_zero = self._can_vanish(base.low) * is_zero
+            self._bases[key] = is_zero, is_zero + _where(ca.logic_not(is_zero), base.value), base.value
+        return self._bases[key][:2]
+
+    def _can_vanish(self, low: Any) -> Any:
+        """Whether something that is never below `low` may be zero."""
+        key = low.element_hash()
+        if key not in self._bounds:
+            self._bounds[key] = ca.logic_not(low > 0), low
+        return self._bounds[key][0]
+
+    def _beside_one(self, exponent: Any) -> Any:
+        """The power of zero, less the power of one: -1, 0 or infinity."""
+        key = exponent.element_hash()
+        if key not in self._exponents:
+            found = _where(ca.logic_not(exponent >= 0), math.inf) - (exponent > 0)
+            self._exponents[key] = found, exponent
+        return self._exponents[key][0]
 
 
-def _power(base: Any, exponent: Any) -> Any:
-    if exponent.is_constant() and float(exponent) == round(float(exponent)) and float(exponent) >= 0:
-        return base**exponent
-    at_zero = ca.if_else(exponent > 0, 0, ca.if_else(exponent == 0, 1, math.inf))
-    return ca.if_else(base == 0, at_zero, (base + (base == 0)) ** exponent)
+def _is_smooth(exponent: float) -> bool:
+    """Whether all derivatives of such a power are finite at zero: implicit steps take more than two."""
+    return exponent >= 0 and exponent.is_integer()
+
+
+def _where(condition: Any, value: Any) -> Any:
+    return ca.SX.binary(ca.OP_IF_ELSE_ZERO, condition, value)
+
+
+def _inverse(op: int, a: Any) -> Any:
+    """The inverse sine or cosine, whose slope is infinite at 1 and -1."""
+    at_end = ca.fabs(a) == 1
+    inside = ca.if_else(at_end, 0, a)
+    if op == ca.OP_ASIN:
+        return ca.if_else(at_end, ((a > 0) - (a < 0)) * (math.pi / 2), ca.asin(inside))
+    return ca.if_else(at_end, (a < 0) * math.pi, ca.acos(inside))
