@@ -211,14 +211,9 @@ def _errors() -> Iterator[str]:
     yield "What stands in braces is filled in: a name, a value, a place. Several lines are several places."
     yield ""
     found: dict[str, list[tuple[str, str]]] = {}
-    for path in sorted((ROOT / "acausal").rglob("*.py")):
-        if "library" in path.parts or "models" in path.parts:
-            continue
-        for call in (n for n in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(n, ast.Call)):
-            if len(call.args) > 1 and isinstance(call.args[0], ast.Constant) and _is_code(call.args[0].value):
-                keys = {k.arg: k.value for k in call.keywords}
-                entry = (_words(call.args[1]), _words(keys["help"]) if "help" in keys else "")
-                found.setdefault(str(call.args[0].value), []).append(entry)
+    for path in sorted(p for folder in ("acausal", "library") for p in (ROOT / folder).rglob("*.py")):
+        for code, fact, remedy in _stated(ast.parse(path.read_text(encoding="utf-8"))):
+            found.setdefault(code, []).append((fact, remedy))
     examples, shown = _messages(), error_examples()
     if examples and (missing := sorted(set(found) - set(examples) - set(shown))):
         sys.stderr.write(f"docs/error-examples.txt has no example of {', '.join(missing)}\n")
@@ -240,6 +235,30 @@ def _errors() -> Iterator[str]:
                 yield from ("Example:", "", *_asked(shown[code]), "```text", shown[code].message(), "```", "")
             elif code in examples:
                 yield from ("Example:", "", "```text", examples[code], "```", "")
+
+
+def _stated(module: ast.Module) -> Iterator[tuple[str, str, str]]:
+    """Codes with the words and remedies of errors, and with those of notes, which begin with their code."""
+    for node in ast.walk(module):
+        if isinstance(node, ast.Call | ast.Tuple):
+            given = node.args if isinstance(node, ast.Call) else node.elts
+            place = next(
+                (k for k, a in enumerate(given[:-1]) if isinstance(a, ast.Constant) and _is_code(a.value)), None
+            )
+            if place is None:
+                continue
+            # Some helpers are given the place in a file first; a list of codes states none of them.
+            texts = (
+                a for a in given[place + 1 :] if isinstance(a, ast.Constant | ast.JoinedStr | ast.BinOp | ast.IfExp)
+            )
+            fact = _words(next(texts, given[place + 1]))
+            keys = {k.arg: k.value for k in node.keywords} if isinstance(node, ast.Call) else {}
+            if not _is_code(fact):
+                yield _words(given[place]), fact, _words(keys["help"]) if "help" in keys else ""
+        elif isinstance(node, ast.JoinedStr):
+            code, _, text = _words(node).partition(": ")
+            if _is_code(code):
+                yield code, text, ""
 
 
 def _asked(case: ErrorExample) -> Iterator[str]:
