@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +22,7 @@ from acausal.simulate.native.policy import Library
 from acausal.simulate.record.pivots import loses_pivots, may_lose_pivots
 from acausal.simulate.record.record import Recorder
 from acausal.simulate.solvers import Solver
-from acausal.simulate.solvers.base import Piece, Segment, pace, program
+from acausal.simulate.solvers.base import MOST_STEPS, Piece, Segment, pace, program
 from acausal.simulate.solvers.patience import salvage
 from acausal.simulate.start.initialize import Start, consistent
 
@@ -97,15 +99,8 @@ class Smooth:
     def _integrated(self, segment: Segment) -> Piece:
         """The solver; where it fails, what can be saved in smaller pieces."""
 
-        def solved(part: Segment) -> Piece:
-            return self.integrate(self.problem, part)
-
         try:
-            return solved(segment)
-        except Interrupted as stop:
-            if stop.got is not None:
-                self._record(segment.times[: stop.got.x.shape[1]], stop.got)
-            raise
+            return self._solved(segment)
         except RuntimeError as error:
             _log.debug("%s: %s", self.solver.name, error)
             if may_lose_pivots(self.problem.compiled):
@@ -113,9 +108,22 @@ class Smooth:
                 if loses_pivots(self.recorder, segment):
                     self._failed = segment
                     raise
-            self._failed, last = salvage(solved, segment, self._record)
+                if not self.solver.multistep:
+                    # what bounded its steps was the look at the pivots
+                    with suppress(RuntimeError):
+                        return self._solved(replace(segment, patience=MOST_STEPS))
+            self._failed, last = salvage(partial(self.integrate, self.problem), segment, self._record)
             if last is not None:
                 return last  # in smaller pieces it went through
+            raise
+
+    def _solved(self, segment: Segment) -> Piece:
+        """The solver; what it has when it is interrupted is recorded."""
+        try:
+            return self.integrate(self.problem, segment)
+        except Interrupted as stop:
+            if stop.got is not None:
+                self._record(segment.times[: stop.got.x.shape[1]], stop.got)
             raise
 
     def _approached(self, segment: Segment) -> Segment:

@@ -54,6 +54,9 @@ End errors are proportional to the share, steps to its fifth root: 1.5 times as 
 of order 5 alike (docs/accuracy.md).
 """
 
+MOST_STEPS = 10**6
+"""Steps between two output times of a one-step method: what a long run may need."""
+
 
 @dataclass(frozen=True, eq=False)
 class Segment:
@@ -292,10 +295,10 @@ def bounded(segment: Segment) -> dict[str, float]:
     return {} if segment.max_step is None else {"max_step_size": segment.max_step}
 
 
-def stepping(segment: Segment, most: int) -> dict[str, Any]:
+def stepping(segment: Segment, most: int = MOST_STEPS) -> dict[str, Any]:
     """The options of a one-step method for the number of its steps, `most` where nothing is said, and their size."""
     if segment.step:
-        return {"max_num_steps": 10**6, **bounded(segment), "step_size": segment.step}
+        return {"max_num_steps": MOST_STEPS, **bounded(segment), "step_size": segment.step}
     given = segment.partial or segment.patience
     return {"max_num_steps": segment.most_steps if given else most, **bounded(segment)}
 

@@ -21,5 +21,5 @@ class Erk(CasadiSolver):
         return {
             "reltol": segment.tolerances.relative,
             "abstol": segment.tolerances.absolute,
-            **stepping(segment, 10**6),
+            **stepping(segment),
         }

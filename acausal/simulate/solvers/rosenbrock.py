@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.record.pivots import may_lose_pivots
 from acausal.simulate.solvers.attainable import units
-from acausal.simulate.solvers.base import CasadiSolver, Segment, stepping
+from acausal.simulate.solvers.base import MOST_STEPS, CasadiSolver, Segment, stepping
 
 
 class Rosenbrock(CasadiSolver):
@@ -25,14 +25,15 @@ class Rosenbrock(CasadiSolver):
     stops = True
 
     def settings(self, problem: Problem, segment: Segment) -> dict[str, Any]:
+        most = max(400, 8_000 // len(segment.times)) if may_lose_pivots(problem.compiled) else MOST_STEPS
         return {
             "reltol": segment.tolerances.relative,
             "abstol": segment.tolerances.absolute,
             # a Newton step below the tolerance is enough: a thousandth of it, CasADi's own, is below rounding at 1e-10
             "init_tol": 0.3,
             # a loop of joints that crawls where a pivot vanishes begins again with others: that is to be noticed in
-            # seconds, not in an hour; one that needs more steps than this goes on in smaller pieces
-            **stepping(segment, max(400, 8_000 // len(segment.times)) if may_lose_pivots(problem.compiled) else 10**6),
+            # seconds, not in an hour; where none vanishes the run goes on with as many as it needs
+            **stepping(segment, most),
         }
 
     def units(self, problem: Problem, segment: Segment) -> NDArray[np.float64] | None:
