@@ -45,6 +45,8 @@ _SHORTEST = 1e-9
 _LOOKS, _FEWEST_LOOKS = 64, 4
 # So many failures must have brought a run on by this share of it.
 _MANY, _PROGRESS = 100, 1e-6
+# What is said where all stays as it was: a cause without words is no event of the result.
+_NOTHING = (Cause(""),)
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,6 +258,8 @@ class Hybrid:
             if self.problem.compiled.state_events.watched.issuperset(self.bounces.endless):
                 raise RestlessKink(error.code, error.fact, evidence=error.evidence, cause=error.cause, help=error.help)
             raise error
+        if not happened.causes and _stays(left, happened.moment):
+            return replace(happened, causes=_NOTHING)
         return replace(happened, causes=(*(self.guards.causes[k] for k in relations), *happened.causes))
 
     def integrated(self, segment: Segment, moment: Moment) -> Stop:
@@ -400,3 +404,9 @@ class Hybrid:
     def _record(self, times: Vector, x: Vector, z: Vector, moment: Moment, counters: dict[str, float]) -> None:
         self.iteration.check_shares(times, x, z, moment)
         self.recorder.add(times, Piece(x, z, counters), moment.regime.modes(times, x, z, moment.m))
+
+
+def _stays(before: Moment, after: Moment) -> bool:
+    """Whether modes, states and what is held are those before the event: it was found early, and is found again."""
+    same = np.array_equal(before.m, after.m) and np.array_equal(before.x, after.x)
+    return same and before.regime.holds == after.regime.holds
