@@ -56,6 +56,7 @@ STYLE: dict[Any, Any] = {
     "legend.frameon": False,
     "svg.hashsalt": "acausal",
 }
+_CYCLES = "Hz"
 # Signals of one unit whose magnitudes differ by more than this get panels of their own.
 _SPREAD = 1e3
 # Characters that fit along the vertical axis, and above a panel of 7.4 inches.
@@ -272,9 +273,13 @@ def _is_plain(signal: Signal) -> bool:
 
 
 def _kind(unit: str) -> Dimension | str:
-    """The dimension of a unit; of one that a file of another program brought along and nobody knows, its name."""
+    """What shares a scale: the dimension of a unit, or the name of a unit that only another program knows.
+
+    Cycles per second stand apart from rad/s, which have the same dimension: on one scale 50 Hz would look six times
+    slower than the 314 rad/s that it is.
+    """
     try:
-        return parse(unit).dimension
+        return _CYCLES if _CYCLES in unit else parse(unit).dimension
     except UnitError:
         return unit
 
@@ -310,9 +315,9 @@ def _values(result: Result, signal: Signal, declared: str) -> Array:
 
 def _converted(signal: Signal, declared: str) -> Scale:
     kind = _kind(declared)
-    if isinstance(kind, str):
+    if isinstance(kind, str) and kind != _CYCLES:
         return Scale(declared)
-    return to_unit(format_dimension(kind) if _is_plain(signal) else signal.unit, declared)
+    return to_unit(format_dimension(parse(declared).dimension) if _is_plain(signal) else signal.unit, declared)
 
 
 def _draw(ax: Axes, results: Sequence[tuple[str, Result]], panel: Panel, groups: Sequence[_Group]) -> str:

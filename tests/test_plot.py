@@ -127,6 +127,15 @@ def test_units_of_one_dimension_share_a_scale(unit: str, other: str, one: float,
     assert first == pytest.approx(second, rel=1e-12)
 
 
+def test_cycles_and_radians_per_second_have_a_scale_each() -> None:
+    """50 Hz turn as fast as 314 rad/s, although the SI gives both the dimension 1/s; kHz join them."""
+    signals = {s.name: s for s in (Signal("f", "Hz", "", 0), Signal("w", "rad/s", "", 1), Signal("g", "kHz", "", 2))}
+    values = np.column_stack([x + 0.0 * TIME for x in (50.0, 100.0 * np.pi, 0.4)])
+    left, right = plot(Result("Motor", TIME, values, signals), "f", "w", "g", together=True).axes
+    assert (left.get_ylabel(), right.get_ylabel()) == ("[Hz]", "[rad/s]")
+    assert [line.get_ydata()[-1] for line in left.get_lines()] == pytest.approx([50.0, 400.0])
+
+
 def test_a_plain_number_beside_two_quantities_is_refused() -> None:
     with pytest.raises(UsageError) as caught:
         figure(following("", "rad/s"), [Panel(("setpoint", "motor.w", "motor.tau"))])

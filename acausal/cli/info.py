@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from acausal.cli.component import show_part
+from acausal.cli.failure import exit_code
 from acausal.cli.names import flat_names, unit_of
 from acausal.cli.options import ComponentArgument, JsonOption, QuietOption, SetOption
 from acausal.cli.outputs import check_picture
@@ -107,6 +108,7 @@ def info(
         remark(f"wrote {file}")
     if failure is not None:
         remark(f"this model does not compile: error[{failure.code}] {failure.fact}; see: acausal check {model}")
+        raise typer.Exit(exit_code(failure))
 
 
 def _source(cls: type[Component]) -> Span | None:

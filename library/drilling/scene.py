@@ -119,7 +119,7 @@ class DrillBody(ContactBody):
         axis = np.array(other.pose[1]).T @ axis
         apart = [float(np.linalg.norm(np.cross(place - known[current], axis))) for place in known]
         return {
-            k: f"AC178: two holes of {self.name} in {other.name} overlap, {1e3 * far:.3g} mm apart at a diameter of "
+            k: f"AC192: two holes of {self.name} in {other.name} overlap, {1e3 * far:.3g} mm apart at a diameter of "
             f"{1e3 * self.tool.d:.3g} mm: the second is cut as if the first were full of material"
             for k, far in enumerate(apart)
             if k != current and far < self.tool.d

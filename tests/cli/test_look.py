@@ -55,9 +55,11 @@ def test_info_of_a_model_that_misses_a_value_still_lists_it() -> None:
         "    def equations(self) -> Equations:\n        yield self.x == 1.0\n"
     )
     outcome = run("info", "m.py")
-    assert outcome.code == 0
+    assert outcome.code == 1  # it does not compile
     assert "missing" in outcome.out
     assert "AC133" in outcome.err
+    failed = run("info", "m.py", "--json")
+    assert (failed.code, failed.json["error"]["code"]) == (1, "AC133")
     assert run("info", "m.py", "--set", "k=3", "--json").json["parameters"][0]["value"] == 3.0
 
 

@@ -183,7 +183,7 @@ def test_a_hole_is_found_again_and_another_one_is_new() -> None:
     assert r.final(first) == pytest.approx(6e-3, abs=1.2e-4)
     assert not any("plate1" in name for name in r.names)
     notes: tuple[str, ...] = r.stats["notes"]  # type: ignore[assignment]
-    assert not any("AC178" in n for n in notes)  # the holes are 20 mm apart, and the drill has 16
+    assert not any("AC192" in n for n in notes)  # the holes are 20 mm apart, and the drill has 16
     # over all structures of the run
     assert np.abs(r["balance.residual"]).max() < 1e-6 * r.final("balance.W_source")
 
@@ -200,9 +200,9 @@ class HolesTooNear(HolesSideBySide):
 def test_holes_that_overlap_are_told() -> None:
     """The second is cut as if the first were not there: that is noted, with a code and the names."""
     notes = acausal.simulate(HolesTooNear(n=1), stop_time=10.0).stats["notes"]
-    notes = [n for n in notes if n.startswith("AC178")]  # type: ignore[attr-defined]
+    notes = [n for n in notes if n.startswith("AC192")]  # type: ignore[attr-defined]
     assert len(notes) == 1
-    assert notes[0].startswith("AC178: two holes of drill in plate0 overlap, 6 mm apart")
+    assert notes[0].startswith("AC192: two holes of drill in plate0 overlap, 6 mm apart")
 
 
 @pytest.mark.slow
