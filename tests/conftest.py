@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+from acausal.simulate.native import cache
 from tests.known_failures import reason
 
 # Compiled libraries of the developer's own models are neither used nor added to.
@@ -21,6 +22,13 @@ settings.register_profile("acausal", deadline=None, derandomize="CI" in os.envir
 settings.load_profile("acausal")
 
 ROOT = Path(__file__).resolve().parents[1]
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """The quick part compiles C without optimisation, a fifth of the time: what it asserts are numbers, and those are
+    the same. The slow part compiles as users do."""
+    if config.option.markexpr == "not slow":
+        cache.FLAGS = ("-O0", *cache.FLAGS[1:])
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

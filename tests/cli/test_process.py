@@ -72,7 +72,7 @@ def test_simulate_separates_the_streams(folder: Path) -> None:
 def test_who_ends_a_run_keeps_what_was_computed(folder: Path, number: int, code: int, word: str) -> None:
     (folder / "endless.py").write_text(ENDLESS)
     with start("simulate", "endless.py", folder=folder) as process:
-        time.sleep(2.5)
+        time.sleep(1.5)
         process.send_signal(number)
         out, err = process.communicate(timeout=60)
     assert process.returncode == code, err
@@ -89,7 +89,7 @@ def test_who_ends_a_run_keeps_what_was_computed(folder: Path, number: int, code:
     assert out == ""
 
 
-@pytest.mark.parametrize("delay", [0.15, 0.3, 0.6, 1.0])
+@pytest.mark.parametrize("delay", [0.15, 0.4, 0.8])
 def test_ctrl_c_while_it_begins_prints_no_traceback(folder: Path, delay: float) -> None:
     """During imports, while the model is compiled, and while Python ends."""
     with start("simulate", "ThickBlock", "--no-output", folder=folder) as process:
@@ -104,9 +104,7 @@ def test_ctrl_c_while_it_begins_prints_no_traceback(folder: Path, delay: float) 
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
-@pytest.mark.parametrize(
-    "verb", [("list",), ("--help",), ("equations", "Oscillator"), ("info", "Oscillator", "--json")]
-)
+@pytest.mark.parametrize("verb", [("list",), ("--help",), ("list", "--json")])
 def test_a_full_disk_behind_standard_output(folder: Path, verb: tuple[str, ...]) -> None:
     with open("/dev/full", "w") as full, start(*verb, folder=folder, stdout=full) as process:
         _, err = process.communicate(timeout=60)

@@ -22,8 +22,9 @@ from acausal.library.contact.collide.shapes import (
     Shape,
     Sphere,
 )
-from tests.contact.poses import Pose, Vector, directions, plane_heights
+from tests.contact.poses import Pose, Vector, contact, directions, plane_heights, pose
 
+HERE = pose((0.0, 0.0, 0.0))
 KINDS = ("sphere", "box", "cylinder", "cone", "capsule", "drill", "hull")
 PLACES = ("anywhere", "anywhere", "anywhere", "coincident", "right angles", "one axis")
 
@@ -147,3 +148,19 @@ def _axes(shape: Shape) -> tuple[Vector, Vector]:
 
 def _units(v: Vector) -> Vector:
     return np.asarray(v / np.linalg.norm(v, axis=-1, keepdims=True))
+
+
+def wrong(a: Shape, b: Shape, pose_b: tuple[np.ndarray, np.ndarray], rng: np.random.Generator) -> str | None:
+    """What is wrong with the contact of two shapes, if anything."""
+    depth, n, p, q = contact(a, HERE, b, pose_b)
+    if not np.isfinite([depth, *n, *p, *q]).all():
+        return "not finite"
+    if abs(np.linalg.norm(n) - 1) > 1e-12:
+        return "the normal is no unit vector"
+    overlap = float(plane_heights(a, HERE, b, pose_b, n[None])[0])
+    if abs(overlap - depth) > 1e-9:
+        return f"depth {depth:.9g}, but {overlap:.9g} along its normal"
+    if (any(a.way_back)) != (any(b.way_back)):
+        return None  # a tool is drawn back, also where another way out is shorter
+    least = least_overlap(a, HERE, b, pose_b, rng)
+    return f"depth {depth:.9g}, but {least:.9g} is enough" if depth > least + 1e-8 else None

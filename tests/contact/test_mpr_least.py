@@ -9,33 +9,15 @@ import pytest
 
 from acausal.library.contact.collide.penetration import collision_function
 from acausal.library.contact.collide.shapes import Box, Cone, Cylinder, PointedDrill, Shape, Sphere
-from tests.contact.least import KINDS, PLACES, least_overlap, random_pose, random_shape
-from tests.contact.poses import SHAPES, contact, plane_heights, pose
-
-HERE = pose((0.0, 0.0, 0.0))
-
-
-def wrong(a: Shape, b: Shape, pose_b: tuple[np.ndarray, np.ndarray], rng: np.random.Generator) -> str | None:
-    """What is wrong with the contact of two shapes, if anything."""
-    depth, n, p, q = contact(a, HERE, b, pose_b)
-    if not np.isfinite([depth, *n, *p, *q]).all():
-        return "not finite"
-    if abs(np.linalg.norm(n) - 1) > 1e-12:
-        return "the normal is no unit vector"
-    overlap = float(plane_heights(a, HERE, b, pose_b, n[None])[0])
-    if abs(overlap - depth) > 1e-9:
-        return f"depth {depth:.9g}, but {overlap:.9g} along its normal"
-    if (any(a.way_back)) != (any(b.way_back)):
-        return None  # a tool is drawn back, also where another way out is shorter
-    least = least_overlap(a, HERE, b, pose_b, rng)
-    return f"depth {depth:.9g}, but {least:.9g} is enough" if depth > least + 1e-8 else None
+from tests.contact.least import HERE, KINDS, PLACES, random_pose, random_shape, wrong
+from tests.contact.poses import contact, pose
 
 
 def test_boxes_leave_by_the_lowest_of_two_faces_that_are_nearly_parallel() -> None:
     """The 15 axes of the separating axis theorem: a face of one box and the cross product of two edges, a few degrees
     apart, differ by some percent."""
     rng = np.random.default_rng(23)
-    for _ in range(6):
+    for _ in range(4):
         a, b = random_shape("box", rng, 0.2), random_shape("box", rng, 0.2)
         for _ in range(12):
             assert wrong(a, b, random_pose(a, b, "anywhere", rng), rng) is None
@@ -56,14 +38,6 @@ def test_a_flank_that_is_nearly_flat_on_a_face() -> None:
     turn = np.array([[1.0, 0.0, 0.0], [0.0, 0.02859824, 0.99959099], [0.0, -0.99959099, 0.02859824]])
     a, b = Box((0.6658, 0.2311, 0.6881)), Cylinder(0.36, 0.829)
     assert wrong(a, b, (np.array([0.0, 0.26665109, 0.0]), turn), np.random.default_rng(1)) is None
-
-
-@pytest.mark.parametrize(("a", "b"), [(a, b) for a in SHAPES for b in SHAPES if a <= b])
-def test_origins_that_coincide(a: str, b: str) -> None:
-    """Corner on corner, tip on centre: any normal will do for two points on each other, but it has to be one."""
-    rng = np.random.default_rng(7)
-    for place in ("coincident", "coincident", "right angles"):
-        assert wrong(SHAPES[a], SHAPES[b], (np.zeros(3), random_pose(SHAPES[a], SHAPES[b], place, rng)[1]), rng) is None
 
 
 @pytest.mark.parametrize(

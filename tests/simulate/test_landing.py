@@ -38,8 +38,9 @@ def height(t: float, e: float) -> float:
 
 
 @pytest.mark.parametrize("solver", ["rosenbrock", "erk", "idas", "cvodes"])
-@pytest.mark.parametrize("e", [0.0, 0.05, 0.1, 0.3])
-@pytest.mark.parametrize("tolerance", [1e-3, 1e-6, 1e-10])
+@pytest.mark.parametrize(
+    ("e", "tolerance"), [(0.0, 1e-3), (0.0, 1e-10), (0.05, 1e-6), (0.1, 1e-10), (0.3, 1e-3), (0.3, 1e-10)]
+)
 def test_a_ball_that_hardly_bounces_stays_on_the_floor(solver: str, e: float, tolerance: float) -> None:
     result = acausal.simulate(
         BouncingBall(e=e), stop_time=20.0, output_interval=5.0, tolerance=tolerance, solver=solver, native=False
@@ -55,8 +56,7 @@ def test_a_ball_that_hardly_bounces_stays_on_the_floor(solver: str, e: float, to
     ("solver", "native"),
     [("rosenbrock", True), ("rosenbrock", False), ("erk", True), ("erk", False), ("idas", False), ("cvodes", False)],
 )
-@pytest.mark.parametrize("tolerance", [1e-4, 1e-8, 1e-10])
-@pytest.mark.parametrize("e", [0.7, 0.9])
+@pytest.mark.parametrize(("e", "tolerance"), [(0.7, 1e-4), (0.7, 1e-10), (0.9, 1e-8)])
 def test_the_end_of_the_flights_is_computed(solver: str, e: float, tolerance: float, native: bool) -> None:
     """cvodes does not integrate a parabola exactly: errors of the speed add up over 1/(1 - e) flights, twice."""
     result = acausal.simulate(BouncingBall(e=e), stop_time=9.0, tolerance=tolerance, solver=solver, native=native)
@@ -67,7 +67,7 @@ def test_the_end_of_the_flights_is_computed(solver: str, e: float, tolerance: fl
 @pytest.mark.parametrize(
     ("solver", "native"), [("rosenbrock", True), ("rosenbrock", False), ("erk", False), ("idas", False)]
 )
-@pytest.mark.parametrize("e", [0.99, 0.999, 1.0])
+@pytest.mark.parametrize("e", [0.99, 1.0])
 def test_a_ball_that_bounces_at_speed_does_not_rest(solver: str, native: bool, e: float) -> None:
     """At 60 s the ball of e = 0.99 is still 1.5 m/s fast, the elastic one 4.4 m/s."""
     result = acausal.simulate(BouncingBall(e=e), stop_time=60.0, tolerance=1e-8, solver=solver, native=native)
@@ -166,7 +166,7 @@ class Window(Component):
 
 
 @pytest.mark.parametrize("solver", ["rosenbrock", "erk", "idas", "cvodes"])
-@pytest.mark.parametrize("points", [1, 7, 100, 10_000])
+@pytest.mark.parametrize("points", [1, 7, 3000])
 def test_a_short_dip_is_seen_on_every_grid(solver: str, points: int) -> None:
     result = acausal.simulate(Window(), stop_time=3.0, output_interval=3.0 / points, tolerance=1e-8, solver=solver)
     assert [event.time for event in result.events] == pytest.approx([0.999, 1.001], abs=1e-9)
