@@ -133,7 +133,7 @@ def test_cycles_and_radians_per_second_have_a_scale_each() -> None:
     values = np.column_stack([x + 0.0 * TIME for x in (50.0, 100.0 * np.pi, 0.4)])
     left, right = plot(Result("Motor", TIME, values, signals), "f", "w", "g", together=True).axes
     assert (left.get_ylabel(), right.get_ylabel()) == ("[Hz]", "[rad/s]")
-    assert [line.get_ydata()[-1] for line in left.get_lines()] == pytest.approx([50.0, 400.0])
+    assert [values[-1] for values in lines(left).values()] == pytest.approx([50.0, 400.0])
 
 
 def test_a_plain_number_beside_two_quantities_is_refused() -> None:

@@ -9,7 +9,7 @@ from tests.cli.running import run
 
 def test_the_command_line_runs_a_scene_in_pieces(tmp_path: Path) -> None:
     picture = tmp_path / "holes.png"
-    done = run("simulate", "HolesSideBySide", "--set", "n=30", "--json", "--no-output", "--plot-file", picture)
+    done = run("simulate", "HolesSideBySide", "--set", "n=3", "--json", "--no-output", "--plot-file", picture)
     assert done.code == 0, done.err
     assert done.json["stats"]["structures"] > 2
     assert picture.stat().st_size > 10_000

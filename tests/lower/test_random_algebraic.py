@@ -102,7 +102,7 @@ KINDS = st.lists(st.integers(0, 3), min_size=N, max_size=N)
 SOLUTIONS = st.lists(st.floats(-1, 1), min_size=N, max_size=N)
 
 
-@settings(max_examples=80)
+@settings(max_examples=40)
 @given(MATRICES, KINDS, SOLUTIONS, st.sampled_from(["torn", "dae"]))
 def test_nonlinear_blocks(rows: list[list[float]], f: list[int], solution: list[float], formulation: str) -> None:
     """Torn or left whole, the solution is found and followed."""
