@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
 from acausal.errors import UsageError, nearest
-from acausal.flatten.flat import suffixes
+from acausal.flatten.flat import FlatVariable, suffixes
 from acausal.language.declaration import Declaration, Kind
 from acausal.lower.casadi_model import Port, Ports
 from acausal.lower.compiled import CompiledModel
@@ -34,19 +34,27 @@ def named_outputs(compiled: CompiledModel, names: Sequence[str] | None) -> tuple
     if not isinstance(compiled, CompiledModel):
         shown = f"the class {compiled.__name__}" if isinstance(compiled, type) else type(compiled).__name__
         raise UsageError("AC028", f"{shown} is no compiled model", help="compile it first: acausal.compile(model)")
-    entries: dict[str, list[Output]] = {}
-    for v in compiled.flat.variables:
-        d = v.declaration
-        found = [Output(v.path + s, d, v.first + k) for k, s in enumerate(suffixes(d.shape))]
-        entries[v.path] = found
-        entries.update((output.name, [output]) for output in found)
+    variables = {v.path: v for v in compiled.flat.variables}
     if names is None:
-        own = [v for v in compiled.flat.variables if "." not in v.path and v.declaration.kind is not Kind.INPUT]
-        names = [v.path for v in own]
-    for name in names:
-        if name not in entries:
-            raise _unknown(compiled, name, list(entries))
-    return tuple(output for name in names for output in entries[name])
+        names = [p for p, v in variables.items() if "." not in p and v.declaration.kind is not Kind.INPUT]
+    return tuple(output for name in names for output in _entries(compiled, variables, name))
+
+
+def _entries(compiled: CompiledModel, variables: Mapping[str, FlatVariable], name: str) -> list[Output]:
+    """The scalars behind the name of a variable, or of an entry of one."""
+    path = name.rpartition("[")[0]
+    v = variables.get(name) or variables.get(path)
+    if v is None:
+        known = [v.path + s for v in variables.values() for s in ("", *suffixes(v.declaration.shape))]
+        raise _unknown(compiled, name, list(dict.fromkeys(known)))
+    d = v.declaration
+    found = [Output(v.path + s, d, v.first + k) for k, s in enumerate(suffixes(d.shape))]
+    if v.path == name:
+        return found
+    own = [output for output in found if output.name == name]
+    if not own:
+        raise _unknown(compiled, name, [output.name for output in found])
+    return own
 
 
 def _unknown(compiled: CompiledModel, name: str, known: list[str]) -> UsageError:

@@ -9,6 +9,7 @@ from typing import Any
 
 import casadi as ca
 
+from acausal.analyse.blocks.solve import opened
 from acausal.analyse.delays import PADE, refuse_delays
 from acausal.lower.build import Builder
 from acausal.lower.casadi_model import CasadiModel
@@ -92,6 +93,23 @@ class CompiledModel(Lowered):
         pool = self.solution.structure.reduced.pool
         parts = [builder.column([pool.var(v) for v in ode]), builder.column([builder.replaced(r) for r in alg])]
         return ca.Function("blended", symbols.inputs, parts, _INPUTS, ["ode", "alg"])
+
+    @cached_property
+    def opened(self) -> CompiledModel:
+        """The same model with what blocks search inside the equations as algebraic variables, behind all others.
+
+        For programs that have unknowns of their own: a search that is written out costs as much as all its steps.
+        """
+        if not self.solution.monotone:
+            return self
+        shell = replace(self, solution=opened(self.solution), rhs=None)
+        solution, symbols = shell.solution, Symbols(shell)
+        builder = symbols.builder(shell)
+        builder.define([d for d in solution.definitions if d[0] in solution.needed], shell.rewritten)
+        pool = solution.structure.reduced.pool
+        ode = builder.column([pool.var(solution.structure.derivative(x)) for x in shell.state_variables])
+        alg = builder.lower([builder.replaced(r) for r in solution.residuals])
+        return replace(shell, rhs=ca.Function("rhs", symbols.inputs, [ode, _column(alg)], _INPUTS, ["ode", "alg"]))
 
     @cached_property
     def guess(self) -> Any:

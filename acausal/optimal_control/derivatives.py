@@ -18,8 +18,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import casadi as ca
+import numpy as np
 
-from acausal.optimal_control.points import Points
+from acausal.optimal_control.points import Points, key, symbols_in
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,8 +41,8 @@ class _Group:
 
     def only(self, expression: Any) -> _Group:
         """The same with the rows of results that an expression holds."""
-        names = ca.symvar(expression)
-        kept = [k for k, s in enumerate(self.points.symbols) if any(ca.is_equal(s, v) for v in names)]
+        names = symbols_in(expression)
+        kept = [k for k, s in enumerate(self.points.symbols) if key(s) in names]
         rows, symbols = ([group[k] for k in kept] for group in (self.points.rows, self.points.symbols))
         return _Group(replace(self.points, rows=rows, symbols=symbols), self.inward)
 
@@ -79,7 +80,7 @@ class _Group:
 def derivatives(x: Any, f: Any, g: Any, points: Sequence[Points]) -> Derivatives:
     """The derivatives of f and g by x, in which symbols of points stand for their results."""
     p = ca.MX.sym("p", 0)
-    groups = [_Group(one, ca.evalf(ca.jacobian(ca.vec(one.stacked), x))) for one in points if one.rows]
+    groups = _groups(x, [one for one in points if one.rows])
     value, slope = _first(x, f, groups)
     rows, jacobian = _first(x, g, groups)
     return Derivatives(
@@ -87,6 +88,16 @@ def derivatives(x: Any, f: Any, g: Any, points: Sequence[Points]) -> Derivatives
         ca.Function("nlp_jac_g", [x, p], [rows, jacobian], ["x", "p"], ["g", "jac_g_x"]),
         _hessian(x, p, (f, g), groups),
     )
+
+
+def _groups(x: Any, points: Sequence[Points]) -> list[_Group]:
+    """Points with the matrices of their arguments by x, of one coloring."""
+    if not points:
+        return []
+    columns = [ca.vec(one.stacked) for one in points]
+    borders = np.cumsum([0, *(c.numel() for c in columns)]).tolist()
+    inward = ca.vertsplit(ca.evalf(ca.jacobian(ca.vertcat(*columns), x)), borders)
+    return [_Group(one, part) for one, part in zip(points, inward, strict=True)]
 
 
 def _first(x: Any, expression: Any, groups: Sequence[_Group]) -> tuple[Any, Any]:
@@ -99,32 +110,36 @@ def _first(x: Any, expression: Any, groups: Sequence[_Group]) -> tuple[Any, Any]
     found = [group.jacobian() for group in used]
     D, values = ca.vertcat(*(d for _, d in found)), ca.vertcat(*(ca.vec(v) for v, _ in found))
     n = x.numel()
-    value, whole = ca.substitute([outer, slope[:, :n] + slope[:, n:] @ D], [y], [values])
-    return value, whole
+    value, by_x, by_y = ca.Function("outer", [x, y], [outer, slope[:, :n], slope[:, n:]])(x, values)
+    return value, by_x + by_y @ D
 
 
 def _hessian(x: Any, p: Any, both: tuple[Any, Any], groups: Sequence[_Group]) -> Any:
     n = x.numel()
     (f, g), y = _apart(both, groups)
     factor, multipliers = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", g.numel())
+    arguments = [x, y, factor, multipliers]
     second, slope = ca.hessian(factor * f + ca.dot(multipliers, g), ca.veccat(x, y))
-    across, among, first = second[:n, n:], second[n:, n:], n
+    across, among = second[:n, n:], second[n:, n:]
     need = bool(across.nnz() or among.nnz())
-    H, slopes, values = second[:n, :n], [], []
+    # without second derivatives by y the first do not depend on it
+    at = ca.vertcat(*(ca.vec(one.points.values()) for one in groups)) if among.nnz() else ca.DM.zeros(y.numel())
+    factors = ca.Function("slope", arguments, [slope[n:]])(x, at, factor, multipliers)
+    curved, slopes, values, first = ca.MX(n, n), [], [], 0
     for group in groups:
         count = group.points.results.numel() * group.points.n
-        own = slope[first : first + count]
+        found, D, half = group.hessian(ca.reshape(factors[first : first + count], -1, group.points.n), need)
         first += count
-        if any(ca.is_equal(y, v) for v in ca.symvar(own)):
-            own = ca.substitute([own], [y], [ca.vertcat(*(ca.vec(one.points.values()) for one in groups))])[0]
-        found, D, half = group.hessian(ca.reshape(own, -1, group.points.n), need)
-        H = H + half + half.T
+        curved = curved + half + half.T
         slopes.append(D)
         values.append(ca.vec(found))
+    at = ca.vertcat(*values) if need else ca.DM.zeros(y.numel())
+    own, across, among = ca.Function("second", arguments, [second[:n, :n], across, among])(x, at, factor, multipliers)
+    H = own + curved
     if need:
         D = ca.vertcat(*slopes)
         mixed = across @ D
-        H = ca.substitute([H + mixed + mixed.T + D.T @ (among @ D)], [y], [ca.vertcat(*values)])[0]
+        H = H + mixed + mixed.T + D.T @ (among @ D)
     names = ["x", "p", "lam_f", "lam_g"]
     return ca.Function("nlp_hess_l", [x, p, factor, multipliers], [ca.triu(H)], names, ["triu_hess_gamma_x_x"])
 

@@ -32,7 +32,7 @@ class Law:
     wanted
         Places of the rows of y among all outputs.
     parameters
-        `(w) -> p`.
+        `(w) -> p`; `guess` are values of w, shape (nw,).
     answers
         How many entries at the end of z are answers of branches; y has as many rows more, of what decides them.
     """
@@ -41,7 +41,20 @@ class Law:
     algebraic: Any
     wanted: tuple[int, ...]
     parameters: Any
+    guess: Vector
     answers: int = 0
+
+    def slopes(self, at: Sequence[Vector], sizes: Vector) -> Vector:
+        """What algebraic equations change by with each z by its magnitude at n instants t, x, z, u: (nz, nz, n)."""
+        t, x, z, u, w = (ca.SX.sym(self.equations.name_in(k), self.equations.numel_in(k)) for k in range(5))
+        own, n = z[: z.numel() - self.answers], at[0].shape[1]
+        slope = ca.jacobian(self.equations(t, x, z, u, w)[1], own) @ ca.diag(ca.DM(sizes))
+        # between its two sides, as programs of answers begin
+        answers = np.full((self.answers, n), 0.5)
+        columns = [at[0], at[1], np.vstack([at[2], answers]), at[3], np.repeat(self.guess[:, None], n, axis=1)]
+        given = [ca.DM(c) if c.size else ca.DM(c.shape[0], n) for c in columns]
+        found = ca.Function("slopes", [t, x, z, u, w], [ca.densify(ca.vec(slope))]).map(n)(*given)
+        return np.array(found).reshape(len(sizes), len(sizes), n, order="F")
 
 
 def law_of(dae: Any, p: Vector, places: Sequence[int], wanted: Sequence[int]) -> Law:
@@ -62,8 +75,8 @@ def law_of(dae: Any, p: Vector, places: Sequence[int], wanted: Sequence[int]) ->
     elif 0 < z.numel() <= _MOST_SOLVED:
         slope = ca.jacobian(alg, z)
         if not ca.depends_on(slope, z):
-            at_zero = ca.substitute(alg, z, ca.SX(z.numel(), 1))
-            found = -ca.solve(slope, ca.densify(at_zero))
+            at_zero = ca.substitute(alg, z, ca.SX.zeros(z.numel()))
+            found = ca.densify(-ca.solve(slope, ca.densify(at_zero)))
             algebraic = ca.Function("algebraic", [t, x, u, w], [found])
             ode, y = ca.substitute([ode, y], [z], [found])
             z, alg = ca.SX(0, 1), ca.SX(0, 1)
@@ -71,4 +84,5 @@ def law_of(dae: Any, p: Vector, places: Sequence[int], wanted: Sequence[int]) ->
     outputs = [ca.densify(v) for v in (ode, alg, y)]
     equations = ca.Function("law", [t, x, z, u, w], outputs, *names)
     parameters = ca.Function("p", [w], [full])
-    return Law(equations, algebraic, tuple(wanted), parameters, sum(v.numel() for v in free))
+    guess = np.array(p, dtype=float)[list(places)]
+    return Law(equations, algebraic, tuple(wanted), parameters, guess, sum(v.numel() for v in free))

@@ -178,7 +178,7 @@ def optimum_of(
     problem: StatedProblem, program: Program, solution: Solution, trajectory: Trajectory, stats: Mapping[str, object]
 ) -> Optimum:
     """The answer made of the numbers that a solver found."""
-    q, compiled = problem.quantities, problem.quantities.compiled
+    q, compiled = problem.quantities, problem.quantities.model
     times, x, z, u = _rows(trajectory)
     multipliers = _multipliers(program, solution, trajectory)
     spans = tuple((phase.name, phase.begin, phase.begin + phase.duration) for phase in trajectory.phases)
@@ -228,7 +228,7 @@ def _rows(trajectory: Trajectory) -> tuple[Vector, Vector, Vector, Vector]:
 
 def _observed(compiled: CompiledModel, times: Vector, x: Vector, z: Vector, u: Vector, p: Vector) -> Vector:
     """All trajectories of the model at points, shape (n, columns)."""
-    n = len(times)
+    n, z = len(times), z[: len(compiled.algebraic)]  # what programs have opened, the model searches itself
     args = [ca.DM(times[None, :]), *(ca.DM(v) if v.size else ca.DM(v.shape[0], n) for v in (x, z, u))]
     p = p.copy()
     if compiled.solution.structure.rate is not None:
@@ -255,7 +255,7 @@ def _dense(q: Quantities, trajectory: Trajectory, at: Vector) -> Vector:
     """All trajectories at any times, shape (n, columns): the polynomials of the collocation."""
     ends = np.array([phase.begin + phase.duration for phase in trajectory.phases])
     number = np.clip(np.searchsorted(ends, at, side="left"), 0, len(ends) - 1)
-    compiled = q.compiled
+    compiled = q.model
     rows = np.empty((len(at), len(compiled.columns)))
     for k in np.unique(number).tolist():
         phase, own = trajectory.phases[k], number == k

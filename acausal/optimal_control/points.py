@@ -13,6 +13,16 @@ from typing import Any
 import casadi as ca
 
 
+def symbols_in(expression: Any) -> set[int]:
+    """The symbols that an MX expression holds, by what `key` says of each."""
+    return {key(s) for s in ca.symvar(expression)}
+
+
+def key(symbol: Any) -> int:
+    """A number for an MX symbol, its own as long as the symbol is kept."""
+    return int(symbol.__hash__())
+
+
 @dataclass(frozen=True, eq=False)
 class Points:
     """Instants with the same equations.

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from copy import copy
+from typing import Any, Self
 
 import casadi as ca
 
@@ -215,6 +216,12 @@ class StatedProblem:
         self.guess_run = run
         self.guess_inputs = dict(inputs or {})
         self.guess_lines = {self.quantities.state(name): ends for name, ends in (lines or {}).items()}
+
+    def opened(self) -> Self:
+        """The same problem, for programs with unknowns for what blocks search inside the equations."""
+        found = copy(self)
+        found.quantities = self.quantities.opened()
+        return found
 
     def _begun(self) -> bool:
         """One phase at least; a free one by default."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from copy import copy
 from typing import Any
 
 import casadi as ca
@@ -17,6 +18,7 @@ from acausal.export.ports import Output, named_outputs, parameter_ports, variabl
 from acausal.lower.casadi_model import Ports
 from acausal.lower.compiled import CompiledModel
 from acausal.optimal_control.declare import Guard
+from acausal.optimal_control.points import key, symbols_in
 from acausal.simulate.arguments import parameter_vector
 
 Vector = NDArray[np.float64]
@@ -29,16 +31,20 @@ class Quantities:
     ----------
     p
         Values of all parameters; of decided ones, the guess.
+    model, compiled
+        The model as it runs, and as the equations are taken from it.
     states, x, first
         The states of the model; the coordinates of the search, and their values at the start.
     outputs
         Variables that were asked for, in order; `symbols` are theirs.
+    low
+        For each algebraic variable the value that it is not below, shape (nz,).
     decided
         `(place in p, lower, upper, symbol)` of parameters that are decisions.
     """
 
     def __init__(self, compiled: CompiledModel, parameters: dict[str, float]) -> None:
-        self.compiled = compiled = compiled.unchanging("optimal control")
+        self.model = self.compiled = compiled = compiled.unchanging("optimal control")
         self.p = parameter_vector(compiled, parameters)
         self.begin: Begin = begin_of(compiled, self.p)
         inputs = compiled.solution.structure.reduced.inputs
@@ -49,6 +55,7 @@ class Quantities:
         self.x: Ports = self.coordinates.ports
         self.first: Vector = self.coordinates.of(self.begin.x[:, None]).ravel()
         self.z: Ports = variable_ports(compiled, compiled.solution.algebraic, self.begin.z)
+        self.low: Vector = np.full(len(self.z), -math.inf)
         self.u: Ports = variable_ports(compiled, inputs, self.begin.u)
         self.parameters: Ports = parameter_ports(compiled)
         self.time = ca.MX.sym("time")
@@ -56,7 +63,20 @@ class Quantities:
         self.symbols: list[Any] = []
         self.decided: list[tuple[int, float, float, Any]] = []
         self._known: dict[str, Any] = {}
+        self._daes: dict[tuple[CompiledModel, int], Any] = {}
         self._places: dict[str, tuple[str, int, int] | None] = {}
+
+    def opened(self) -> Quantities:
+        """The same with what blocks search inside the equations as algebraic variables, which follow the others."""
+        searched = self.compiled.solution.monotone
+        if not searched:
+            return self
+        found, compiled = copy(self), self.compiled.opened
+        variables = [m.variable for m in searched]
+        found.compiled = compiled
+        found.z = Ports([*self.z, *variable_ports(compiled, variables, [m.low for m in searched])])
+        found.low = np.array([*self.low, *(m.low for m in searched)])
+        return found
 
     def __getitem__(self, name: str) -> Any:
         if name not in self._known:
@@ -87,8 +107,7 @@ class Quantities:
 
     def varies(self, expression: Any) -> bool:
         """Whether an expression holds the time or variables, rather than numbers alone."""
-        own = [self.time, *self.symbols]
-        return any(ca.is_equal(s, v) for s in ca.symvar(expression) for v in own)
+        return not symbols_in(expression).isdisjoint(map(key, (self.time, *self.symbols)))
 
     def decide(self, name: str, lower: float | None, upper: float | None) -> Any:
         """The symbol of a parameter that becomes a decision."""
@@ -174,7 +193,10 @@ class Quantities:
 
     def dae(self) -> Any:
         """`(t, x, z, u, p) -> (ode, alg, y)` with what was asked for as y."""
-        return self.coordinates.equations(dae_function(self.compiled, self.outputs))
+        asked = (self.compiled, len(self.outputs))  # names are added, none goes
+        if asked not in self._daes:
+            self._daes[asked] = self.coordinates.equations(dae_function(self.compiled, self.outputs))
+        return self._daes[asked]
 
     def rates(self) -> dict[int, int]:
         """For each coordinate whose rate of change is another coordinate, the place of that."""
@@ -185,7 +207,7 @@ class Quantities:
 
     def start(self, p: Any) -> Any:
         """The coordinates at the start of the model with other parameters, an expression."""
-        x = init_function(self.compiled, self.begin)(p)[0]
+        x = init_function(self.model, self.begin)(p)[0]
         return self.coordinates.reduce(x) if self.coordinates.angles else x
 
 

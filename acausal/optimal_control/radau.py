@@ -18,6 +18,7 @@ from acausal.optimal_control.declare import Constraint, Mesh, PhaseSpec
 from acausal.optimal_control.guess import PhaseGuess
 from acausal.optimal_control.law import Law, law_of
 from acausal.optimal_control.nlp import Nlp
+from acausal.optimal_control.points import key, symbols_in
 from acausal.optimal_control.polynomials import Basis
 from acausal.optimal_control.problem import StatedProblem
 from acausal.optimal_control.quantities import Quantities, magnitude
@@ -223,6 +224,9 @@ def _phase(
     values = _guessed(guess, basis, sizes, (starts, lengths, shares), q)
     if law.algebraic is not None:
         values[1] = np.zeros((0, n))
+    else:
+        # from far above its solution Newton's method falls below the lowest value of what a block searches
+        values[1] = np.minimum(values[1], np.where(np.isfinite(q.low), q.low / sizes[1] + 1.0, np.inf)[:, None])
     nz = len(values[1])
     if law.answers:
         values[1] = np.vstack([values[1], _answered(dynamics, guess, shares, q)])
@@ -248,7 +252,12 @@ def _phase(
         borders = (begin + duration * ca.DM(starts).T, duration * ca.DM(lengths).T)
         integrals = _shot(program, problem, spec, law, (borders, x, z, at), sizes[0])
     if z.numel():
-        nlp.demand(inside.points.ask(alg))
+        at_guess = [q.begin.t + guess.duration * shares[None, :], *guess.at(shares)]
+        at_guess[2] = values[1][:nz] * sizes[1][:nz, None]
+        slopes = law.slopes(at_guess, sizes[1][:nz])
+        nlp.demand(inside.points.ask(alg / ca.DM(_largest(slopes))))
+        for k in np.flatnonzero(_ends_below(law, at_guess, sizes[1][:nz], q.low[:nz], slopes)).tolist():
+            nlp.demand(unknowns[1][k, :], q.low[k] / sizes[1][k], np.inf)
     weights = (lengths[:, None] * basis.weights).ravel()
     answers = z[nz:, :]
     z = z[:nz, :] if law.answers else z
@@ -259,6 +268,28 @@ def _phase(
     places = (inside, first, last)
     numbers = (begin, duration, shares, weights)
     return PhaseProgram(spec, mesh, dynamics, law, x, z, u, *places, *numbers, integrals, answers)
+
+
+def _largest(slopes: Vector) -> Vector:
+    """By how much each algebraic equation changes with z, the magnitude that it is divided by."""
+    found = np.nanmax(np.abs(slopes).sum(axis=1), axis=1, initial=0.0)
+    return np.where((found > 0.0) & np.isfinite(found), found, 1.0)
+
+
+def _ends_below(law: Law, at: Sequence[Vector], sizes: Vector, low: Vector, slopes: Vector) -> NDArray[np.bool_]:
+    """Which algebraic variables must be kept at or above the lowest value that they have.
+
+    Not those whose equation goes on below as it rises above: its solution is no lower, and where it lies there (a drill
+    in air does not cut) a limit beside the equation would leave ipopt no inside.
+    """
+    found = np.isfinite(low)
+    for k in np.flatnonzero(found).tolist():
+        for part in (1e-3, 1.0):
+            below = [*at[:2], at[2].copy(), at[3]]
+            below[2][k] = low[k] - part * sizes[k]
+            there = law.slopes(below, sizes)[k, k]
+            found[k] &= not (np.sign(there) == np.sign(slopes[k, k])).all()
+    return found
 
 
 def _answered(dynamics: Dynamics, guess: PhaseGuess, shares: Vector, q: Quantities) -> Vector:
@@ -299,7 +330,7 @@ def _shot(
     after = site.points.ask(ends / ca.DM(size))
     program.nlp.demand(x[:, 1:] / ca.DM(size) - after)
     over = site.points.ask(parts)
-    return {_key(v.symbol): ca.sum2(over[k, :]) for k, v in enumerate(own)}
+    return {key(v.symbol): ca.sum2(over[k, :]) for k, v in enumerate(own)}
 
 
 def _duration(nlp: Nlp, spec: PhaseSpec, guess: PhaseGuess) -> Any:
@@ -347,8 +378,8 @@ def _values(program: Program, problem: StatedProblem) -> None:
     """Values at ends and integrals, in the order in which they were asked for."""
     for value in problem.values:
         phase = program.phases[value.phase]
-        if _key(value.symbol) in phase.integrals:
-            found = phase.integrals[_key(value.symbol)]
+        if key(value.symbol) in phase.integrals:
+            found = phase.integrals[key(value.symbol)]
         elif value.kind == "integral":
             row = along(program, problem, value.expression, phase.inside)
             found = phase.duration * (row @ ca.DM(phase.weights))
@@ -357,7 +388,7 @@ def _values(program: Program, problem: StatedProblem) -> None:
         else:
             _check_start(problem, value.expression, phase)
             found = along(program, problem, value.expression, phase.first)
-        program.known[_key(value.symbol)] = found
+        program.known[key(value.symbol)] = found
 
 
 def _check_start(problem: StatedProblem, expression: Any, phase: PhaseProgram) -> None:
@@ -439,15 +470,15 @@ def _add(
 def along(program: Program, problem: StatedProblem, expression: Any, site: Site) -> Any:
     """An expression of variables at the instants of a site, shape (m, n)."""
     q, n = problem.quantities, site.points.n
-    own = ca.symvar(expression)
-    used = [k for k, s in enumerate(q.symbols) if any(ca.is_equal(s, v) for v in own)]
-    if len(used) == 1 and ca.is_equal(q.symbols[used[0]], expression) and site.places[used[0]] is not None:
+    own = symbols_in(expression)
+    used = [k for k, s in enumerate(q.symbols) if key(s) in own]
+    if len(used) == 1 and key(q.symbols[used[0]]) == key(expression) and site.places[used[0]] is not None:
         return site.direct(used[0])
     names = [q.symbols[k] for k in used]
     signals = [site.signal(k) for k in used]
-    if any(ca.is_equal(q.time, v) for v in own):
+    if key(q.time) in own:
         names, signals = [q.time, *names], [site.point[0], *signals]
-    numbers = [(s, v) for s, v in zip(*_numbers(program, problem), strict=True) if any(ca.is_equal(s, o) for o in own)]
+    numbers = [(s, v) for s, v in zip(*_numbers(program, problem), strict=True) if key(s) in own]
     path = ca.Function("path", [*names, *(s for s, _ in numbers)], [expression]).expand()
     rows = [ca.repmat(value, 1, n) for _, value in numbers]
     if all(_linear(program.nlp, row) for row in rows):
@@ -459,8 +490,8 @@ def along(program: Program, problem: StatedProblem, expression: Any, site: Site)
 def _linear(nlp: Nlp, row: Any) -> bool:
     """Whether an expression is a linear one of the unknowns alone."""
     own = ca.symvar(row)
-    known = [*nlp.unknowns, *nlp.parameters]
-    if not all(any(ca.is_equal(s, v) for v in known) for s in own):
+    known = {key(s) for s in (*nlp.unknowns, *nlp.parameters)}
+    if not all(key(s) in known for s in own):
         return False
     return not own or not any(ca.which_depends(row, ca.veccat(*own), 2, True))
 
@@ -472,9 +503,9 @@ def _numbers(program: Program, problem: StatedProblem) -> tuple[list[Any], list[
     symbols += problem.durations
     values += [phase.duration for phase in program.phases]
     for value in problem.values:
-        if _key(value.symbol) in program.known:
+        if key(value.symbol) in program.known:
             symbols.append(value.symbol)
-            values.append(program.known[_key(value.symbol)])
+            values.append(program.known[key(value.symbol)])
     return symbols, values
 
 
@@ -482,7 +513,3 @@ def _inserted(program: Program, problem: StatedProblem, expression: Any) -> Any:
     """An expression of numbers in terms of the unknowns."""
     symbols, values = _numbers(program, problem)
     return ca.substitute([expression], symbols, values)[0] if symbols else expression
-
-
-def _key(symbol: Any) -> int:
-    return int(symbol.__hash__())

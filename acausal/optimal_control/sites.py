@@ -12,7 +12,7 @@ import casadi as ca
 from acausal.errors import UsageError
 from acausal.optimal_control.law import Law
 from acausal.optimal_control.nlp import Nlp
-from acausal.optimal_control.points import Points
+from acausal.optimal_control.points import Points, key
 from acausal.optimal_control.quantities import Quantities
 
 
@@ -73,7 +73,8 @@ class Site:
             AC053 where it holds durations or other values.
         """
         symbols = [q.time, *q.symbols, *(d[3] for d in q.decided)]
-        others = [v for v in ca.symvar(expression) if not any(ca.is_equal(v, s) for s in symbols)]
+        known = {key(s) for s in symbols}
+        others = [v for v in ca.symvar(expression) if key(v) not in known]
         if others:
             raise UsageError(
                 "AC053",

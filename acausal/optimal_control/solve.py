@@ -75,6 +75,7 @@ def solved(problem: StatedProblem, choices: Choices) -> Optimum:
     """See `Problem.solve`."""
     basis = Basis(choices.degree, choices.control) if choices.steps is None else Basis(1, 0)
     _check(problem, basis.degree, basis.control, choices)
+    problem = problem.opened() if choices.steps is None else problem
     accuracy, refinements = choices.accuracy, choices.refinements
     taken = _Laps()
     guesses = guessed(problem)

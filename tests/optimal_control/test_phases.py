@@ -13,7 +13,7 @@ from scipy.optimize import minimize
 from acausal import Component, Equations, Real, der, fixed, maximum, quantity, signal_input, time, variable, where
 from acausal.errors import AcausalError
 from acausal.models.optimal_control.ball_target import ThrownBall, gentle_throw
-from acausal.models.optimal_control.plate_drilling import least_time
+from acausal.models.optimal_control.plate_drilling import CONE, least_time
 from acausal.optimal_control import Problem
 
 
@@ -73,6 +73,28 @@ def test_other_materials_and_meshes_need_no_more_iterations(intervals: int, k_c1
     assert isinstance(iterations, int)
     assert iterations <= 40
     assert best.objective == pytest.approx(static_drilling_time(k_c11, z), rel=1e-2)
+
+
+@pytest.mark.parametrize(("path", "value", "more"), [("gap", 2e-3, 0.05), ("m", 200.0, 0.0)])
+def test_other_ways_to_the_plate_need_no_more_iterations(path: str, value: float, more: float) -> None:
+    """A millimetre more of air at 20 mm/s is 0.05 s more; the mass of the axis is of no account in statics."""
+    best = least_time(parameters={path: value}).solve()
+    iterations = best.stats["iterations"]
+    assert isinstance(iterations, int)
+    assert iterations <= 40
+    assert best.objective == pytest.approx(static_drilling_time() + more, rel=1e-3)
+
+
+def test_feed_per_edge_of_an_optimum_is_that_of_the_contact() -> None:
+    """The feed is an unknown of the program, and solves equation (20) of the founding paper with Kienzle's law."""
+    best = least_time().solve()
+    inside = (best.time > best.phases[1][1] + 1e-3) & (best.time < best.phases[3][2] - 1e-3)
+    s, v, ground, f = (best[name][inside] for name in ("depth", "feed", "drill.s_tar", "drill.f_z"))
+    n = best["joint.w"][inside] / (2 * np.pi)
+    width = 2 * np.tan(np.radians(59.0)) * (np.clip(s, 0.0, CONE) - np.clip(s - 20e-3, 0.0, CONE))
+    cut = np.sin(np.radians(118.0)) * width * 2240e6 * f * (np.sin(np.radians(59.0)) * f / 1e-3) ** -0.21
+    pressed = 1e8 * (s - ground) + 2e4 * (v - 2 * n * f)
+    assert np.abs(pressed - cut).max() < 1e-5 * 4e3
 
 
 @pytest.mark.slow

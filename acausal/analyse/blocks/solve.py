@@ -7,7 +7,7 @@ with as many residuals.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 from acausal.analyse.analyse import Structure
@@ -29,6 +29,15 @@ class BlockReport:
     kind: str
 
 
+@dataclass(frozen=True)
+class Monotone:
+    """A variable that is solved for inside the equations, the node that is zero there, and the value it starts from."""
+
+    variable: int
+    residual: int
+    low: float
+
+
 @dataclass(frozen=True, eq=False)
 class Solution:
     """Expressions for all unknowns.
@@ -43,6 +52,8 @@ class Solution:
         Variables on which the rates of the states or the residuals depend; all others are observed.
     formulation
         As it was asked for.
+    monotone
+        Definitions that are a search, and what they search.
     """
 
     structure: Structure
@@ -52,6 +63,7 @@ class Solution:
     needed: frozenset[int]
     blocks: tuple[BlockReport, ...]
     formulation: str = "torn"
+    monotone: tuple[Monotone, ...] = ()
 
     def __repr__(self) -> str:
         observed = len(self.definitions) + len(self.algebraic) - len(self.needed)
@@ -90,6 +102,7 @@ def solve(structure: Structure, formulation: str = "torn") -> Solution:
         needed=needed(structure, work.definitions, work.residuals),
         blocks=tuple(work.reports),
         formulation=formulation,
+        monotone=tuple(work.monotone),
     )
 
 
@@ -101,7 +114,7 @@ class _Work:
         self.whole = whole
         self.rates = {structure.derivative(x) for x in structure.states}
         # Of all variables that are connected to one: the first of them need not be the one that knows.
-        self.monotone = {
+        self.above = {
             v.first + k: v.declaration.monotone_above
             for v in structure.reduced.flat.variables
             if v.declaration.monotone_above is not None
@@ -111,6 +124,7 @@ class _Work:
         self.algebraic: list[int] = []
         self.residuals: list[int] = []
         self.reports: list[BlockReport] = []
+        self.monotone: list[Monotone] = []
         self.hidden: HiddenConstraint | HiddenCombination | None = None  # what the blocks looked at so far hide
         self.left: set[int] = set()  # unknowns that are not solved for then
 
@@ -238,13 +252,14 @@ class _Work:
                 for other, meaning in definitions:
                     self.define(other, meaning)
                 self.reports.append(BlockReport(tuple(unknowns), (), "monotone"))
+                self.monotone.append(Monotone(variable, rest, low))
                 return True
         return False
 
     def _monotone_above(self, variable: int) -> float | None:
         reduced = self.structure.reduced
         own = (s for s in reduced.aliases.get(variable, ()) if reduced.image[s] == self.pool.var(variable))
-        return next((self.monotone[s] for s in own if s in self.monotone), None)
+        return next((self.above[s] for s in own if s in self.above), None)
 
     def _coefficient(self, residual: int, variable: int) -> int | None:
         form = LinearForm(self.pool, (variable,)).of(residual)
@@ -269,6 +284,21 @@ class _Work:
         residuals = [self.structure.residuals[r] for r in block.rows]
         special = partial(special_values, reduced, self.points, residuals, block.columns)
         return dependent(reduced, flat_rows, block.columns, float(self.points.of(rest)[0]), held, special)
+
+
+def opened(solution: Solution) -> Solution:
+    """The same with variables that are searched inside the equations as unknowns, behind those that are iterated."""
+    searched = {m.variable for m in solution.monotone}
+    definitions = tuple(d for d in solution.definitions if d[0] not in searched)
+    residuals = (*solution.residuals, *(m.residual for m in solution.monotone))
+    return replace(
+        solution,
+        definitions=definitions,
+        algebraic=(*solution.algebraic, *(m.variable for m in solution.monotone)),
+        residuals=residuals,
+        needed=needed(solution.structure, definitions, residuals),
+        monotone=(),
+    )
 
 
 def needed(structure: Structure, definitions: Sequence[tuple[int, int]], residuals: Sequence[int]) -> frozenset[int]:
