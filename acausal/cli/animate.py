@@ -56,7 +56,7 @@ def animate(
     stop_time: StopTimeOption = None,
     tolerance: ToleranceOption = None,
     solver: SolverOption = None,
-    poses: Annotated[int, typer.Option("--poses", min=2, help="Up to so many poses of each body.")] = 2000,
+    poses: Annotated[int, typer.Option("--poses", min=2, help="Most poses to store of each body.")] = 2000,
     output_file: Annotated[
         Path | None,
         typer.Option("--output-file", "-o", help=".html, .glb or .gif. Default: MODEL.html.", show_default=False),

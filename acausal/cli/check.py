@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 def check(
     model: ModelArgument, settings: SetOption = None, as_json: JsonOption = False, quiet: QuietOption = False
 ) -> None:
-    """Check a model without running it, up to its start; with --quiet the exit code says it.
+    """Check that a model can be solved and find its start, without a run; --quiet leaves only the exit code.
 
     Example: acausal check oscillator.py
     """

@@ -53,7 +53,10 @@ def compare(
         float, typer.Option("--tolerance", help="Accepted deviation relative to the range of a signal.")
     ] = 1e-4,
     floor: Annotated[
-        float, typer.Option("--floor", help="Ranges below this count as this, so that rounding is no deviation.")
+        float,
+        typer.Option(
+            "--floor", help="Least range to divide by, so that rounding errors of a constant are no deviation."
+        ),
     ] = 1e-9,
     signals: SignalsOption = None,
     count: Annotated[int, typer.Option("--count", help="Number of signals to list, the worst first.")] = 10,
@@ -62,10 +65,10 @@ def compare(
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Compare two result files, or a result with measurements; exit 3 when out of tolerance, which is all with --quiet.
+    """Compare two result files, or a result with measurements; exit 3 when out of tolerance, --quiet prints no more.
 
-    Values are compared at the times of the file with fewer rows, away from events: there, rounding in time is a jump.
-    Units are converted.
+    Values are compared at the times of the file with fewer rows, not at events, where a rounding error in time would
+    show as a jump. Units are converted.
 
     Examples: acausal compare old.mat new.mat --signals "mass.*" --tolerance 1e-6; acausal compare measured.csv run.mat
     --plot

@@ -37,7 +37,7 @@ class Finding:
 
 
 def doctor(as_json: JsonOption = False, quiet: QuietOption = False) -> None:
-    """Check the installation; exit 1 when something is broken; with --quiet only that is printed.
+    """Check the installation; exit 1 when something is broken; --quiet prints only what is broken.
 
     Versions, the solvers on a small model against its closed form, a C compiler, the folder of
     compiled models, optional packages.

@@ -19,7 +19,7 @@ def explore(
         list[Path],
         typer.Argument(
             metavar="RESULT...",
-            help=".mat, .csv, .npz or .parquet files; the first is what differences are taken to.",
+            help=".mat, .csv, .npz or .parquet files; differences are taken from the first.",
             show_default=False,
             autocompletion=complete_result,
         ),

@@ -20,8 +20,8 @@ ParametersOption = Annotated[
     list[str] | None,
     typer.Option("--parameters", help="Parameters that p holds. Default: all.", show_default=False),
 ]
-MinimalOption = Annotated[bool, typer.Option("--minimal", help="In minimal coordinates.")]
-EventsOption = Annotated[bool, typer.Option("--events", help="With what happens at events.")]
+MinimalOption = Annotated[bool, typer.Option("--minimal", help="Write the equations in minimal coordinates.")]
+EventsOption = Annotated[bool, typer.Option("--events", help="Include what happens at events.")]
 
 export = typer.Typer(help="Write a model in another form.", no_args_is_help=True)
 

@@ -53,7 +53,9 @@ def fit(
     sigma: Annotated[
         list[str] | None,
         typer.Option(
-            "--sigma", metavar="SIGNAL=VALUE", help="Standard deviation of its noise, in SI; estimated by default."
+            "--sigma",
+            metavar="SIGNAL=VALUE",
+            help="Standard deviation of the noise of a signal, in SI units. Default: estimated.",
         ),
     ] = None,
     tolerance: ToleranceOption = None,

@@ -44,7 +44,7 @@ def linearize(
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Linearize a model: x' = A x + B u, y = C x + D u, in deviations, with the eigenvalues of A.
+    """Linearize a model: x' = A x + B u, y = C x + D u, in deviations from a point, with the eigenvalues of A.
 
     Without --at the point is the start; with it the model is simulated up to that time first.
 

@@ -78,7 +78,7 @@ def new(
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Write a model that runs, with comments, to begin your own from.
+    """Write a commented model that runs, as the beginning of your own.
 
     Example: acausal new my_model.py
     """

@@ -44,7 +44,9 @@ SetOption = Annotated[
         autocompletion=complete_parameter,
     ),
 ]
-DetailsOption = Annotated[bool, typer.Option("--details", help="All that was found, not the ten lines that matter.")]
+DetailsOption = Annotated[
+    bool, typer.Option("--details", help="Print all that was found, not only the ten lines that matter most.")
+]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object: the report, or the error.")]
 ResultArgument = Annotated[
     Path,
@@ -95,7 +97,7 @@ def _time(flag: str, help: str) -> Any:
 
 StartTimeOption = Annotated[str | None, _time("--start-time", "Start of the run")]
 StopTimeOption = Annotated[str | None, _time("--stop-time", "End of the run")]
-OutputIntervalOption = Annotated[str | None, _time("--output-interval", "Distance of the rows of the result")]
+OutputIntervalOption = Annotated[str | None, _time("--output-interval", "Time between two rows of the result")]
 StepOption = Annotated[str | None, _time("--step", "Size of a fixed step")]
 SolverOption = Annotated[
     str | None,
@@ -122,15 +124,17 @@ NativeOption = Annotated[
     typer.Option("--native/--no-native", help="Compile to C; decided by the run's length when not given."),
 ]
 QuietOption = Annotated[
-    bool, typer.Option("--quiet", "-q", help="Print errors and what was asked for: no remarks, no progress.")
+    bool, typer.Option("--quiet", "-q", help="Print only errors and what was asked for: no remarks, no progress.")
 ]
-RepeatOption = Annotated[int, typer.Option("--repeat", help="Time is the best of so many runs after a warm-up.")]
+RepeatOption = Annotated[
+    int, typer.Option("--repeat", help="Number of runs after a warm-up; the shortest time counts.")
+]
 OutputsOption = Annotated[
     list[str] | None,
     typer.Option(
         "--outputs",
         metavar="A,B",
-        help="Variables that y holds, with commas; repeatable. Default: the model's own.",
+        help="Variables that y holds, separated by commas; repeatable. Default: the model's own.",
         show_default=False,
     ),
 ]
@@ -139,7 +143,7 @@ SignalsOption = Annotated[
     typer.Option(
         "--signals",
         metavar="A,B",
-        help="Only these, with commas, * for any text; repeatable.",
+        help="Signals to take, separated by commas, * for any text; repeatable.",
         show_default=False,
         autocompletion=complete_signal,
     ),

@@ -27,7 +27,9 @@ def reduce(
     model: ModelArgument,
     outputs: Annotated[
         list[str] | None,
-        typer.Option("--outputs", metavar="A,B", help="Wanted variables, with commas; repeatable.", show_default=False),
+        typer.Option(
+            "--outputs", metavar="A,B", help="Wanted variables, separated by commas; repeatable.", show_default=False
+        ),
     ] = None,
     more: Annotated[
         list[str] | None,
@@ -39,7 +41,7 @@ def reduce(
         typer.Option(
             "--freeze",
             metavar="NAME",
-            help="Parameters or components whose numbers are final, with commas; zeros: all that are 0.",
+            help="Parameters or components to replace by their numbers, separated by commas; zeros: all that are 0.",
             show_default=False,
         ),
     ] = None,
@@ -48,7 +50,7 @@ def reduce(
         typer.Option(
             "--quasi-static",
             metavar="NAME",
-            help="States or components that follow at once: an approximation; repeatable.",
+            help="States or components to take as settled at every instant, an approximation; repeatable.",
             show_default=False,
         ),
     ] = None,
@@ -68,7 +70,7 @@ def reduce(
     as_json: JsonOption = False,
     quiet: QuietOption = False,  # nothing but the report is printed anyway
 ) -> None:
-    """Keep only what wanted outputs depend on, and what moves; report what was left out and why.
+    """Remove what the wanted outputs do not depend on and what never moves; report what was removed and why.
 
     Example: acausal reduce ThickBlock --outputs drill.s,drill.F_f
     """

@@ -87,7 +87,9 @@ def simulate(
         bool,
         typer.Option("--real-time-factor", help="Report how fast the run and compiled fixed steps are."),
     ] = False,
-    stats: Annotated[bool, typer.Option("--stats", help="Solver counters and times of all stages too.")] = False,
+    stats: Annotated[
+        bool, typer.Option("--stats", help="Print solver counters and the time of every stage, too.")
+    ] = False,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:

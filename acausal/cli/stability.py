@@ -55,7 +55,7 @@ def stability(
     quiet: QuietOption = False,
     details: DetailsOption = False,
 ) -> None:
-    """Which solver to take, why, what to avoid: from eigenvalues, largest steps and growth of errors along a run.
+    """Recommend a solver and say what to avoid and why: from eigenvalues, largest steps, growth of errors along a run.
 
     Example: acausal stability ThickBlock -o ThickBlock.png
     """

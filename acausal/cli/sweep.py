@@ -68,9 +68,10 @@ SampleOption = Annotated[
         show_default=False,
     ),
 ]
-SeedOption = Annotated[int, typer.Option("--seed", help="Of the draws.")]
+SeedOption = Annotated[int, typer.Option("--seed", help="Seed of the random draws.")]
 WorkersOption = Annotated[
-    int | None, typer.Option("--workers", metavar="N", help="Default: one for each core.", show_default=False)
+    int | None,
+    typer.Option("--workers", metavar="N", help="Number of workers. Default: one for each core.", show_default=False),
 ]
 ExecutorOption = Annotated[
     str, typer.Option("--executor", help="processes, threads, dask://HOST:PORT, or dask:// for a cluster here.")
@@ -78,7 +79,7 @@ ExecutorOption = Annotated[
 ResumeOption = Annotated[bool, typer.Option("--resume", help="Run only what the .sweep file does not hold yet.")]
 MembersOption = Annotated[
     Path | None,
-    typer.Option("--output-file", "-o", help="Finished members. Default: MODEL.sweep.", show_default=False),
+    typer.Option("--output-file", "-o", help="File of the finished members. Default: MODEL.sweep.", show_default=False),
 ]
 TableOption = Annotated[
     Path | None, typer.Option("--table", help="One table: .parquet, .nc or .csv.", show_default=False)

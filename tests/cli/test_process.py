@@ -72,7 +72,7 @@ def test_simulate_separates_the_streams(folder: Path) -> None:
 def test_who_ends_a_run_keeps_what_was_computed(folder: Path, number: int, code: int, word: str) -> None:
     (folder / "endless.py").write_text(ENDLESS)
     with start("simulate", "endless.py", folder=folder) as process:
-        time.sleep(1.5)
+        time.sleep(2.5)
         process.send_signal(number)
         out, err = process.communicate(timeout=60)
     assert process.returncode == code, err

@@ -273,3 +273,11 @@ def test_no_solver_takes_more_steps_than_it_may(solver: str, native: bool) -> No
     assert piece.x[:, -1] == pytest.approx([1.0, 0.0], abs=1e-4)
     with pytest.raises(RuntimeError):
         solver_named(solver).integrate(problem, replace(segment, times=np.array([1000.0])))
+
+
+@pytest.mark.parametrize("solver", ["idas", "cvodes", "rosenbrock", "erk"])
+def test_what_is_not_finite_is_told_by_the_error_alone(solver: str, capfd: pytest.CaptureFixture[str]) -> None:
+    """CasADi printed a line for each trial step beyond the end: a hundred with `rosenbrock`."""
+    with pytest.raises(IntegrationError):
+        acausal.simulate(Emptying(), stop_time=1.0, solver=solver, native=False)
+    assert "".join(capfd.readouterr()) == ""

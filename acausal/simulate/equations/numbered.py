@@ -250,7 +250,9 @@ class Numbered:
         """
         key = plugin, int(dae.__hash__()), threading.get_ident()
         _, shared = self._derived.pop(key, (dae, {}))
-        found = ca.integrator("segment", plugin, dae, 0.0, grid.tolist(), {**settings, "cache": shared})
+        # what is not finite is named by `failure.py`, once, and a step that leads there is tried again, shorter
+        options = {**settings, "show_eval_warnings": False, "cache": shared}
+        found = ca.integrator("segment", plugin, dae, 0.0, grid.tolist(), options)
         # rootfinders inside of MX have a memory of their own
         if not shared and (self.nz == 0 or dae.is_a("SXFunction")):
             shared = {name: found.get_function(name) for name in _DERIVED if found.has_function(name)}

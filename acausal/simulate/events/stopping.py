@@ -316,7 +316,6 @@ class Stepper:
             **_settings(self.segment),
             # few different ones, as each makes another integrator
             "max_num_steps": 20_000 * 4 ** max(0, math.ceil(math.log(self.segment.most_steps / 20_000, 4.0))),
-            "show_eval_warnings": False,  # a step that leads where nothing is defined is tried again, shorter
         }
         settings = {k: v for k, v in settings.items() if k not in sizes} | {k: v for k, v in sizes.items() if v > 0.0}
         with contextlib.redirect_stderr(

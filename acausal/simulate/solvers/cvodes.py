@@ -22,8 +22,8 @@ class Cvodes(CasadiSolver):
             "reltol": segment.tolerances.relative,
             "abstol": segment.tolerances.absolute,
             "max_num_steps": segment.most_steps,
-            # what is not finite is named by `failure.py`, once
-            "show_eval_warnings": False,
+            # a line for each step below rounding, before the run ends and says why
+            "disable_internal_warnings": True,
             **bounded(segment),
             **(beginning(segment) if segment.partial else {}),
         }

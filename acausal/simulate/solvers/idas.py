@@ -59,8 +59,6 @@ class Idas(CasadiSolver):
             # ODE is under the error test as a whole, and pays half as many evaluations again for nothing
             "nonlin_conv_coeff": self.convergence,
             "max_num_steps": segment.most_steps,
-            # what is not finite is named by `failure.py`, once
-            "show_eval_warnings": False,
             **bounded(segment),
             **(beginning(segment) if segment.partial else {}),
             **attainable(problem, segment, self.convergence),
