@@ -49,6 +49,16 @@ def test_what_the_page_says_of_ball_and_clutches_is_so(namespace: dict[str, Any]
     assert len(namespace["control"].events) >= 99
 
 
+def test_the_cart_of_the_page_bounces(namespace: dict[str, Any]) -> None:
+    """The wall takes momentum, P = 2 dv + dv_x; the rod's impulse lies along the rod: dv_x / dv_y = (x - s) / y."""
+    r = acausal.simulate(namespace["Cart"](), stop_time=1.0, tolerance=1e-8)
+    k = int(np.flatnonzero(np.diff(r.time) == 0.0)[0])
+    assert r["v"][k + 1] == pytest.approx(-0.5 * r["v"][k], abs=1e-9)
+    dx, dy = (r[n][k + 1] - r[n][k] for n in "uw")
+    assert dx * r["y"][k] == pytest.approx(dy * (r["x"][k] - r["s"][k]), abs=1e-8)
+    assert abs(dx) > 0.1
+
+
 def test_names_of_the_table_exist() -> None:
     table = re.findall(r"^\| `.*", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
     assert len(table) >= 15

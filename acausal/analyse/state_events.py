@@ -17,7 +17,7 @@ from acausal.analyse.delays import Delays
 from acausal.analyse.domains import guarded
 from acausal.analyse.time_events import TimeEvents
 from acausal.errors import Span, StructureError
-from acausal.flatten.pool import LEAVES, RELATIONS, Pool
+from acausal.flatten.pool import IMPULSE, LEAVES, RELATIONS, Pool
 from acausal.flatten.reduced import ReducedSystem
 
 
@@ -25,7 +25,7 @@ from acausal.flatten.reduced import ReducedSystem
 class Clause:
     """One `when` or `elsewhen`: it acts when one of `conditions` becomes true and none of `earlier` does.
 
-    New values as `(position in the state vector, node)`, words and place.
+    New values as `(position in the state vector, node)`, words and place; of an impulse the position of the force.
     """
 
     conditions: tuple[int, ...]
@@ -135,6 +135,7 @@ def find_state_events(
     done = {**rewritten, **branches}
     pool.rewrite(roots, pool.var, done)
     found = _conditions(pool, [done[r] for r in roots], set(time_events.relations), discrete)
+    found["pre"] |= _before_impulses(pool, states, clauses, assignments)
     relations = tuple(sorted(found["relation"]))
     return StateEvents(
         tuple(sorted(found["sample"])),
@@ -147,6 +148,17 @@ def find_state_events(
         asserts,
         frozenset(range(len(relations), len(relations) + len(watched))),
     )
+
+
+def _before_impulses(
+    pool: Pool, states: tuple[int, ...], clauses: Iterable[Clause], assignments: Iterable[Assignment]
+) -> set[int]:
+    """`pre` of all discrete variables where there are impulses, which act under the equations from before the event."""
+    actions = [action for clause in clauses for action in clause.actions]
+    if not any(pool.nodes[node][0] == IMPULSE for _, node in actions):
+        return set()
+    discrete = [k for k, node in actions if pool.nodes[node][0] != IMPULSE] + [a.position for a in assignments]
+    return {pool.make("pre", pool.var(states[k])) for k in discrete}
 
 
 def discrete_variables(reduced: ReducedSystem) -> frozenset[int]:
@@ -322,7 +334,8 @@ def _clauses(reduced: ReducedSystem, states: tuple[int, ...]) -> Iterable[Clause
                     cause="it follows from other variables, so a new value would contradict them",
                     help="reset the state it follows from, or declare it prefer_state=True or discrete()",
                 )
-            actions.append((found[0], pool.neg(value) if found[1] else value))
+            is_impulse = pool.nodes[value][0] == IMPULSE  # which has the sign that it takes
+            actions.append((found[0], pool.neg(value) if found[1] and not is_impulse else value))
         words = when.terminate, str(when.source), when.component, when.origin.span()
         yield Clause(nodes.conditions, nodes.earlier, tuple(actions), *words)
 

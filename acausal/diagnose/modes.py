@@ -223,5 +223,5 @@ def _refusal(reduced: ReducedSystem, source: int, block: Block, modes: Modes) ->
         ],
         cause="a constraint is switched on and off: states would come and go, and impulses come with it",
         help="give it a force: a stiff spring and damper, where(r > l, c*(r - l) + d*der(r), 0); or hold accelerations "
-        "instead, and let a `when` with reset(...) make the velocities jump; or make one model for each mode",
+        "instead, and let a `when` make the velocities jump, reset(velocity, 0, by=force); or make a model for each",
     )

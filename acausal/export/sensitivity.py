@@ -21,7 +21,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from acausal.errors import UsageError, nearest
+from acausal.errors import ExportError, UsageError, nearest
 from acausal.export.forms import SENSITIVITIES, check
 from acausal.export.observed import observed_function
 from acausal.export.ports import Output, named_outputs
@@ -30,6 +30,7 @@ from acausal.language.component import Component
 from acausal.lower.build import Builder
 from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
+from acausal.lower.impulses import impulses
 from acausal.result import Result
 from acausal.simulate.arguments import input_vector, parameter_vector
 from acausal.simulate.driver.hybrid import Passage
@@ -279,9 +280,13 @@ class Chain:
         for jump in passage.happened.jumps:
             moment = jump.moment
             x = self._set(self._assigned, self._after(moment.regime, 1, None, t, moment, x, past), x)
-            rows = np.flatnonzero(jump.applied).tolist()
+            acting = np.flatnonzero(jump.applied).tolist()
+            hits = [k for k in acting if k in self._impulses]
+            rows = [k for k in acting if k not in self._impulses]
             places = [self._places[k] for k in rows]
-            x = self._set(places, self._after(moment.regime, 3, rows, t, moment, x, past), x)
+            values = self._after(moment.regime, 3, rows, t, moment, x, past)
+            struck = self._struck(moment, hits, places, t, x, past)
+            x = self._set(places, values, x) + struck
             if jump.advances:
                 past = self._after(moment.regime, 4, None, t, moment, x, past)
         x = self._set(self._assigned, self._after(right.regime, 1, None, t, right, x, past), x)
@@ -338,6 +343,28 @@ class Chain:
         """The state that each action sets."""
         return [position for clause in self.compiled.state_events.clauses for position, _ in clause.actions]
 
+    @cached_property
+    def _impulses(self) -> set[int]:
+        """Actions that are impulses."""
+        return {k for k, _ in impulses(self.compiled)}
+
+    def _struck(self, moment: Any, hits: list[int], places: list[int], t: float, x: Vector, past: Vector) -> Vector:
+        """Variations of what impulses add to the states."""
+        if not hits:
+            return np.zeros_like(x)
+        if any(place < self.compiled.n_dynamic for place in places):
+            clauses = [self.compiled.state_events.clauses[k] for a, k in impulses(self.compiled) if a in hits]
+            raise ExportError(
+                "AC608",
+                f"sensitivities do not take {self.compiled.name}: at t = {t:.9g} s states are reset together with an "
+                "impulse",
+                where=tuple(c.where for c in clauses[:2]),
+                evidence=[c.text for c in clauses[:2]],
+                help="let the impulse act alone, or compare two runs",
+            )
+        jump = self.compiled.events.struck(hits)
+        return self._carried(moment.regime, jump, t, moment, x, past)
+
     @staticmethod
     def _set(places: list[int], values: Vector, x: Vector) -> Vector:
         """Variations in which some states take new ones."""
@@ -356,7 +383,11 @@ class Chain:
         if not count:
             return np.zeros((0, x.shape[1]))
         chosen = list(range(count)) if rows is None else rows
-        by_x, by_p, by_t, by_past = self._full(regime, lambda *a: reactions(*a)[output][chosen], t, moment)
+        return self._carried(regime, lambda *a: reactions(*a)[output][chosen], t, moment, x, past)
+
+    def _carried(self, regime: Regime, function: Any, t: float, moment: Any, x: Vector, past: Vector) -> Vector:
+        """Variations of a function of all, given those of the states and of what is remembered."""
+        by_x, by_p, by_t, by_past = self._full(regime, function, t, moment)
         found = by_x @ x + by_past @ past
         found[:, self.nx : -1] += by_p
         found[:, -1] += by_t

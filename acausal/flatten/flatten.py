@@ -27,7 +27,7 @@ from acausal.flatten.freeing import Signal, cut_elements, cut_equations, cut_joi
 from acausal.flatten.instances import Instance, numbers
 from acausal.flatten.orientation import spanning_tree
 from acausal.flatten.parameters import ParameterTable, check_overrides, check_values, foreign, refuse_time
-from acausal.flatten.pool import Pool
+from acausal.flatten.pool import IMPULSE, Pool
 from acausal.flatten.scalarise import Scalars, scalars
 from acausal.flatten.statements import Statement, refuse_unstated, run, statements
 from acausal.flatten.templates import Template, make_template, replay, sides, template_key
@@ -35,7 +35,7 @@ from acausal.language.choices import Choice
 from acausal.language.component import Component, Connector
 from acausal.language.connect import Connection
 from acausal.language.declaration import Fixed, Guess, Kind
-from acausal.language.events import When
+from acausal.language.events import Reset, When
 from acausal.language.expression import Equation, Expr, Symbol, assigned
 from acausal.language.origin import Origin
 
@@ -241,17 +241,20 @@ class _Builder:
             earlier: tuple[int, ...] = ()
             for branch in (item, *item.branches):
                 conditions = tuple(scalars(self.pool, c, self.resolve, done)[0] for c in branch.conditions)
-                actions = tuple(
-                    (
-                        int(self.pool.nodes[self.resolve(a.target)[0]][1]),
-                        scalars(self.pool, a.value, self.resolve, done)[0],
-                    )
-                    for a in branch.actions
-                )
+                actions = tuple(self.action(a, done) for a in branch.actions)
                 source = replace(branch, branches=())
                 found.append(FlatWhen(conditions, earlier, actions, origin, instance.path, source, branch.terminate))
                 earlier += conditions
         return found
+
+    def action(self, reset: Reset, done: dict[int, Scalars]) -> tuple[int, int]:
+        """The scalar that a `reset` acts on and the node of its value; for an impulse the force and both velocities."""
+        value = scalars(self.pool, reset.value, self.resolve, done)[0]
+        if reset.by is not None:
+            velocity = scalars(self.pool, reset.target, self.resolve, done)[0]
+            value = self.pool.make(IMPULSE, velocity, value)
+        target = scalars(self.pool, reset.target if reset.by is None else reset.by, self.resolve, done)[0]
+        return int(self.pool.nodes[target][1]), value
 
     def leaf_equations(self, leaves: _LeafStatements) -> list[FlatEquation]:
         """Equations of leaf components, replayed where they are the same."""

@@ -53,7 +53,9 @@ _BINARY: dict[str, Callable[[float, float], float]] = {
 }
 LEAVES = frozenset(("const", "var", "par", "time"))
 RELATIONS = frozenset(("lt", "le", "gt", "ge"))
-_KEPT = frozenset(("sample", "pre", "initial", "infinitesimal", "terminal"))  # what they are depends on the run
+IMPULSE = "impulse"
+"""Of a velocity and its value after an impact: what a `when` gives to the force whose impulse it is."""
+_KEPT = frozenset(("sample", "pre", "initial", "infinitesimal", "terminal", IMPULSE))  # what they are is the run's
 _MANY = 16  # roots are many when there are more than one in so many nodes
 
 

@@ -11,22 +11,24 @@ from dataclasses import dataclass, replace
 
 from acausal.errors import DeclarationError
 from acausal.language.declare import check_discrete
-from acausal.language.expression import Expr, Operand, Symbol, as_expr, checked_condition
+from acausal.language.expression import Expr, Operand, Symbol, as_expr, checked_condition, is_discrete
 from acausal.language.statement import Statement, made, used
 
 
 @dataclass(frozen=True)
 class Reset:
-    """A new value for a variable that is integrated, or that is discrete."""
+    """A new value for a variable that is integrated or discrete; or for a velocity, by the impulse of a force."""
 
-    target: Symbol
+    target: Expr
     value: Expr
+    by: Expr | None = None
 
     def __post_init__(self) -> None:
         made(self)
 
     def __str__(self) -> str:
-        return f"reset({self.target}, {self.value})"
+        by = "" if self.by is None else f", by={self.by}"
+        return f"reset({self.target}, {self.value}{by})"
 
 
 @dataclass(frozen=True)
@@ -132,17 +134,29 @@ def _conditions(condition: Expr | Sequence[Expr]) -> tuple[Expr, ...]:
     return (checked_condition(condition),)
 
 
-def reset(x: Expr, value: Operand) -> Reset:
+def reset(x: Expr, value: Operand, *, by: Expr | None = None) -> Reset:
     """Set a state or a discrete variable to a new value; the value may use what holds just before.
+
+    Parameters
+    ----------
+    x
+        One declared scalar variable; with `by`, any scalar made of velocities.
+    by
+        A discrete variable that stands in the equations as a force. For an instant it becomes as large as it takes for
+        `x` to have the new value: all that it moves jumps, by the masses of the model, and constraints go on to hold.
+        The variable itself stays what it is, as a rule zero.
 
     Raises
     ------
     DeclarationError
-        AC141 when `x` is not a declared scalar variable, AC147 when the value is none for a boolean or an integer.
+        AC141 when `x` is not a declared scalar variable, or `by` no discrete one; AC147 when the value is none for a
+        boolean or an integer.
     """
-    if not isinstance(x, Symbol) or x.shape:
+    if by is not None:
+        _check_force(x, by)
+    elif not isinstance(x, Symbol) or x.shape:
         raise DeclarationError("AC141", f"`{x}` cannot be reset", help="reset takes one declared scalar variable")
-    if x.declaration.kind.value in ("parameter", "input"):
+    elif x.declaration.kind.value in ("parameter", "input"):
         raise DeclarationError(
             "AC141",
             f"`{x}` cannot be reset: it is {'an input' if x.declaration.kind.value == 'input' else 'a parameter'}",
@@ -151,8 +165,27 @@ def reset(x: Expr, value: Operand) -> Reset:
     new = as_expr(value)
     if new.shape:
         raise DeclarationError("AC105", f"`{x}` is a scalar, its new value `{new}` has shape {new.shape}")
-    check_discrete(f"`{x}`", x.declaration, new)
-    return Reset(x, new)
+    if isinstance(x, Symbol):
+        check_discrete(f"`{x}`", x.declaration, new)
+    return Reset(x, new, by)
+
+
+def _check_force(x: object, by: object) -> None:
+    """Refuse what takes no impulse, and what is no force that could give one."""
+    if not isinstance(x, Expr) or x.shape or is_discrete(x):
+        raise DeclarationError(
+            "AC141",
+            f"`{x}` cannot be reset by an impulse",
+            help="an impulse changes velocities: reset(self.v, -self.e * pre(self.v), by=self.hit)",
+        )
+    force = by.args[0] if isinstance(by, Expr) and by.op == "index" else by
+    said = force.declaration if isinstance(force, Symbol) else None
+    if said is None or not isinstance(by, Expr) or by.shape or not said.discrete or said.boolean or said.integer:
+        raise DeclarationError(
+            "AC141",
+            f"`{by}` is no force that could act for an instant",
+            help="declare one, hit: Real = discrete(unit='N'), and add it to the forces of the equations",
+        )
 
 
 def terminate(message: str) -> Terminate:

@@ -12,7 +12,7 @@ from typing import Any
 
 import casadi as ca
 
-from acausal.flatten.pool import LEAVES, Pool
+from acausal.flatten.pool import IMPULSE, LEAVES, Pool
 from acausal.language.delay import Delayed
 from acausal.language.external import Call, External
 from acausal.language.functions import UNARY
@@ -40,6 +40,7 @@ BUILD: dict[str, Callable[..., Any]] = {
     "noevent": lambda a: a,
     "sample": lambda start, interval: ca.SX(0),  # true at instants only: the run sets its mode there
     "pre": lambda a: a,
+    IMPULSE: lambda velocity, value: value - velocity,
     "initial": lambda: ca.SX(0),
     "infinitesimal": lambda: ca.SX(0),
     "terminal": lambda: ca.SX(0),

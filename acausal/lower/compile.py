@@ -27,6 +27,7 @@ from acausal.lower.build import Builder
 from acausal.lower.cache import recall, remember, signature
 from acausal.lower.collector import collector_paused
 from acausal.lower.compiled import CompiledModel, _column
+from acausal.lower.impulses import impulses_of
 from acausal.lower.lowered import Recipe
 from acausal.lower.symbols import Symbols
 from acausal.numeric.samples import Visited
@@ -215,7 +216,9 @@ def lower(solution: Solution, driven: tuple[int, ...] = (), watched: tuple[int, 
     names = ["t", "x", "z", "u", "p", "m"]
     rhs = ca.Function("rhs", symbols.inputs, [ode, _column(alg)], names, ["ode", "alg"])
     modes, instants = _event_functions(shell, events)
-    return replace(shell, rhs=rhs, modes=modes, instants=instants)
+    compiled = replace(shell, rhs=rhs, modes=modes, instants=instants)
+    impulses_of(compiled, symbols)  # refused here, not at the first event
+    return compiled
 
 
 def _sort_states(solution: Solution) -> tuple[tuple[int, ...], int, int]:

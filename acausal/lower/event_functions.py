@@ -5,6 +5,7 @@ Arguments are those of the right-hand side, `(t, x[nx], z[nz], u[nu], p[np], m[n
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from functools import cached_property
 from typing import Any
 
@@ -14,6 +15,7 @@ from acausal.analyse.state_events import origins
 from acausal.errors import Span
 from acausal.flatten.text import to_text
 from acausal.lower.event_round import round_of
+from acausal.lower.impulses import struck
 from acausal.lower.lowered import Lowered
 from acausal.lower.symbols import Symbols
 
@@ -52,6 +54,10 @@ class EventFunctions:
     def round(self) -> Any:
         """One round of the event iteration: see `acausal.lower.event_round.Round`."""
         return round_of(self.compiled, self.reactions, Symbols(self.compiled))
+
+    def struck(self, acting: Collection[int]) -> Any:
+        """`-> dx[nx]`: what jumps when these actions act at once, as far as they are impulses."""
+        return struck(self.compiled, acting)
 
     @cached_property
     def distances(self) -> Any:

@@ -22,6 +22,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from acausal.lower.impulses import impulses, impulses_of
 from acausal.lower.lowered import Lowered
 from acausal.lower.symbols import Symbols
 from acausal.structure.levels import levels
@@ -43,7 +44,7 @@ class Round(NamedTuple):
     settled
         1 when a whole round has changed nothing.
     clash
-        1 when two clauses that act disagree about a value.
+        1 when two clauses that act disagree about a value, or no impulse gives a velocity its new value.
     acting
         1 for each clause that acts in this round; complete when `level` is 0.
     applied
@@ -107,7 +108,8 @@ def order_of(compiled: Lowered, reactions: Any) -> Order:
     place = {n: c + k for k, n in enumerate(events.conditions)}
     owners = [(clause, position) for clause in events.clauses for position, _ in clause.actions]
     # a reset of a state is taken at the end of the round, when all discrete variables are known
-    own = [a for a, (_, position) in enumerate(owners) if position >= first_discrete]
+    at_end = {a for a, _ in impulses(compiled)}
+    own = [a for a, (_, position) in enumerate(owners) if position >= first_discrete and a not in at_end]
     chosen = ca.Function("values", reactions.sx_in(), [reactions(*reactions.sx_in())[3][own]])
     follow(chosen, 0, [owners[a][1] for a in own])
     asked = [(place[n], owners[a][1]) for a in own for n in (*owners[a][0].conditions, *owners[a][0].earlier)]
@@ -125,9 +127,9 @@ def order_of(compiled: Lowered, reactions: Any) -> Order:
     source = np.concatenate([s for s, _ in edges]).astype(np.int64)
     target = np.concatenate([t for _, t in edges]).astype(np.int64)
     late = np.zeros(c + count, dtype=bool)
-    late[[position for _, position in owners if position >= first_discrete]] = True
+    late[[owners[a][1] for a in own]] = True
     level = levels(source, target, late.tolist())
-    places = sorted({position for _, position in owners if position >= first_discrete})
+    places = sorted({owners[a][1] for a in own})
     found = [int(v) for v in level[[*range(c, len(level)), *places]]]
     rank = {v: k for k, v in enumerate(sorted(set(found)))}
     own_rank = {p: rank[v] for p, v in zip(places, found[count:], strict=True)}
@@ -144,6 +146,8 @@ def round_of(compiled: Lowered, reactions: Any, s: Symbols) -> Any:
     actions = [(k, position) for k, clause in enumerate(events.clauses) for position, _ in clause.actions]
     x, known, applied = ca.SX(s.x), ca.SX(decided), ca.SX(len(actions), 1)
     clash, here, reached = ca.SX(0), ca.SX(1), level
+    found_impulses = impulses_of(compiled, s)
+    hits = {a for a, _ in impulses(compiled)}
 
     def rises(nodes: Iterable[int]) -> Any:
         """Whether one of these conditions has become true; all of them are decided."""
@@ -161,7 +165,7 @@ def round_of(compiled: Lowered, reactions: Any, s: Symbols) -> Any:
             taken: Any = ca.SX(0)
             new = s.x[position]
             for a, (k, target) in enumerate(actions):
-                if target == position:
+                if target == position and a not in hits:
                     act = ca.logic_and(now, acts(k))
                     clash = ca.logic_or(clash, ca.logic_and(ca.logic_and(act, taken), values[a] != new))
                     new, taken = ca.if_else(act, values[a], new), ca.logic_or(taken, act)
@@ -177,7 +181,12 @@ def round_of(compiled: Lowered, reactions: Any, s: Symbols) -> Any:
         changed = take((p for p, own in order.variables.items() if own == rank), now)
         reached = ca.if_else(now, rank + 1, reached)
         here = ca.logic_and(here, ca.logic_not(changed))
-    take({target for _, target in actions} - order.variables.keys(), here)
+    take({target for a, (_, target) in enumerate(actions) if a not in hits} - order.variables.keys(), here)
+    if found_impulses is not None:
+        for a in found_impulses.actions:
+            applied[a] = ca.logic_and(here, acts(actions[a][0]))
+        struck, possible = found_impulses.after(s, x, [applied[a] for a in found_impulses.actions])
+        x, clash = struck, ca.logic_or(clash, ca.logic_not(possible))
     acting = [acts(k) for k in range(len(events.clauses))]
     # of what states are reset to: `pre` of them is their value at the end of the round
     later = reactions(s.t, x, *s.inputs[2:])[4]

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from acausal.flatten.pool import LEAVES, Pool
+from acausal.flatten.pool import IMPULSE, LEAVES, Pool
 from acausal.flatten.terms import SUMS, is_long, terms
 from acausal.language.delay import Delayed
 from acausal.language.external import Call, External
@@ -33,6 +33,7 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "noevent": lambda a: a,
     "sample": lambda a, b: 0.0,
     "pre": lambda a: a,
+    IMPULSE: lambda velocity, value: value - velocity,
     "initial": lambda: 0.0,
     "infinitesimal": lambda: 0.0,
     "terminal": lambda: 0.0,

@@ -13,6 +13,7 @@ from acausal.analyse.delays import PADE, refuse_delays
 from acausal.errors import OptimizationError
 from acausal.export.forms import Form, check
 from acausal.lower.compiled import CompiledModel
+from acausal.lower.impulses import impulses
 from acausal.lower.symbols import Symbols
 from acausal.optimal_control.branches import Widths, branched, crossed, freed
 from acausal.optimal_control.guess import PhaseGuess
@@ -156,12 +157,17 @@ def _jump(problem: StatedProblem, relation: int, ends: list[Vector], following: 
     held = dict(zip(events.conditions, truth[1].tolist(), strict=True))
     _, assigned, _, values, _, _ = reactions(*arguments, after)
     new, k = ca.SX(s.x), 0
+    hits, acting = {a for a, _ in impulses(compiled)}, list[int]()
     for clause in events.clauses:
         acts = any(rising[c] for c in clause.conditions) and not any(held[c] for c in clause.earlier)
         for position, _ in clause.actions:
-            if acts:
+            if acts and k in hits:
+                acting.append(k)
+            elif acts:
                 new[position] = values[k]
             k += 1
+    if acting:
+        new += compiled.events.struck(acting)(*arguments, after)
     for j, assignment in enumerate(events.assignments):
         new[assignment.position] = assigned[j]
     jump = _in_coordinates(q, ca.Function("jump", arguments, [new]))

@@ -105,9 +105,9 @@ def refuse_leaps(recorder: Recorder, tolerances: Tolerances) -> None:
             f"{led[j][1]} = {sides[0][k, j]:.6g} before, {sides[1][k, j]:.6g} after, with the same states"
             for j in leaping[:4]
         ],
-        cause="a constraint changes at this event; the impulses that come with it are not computed",
+        cause="a constraint changes at this event, and no force is named whose impulse comes with it",
         help="let it change continuously, connect it through a spring and damper or a clutch, "
-        "or state the jump yourself: when(..., reset(...)) of a state",
+        "or state the jump yourself: when(..., reset(velocity, value, by=force))",
     )
 
 

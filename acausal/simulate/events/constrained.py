@@ -2,8 +2,8 @@
 
 A reset changes some states and keeps the others. Where a constraint binds both, as a loop of joints binds their speeds,
 the others have to follow, by an impulse of the constraint. If the reset states determine them through the constraints,
-no mass is asked for: a crank that is given a speed turns all links of its loop. If they do not, Newton's law would
-decide, and the run is refused.
+no mass is asked for: a crank that is given a speed turns all links of its loop. If they do not, Newton's law decides,
+where the equations of motion tell on what the impact acts (`balance.py`); else the run is refused.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from acausal.diagnose.words import line, listed
 from acausal.errors import EventError
 from acausal.flatten.flat import span_of
 from acausal.lower.compiled import CompiledModel
+from acausal.simulate.events.balance import directions
 from acausal.simulate.record.project import constraints
 
 Vector = NDArray[np.float64]
@@ -71,11 +72,35 @@ def followed(
         if any((binds[k] <= binds[j]).all() and (binds[k] < binds[j]).any() for j in np.flatnonzero(broken)):
             held |= binds[k]
     joined, free = _joined(binds, broken, held)
+    struck = _struck(compiled, t, before, after, reset, numbers)
+    if struck is not None and (_off(compiled, t, struck, numbers)[0] <= allowed).all():
+        return struck
     x, rank = _solved(compiled, t, after, np.flatnonzero(joined), np.flatnonzero(free), numbers)
     off, _ = _off(compiled, t, x, numbers)
     if rank < free.sum() or not (off[joined] <= _SOLVED).all() or not (off <= allowed).all():
         raise _open(compiled, t, reset, broken, np.flatnonzero(free).tolist() if rank < free.sum() else [])
     return x
+
+
+def _struck(
+    compiled: CompiledModel,
+    t: float,
+    before: Vector,
+    after: Vector,
+    reset: list[int],
+    numbers: tuple[Vector, Vector, Vector, Vector],
+) -> Vector | None:
+    """States behind an impact on these velocities; None where the balance of impulses is not known."""
+    slopes = _at(compiled, t, before, numbers)[1]
+    found = directions(compiled, reset, slopes, (t, before, *numbers))
+    if found is None:
+        return None
+    own = found[reset]
+    if np.linalg.matrix_rank(own / np.diag(own), tol=_RANK) < len(reset):
+        return None
+    struck = after + found @ np.linalg.solve(own, after[reset] - before[reset])
+    struck[reset] = after[reset]
+    return struck
 
 
 def _joined(binds: Truth, broken: Truth, held: Truth) -> tuple[Truth, Truth]:
@@ -156,6 +181,7 @@ def _open(compiled: CompiledModel, t: float, reset: list[int], broken: Truth, fr
             "does not hold with the values before and after for all others:",
             *(line(compiled.flat, compiled.flat.equations[e]).strip() for e in equations[:3]),
         ],
-        cause="the others would follow by an impulse of the constraint, which is not computed",
-        help=f"{help_}, or let a force act for a short time",
+        cause="the others follow by impulses of the constraints, and no single equation of motion says what the impact "
+        "acts on",
+        help=f"{help_}, or name the force of the impact: reset(velocity, value, by=force)",
     )

@@ -45,9 +45,21 @@ def undetermined(t: float, error: InitializationError) -> EventError:
         where=error.where,
         evidence=error.evidence,
         cause="the event has made another equation of it: one without a solution, or a constraint on what is known by "
-        "then, which would need an impulse that is not computed",
+        "then, which would need the impulse of a force that is not named",
         help="let it change continuously, connect it through a spring and damper or a clutch, "
-        "or state the jump yourself: when(..., reset(...)) of a state",
+        "or state the jump yourself: when(..., reset(velocity, value, by=force))",
+    )
+
+
+def vain(model: str, t: float, clauses: Sequence[Clause]) -> EventError:
+    """Impulses that cannot give velocities their new values."""
+    return EventError(
+        "AC508",
+        f"{model}: no impulse gives velocities the values that they are reset to at t = {t:.9g} s",
+        where=tuple(c.where for c in clauses[:2]),
+        evidence=[c.text for c in clauses[:4]],
+        cause="constraints hold the velocity, or several impulses at this instant say the same twice",
+        help="let the force act on what can move; of several impacts at once leave out what the others determine",
     )
 
 

@@ -18,11 +18,12 @@ from acausal.analyse.state_events import Clause
 from acausal.diagnose.words import listed
 from acausal.errors import InitializationError
 from acausal.lower.event_round import Round
+from acausal.lower.impulses import impulses
 from acausal.simulate.equations.kept import kept
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.equations.shares import Border
 from acausal.simulate.events.constrained import followed
-from acausal.simulate.events.errors import contradicting, overloaded, undetermined, unsettled, violated
+from acausal.simulate.events.errors import contradicting, overloaded, undetermined, unsettled, vain, violated
 from acausal.simulate.events.guards import INSTANT, LOCATED, Cause, Guards, Moment, Truth
 from acausal.simulate.events.held import Hold
 from acausal.simulate.events.regime import Regime
@@ -218,7 +219,8 @@ class Iteration:
                 first, other = setters.setdefault(place, (clause, value))
                 if other != value:
                     return contradicting(compiled.name, t, compiled.states[place], (first, clause))
-        return unsettled(compiled.name, t, [c.text for c, _ in setters.values()])
+        striking = [actions[a][0] for a, _ in impulses(compiled) if acting[a]]
+        return vain(compiled.name, t, striking or [c for c, _ in setters.values()])
 
     def _over(self, t: float, moment: Moment) -> Moment:
         """The moment after the instant: samples and flags are false again, also to what remembers them."""
