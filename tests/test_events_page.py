@@ -56,7 +56,7 @@ def test_the_cart_of_the_page_bounces(namespace: dict[str, Any]) -> None:
     assert r["v"][k + 1] == pytest.approx(-0.5 * r["v"][k], abs=1e-9)
     dx, dy = (r[n][k + 1] - r[n][k] for n in "uw")
     assert dx * r["y"][k] == pytest.approx(dy * (r["x"][k] - r["s"][k]), abs=1e-8)
-    assert abs(dx) > 0.1
+    assert abs(dx) > 0.01
 
 
 def test_names_of_the_table_exist() -> None:
