@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -34,7 +34,7 @@ def write(table: Table, path: Path, units: bool = False) -> None:
     UsageError
         AC012 when the file cannot be written, AC013 for an unknown suffix.
     """
-    writer = WRITERS[_suffix(path)]
+    writer = WRITERS[check_suffix(path, WRITERS, "result format")]
     with atomic(path) as file:
         if units and writer is write_csv:
             write_csv(table, file, units=True)
@@ -50,7 +50,7 @@ def read(path: Path) -> Table:
     UsageError
         AC013 for an unknown suffix, AC014 when the file is missing or is not a result, AC015 for a missing package.
     """
-    reader = READERS[_suffix(path)]
+    reader = READERS[check_suffix(path, READERS, "result format")]
     try:
         table = reader(path)
         _check_times(table.time)
@@ -80,13 +80,12 @@ def _check_times(time: Array) -> None:
         )
 
 
-def _suffix(path: Path) -> str:
+def check_suffix(path: Path, accepted: Collection[str], what: str) -> str:
+    """The suffix of a path, in small letters; UsageError AC013 when it is none of the `accepted` ones of `what`."""
     suffix = path.suffix.lower()
-    if suffix not in WRITERS:
+    if suffix not in accepted:
         raise UsageError(
-            "AC013",
-            f"the suffix '{path.suffix}' of {path.name or path} names no result format",
-            help=f"accepted are {', '.join(WRITERS)}",
+            "AC013", f"the suffix '{path.suffix}' of {path} names no {what}", help=f"accepted are {', '.join(accepted)}"
         )
     return suffix
 

@@ -19,7 +19,7 @@ from matplotlib.lines import Line2D
 from matplotlib.transforms import Transform, offset_copy
 
 from acausal.errors import UnitError, UsageError
-from acausal.files import atomic
+from acausal.files import atomic, check_suffix
 from acausal.panel import Panel
 from acausal.scale import Scale, readable, to_unit
 from acausal.signals import Array, Signal
@@ -164,7 +164,7 @@ def figure(
     """Draw the panels that a model defines, below each other; arguments and errors as for `plot`."""
     if not panels:
         raise UsageError("AC016", "a figure needs at least one panel")
-    check_suffix(file)
+    check_picture(file)
     results = _labelled(result, also)
     content = [_groups(results, panel) for panel in panels]
     columns = 1 if len(panels) <= 5 else 2
@@ -375,14 +375,10 @@ def _calm(ax: Axes, values: Sequence[Array]) -> None:
         ax.set_ylim(middle - reach, middle + reach)
 
 
-def check_suffix(file: str | Path | None) -> None:
+def check_picture(file: str | Path | None) -> None:
     """Refuse a file that is no picture (AC013), before the work of drawing it."""
-    if file is not None and Path(file).suffix.lower() not in FORMATS:
-        raise UsageError(
-            "AC013",
-            f"the suffix '{Path(file).suffix}' of {Path(file).name} names no picture format",
-            help=f"accepted are {', '.join(FORMATS)}",
-        )
+    if file is not None:
+        check_suffix(Path(file), FORMATS, "picture format")
 
 
 def save(drawing: Figure, file: Path) -> None:

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from acausal.errors import UsageError
-from acausal.plot import COLORS, STYLE, Drawing, check_suffix, save
+from acausal.plot import COLORS, STYLE, Drawing, check_picture, save
 from acausal.scale import readable, same_unit
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ def compared(first: Result, second: Result, names: Sequence[str], file: str | Pa
     UsageError
         AC013 for a file of another format, AC016 without a signal.
     """
-    check_suffix(file)
+    check_picture(file)
     if not names:
         raise UsageError("AC016", "no signal is named to compare")
     with matplotlib.rc_context(STYLE):

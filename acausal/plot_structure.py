@@ -15,7 +15,7 @@ from matplotlib.patches import Patch, Rectangle
 from numpy.typing import NDArray
 
 from acausal.lower.compiled import CompiledModel
-from acausal.plot import Drawing, check_suffix, save
+from acausal.plot import Drawing, check_picture, save
 
 # Okabe and Ito's palette, as for curves; one-by-one blocks are the rule and stay grey.
 _COLOR = {"explicit": "0.25", "linear": "#0072B2", "torn": "#D55E00", "dae": "#CC79A7"}
@@ -96,7 +96,7 @@ def spy(compiled: CompiledModel, file: str | Path | None = None, title: str | No
     UsageError
         AC012 and AC013 for the file.
     """
-    check_suffix(file)
+    check_picture(file)
     found = pattern(compiled)
     with matplotlib.rc_context({"font.size": 9.0, "svg.hashsalt": "acausal"}):
         drawing = Drawing(figsize=(2 * _SIDE, _SIDE + 1.0), layout="constrained")

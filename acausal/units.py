@@ -20,10 +20,10 @@ from typing import TypeAlias
 from acausal.errors import UnitError, nearest
 
 Dimension: TypeAlias = tuple[Fraction | int, ...]
+"""Exponents of m, kg, s, A, K, mol, cd."""
 Scale: TypeAlias = Fraction | float
 """Rational as long as possible: 9 mm is 0.009, not 0.009000000000000001."""
 
-BASE = ("m", "kg", "s", "A", "K", "mol", "cd")
 DIMENSIONLESS: Dimension = (0, 0, 0, 0, 0, 0, 0)
 LENGTH: Dimension = (1, 0, 0, 0, 0, 0, 0)
 MASS: Dimension = (0, 1, 0, 0, 0, 0, 0)

@@ -11,8 +11,7 @@ from acausal.animate.glb import to_glb
 from acausal.animate.looks import Look
 from acausal.animate.page import to_page
 from acausal.animate.scene import Scene, scene_of
-from acausal.errors import UsageError
-from acausal.files import atomic
+from acausal.files import atomic, check_suffix
 from acausal.language.component import Component
 from acausal.result import Result
 
@@ -52,12 +51,7 @@ class Animation:
 
 def check_animation_file(path: Path) -> Path:
     """The path itself; UsageError AC013 when its suffix is none of `FORMATS`."""
-    if path.suffix.lower() not in FORMATS:
-        raise UsageError(
-            "AC013",
-            f"the suffix '{path.suffix}' of {path} names no format of animations",
-            help=f"accepted are {', '.join(FORMATS)}",
-        )
+    check_suffix(path, FORMATS, "format of animations")
     return path
 
 

@@ -7,29 +7,17 @@ from pathlib import Path
 
 def check_result_file(path: Path) -> None:
     """Refuse a result file that cannot be written: UsageError AC012, or AC013 for an unknown suffix."""
-    from acausal.errors import UsageError
-    from acausal.files import WRITERS
+    from acausal.files import WRITERS, check_suffix
 
-    if path.suffix.lower() not in WRITERS:
-        raise UsageError(
-            "AC013",
-            f"the suffix '{path.suffix}' of {path} names no result format",
-            help=f"accepted are {', '.join(WRITERS)}",
-        )
+    check_suffix(path, WRITERS, "result format")
     check_writable(path)
 
 
 def check_picture(path: Path) -> None:
     """Refuse a picture that cannot be written: UsageError AC012, or AC013 for an unknown suffix."""
-    from acausal.errors import UsageError
-    from acausal.plot import FORMATS
+    from acausal import plot
 
-    if path.suffix.lower() not in FORMATS:
-        raise UsageError(
-            "AC013",
-            f"the suffix '{path.suffix}' of {path} names no picture format",
-            help=f"accepted are {', '.join(FORMATS)}",
-        )
+    plot.check_picture(path)
     check_writable(path)
 
 

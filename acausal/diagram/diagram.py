@@ -10,7 +10,7 @@ from acausal.diagram.graph import Graph, graph_of
 from acausal.diagram.layout import to_svg
 from acausal.diagram.page import to_page
 from acausal.errors import UsageError, nearest
-from acausal.files import atomic
+from acausal.files import atomic, check_suffix
 from acausal.language.component import Component
 
 FORMATS = (".svg", ".html")
@@ -45,12 +45,7 @@ class Diagram:
 
 def check_diagram_file(path: Path) -> Path:
     """The path itself; UsageError AC013 when its suffix is none of `FORMATS`."""
-    if path.suffix.lower() not in FORMATS:
-        raise UsageError(
-            "AC013",
-            f"the suffix '{path.suffix}' of {path} names no format of diagrams",
-            help=f"accepted are {', '.join(FORMATS)}",
-        )
+    check_suffix(path, FORMATS, "format of diagrams")
     return path
 
 

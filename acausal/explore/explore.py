@@ -14,7 +14,7 @@ import numpy as np
 from acausal.browser.page import packed, page
 from acausal.errors import UsageError
 from acausal.explore.units import choices
-from acausal.files import atomic
+from acausal.files import atomic, check_suffix
 from acausal.result import Result
 from acausal.scale import same_unit
 
@@ -64,10 +64,7 @@ class Explorer:
 
 def check_page_file(path: Path) -> Path:
     """The path itself; UsageError AC013 when it is no `.html` file."""
-    if path.suffix.lower() != ".html":
-        raise UsageError(
-            "AC013", f"the suffix '{path.suffix}' of {path} is not that of a page", help="give a .html file"
-        )
+    check_suffix(path, (".html",), "format of a page")
     return path
 
 

@@ -16,7 +16,6 @@ from acausal.simulate.native.program import INTERRUPTED, Program, RunStructure, 
 
 Vector = NDArray[np.float64]
 _FILES = "bracketing.c", "flight.c"
-_POSITION = ("segment", "entered", "fresh")
 
 
 def _fields(kind: Any, names: str) -> tuple[tuple[str, Any], ...]:

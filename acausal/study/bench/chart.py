@@ -15,9 +15,8 @@ from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
-from acausal.errors import UsageError
 from acausal.files import atomic
-from acausal.plot import FORMATS, Drawing
+from acausal.plot import Drawing, check_picture
 from acausal.study.bench.report import Bench
 from acausal.study.bench.run import Run, generic
 
@@ -64,10 +63,7 @@ def bench_chart(bench: Bench, file: str | Path | None = None, title: str | None 
         AC012 when the file cannot be written, AC013 for another suffix than .png, .svg, .pdf.
     """
     target = None if file is None else Path(file)
-    if target is not None and target.suffix.lower() not in FORMATS:
-        raise UsageError(
-            "AC013", f"the suffix '{target.suffix}' names no picture format", help=f"accepted are {', '.join(FORMATS)}"
-        )
+    check_picture(target)
     panels = _panels(bench)
     with matplotlib.rc_context(_STYLE):
         texts = _reasons_in_full(bench)

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from acausal.errors import UsageError
-from acausal.plot import COLORS, STYLE, Drawing, check_suffix, save
+from acausal.plot import COLORS, STYLE, Drawing, check_picture, save
 from acausal.scale import readable
 from acausal.study.fit.fit import Fit
 
@@ -26,7 +26,7 @@ def fit_picture(fit: Fit, file: str | Path | None = None) -> Figure:
     UsageError
         AC013 for a file of another format, AC016 for more than six signals.
     """
-    check_suffix(file)
+    check_picture(file)
     names = list(fit.rms)
     if len(names) > _MOST:
         raise UsageError(

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from acausal.plot import Drawing, check_suffix, save
+from acausal.plot import Drawing, check_picture, save
 from acausal.simulate.step_limit.amplification import METHODS
 from acausal.study.stability.report import Stability
 
@@ -25,7 +25,7 @@ def stability_picture(study: Stability, file: str | Path | None = None) -> Figur
     UsageError
         AC013 for a suffix that names no picture format.
     """
-    check_suffix(file)
+    check_picture(file)
     figure = Drawing(figsize=(10.5, 5.2), layout="constrained")
     whole, near = figure.subplots(1, 2)
     times = np.array([local.point.t for local in study.locals])

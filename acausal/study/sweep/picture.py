@@ -16,7 +16,7 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from acausal.errors import UsageError
-from acausal.plot import STYLE, check_suffix, save
+from acausal.plot import STYLE, check_picture, save
 from acausal.scale import readable
 from acausal.study.sweep.family import Sweep
 
@@ -50,7 +50,7 @@ def sweep_picture(sweep: Sweep, *names: str, by: str | None = None, file: str | 
     UsageError
         AC010 for an unknown name, AC012 and AC013 for the file, AC016 where no member has values.
     """
-    check_suffix(file)
+    check_picture(file)
     shown = names or tuple(s.name for s in sweep.signals[:_MOST_PANELS])
     families = [sweep[name] for name in shown]
     there = np.array([status == "ok" for status in sweep.status])

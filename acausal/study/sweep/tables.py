@@ -13,7 +13,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from acausal.errors import UsageError
-from acausal.files import atomic
+from acausal.files import atomic, check_suffix
 from acausal.study.sweep.family import Sweep
 
 
@@ -76,13 +76,7 @@ def write_sweep(sweep: Sweep, path: Path) -> None:
 
 def check_table(path: Path) -> str:
     """The suffix of a table that can be written: UsageError AC013 for another, AC015 for a missing package."""
-    suffix = path.suffix.lower()
-    if suffix not in WRITERS:
-        raise UsageError(
-            "AC013",
-            f"the suffix '{path.suffix}' of {path.name or path} names no format of a sweep",
-            help=f"accepted are {', '.join(WRITERS)}",
-        )
+    suffix = check_suffix(path, WRITERS, "format of a sweep")
     if suffix in _PACKAGES:
         package(_PACKAGES[suffix])
     return suffix
