@@ -73,14 +73,21 @@ def _timely(pool: Pool, wanted: list[int]) -> set[int]:
     return {n for n, (t, v) in depends.items() if t and not v}
 
 
-def _instant(pool: Pool, difference: int) -> int | None:
+def affine_in_time(pool: Pool, number: int) -> tuple[int, int] | None:
+    """The nodes of the time at which a node is zero, and of its slope; None where it is not affine in time."""
     stand_in = -1  # a variable number no model has
     done: dict[int, int] = {pool.time: pool.intern(("var", stand_in))}
-    pool.rewrite([difference], pool.var, done)
-    form = LinearForm(pool, (stand_in,)).of(done[difference])
+    pool.rewrite([number], pool.var, done)
+    form = LinearForm(pool, (stand_in,)).of(done[number])
     if form is None or stand_in not in form[1]:
         return None
-    return pool.div(pool.neg(form[0]), form[1][stand_in])
+    slope = form[1][stand_in]
+    return pool.div(pool.neg(form[0]), slope), slope
+
+
+def _instant(pool: Pool, difference: int) -> int | None:
+    found = affine_in_time(pool, difference)
+    return None if found is None else found[0]
 
 
 def _branch(pool: Pool, op: str, args: tuple[int, ...]) -> tuple[int, int, int] | None:

@@ -13,7 +13,7 @@ from itertools import pairwise
 
 from acausal import Expr, lookup, quantity, sin, time, unitless, where
 from acausal.errors import DeclarationError
-from acausal.library.blocks.kinks import sudden
+from acausal.library.blocks.kinks import MANY
 from acausal.library.blocks.tables import wrong_row
 
 Points = tuple[tuple[float, float], ...]
@@ -92,15 +92,16 @@ def _joined(rows: Sequence[tuple[float, float, float, float]]) -> list[tuple[flo
 
 
 def _cuts(rows: Sequence[tuple[float, float, float, float]]) -> list[int]:
-    """Rows at which the run is cut: jumps, and those kinks that no step of a solver foresees."""
+    """Rows at which the run is cut by a relation: jumps, and all kinks where these are few."""
     height = max(r[1] for r in rows) - min(r[1] for r in rows) + abs(rows[-1][2]) * (rows[-1][3] - rows[-1][0])
     jumps = []
     for k, (a, b) in enumerate(pairwise(rows), start=1):
         gap = abs(b[1] - (a[1] + a[2] * (a[3] - a[0])))
         if b[0] > a[3] or gap > 1e-12 * height:
             jumps.append(k)
-    turns = [b[2] - a[2] for a, b in pairwise(rows)]
-    return sorted({*jumps, *sudden([*(r[0] for r in rows), rows[-1][3]], turns, height, back=False)})
+    turns = [abs(b[2] - a[2]) * min(a[3] - a[0], b[3] - b[0]) for a, b in pairwise(rows)]
+    seen = [k for k, turn in enumerate(turns, start=1) if turn > 1e-9 * height]
+    return sorted({*jumps, *seen}) if len(seen) <= MANY else jumps
 
 
 def _select(breaks: Sequence[Expr], values: Sequence[Expr | float]) -> Expr | float:

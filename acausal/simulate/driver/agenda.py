@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from acausal.lower.compiled import CompiledModel
 from acausal.simulate.equations.direct import rows
 from acausal.simulate.equations.kept import kept
+from acausal.simulate.equations.kinks import NONE, Kinks
 from acausal.simulate.events.guards import Cause, Moment
 from acausal.simulate.events.sampling import due, sample_times
 from acausal.simulate.inputs.given import Inputs
@@ -42,6 +43,8 @@ class Schedule:
         Which samples are true at each instant, shape (n, samples).
     times
         Output times of all segments, each up to its end, and `ends`, where those of each segment end.
+    bounds
+        The longest step of a method of several steps in each segment [s], where there is one.
     """
 
     instants: Vector
@@ -49,6 +52,7 @@ class Schedule:
     samples: Vector
     times: Vector
     ends: NDArray[np.int64]
+    bounds: tuple[float | None, ...]
 
     @property
     def segments(self) -> int:
@@ -60,8 +64,19 @@ class Schedule:
         return self.times[self.ends[segment - 1] if segment else 0 : self.ends[segment]]
 
 
-def schedule(compiled: CompiledModel, p: Vector, inputs: Inputs, instants: Vector, grid: Vector) -> Schedule:
-    """The schedule over `instants`, with outputs on `grid` and at every instant."""
+def schedule(
+    compiled: CompiledModel,
+    p: Vector,
+    inputs: Inputs,
+    instants: Vector,
+    grid: Vector,
+    tables: Kinks = NONE,
+    longest: float | None = None,
+) -> Schedule:
+    """The schedule over `instants`, with outputs on `grid` and at every instant.
+
+    No step is longer than `longest`, and than the bound of the `tables`.
+    """
     a, b = instants[:-1], instants[1:]
     margin = _MARGIN * (b - a)
     first = np.searchsorted(grid, a + margin, side="right")
@@ -77,6 +92,7 @@ def schedule(compiled: CompiledModel, p: Vector, inputs: Inputs, instants: Vecto
         due(compiled, p, instants),
         np.insert(grid[np.cumsum(marks[:-1]) > 0.0], inside, b),
         inside + np.arange(1, len(b) + 1),
+        tuple(tables.longest(*ends, longest) for ends in zip(a.tolist(), b.tolist(), strict=True)),
     )
 
 
@@ -90,10 +106,13 @@ KNOWN: tuple[Known, ...] = (
 )
 
 
-def known_instants(compiled: CompiledModel, p: Vector, inputs: Inputs, start: float, stop: float) -> Vector:
-    """Start, the instants known in advance inside the run, each once, and stop."""
+def known_instants(
+    compiled: CompiledModel, p: Vector, inputs: Inputs, start: float, stop: float, cuts: Vector | None = None
+) -> Vector:
+    """Start, the instants known in advance inside the run and further `cuts`, each once, and stop."""
     least = _APART * (stop - start)
-    found = np.unique(np.concatenate([times(compiled, p, inputs, start, stop) for times in KNOWN]))
+    known = [times(compiled, p, inputs, start, stop) for times in KNOWN]
+    found = np.unique(np.concatenate(known if cuts is None else [*known, cuts]))
     inside = found[np.isfinite(found) & (found > start + least) & (found < stop - least)]
     apart = np.diff(inside, prepend=-np.inf) > least
     return np.concatenate([[start], inside[apart], [stop]])
@@ -137,6 +156,8 @@ class Stretch:
         Which samples are true at its start.
     times
         Output times, the last one is `end`.
+    longest
+        The longest step [s], where there is one.
     opens
         Whether it begins at an instant of the schedule; else a source has cut there, because of `causes`.
     """
@@ -146,6 +167,7 @@ class Stretch:
     modes: Vector
     samples: Vector
     times: Vector
+    longest: float | None = None
     opens: bool = True
     causes: tuple[Cause, ...] = ()
 
@@ -175,7 +197,7 @@ class Agenda:
         """The stretch that begins at a place."""
         known, k = self.schedule, place.segment
         start, end = float(known.instants[k]), float(known.instants[k + 1])
-        whole = Stretch(start, end, known.modes[k], known.samples[k], known.outputs(k))
+        whole = Stretch(start, end, known.modes[k], known.samples[k], known.outputs(k), known.bounds[k])
         if not self.sources:
             return whole
         causes: tuple[Cause, ...] = ()
@@ -190,7 +212,7 @@ class Agenda:
         end = float(near[0]) if len(near) else end
         times = np.append(outputs[(outputs > place.here + margin) & (outputs < end - margin)], end)
         samples = whole.samples if opens else np.zeros_like(whole.samples)
-        return Stretch(place.here, end, modes, samples, times, opens, causes)
+        return Stretch(place.here, end, modes, samples, times, whole.longest, opens, causes)
 
     @property
     def margin(self) -> float:

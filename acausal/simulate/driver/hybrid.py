@@ -165,6 +165,7 @@ class Hybrid:
         if rest is not None:
             times = np.append(times[times < rest], rest)
         asked = replace(self.template, start=here, times=times, x=moment.x, z=moment.z, p=moment.m, first=self.pace)
+        asked = replace(asked, max_step=stretch.longest)
         stop = self.integrated(asked, moment)
         if stop.time is None:
             self.moment = replace(moment, x=stop.x, z=stop.z)

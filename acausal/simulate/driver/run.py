@@ -26,6 +26,7 @@ from acausal.simulate.driver.driver import Driver
 from acausal.simulate.driver.hybrid import Hybrid
 from acausal.simulate.driver.smooth import Smooth
 from acausal.simulate.equations.kept import kept
+from acausal.simulate.equations.kinks import NONE, Kinks, kinks
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.errors import RestlessKink
 from acausal.simulate.events.log import event_log
@@ -100,7 +101,8 @@ class Run:
     @cached_property
     def tolerances(self) -> Tolerances:
         """What the solvers get."""
-        share = share_of(self.compiled, self.solver, self.options.tolerance)
+        bends = self.solver.multistep and self.tables.are_dense
+        share = share_of(self.compiled, self.solver, self.options.tolerance, bends)
         return self.options.tolerances.scaled(share)
 
     def result(self) -> Result:
@@ -176,22 +178,38 @@ class Run:
 
     def start(self) -> Result:
         """Where the run starts, as a result of one row: before anything happens there."""
-        m = self.modes(*self.instants()[:2])
+        opts = self.options
+        m = self.modes(*known_instants(self.compiled, self.p, self.inputs, opts.start_time, opts.stop_time)[:2])
         start = self.begun(m)
         self.stabilise(start, m)
         recorder = Recorder(self.compiled, self.p, self.u)
-        recorder.begin(self.options.start_time, start.x, start.z, m)
+        recorder.begin(opts.start_time, start.x, start.z, m)
         return make_result(recorder, (), {}, None)
 
+    @cached_property
+    def tables(self) -> Kinks:
+        """What long tables of time ask of a solver that chooses its steps."""
+        opts = self.options
+        if self.solver.fixed_step or opts.step is not None:
+            return NONE
+        return kinks(self.compiled, self.p, opts.tolerance, opts.start_time, opts.stop_time)
+
     def instants(self) -> Vector:
-        """Start, time events, samples and breaks of inputs, and stop [s]."""
-        return known_instants(self.compiled, self.p, self.inputs, self.options.start_time, self.options.stop_time)
+        """Start, time events, samples, breaks of inputs and kinks of tables, and stop [s]."""
+        opts = self.options
+        # the steps of one that interpolates end at outputs; of another one nothing is known
+        all_ = None if getattr(self.solver, "interpolates", False) else self.tables.instants
+        cuts = self.tables.cuts if self.solver.multistep else all_
+        return known_instants(self.compiled, self.p, self.inputs, opts.start_time, opts.stop_time, cuts)
 
     def driver(self, recorder: Recorder, instants: Vector, start: Start, m: Vector, memory: Memory | None) -> Driver:
         """The driver at the start of the run."""
         opts, problem, solver = self.options, self.problem, self.solver
         grid = opts.grid() if self.outputs is None else self.outputs
-        known = schedule(self.compiled, self.p, self.inputs, instants, grid)
+        if not self.solver.multistep:
+            grid = np.union1d(grid, self.tables.instants)
+        bounds = self.tables if self.solver.multistep else NONE
+        known = schedule(self.compiled, self.p, self.inputs, instants, grid, bounds, opts.max_step)
         template = self.segment(float(instants[0]), known.times, start.x, start.z, m)
         sources: tuple[Source, ...] = self.sources if memory is None else (memory, *self.sources)
         report = None if self.progress is None else self.report
@@ -286,6 +304,7 @@ class Run:
         """The solution integrated again from a recorded row, and its modes at `times`; RuntimeError where it fails."""
         here, x, z, m = recorder.point(row)
         segment = self.segment(here, times, x, z, m)
+        segment = replace(segment, max_step=self.tables.longest(here, float(times[-1]), segment.max_step))
         if self.hybrid is None:
             return self.solver.integrate(self.problem, segment), m
         regime = self.hybrid.regime_at(here)
@@ -310,7 +329,10 @@ class Run:
 
     def finished(self, recorder: Recorder, notes: tuple[str, ...]) -> Result:
         """The result of what was recorded."""
-        events = event_log(recorder.boundaries, kept(self.compiled).instants(self.p)[0], self.inputs)
+        grid = self.options.grid() if self.outputs is None else self.outputs
+        recorder.hide_at(self.tables.instants, np.append(grid, self.inputs.breaks))
+        known = kept(self.compiled).instants(self.p)[0]
+        events = event_log(recorder.boundaries, known, self.inputs, self.tables.instants)
         hybrid, native = self.hybrid, self.problem.native
         more = hybrid.notes if hybrid is not None else ()
         stats = {

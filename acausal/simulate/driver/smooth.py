@@ -87,7 +87,7 @@ class Smooth:
         for times in self._parts(stretch.times):
             moment = self.reached
             here = replace(self.template, start=float(self.recorder.time), times=times, x=moment.x, z=moment.z)
-            here = replace(here, p=moment.m, first=self.pace)
+            here = replace(here, p=moment.m, first=self.pace, max_step=stretch.longest)
             piece = self._integrated(here)
             self.pace = pace(here.start, float(times[-1]), piece.counters)
             piece = self._record(times[-piece.x.shape[1] :], piece)

@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from acausal.analyse.time_tables import TimeTable, time_tables
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.symbols import DefiningBuilder, Symbols
 from acausal.simulate.equations.quick import Narrow, Quick
@@ -128,6 +129,15 @@ class Kept:
     def instants(self) -> Quick:
         """`(p) -> times of the relations of time`."""
         return Quick(self.compiled.instants)
+
+    @cached_property
+    def time_tables(self) -> tuple[TimeTable, ...]:
+        """Long tables read at a time, on which something integrated or an event depends."""
+        solution = self.compiled.solution
+        all_ = bool(self.compiled.state_events)
+        definitions = [n for v, n in solution.definitions if all_ or v in solution.needed]
+        pool = solution.structure.reduced.pool
+        return time_tables(pool, [*definitions, *solution.residuals], dict(solution.definitions))
 
     @cached_property
     def modes(self) -> Quick:

@@ -16,14 +16,19 @@ Vector = NDArray[np.float64]
 
 
 def event_log(
-    boundaries: Sequence[tuple[float, tuple[Cause, ...], tuple[str, ...]]], instants: Vector, inputs: Inputs
+    boundaries: Sequence[tuple[float, tuple[Cause, ...], tuple[str, ...]]],
+    instants: Vector,
+    inputs: Inputs,
+    cuts: Vector,
 ) -> tuple[Event, ...]:
     """Time, words, place, component and changed variables of each boundary between two segments.
 
     A boundary without causes is one of the `instants` at which relations of time change, or one at which an input over
-    time jumps; where the input goes on with another polynomial nothing happens.
+    time jumps; where the input goes on with another polynomial nothing happens, nor where a table of time only bends,
+    at one of the `cuts`.
     """
-    silent, jumps = set(inputs.breaks.tolist()) - set(instants.tolist()), set(inputs.jumps.tolist())
+    silent = {*inputs.breaks.tolist(), *cuts.tolist()} - set(instants.tolist())
+    jumps = set(inputs.jumps.tolist())
     known: dict[int, tuple[str, Span | None, str]] = {}  # by identity: thousands of events share a few tuples
     found = []
     for t, causes, changed in boundaries:

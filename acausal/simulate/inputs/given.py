@@ -16,6 +16,7 @@ from acausal.flatten.parameters import check_limit
 from acausal.language.declaration import Declaration
 from acausal.lower.chebyshev import INPUT_WIDTH
 from acausal.lower.compiled import CompiledModel
+from acausal.numeric.stretches import variation
 from acausal.result import Result
 from acausal.series import TimeSeries, read_series
 from acausal.simulate.arguments import input_vector
@@ -26,8 +27,6 @@ from acausal.units import format_dimension, in_si, parse
 Vector = NDArray[np.float64]
 # Share of the tolerance by which an input may be off, by the size of its variation.
 _SHARE = 0.1
-# The least size of its variation, by the largest one: most of the values may be equal.
-_LEAST = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,14 +101,14 @@ def _pieces(name: str, declared: Declaration, value: Any, start: float, stop: fl
     if callable(value) and not isinstance(value, Result):
         signal = _called(value, name)
         look = signal(np.linspace(start, stop, 1001))
-        _check_limits(name, declared, look, share * _size(look))
-        return sampled(signal, np.array([start, stop]), share * _size(look), f"input {name}")
+        _check_limits(name, declared, look, share * variation(look))
+        return sampled(signal, np.array([start, stop]), share * variation(look), f"input {name}")
     series, exact = series_of(name, value)
     series = _in_unit(name, declared, series)
     times, values = _covering(name, series, start, stop)
     inside = (times >= start) & (times <= stop)
     own = values[inside] if inside.any() else values
-    error = share * _size(own)
+    error = share * variation(own)
     _check_limits(name, declared, own, 10.0 * error / _SHARE)
     if series.interpolation == "hold":
         return held(times, values)
@@ -127,11 +126,6 @@ class _Chords:
 
     def __call__(self, at: Vector) -> Vector:
         return np.asarray(np.interp(at, self.times, self.values))
-
-
-def _size(values: Vector) -> float:
-    """How much a signal varies: the mean distance from its middle, which a single peak does not make large."""
-    return max(float(np.abs(values - np.median(values)).mean()), _LEAST * float(np.ptp(values)))
 
 
 def _called(function: Callable[[float], Any], name: str) -> Callable[[Vector], Vector]:

@@ -35,6 +35,7 @@ def integrals(
     times: Vector,
     stretches: Indices,
     tolerances: Tolerances,
+    breaks: Vector | None = None,
 ) -> Vector:
     """Integrals over k stretches, at n instants; shape (nq, n).
 
@@ -48,6 +49,8 @@ def integrals(
         The instants, ascending within each stretch, and the stretch of each, ascending; shape (n,). None is without.
     tolerances
         Accuracy of each integral, relative to its change and as it is.
+    breaks
+        Where rates may jump or have a kink, ascending [s]: panels end there.
 
     Raises
     ------
@@ -56,6 +59,8 @@ def integrals(
     """
     a, b = starts, times[np.searchsorted(stretches, np.arange(len(starts)), side="right") - 1]
     whole, stretch = b - a, np.arange(len(starts))
+    if breaks is not None and len(breaks):
+        a, b, stretch = _broken(a, b, breaks)
     found: list[tuple[Vector, Vector, Indices, Vector]] = []
     while len(a):
         half = 0.5 * (b - a)
@@ -72,7 +77,7 @@ def integrals(
         middle = (a + half)[short]
         a, b = np.concatenate([a[short], middle]), np.concatenate([middle, b[short]])
         stretch = np.concatenate([stretch[short], stretch[short]])
-    if len(found) == 1:  # no panel was halved: one for each stretch, in order
+    if len(found) == 1 and len(found[0][0]) == len(starts):  # one panel for each stretch, in order
         left, right, _, panels = found[0]
         inside, before = stretches, np.zeros((len(panels), len(times)))
     else:
@@ -81,6 +86,20 @@ def integrals(
     at = 2.0 * (times - left[inside]) / np.where(width > 0.0, width, 1.0) - 1.0
     rising = np.cos(np.arccos(np.clip(at, -1.0, 1.0))[:, None] * _DEGREES)
     return np.asarray(before + np.einsum("qkc,kc->qk", panels[:, inside], rising))
+
+
+def _broken(a: Vector, b: Vector, breaks: Vector) -> tuple[Vector, Vector, Indices]:
+    """Stretches from `a` to `b` in pieces that end at `breaks`, and the stretch of each."""
+    first, last = np.searchsorted(breaks, a, side="right"), np.searchsorted(breaks, b, side="left")
+    inside = np.maximum(last - first, 0)
+    stretch = np.repeat(np.arange(len(a)), inside + 1)
+    number = np.arange(len(stretch)) - np.repeat(np.cumsum(inside + 1) - inside - 1, inside + 1)
+    is_last = number == inside[stretch]
+    ends = b[stretch].copy()
+    ends[~is_last] = breaks[(first[stretch] + number)[~is_last]]
+    starts = a[stretch].copy()
+    starts[number > 0] = ends[np.flatnonzero(number > 0) - 1]
+    return starts, ends, stretch
 
 
 def _assembled(

@@ -134,6 +134,15 @@ class Recorder:
         if boundary is not None:
             del self.boundaries[boundary]
 
+    def hide_at(self, instants: Vector, shown: Vector) -> None:
+        """Leave rows at these instants out of the result, but those of something that happens, and those in `shown`."""
+        if not len(instants) or not self.count:
+            return
+        times = np.concatenate(self._times)
+        happened = [t for t, causes, changed in self.boundaries if changed or any(c.text for c in causes)]
+        away = np.setdiff1d(instants, np.concatenate([shown, happened, times[[0, -1]]]))
+        self._hidden += np.flatnonzero(np.isin(times, away)).tolist()
+
     def explain(self, boundary: int, causes: tuple[Cause, ...]) -> None:
         """Further causes of what happened at a boundary."""
         t, known, changed = self.boundaries[boundary]

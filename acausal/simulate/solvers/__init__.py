@@ -81,16 +81,18 @@ def is_smooth(compiled: CompiledModel) -> bool:
     return compiled.state_events.are_silent and not compiled.delays
 
 
-def share_of(compiled: CompiledModel, solver: Solver, tolerance: float) -> float:
+def share_of(compiled: CompiledModel, solver: Solver, tolerance: float, bends: bool = False) -> float:
     """The share of a tolerance that a solver gets for its local errors.
 
     BDF with stabilised constraints gets the small one in any case: on closed loops it ends 30 to 100 times farther off
     than its local errors, one-step methods do not (measured). Along undamped motions these end ten times as far off as
     without the constraint (a body after 1600 turns 20 tolerances, an oscillator after 1000 periods 2): they get a
-    quarter, but for closed loops of joints, whose rounding is as large: runs crawl there.
+    quarter, but for closed loops of joints, whose rounding is as large: runs crawl there. Where a solver `bends` with
+    the rows of a table of time all along, what it loses at each of them adds up as well.
     """
     is_stabilised = bool(compiled.solution.structure.invariants)
-    share = SMOOTH_SHARE if is_smooth(compiled) or (is_stabilised and solver.multistep) else TOLERANCE_SHARE
+    is_long = is_smooth(compiled) or bends or (is_stabilised and solver.multistep)
+    share = SMOOTH_SHARE if is_long else TOLERANCE_SHARE
     if is_stabilised and is_smooth(compiled) and not solver.multistep and not compiled.flat.loops:
         share /= 4.0
     return min(TOLERANCE_SHARE, max(share, _FINEST / tolerance))

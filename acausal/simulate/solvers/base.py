@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 from acausal.simulate.equations.direct import called
 from acausal.simulate.equations.factorisation import Factorisation
 from acausal.simulate.equations.kept import kept
+from acausal.simulate.equations.kinks import table_ends
 from acausal.simulate.equations.numbered import UNIT, controls, stretched
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.interrupt import Interrupted
@@ -53,6 +54,9 @@ SMOOTH_SHARE = 0.01
 End errors are proportional to the share, steps to its fifth root: 1.5 times as many, measured with BDF and with methods
 of order 5 alike (docs/accuracy.md).
 """
+
+# Instants at which rates of integrals of time are evaluated at once: each takes a row of all parameters.
+_AT_ONCE = 20_000
 
 MOST_STEPS = 10**6
 """Steps between two output times of a one-step method: what a long run may need."""
@@ -273,10 +277,15 @@ def growth(
     compiled = problem.compiled
 
     def rates(instants: Vector, stretch: NDArray[np.int64]) -> Vector:
-        return kept(compiled).island_rates(instants, problem.u, problem.p, modes[stretch], discrete[stretch])
+        parts = range(0, len(instants), _AT_ONCE)
+        some = [(instants[k : k + _AT_ONCE], stretch[k : k + _AT_ONCE]) for k in parts]
+        found = [kept(compiled).island_rates(t, problem.u, problem.p, modes[s], discrete[s]) for t, s in some]
+        return np.hstack(found)
 
     scale = compiled.nominal_x[problem.n_dynamic : problem.n_dynamic + compiled.quadratures, None]
-    return np.asarray(scale * integrals(rates, starts, times, stretches, accuracy.tolerances))
+    found = table_ends(compiled, problem.p, accuracy.tolerances.relative)
+    breaks = np.unique(np.concatenate(found)) if found else None
+    return np.asarray(scale * integrals(rates, starts, times, stretches, accuracy.tolerances, breaks))
 
 
 def constant(problem: Problem, segment: Segment) -> Vector:

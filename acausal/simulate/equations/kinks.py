@@ -1,0 +1,158 @@
+"""Where a run stops, or how long its steps may be, because of what long tables of time do.
+
+The rows of a table are one smooth curve up to the end of a stretch (`acausal.numeric.stretches`), within a tenth of
+what the run may be off. What begins there may be over before the next step ends. A method that starts again at no cost
+ends a step at each of these instants. One of several steps starts again only where the lengths of stretches change, and
+in between takes two steps in the shortest of them at least: where rows make noise its steps are shorter anyway.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.language.lookup import Lookup
+from acausal.lower.compiled import CompiledModel
+from acausal.numeric.evaluate import values
+from acausal.numeric.stretches import stretches, variation
+from acausal.simulate.equations.kept import kept
+
+Vector = NDArray[np.float64]
+# Share of the tolerance by which a stretch may be off, by the size of the variation of its table.
+_SHARE = 0.1
+# Stretches that follow one another are passed with one bound on the steps where the longest is so many times as long.
+_ALIKE = 4.0
+# Instants nearer than this to those of relations of time, by the length of the run, are those.
+_APART = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class Kinks:
+    """The ends of stretches of all tables of time within a run.
+
+    Attributes
+    ----------
+    instants
+        Where they are [s], ascending, shape (n,).
+    cuts, bounds
+        For methods of several steps: where the run is cut [s], and the longest step before, between and behind the
+        cuts [s], infinite where there is no bound; shapes (k,) and (k + 1,).
+    """
+
+    instants: Vector
+    cuts: Vector
+    bounds: Vector
+
+    @property
+    def are_dense(self) -> bool:
+        """Whether somewhere they are passed with bounded steps."""
+        return bool(np.isfinite(self.bounds).any())
+
+    def longest(self, start: float, end: float, most: float | None = None) -> float | None:
+        """The bound on steps between two instants, if there is one; at most `most`."""
+        first, last = np.searchsorted(self.cuts, start, side="right"), np.searchsorted(self.cuts, end, side="left")
+        bound = float(self.bounds[int(first) : int(last) + 1].min())
+        bound = bound if most is None else min(bound, most)
+        return bound if np.isfinite(bound) else None
+
+
+NONE = Kinks(np.zeros(0), np.zeros(0), np.array([np.inf]))
+
+
+def kinks(compiled: CompiledModel, p: Vector, relative: float, start: float, stop: float) -> Kinks:
+    """The kinks that a run of this relative tolerance has to see."""
+    parts = [
+        inside
+        for ends in table_ends(compiled, p, relative)
+        if len(inside := ends[(ends > start) & (ends < stop)])
+    ]  # fmt: skip
+    if not parts:
+        return NONE
+    located = np.append(kept(compiled).instants(p)[0], [start, stop])
+    near = _APART * (stop - start)
+    cuts: list[float] = []
+    groups = [_groups(np.concatenate([[start], ends, [stop]])) for ends in parts]
+    for marks, _ in groups:
+        cuts += marks[1:-1]
+    whole = np.unique(cuts)
+    middles = 0.5 * (np.append(start, whole) + np.append(whole, stop))
+    bounds = np.full(len(middles), np.inf)
+    for marks, longest in groups:
+        bounds = np.minimum(bounds, np.array(longest)[np.searchsorted(marks[1:-1], middles)])
+    own = _others(np.unique(np.concatenate(parts)), located, near)
+    is_new = np.isin(whole, own)
+    # what is left out stops the run by itself; the bounds on both sides of it hold on both
+    joined = np.minimum.reduceat(bounds, np.append(0, np.flatnonzero(is_new) + 1))
+    return Kinks(own, whole[is_new], joined)
+
+
+def _others(instants: Vector, known: Vector, near: float) -> Vector:
+    """Those that are none of the known ones."""
+    known = np.sort(known[np.isfinite(known)])
+    place = np.searchsorted(known, instants)
+    left = known[np.maximum(place - 1, 0)]
+    right = known[np.minimum(place, len(known) - 1)]
+    return np.asarray(instants[np.minimum(np.abs(instants - left), np.abs(instants - right)) > near])
+
+
+def _groups(ends: Vector) -> tuple[list[float], list[float]]:
+    """Stretches that follow one another and are about as long: the ends of each group, and the longest step in it."""
+    marks, longest = [float(ends[0])], []
+    least = most = 0.0
+    count = 0
+    for a, b in pairwise(ends.tolist()):
+        length = b - a
+        if count and max(most, length) <= _ALIKE * min(least, length):
+            least, most, count = min(least, length), max(most, length), count + 1
+            continue
+        if count:
+            marks.append(a)
+            longest.append(0.5 * least if count > 1 else np.inf)
+        least = most = length
+        count = 1
+    marks.append(float(ends[-1]))
+    longest.append(0.5 * least if count > 1 else np.inf)
+    return marks, longest
+
+
+def table_ends(compiled: CompiledModel, p: Vector, relative: float) -> list[Vector]:
+    """The instants at which stretches of each table of time end, ascending [s]."""
+    tables = kept(compiled).time_tables
+    if not tables:
+        return []
+    pool = compiled.solution.structure.reduced.pool
+    nodes = [n for t in tables for n in (t.origin, t.slope)]
+    known = values(pool, nodes, {"par": p.__getitem__, "time": lambda _: 0.0})
+    found = []
+    for t in tables:
+        origin, slope = float(known[t.origin]), float(known[t.slope])
+        if np.isfinite(origin) and np.isfinite(slope) and slope != 0.0:
+            found.append(np.sort(origin + _ends(t.table, relative) / slope))
+    return found
+
+
+# By table and tolerance: every run asks for the same few.
+_KNOWN: WeakKeyDictionary[Lookup, dict[float, Vector]] = WeakKeyDictionary()
+_MOST_KNOWN = 16
+
+
+def _ends(table: Lookup, relative: float) -> Vector:
+    """The arguments at which stretches of a table end."""
+    known = _KNOWN.setdefault(table, {})
+    if relative not in known:
+        if len(known) >= _MOST_KNOWN:
+            known.clear()
+        known[relative] = _ends_of(table, relative)
+    return known[relative]
+
+
+def _ends_of(table: Lookup, relative: float) -> Vector:
+    ends, rows = np.array(table.breaks), np.array(table.coefficients)
+    size = variation(np.append(rows[:, 0], np.polyval(rows[-1, ::-1], ends[-1] - ends[-2])))
+    if size == 0.0:
+        return np.zeros(0)
+    return np.asarray(ends[stretches(ends, rows, _SHARE * relative * size)[1:-1]])
