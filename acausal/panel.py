@@ -11,7 +11,7 @@ class Panel:
 
     Signals of one dimension share one vertical scale. Plain numbers share that of the quantity they stand beside, in
     its SI unit, so that a set point without a unit can be compared with the value that follows it. A second quantity
-    has an axis at the right, and so says the legend.
+    has an axis at the right, and the legend says so.
 
     Parameters
     ----------

@@ -63,7 +63,7 @@ def animate(
     poses: int = 2000,
     **options: Any,
 ) -> Animation:
-    """The scene of a run.
+    """Make the moving scene of a run.
 
     Every component of `multibody`, `contact` and `drilling` has a shape; the shapes of others, and other shapes of
     these, come with `looks`: functions of a part that yield what to draw, by class.
@@ -75,7 +75,7 @@ def animate(
     result
         A result of it; None simulates it, with `options` of `acausal.simulate`, and records `poses` intervals.
     poses
-        Up to so many poses of each body.
+        Most poses to store of each body.
 
     Raises
     ------

@@ -50,7 +50,7 @@ def check_diagram_file(path: Path) -> Path:
 
 
 def diagram(model: Component, *, depth: int = 1, opened: Sequence[str] = ()) -> Diagram:
-    """The connection diagram of a model.
+    """Draw the connection diagram of a model.
 
     Parameters
     ----------

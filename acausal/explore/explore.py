@@ -69,7 +69,7 @@ def check_page_file(path: Path) -> Path:
 
 
 def explore(*results: Result, labels: Sequence[str] = (), signals: Sequence[str] = ()) -> Explorer:
-    """Results to look at in a browser.
+    """Make a page to look at results in a browser.
 
     Parameters
     ----------

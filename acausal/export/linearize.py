@@ -114,7 +114,8 @@ def linearize(
     model
         A component, or what `compile` made of it.
     t
-        Time [s]; None: the start of the model's experiment, or the end of `result`. At a switch of a source: after it.
+        Time [s]; None: the start of the model's experiment, or the end of `result`. At a switch of a source the values
+        after it count.
     x
         Values of states by name; states not named keep those of the start or of `result`, or are the nearest to these
         on the constraints.

@@ -74,7 +74,7 @@ def operating_point(
     inputs
         Values of inputs that are given; those not named have their start values.
     outputs
-        Variables that shall have these values there; as many inputs as outputs are free, usually.
+        Values that variables shall have there; usually as many inputs are free as variables are named.
     free
         Inputs to find, within their limits.
     guess

@@ -36,7 +36,7 @@ _MOST_UNKNOWNS = 60
 def step_function(
     compiled: CompiledModel, step: float, method: str = "rk4", outputs: Sequence[str] | None = None
 ) -> StepFunction:
-    """One step of `step` seconds.
+    """Make a function that computes one step of `step` seconds.
 
     Parameters
     ----------

@@ -389,8 +389,8 @@ class Record(Component):
     """A set of parameters with a name of its own, as Modelica's records: a material, a tool.
 
     A component declares a record as a part, `material: Material = Material()`, and reads `self.material.rho`. One
-    record may be given to many components, `Rod(material=self.steel)`: each then has its own, bound to that one, so
-    that setting a value of the one sets it everywhere.
+    record may be given to many components, `Rod(material=self.steel)`: each gets a record of its own that is bound to
+    it, so that a value set in the given one holds everywhere.
 
     Raises
     ------

@@ -130,7 +130,7 @@ def boolean(*, default: Any = None, shape: Shape | int = (), doc: str = "") -> A
     """A variable that is true or false and changes at events only: a condition wherever one is asked for.
 
     An equation assigns it, `yield self.on == (self.x > 1)`, or a `when(..., reset(self.on, True))`. `default` is its
-    value before the start; False when nothing is said.
+    value before the start; without it that is False.
     """
     return _discrete(Kind.VARIABLE, default, shape, doc, boolean=True)
 
@@ -188,7 +188,7 @@ def signal_input(
 ) -> Any:
     """A signal the component reads; connect it to a `signal_output`, or bind it in the constructor.
 
-    Of the outermost component it is an input of the model: `simulate(inputs={...})`. There a number as `default` is
+    In the outermost component it is an input of the model: `simulate(inputs={...})`. There a number as `default` is
     its value when nothing is given, values outside `min ... max` are refused, and optimal control has these bounds.
     """
     return _declare(

@@ -153,7 +153,7 @@ def where(condition: Expr, a: Operand, b: Operand, *, smooth: bool = False) -> E
 
 
 def homotopy(actual: Operand, simplified: Operand) -> Expr:
-    """`actual`; while the start is searched and Newton fails, `simplified` at first, led over to `actual`.
+    """`actual`; where no start is found with it, the search begins with `simplified` and turns that into `actual`.
 
     Source: Modelica language 3.6, section 3.7.4.4; M. Sielemann et al., Robust initialization of DAE models using
     homotopy, 8th Modelica Conference (2011).
@@ -193,7 +193,7 @@ def quantity(value: float | Sequence[Any], unit: str) -> Expr:
 def unitless(x: Operand) -> Expr:
     """The value of `x` in SI units as a plain number, of any shape: from here on it has no unit.
 
-    For what is one number in a program and two quantities in physics, such as the parameter of a characteristic.
+    Use it where a formula takes a quantity as a pure number, as a measured characteristic takes its argument.
     """
     e = as_expr(x)
     return Operation("unitless", (e,), e.shape)

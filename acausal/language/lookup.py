@@ -17,7 +17,7 @@ _made: WeakValueDictionary[Any, Lookup] = WeakValueDictionary()
 
 
 def lookup(breaks: Sequence[float], coefficients: Sequence[Sequence[float]], name: str = "table") -> Lookup:
-    """The function of these points; equal ones are one object, so that models that hold them are equal."""
+    """A piecewise polynomial; equal ones are one object, so that models that hold them are equal."""
     key = tuple(breaks), tuple(map(tuple, coefficients)), name
     found = _made.get(key)
     if found is None:

@@ -24,7 +24,7 @@ class Outer(Generic[Around]):
 
 
 def outer(cls: type[Around], *, default: Around | None = None, doc: str = "", init: Literal[False] = False) -> Around:
-    """The component of class `cls` that is nearest around: a part of what holds this component, or of what holds that.
+    """The nearest component of class `cls` around this one: a part of its owner, or of the owner of that, and so on.
 
     It is declared as a field, `world: World = outer(World)`, and read like a part: `self.world.g_0`. Of several parts
     of the class the one with the name of the field is meant. Where none is around, `default` is put into the model

@@ -63,16 +63,16 @@ def compile(
         points are projected onto it, as it is otherwise done only where no choice is safe.
     cache
         Take what this process has compiled already of a model with the same structure and other values of parameters;
-        `timings` then has an entry "recall". A model made smaller is taken again for the same wishes and values.
+        `timings` then has an entry "recall". A model made smaller is reused for the same outputs and values.
     outputs
-        Names of variables; the model is then the smallest one that gives these, and only parameters and what is at
-        hand anyway can be read beside them. `acausal.reduce` reports what was left out.
+        Names of variables; the model is then the smallest one that gives these; beside them only parameters, and
+        variables that are computed on the way, can be read. `acausal.reduce` reports what was left out.
     freeze
         Parameters, components or patterns whose values become numbers, "zeros" for all that are zero: faster, but they
         cannot be changed without compiling again.
     quasi_static
-        States, or components with all their states, that follow all others at once: stiff modes without their own
-        motion. An approximation, other than everything else here; `acausal.reduce` estimates and measures its error.
+        States, or components with all their states, to take as settled at every instant: stiff modes lose their own
+        motion. Unlike everything else here this is an approximation; `acausal.reduce` estimates and measures its error.
     choices
         Structures of components that can have several, by path, as in `acausal.flatten`. Without them the model has
         all contacts that may ever come about; `simulate` then chooses among them while it runs.

@@ -60,7 +60,7 @@ def bench(
     inputs: Mapping[str, float] | None = None,
     progress: Say | None = None,
 ) -> Bench:
-    """Work against precision of a model: every solver at every tolerance, and with every fixed step, on every form.
+    """Measure work against precision: every solver at every tolerance and fixed step, on every form of the equations.
 
     Parameters
     ----------
@@ -75,9 +75,9 @@ def bench(
     reference
         A result file, or JSON with end values; None makes one: runs that converge under refinement.
     variables
-        What counts for the errors; None takes all states.
+        Variables whose errors count; None takes all states.
     repeat, time_limit
-        Best of so many runs, after one that is not counted; no single run is given more than so many seconds.
+        Number of runs of which the fastest counts, after one that does not count; seconds that a single run may take.
     native
         As in `simulate`.
     progress

@@ -121,7 +121,7 @@ def fit(
     parameters, inputs, start
         As `simulate` takes them, for all experiments; those of a data set come first.
     tolerance
-        Of the runs; that of the model, at most 1e-8, by default: derivatives are differences of runs.
+        Tolerance of the runs; by default that of the model, but at most 1e-8, for derivatives are differences of runs.
     progress
         Called with a sentence after each step of the search.
 
@@ -131,7 +131,7 @@ def fit(
         AC055 for data that do not fit the model, AC056 for parameters that cannot be free, AC057 for more parameters
         than values.
     AcausalError
-        Whatever the first run raises; later ones that fail are steps too far, and shortened.
+        Whatever the first run raises; where a later one fails, the search takes a shorter step.
     """
     compiled = model if isinstance(model, CompiledModel) else compile(model, parameters=parameters)
     values = parameters if isinstance(model, CompiledModel) else None

@@ -171,7 +171,7 @@ def reduce(
     repeat: int = 5,
     **options: Any,
 ) -> Reduction:
-    """The smallest model that gives `outputs`, compared with the full one.
+    """Find the smallest model that gives `outputs`, and compare it with the full one.
 
     Parameters
     ----------
