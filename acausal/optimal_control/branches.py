@@ -9,6 +9,7 @@ to what decides it by complementarity.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
@@ -79,25 +80,33 @@ _OFTEN = 0.1
 Widths = Mapping[int, float]
 
 
-def branched(function: Any, points: Sequence[Sequence[Vector]], widths: Sequence[Widths] = ()) -> list[Any]:
+def branched(
+    function: Any,
+    points: Sequence[Sequence[Vector]],
+    beyond: Sequence[Sequence[Vector]] = (),
+    widths: Sequence[Widths] = (),
+) -> list[Any]:
     """An SX function once for each phase, with the branches that differ between phases as they are there.
 
     Parameters
     ----------
     points
         For each phase the arguments at n instants inside of it, each of shape (rows, n).
+    beyond
+        The same of what comes behind the last phase, where the run behind the guess goes on.
     widths
         For each phase, of the branches that are rounded the width by number; 0 leaves one as the model has it.
     """
-    questions = _questions(function, _QUESTIONS)
-    if questions is None or (len(points) < 2 and not any(widths)):
+    listed = _Listed.of(function)
+    questions = None if listed is None else _questions(listed, _QUESTIONS)
+    if listed is None or questions is None or (len(points) + len(beyond) < 2 and not any(widths)):
         return [function for _ in points]
-    answers = [_evaluated(questions, columns) > 0.5 for columns in points]
+    answers = [_evaluated(questions, columns) > 0.5 for columns in (*points, *beyond)]
     uniform = np.array([a.all(axis=1) | ~a.any(axis=1) for a in answers])
     first = np.array([a[:, 0] for a in answers])
     decided = uniform & (first != first[0]).any(axis=0)
     own = [*widths, *({} for _ in range(len(points) - len(widths)))]
-    return [_with(function, decided[k], first[k], own[k]) for k in range(len(points))]
+    return [_with(listed, decided[k], first[k], own[k]) for k in range(len(points))]
 
 
 def freed(function: Any, points: Sequence[Sequence[Vector]], number: int, sizes: Widths) -> Any:
@@ -106,7 +115,9 @@ def freed(function: Any, points: Sequence[Sequence[Vector]], number: int, sizes:
     A further result is what decides each of them, divided by its size and positive where the answer is yes. Branches
     that differ between phases are put in place as by `branched`.
     """
-    questions = _questions(function, _QUESTIONS)
+    listed = _Listed.of(function)
+    assert listed is not None, "branches were found in it"
+    questions = _questions(listed, _QUESTIONS)
     answers = [_evaluated(questions, columns) > 0.5 for columns in points]
     uniform = np.array([a.all(axis=1) | ~a.any(axis=1) for a in answers])
     first = np.array([a[:, 0] for a in answers])
@@ -123,7 +134,7 @@ def freed(function: Any, points: Sequence[Sequence[Vector]], number: int, sizes:
         free.append(ca.SX.sym("y"))
         return _FREED[op](*operands, free[-1])
 
-    arguments, outputs = _rebuilt(function, decided[number], first[number], chosen, instead)
+    arguments, outputs = _rebuilt(listed, decided[number], first[number], chosen, instead)
     names = [*function.name_in(), "answers"], [*function.name_out(), "deciding"]
     columns = (ca.vertcat(ca.SX(0, 1), *v) for v in (free, deciding))
     return ca.Function(function.name(), [*arguments, next(columns)], [*outputs, next(columns)], *names)
@@ -141,7 +152,8 @@ def crossed(function: Any, points: Sequence[Vector], smooth: float, often: bool 
     often
         Whether those do not count that differ at few instants only.
     """
-    differences = _questions(function, _DIFFERENCES)
+    listed = _Listed.of(function)
+    differences = None if listed is None else _questions(listed, _DIFFERENCES)
     if differences is None:
         return {}
     values = _evaluated(differences, points)
@@ -159,10 +171,23 @@ def _evaluated(function: Any, columns: Sequence[Vector]) -> Vector:
     return np.array(function.map(n)(*given))
 
 
-def _questions(function: Any, forms: Mapping[int, Callable[..., Any]]) -> Any:
+@dataclass(frozen=True, eq=False)
+class _Listed:
+    """An SX function and its operations, `(operation, inputs, outputs)`, asked for once."""
+
+    function: Any
+    operations: list[tuple[int, list[int], list[int]]]
+
+    @classmethod
+    def of(cls, function: Any) -> _Listed | None:
+        """None for functions with calls of others, which cannot be built anew: their kinks stay."""
+        n = range(function.n_instructions())
+        found = [(function.instruction_id(k), function.instruction_input(k), function.instruction_output(k)) for k in n]
+        return None if any(op == ca.OP_CALL for op, *_ in found) else cls(function, found)
+
+
+def _questions(listed: _Listed, forms: Mapping[int, Callable[..., Any]]) -> Any:
     """The function that gives these forms of the operands of each branch; None where there is none."""
-    if any(function.instruction_id(k) == ca.OP_CALL for k in range(function.n_instructions())):
-        return None  # functions of others, which cannot be built anew: their kinks stay
     found: list[Any] = []
 
     def note(op: int, operands: list[Any]) -> Any:
@@ -170,11 +195,11 @@ def _questions(function: Any, forms: Mapping[int, Callable[..., Any]]) -> Any:
             found.append(forms[op](*operands))
         return None
 
-    arguments, _ = _walked(function, note)
+    arguments, _ = _walked(listed, note)
     return ca.Function("questions", arguments, [ca.vertcat(*found)]) if found else None
 
 
-def _with(function: Any, decided: Truth, answers: Truth, widths: Widths) -> Any:
+def _with(listed: _Listed, decided: Truth, answers: Truth, widths: Widths) -> Any:
     """The function with some of its branches decided, and some rounded."""
 
     def instead(k: int, op: int, operands: list[Any]) -> Any:
@@ -182,12 +207,13 @@ def _with(function: Any, decided: Truth, answers: Truth, widths: Widths) -> Any:
             return None
         return _ROUNDED[op](*operands, widths[k])
 
-    arguments, outputs = _rebuilt(function, decided, answers, widths, instead)
+    arguments, outputs = _rebuilt(listed, decided, answers, widths, instead)
+    function = listed.function
     return ca.Function(function.name(), arguments, outputs, function.name_in(), function.name_out())
 
 
 def _rebuilt(
-    function: Any, decided: Truth, answers: Truth, chosen: Widths, instead: Callable[[int, int, list[Any]], Any]
+    listed: _Listed, decided: Truth, answers: Truth, chosen: Widths, instead: Callable[[int, int, list[Any]], Any]
 ) -> tuple[list[Any], list[Any]]:
     """Arguments and outputs with some branches decided, and others replaced; None leaves one as it is."""
     number = iter(range(len(decided)))
@@ -212,17 +238,17 @@ def _rebuilt(
             soft.add(found.element_hash())
         return found
 
-    return _walked(function, change)
+    return _walked(listed, change)
 
 
-def _walked(function: Any, branch: Callable[[int, list[Any]], Any]) -> tuple[list[Any], list[Any]]:
+def _walked(listed: _Listed, branch: Callable[[int, list[Any]], Any]) -> tuple[list[Any], list[Any]]:
     """Arguments and outputs of a function built anew; `branch` may give something else for an operation."""
+    function = listed.function
     arguments = [ca.SX.sym(function.name_in(k), function.sparsity_in(k)) for k in range(function.n_in())]
     given = [ca.vertsplit(ca.vec(ca.densify(a))) if a.numel() else [] for a in arguments]
     outputs = [[ca.SX(0)] * function.nnz_out(k) for k in range(function.n_out())]
     work: dict[int, Any] = {}
-    for k in range(function.n_instructions()):
-        op, inputs, target = function.instruction_id(k), function.instruction_input(k), function.instruction_output(k)
+    for k, (op, inputs, target) in enumerate(listed.operations):
         if op == ca.OP_INPUT:
             work[target[0]] = given[inputs[0]][inputs[1]]
         elif op == ca.OP_CONST:

@@ -50,6 +50,7 @@ class Controller:
         self, problem: StatedProblem, tolerance: float, degree: int, varying: Sequence[str], options: Mapping[str, Any]
     ) -> None:
         check_horizon(problem)
+        problem = problem.opened()
         q = problem.quantities
         self.problem = problem
         self.states = q.states.names

@@ -61,6 +61,7 @@ class Estimator:
         options: Mapping[str, Any],
     ) -> None:
         check_horizon(problem, past=True)
+        problem = problem.opened()
         q, spec = problem.quantities, problem.specs[0]
         self.problem, self.measured = problem, tuple(measured)
         self.step, self._width = spec.shortest / len(spec.mesh), len(spec.mesh)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import casadi as ca
@@ -46,15 +47,20 @@ class Law:
 
     def slopes(self, at: Sequence[Vector], sizes: Vector) -> Vector:
         """What algebraic equations change by with each z by its magnitude at n instants t, x, z, u: (nz, nz, n)."""
-        t, x, z, u, w = (ca.SX.sym(self.equations.name_in(k), self.equations.numel_in(k)) for k in range(5))
-        own, n = z[: z.numel() - self.answers], at[0].shape[1]
-        slope = ca.jacobian(self.equations(t, x, z, u, w)[1], own) @ ca.diag(ca.DM(sizes))
+        n, m = at[0].shape[1], len(sizes)
         # between its two sides, as programs of answers begin
         answers = np.full((self.answers, n), 0.5)
         columns = [at[0], at[1], np.vstack([at[2], answers]), at[3], np.repeat(self.guess[:, None], n, axis=1)]
         given = [ca.DM(c) if c.size else ca.DM(c.shape[0], n) for c in columns]
-        found = ca.Function("slopes", [t, x, z, u, w], [ca.densify(ca.vec(slope))]).map(n)(*given)
-        return np.array(found).reshape(len(sizes), len(sizes), n, order="F")
+        found = np.array(self._jacobian.map(n)(*given)).reshape(m, m + self.answers, n, order="F")
+        return np.asarray(found[:, :m] * sizes[None, :, None])
+
+    @cached_property
+    def _jacobian(self) -> Any:
+        """`(t, x, z, u, w) -> d alg / d z`, a column."""
+        point = [ca.SX.sym(self.equations.name_in(k), self.equations.numel_in(k)) for k in range(5)]
+        slope = ca.densify(ca.jacobian(self.equations(*point)[1], point[2]))
+        return ca.Function("slopes", point, [ca.vec(slope)])
 
 
 def law_of(dae: Any, p: Vector, places: Sequence[int], wanted: Sequence[int]) -> Law:

@@ -69,9 +69,9 @@ def dynamics_of(
     # what the switch at the very end changes is told by what comes behind it
     beyond = [_arguments(g, _INSIDE, begins[-1], q.p) for g in [guesses[-1].following] if g is not None]
     kept = [dict.fromkeys(own, 0.0) for own in widths]
-    laws = branched(dae, [*inside, *beyond], kept if free else widths)[: len(inside)]
+    laws = branched(dae, inside, beyond, kept if free else widths)
     rounded = any(widths) and not free
-    sharps = branched(dae, [*inside, *beyond], kept)[: len(inside)] if rounded else [None] * len(laws)
+    sharps = branched(dae, inside, beyond, kept) if rounded else [None] * len(laws)
     opened = [
         freed(dae, [*inside, *beyond], k, widths[k]) if free and k < len(widths) and widths[k] else None
         for k in range(len(laws))

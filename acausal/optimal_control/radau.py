@@ -284,11 +284,11 @@ def _ends_below(law: Law, at: Sequence[Vector], sizes: Vector, low: Vector, slop
     """
     found = np.isfinite(low)
     for k in np.flatnonzero(found).tolist():
-        for part in (1e-3, 1.0):
-            below = [*at[:2], at[2].copy(), at[3]]
-            below[2][k] = low[k] - part * sizes[k]
-            there = law.slopes(below, sizes)[k, k]
-            found[k] &= not (np.sign(there) == np.sign(slopes[k, k])).all()
+        n = at[0].shape[1]
+        below = [np.tile(v, 2) for v in at]
+        below[2][k] = low[k] - np.repeat([1e-3, 1.0], n) * sizes[k]
+        there = law.slopes(below, sizes)[k, k]
+        found[k] = not (np.sign(there) == np.sign(np.tile(slopes[k, k], 2))).all()
     return found
 
 

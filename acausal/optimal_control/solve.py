@@ -33,6 +33,9 @@ _UNBOUNDED = "Diverging_Iterates"
 _DIVERGING = 1e8
 # Errors of an interval, by the magnitude of a state, that are worth a note.
 _NOTED = 1e-3
+# How far ipopt moves the guess of a run inside of limits: such a run drives into them, and what lies at a limit
+# shortens the first steps of all unknowns. The answer of a coarser mesh stays where it is.
+_INSIDE = {"bound_push": 0.1, "bound_frac": 0.1}
 _log = logging.getLogger(__name__)
 SOLVERS: Mapping[str, Mapping[str, Any]] = {
     "ipopt": {"print_level": 0, "sb": "yes", "diverging_iterates_tol": _DIVERGING},
@@ -92,7 +95,7 @@ def solved(problem: StatedProblem, choices: Choices) -> Optimum:
     while True:
         program = transcribed(problem, laws, guesses, meshes, basis, expected, steps=choices.steps)
         taken.lap("build")
-        solution = _run(program, choices)
+        solution = _run(program, choices, guesses is first)
         taken.lap("solve")
         iterations.append(solution.iterations)
         trajectory = trajectory_of(program, solution)
@@ -177,11 +180,11 @@ def _check(problem: StatedProblem, degree: int, control: int, choices: Choices) 
         )
 
 
-def _run(program: Program, choices: Choices) -> Solution:
-    """What the solver finds."""
+def _run(program: Program, choices: Choices, first: bool) -> Solution:
+    """What the solver finds; `first` where it begins from a run of the model."""
     name = choices.solver
     options = {"tol": choices.tolerance, **SOLVERS[name], **choices.options}
-    found = minimized(program.nlp, name, options)
+    found = minimized(program.nlp, name, {**(_INSIDE if first and name == "ipopt" else {}), **options})
     if found.success and program.relaxed:
         found = tightened(program, found, options)
     if not found.success:
