@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from dataclasses import dataclass
-
-import numpy as np
 
 from acausal.analyse.blocks.solve import Solution
 from acausal.errors import Span
 from acausal.flatten.flat import FlatStart, span_of
 from acausal.flatten.reduced import ReducedSystem
 from acausal.structure import Incidence, match
+from acausal.structure.graph import IntArray
 
 
 @dataclass(frozen=True)
@@ -140,16 +140,21 @@ def _assign(
     reach = Reach(solution)
     rows = [sorted(reach.of(c.node)) for c in given] + [sorted(reach.of(r)) for r in solution.residuals]
     order = list(solution.algebraic) + sorted(open_states, key=lambda x: x in guesses)
-    matched = np.full(len(rows), -1)
-    for count in range(len(solution.algebraic) + sum(x not in guesses for x in open_states), len(order) + 1):
+    fewest = len(solution.algebraic) + sum(x not in guesses for x in open_states)
+
+    def matching(count: int) -> IntArray:
         place = {v: k for k, v in enumerate(order[:count])}
-        matched = match(Incidence.from_rows([[place[v] for v in row if v in place] for row in rows], count))
-        if (matched >= 0).all():
-            break
+        return match(Incidence.from_rows([[place[v] for v in row if v in place] for row in rows], count))
+
+    # what the first `count` of them suffice for, more do as well: the least count is found by halves
+    count = len(order)
+    if (matching(count) >= 0).all():
+        count = bisect_left(range(len(order)), True, fewest, key=lambda k: bool((matching(k) >= 0).all()))
+    matched = matching(count)
     taken = {order[int(c)] for c in matched if c >= 0}
     used = [c for c, m in zip(given, matched, strict=False) if m >= 0]
     surplus = [c for c, m in zip(given, matched, strict=False) if m < 0]
-    if surplus and not np.any(matched[len(given) :] < 0):
+    if surplus and not (matched[len(given) :] < 0).any():
         used = [c for c in given if c not in surplus]
     return used, surplus, [x for x in open_states if x not in taken]
 
