@@ -13,6 +13,8 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from acausal.errors import AcausalError as AcausalError
+from acausal.language.arrays import concatenate as concatenate
+from acausal.language.arrays import fill as fill
 from acausal.language.component import Component as Component
 from acausal.language.component import Connector as Connector
 from acausal.language.component import Equations as Equations

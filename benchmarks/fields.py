@@ -2,8 +2,9 @@
 
 The medical problem of Akzo Nobel (E. Hairer, G. Wanner, Solving Ordinary Differential Equations II; Bari test set:
 medakzo): diffusion of an antibody into a tissue, two species on n cells, declared one behind the other, u[0..n-1] and
-v[0..n-1]. By hand are the same equations as SX with the states in turn, u[0], v[0], u[1] ..., which is the best order
-for a band; it keeps its integrators. Errors are those of the last row against a run at a hundredth of the tolerance.
+v[0..n-1], as two equations between vectors. By hand are the same equations as SX with the states in turn, u[0], v[0],
+u[1] ..., which is the best order for a band; it keeps its integrators. Errors are those of the last row against a run
+at a hundredth of the tolerance.
 """
 
 from __future__ import annotations
@@ -16,7 +17,20 @@ import numpy as np
 from measure import alternated, medians, ratios, report, rounded
 
 import acausal
-from acausal import Component, Equations, Real, der, fixed, parameter, quantity, time, variable, where
+from acausal import (
+    Component,
+    Equations,
+    Real,
+    as_expr,
+    concatenate,
+    der,
+    fixed,
+    parameter,
+    quantity,
+    time,
+    variable,
+    where,
+)
 
 ALLOWED, END, SWITCH, C = 1.5, 10.0, 5.0, 4.0
 
@@ -39,13 +53,11 @@ def model(n: int) -> Component:
 
         def equations(self) -> Equations:
             yield self.phi == where(time < quantity(SWITCH, "s"), 2.0, 0.0)
-            for j in range(n):
-                left = self.phi if j == 0 else self.u[j - 1]
-                right = self.u[min(j + 1, n - 1)]
-                bent, slope = (left - 2.0 * self.u[j] + right) / dz**2, (right - left) / (2.0 * dz)
-                reaction = self.k * self.u[j] * self.v[j]
-                yield der(self.u[j]) == float(alpha[j]) * bent + float(beta[j]) * slope - reaction
-                yield der(self.v[j]) == -reaction
+            left, right = concatenate(self.phi, self.u[:-1]), concatenate(self.u[1:], self.u[-1])
+            bent, slope = (left - 2.0 * self.u + right) / dz**2, (right - left) / (2.0 * dz)
+            reaction = self.k * self.u * self.v
+            yield der(self.u) == as_expr(alpha) * bent + as_expr(beta) * slope - reaction
+            yield der(self.v) == -reaction
 
     return MedicalAkzoNobel()
 

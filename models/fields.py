@@ -21,7 +21,7 @@ class HeatedBar(Component):
 
     experiment: ClassVar[Experiment] = Experiment(stop_time=7200.0)
     figure: ClassVar[tuple[Panel, ...]] = (
-        Panel(("bar.cells[0].T", "bar.cells[10].T", "bar.cells[25].T", "bar.port_b.T"), title="Along the bar"),
+        Panel(("bar.T[0]", "bar.T[10]", "bar.T[25]", "bar.port_b.T"), title="Along the bar"),
         Panel(("bar.port_a.Q_flow",), title="Heat from the water"),
     )
 
@@ -43,7 +43,7 @@ class FisherFront(Component):
 
     experiment: ClassVar[Experiment] = Experiment(stop_time=40.0)
     figure: ClassVar[tuple[Panel, ...]] = (
-        Panel(("channel.cells[50].c", "channel.cells[100].c", "channel.cells[150].c"), title="The front passes"),
+        Panel(("channel.c[50]", "channel.c[100]", "channel.c[150]"), title="The front passes"),
     )
 
     def build(self) -> None:

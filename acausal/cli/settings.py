@@ -22,6 +22,7 @@ from acausal.units import convert
 
 # Commas between names, not those of R[0,1].
 _COMMA = re.compile(r",(?![^\[]*\])")
+_SPACE = 3
 _ELEMENT = re.compile(r"(?P<path>.+?)\[(?P<index>\d+(?:\s*,\s*\d+)*)\]")
 
 
@@ -202,12 +203,14 @@ def _element(path: str) -> tuple[str, tuple[int, ...] | None]:
 
 
 def _value(path: str, text: str, declaration: Declaration) -> Any:
-    """A float, or the entries of an array, row-major."""
+    """A float, or the entries of an array, row-major; one number fills a field, but no vector of space."""
     if not declaration.shape:
         return _scalar(path, text, declaration)
     body = re.sub(r"[\[\]()]", " ", text)
     entries = tuple(_scalar(path, entry, declaration) for entry in body.split(",") if entry.strip())
     size = math.prod(declaration.shape)
+    if len(entries) == 1 and size > _SPACE:
+        return entries * size
     if len(entries) != size:
         raise UsageError(
             "AC006",

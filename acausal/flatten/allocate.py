@@ -11,18 +11,26 @@ from acausal.flatten.connections import Joint, SignalJoint, UnionFind
 from acausal.flatten.flat import FlatVariable
 from acausal.flatten.instances import Instance
 from acausal.flatten.pool import Pool
-from acausal.language.component import Connector
+from acausal.language.component import Component, Connector
 from acausal.language.declaration import Declaration, Kind
 
 _UNKNOWNS = (Kind.VARIABLE, Kind.FLOW, Kind.INPUT, Kind.OUTPUT)
 
 
-def _layout(cls: Any) -> tuple[tuple[str, Declaration, int], ...]:
-    return tuple((n, d, math.prod(d.shape)) for n, d in cls._declarations.items() if d.kind in _UNKNOWNS)
+Layout = tuple[tuple[str, Declaration, int], ...]
+"""Declared unknowns with their number of scalars, in order."""
 
 
-layout: Callable[..., tuple[tuple[str, Declaration, int], ...]] = cache(_layout)
-"""Declared unknowns of a class with their number of scalars, in order."""
+def _layout(owner: Any) -> Layout:
+    return tuple((n, d, math.prod(d.shape)) for n, d in owner._declarations.items() if d.kind in _UNKNOWNS)
+
+
+_layout_of: Callable[..., Layout] = cache(_layout)
+
+
+def layout(component: Component) -> Layout:
+    """Of a class, or of a component whose shapes follow from its structural values."""
+    return _layout(component) if "_declarations" in component.__dict__ else _layout_of(type(component))
 
 
 def allocate(
@@ -46,7 +54,7 @@ def allocate(
         number = instance.number
         prefix = instance.prefix
         is_connector = isinstance(instance.component, Connector)
-        for name, declaration, size in layout(type(instance.component)):
+        for name, declaration, size in layout(instance.component):
             if is_connector and declaration.kind is Kind.VARIABLE:
                 sets = oriented if declaration.overconstrained else plain
                 source = all_instances[sets.find(number)]

@@ -24,10 +24,10 @@ def assignments(pool: Pool, instance: Instance, items: Sequence[Statement], reso
     """Discrete equations among the statements of a component."""
     done: dict[int, Scalars] = {}
     return [
-        FlatAssignment(int(pool.nodes[left][1]), right, origin, instance.path, item)
+        FlatAssignment(int(pool.nodes[left][1]), right, origin, instance.path, item, k)
         for item, origin in items
         if isinstance(item, Equation) and assigned(item) is not None
-        for left, right in sides(pool, item, resolve, done, origin)
+        for k, (left, right) in enumerate(sides(pool, item, resolve, done, origin))
     ]
 
 

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 from acausal.errors import Span
 from acausal.flatten.pool import Pool
+from acausal.language.arrays import one_of
 from acausal.language.component import Component, Connector
 from acausal.language.declaration import Declaration
 from acausal.language.events import Assertion, When
@@ -45,13 +46,17 @@ class FlatParameter(NamedTuple):
 
 
 class FlatEquation(NamedTuple):
-    """`left == right` between scalar nodes; `source` is the language equation, or words for what connections made."""
+    """`left == right` between scalar nodes; `source` is the language equation, or words for what connections made.
+
+    Of an equation between vectors and matrices it is the scalar one at `entry`, counted row by row.
+    """
 
     left: int
     right: int
     origin: Origin | None
     component: str
     source: Equation | str
+    entry: int = 0
 
 
 class FlatComponent(NamedTuple):
@@ -98,6 +103,7 @@ class FlatAssignment(NamedTuple):
     origin: Origin | None
     component: str
     source: Equation | str
+    entry: int = 0
 
 
 class FlatAssert(NamedTuple):
@@ -232,6 +238,7 @@ class FlatSystem:
         source = equation.source
         if isinstance(source, str):
             return source
+        source = one_of(source, equation.entry)
         written_for = _written_for(source)
         here = self.components.get(equation.component)
         if written_for is None or here is None or type(written_for) is not here.cls:

@@ -227,10 +227,10 @@ class _Builder:
         """Equations without a template, resolved in the whole model."""
         done: dict[int, Scalars] = {}
         return [
-            FlatEquation(left, right, origin, instance.path, item)
+            FlatEquation(left, right, origin, instance.path, item, k)
             for item, origin in items
             if isinstance(item, Equation)
-            for left, right in sides(self.pool, item, self.resolve, done, origin)
+            for k, (left, right) in enumerate(sides(self.pool, item, self.resolve, done, origin))
         ]
 
     def when(self, instance: Instance, items: Sequence[Statement]) -> list[FlatWhen]:

@@ -57,13 +57,17 @@ def _entries(pool: Pool, e: Expr, resolve: Resolve, args: list[Scalars]) -> Scal
                 help="it jumps, or is true or false: keep it out of der(...) and of prescribed positions",
             )
         return tuple(differentiate(pool, a) for a in args[0])
-    if op == "stack":
+    if op in ("stack", "concatenate"):
         return tuple(a for part in args for a in part)
     if op == "index":
         position = 0
         for i, n in zip(e.payload, e.args[0].shape, strict=True):
             position = position * n + i
         return (args[0][position],)
+    if op == "slice":
+        return _sliced(e, args[0])
+    if op == "fill":
+        return args[0] * e.shape[0]
     if op == "transpose":
         m, n = e.args[0].shape
         return tuple(args[0][i * n + j] for j, i in product(range(n), range(m)))
@@ -84,15 +88,24 @@ def _entries(pool: Pool, e: Expr, resolve: Resolve, args: list[Scalars]) -> Scal
     if op in ("edge", "change", "equals"):
         return (_compared(pool, op, [a[0] for a in args], is_condition(e.args[0])),)
     if op == "where":
-        condition = pool.make("noevent", args[0][0]) if e.payload else args[0][0]
-        size = max(len(args[1]), len(args[2]))
-        x, y = (_wide(a, size) for a in args[1:])
-        return tuple(pool.where(condition, a, b) for a, b in zip(x, y, strict=True))
+        conditions = tuple(pool.make("noevent", c) for c in args[0]) if e.payload else args[0]
+        size = max(map(len, args))
+        columns = [_wide(a, size) for a in (conditions, *args[1:])]
+        return tuple(pool.where(c, a, b) for c, a, b in zip(*columns, strict=True))
     if not args:
         return (pool.make(op),)
     size = max(len(a) for a in args)
     columns = [_wide(a, size) for a in args]
     return tuple(pool.make(op, *operands) for operands in zip(*columns, strict=True))
+
+
+def _sliced(e: Expr, entries: Scalars) -> Scalars:
+    places, _ = e.payload
+    if len(places) == 1:
+        return tuple(entries[k] for k in places[0])
+    first, second = (p if isinstance(p, range) else (p,) for p in places)
+    width = e.args[0].shape[1]
+    return tuple(entries[i * width + j] for i, j in product(first, second))
 
 
 def _delayed(pool: Pool, e: Expr, args: list[Scalars]) -> Scalars:

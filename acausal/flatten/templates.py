@@ -33,7 +33,7 @@ class Template:
     pool: Pool
     n_local: int
     parameters: tuple[str, ...]
-    equations: tuple[tuple[int, int, Origin, Equation], ...]
+    equations: tuple[tuple[int, int, Origin, Equation, int], ...]
     demands: tuple[tuple[int, Origin, Assertion], ...]
 
 
@@ -77,7 +77,7 @@ def make_template(instance: Instance, found: Sequence[Statement]) -> Template | 
     pool = Pool()
     first: dict[tuple[int, str], int] = {}
     for part in (instance, *instance.parts):
-        for name, _, size in layout(type(part.component)):
+        for name, _, size in layout(part.component):
             first[part.number, name] = pool.new_variables(size)
     n_local = pool.n_variables
     parameters: list[str] = []
@@ -98,10 +98,10 @@ def make_template(instance: Instance, found: Sequence[Statement]) -> Template | 
 
     done: dict[int, Scalars] = {}
     equations = [
-        (left, right, origin, item)
+        (left, right, origin, item, k)
         for item, origin in found
         if isinstance(item, Equation)
-        for left, right in sides(pool, item, resolve, done, origin)
+        for k, (left, right) in enumerate(sides(pool, item, resolve, done, origin))
     ]
     demands = [
         (scalars(pool, item.condition, resolve, done)[0], origin, item)
@@ -149,7 +149,7 @@ def replay(
     variables = []
     for part in (instance, *instance.parts):
         first = part.first
-        for name, _, size in layout(type(part.component)):
+        for name, _, size in layout(part.component):
             variables += [var(first[name])] if size == 1 else [var(first[name] + k) for k in range(size)]
     local = template.pool
     for number in range(template.n_local, local.n_variables):
@@ -169,4 +169,4 @@ def replay(
             image.append(make(op, *[image[c] for c in node[1:]]))
     path = instance.path
     demands = [FlatAssert(image[c], a.message, a.level, origin, path, a) for c, origin, a in template.demands]
-    return [FlatEquation(image[a], image[b], origin, path, e) for a, b, origin, e in template.equations], demands
+    return [FlatEquation(image[a], image[b], origin, path, e, k) for a, b, origin, e, k in template.equations], demands

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self, dataclass_transform
 
 from acausal.errors import DeclarationError, UnknownFieldError, calling_span, nearest
 from acausal.language.declaration import Declaration, Kind, Owner
-from acausal.language.declare import Real, checked_value, parameter, structural
+from acausal.language.declare import Real, checked_shape, checked_value, parameter, structural
 from acausal.language.experiment import Experiment
 from acausal.language.expression import Expr, Symbol
 from acausal.language.misuse import (
@@ -136,6 +136,8 @@ class Component(Owner):
                 raise _unknown_field(cls, name)
         for name, around in self._outers.items():
             own[name] = around.cls._stand_in(self, name)
+        if any(d.sized is not None for d in cls._declarations.values()):
+            own["_declarations"] = self._sized()
         for name, declaration in self._declarations.items():
             if name in given:
                 self._give(name, declaration, given[name])
@@ -158,6 +160,8 @@ class Component(Owner):
             if isinstance(parts, list):
                 self._adopt(name, parts)  # again: build may have appended to it
         own["_building"] = False
+        if "_declarations" in own:
+            self._refuse_resized()
         for name, declaration in self._declarations.items():
             if declaration.kind is Kind.PART and name not in own["_parts"]:
                 raise DeclarationError(
@@ -165,6 +169,41 @@ class Component(Owner):
                     f"{cls.__name__}: part '{name}' was not made",
                     where=(*calling_span(), *declared_at(cls, name)),
                     help=f"make it in `build`: self.{name} = {_annotation_of(cls, name)}",
+                )
+
+    def _sized(self) -> dict[str, Declaration]:
+        """Declarations of this instance with the shapes that follow from its structural values."""
+        cls, own, given = type(self), self.__dict__, self.__dict__["_given"]
+        for name, declaration in cls._declarations.items():
+            if declaration.kind is Kind.STRUCTURAL:
+                if name in given:
+                    self._give(name, declaration, given[name])
+                elif declaration.default is not None:
+                    own[name] = declaration.default
+        found: dict[str, Declaration] = {}
+        for name, declaration in cls._declarations.items():
+            if declaration.sized is not None:
+                own_name = f"{cls.__name__}.{name}"
+                try:
+                    shape = called(f"the shape of {own_name}", "shape=lambda self: ...", declaration.sized, self)
+                    declaration = declaration.of_shape(checked_shape(shape, own_name))
+                except DeclarationError as error:
+                    error.where = (*calling_span(), *declared_at(cls, name))
+                    raise
+            found[name] = declaration
+        return found
+
+    def _refuse_resized(self) -> None:
+        """Refuse structural values that `build` gives and shapes follow from: starts were made for other shapes."""
+        cls = type(self)
+        for name, declaration in cls._declarations.items():
+            made = self._declarations[name].shape
+            if declaration.sized is not None and checked_shape(declaration.sized(self)) != made:
+                raise DeclarationError(
+                    "AC105",
+                    f"{cls.__name__}.{name} has another shape after `build` than before, when it was {made}",
+                    where=declared_at(cls, name),
+                    help="give the structural value that it follows from to the constructor, or as a default",
                 )
 
     def _build(self) -> None:
@@ -440,6 +479,13 @@ class Connector(Component):
         count = {Kind.VARIABLE: 0, Kind.FLOW: 0}
         exempt = False
         for name, declaration in cls._declarations.items():
+            if declaration.sized is not None:
+                raise DeclarationError(
+                    "AC123",
+                    f"connector {cls.__name__}: the shape of '{name}' is a function",
+                    where=field_span(cls, name),
+                    help="a connector has one shape, so that all of its class can be joined: write it as a number",
+                )
             if declaration.kind not in count or declaration.discrete:
                 raise DeclarationError(
                     "AC123",

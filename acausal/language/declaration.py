@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Any, ClassVar
 
@@ -46,7 +47,8 @@ class Declaration:
     `hint` is printed when the compiler cannot determine the variable. `monotone_above` is a value from which on the
     equations rise or fall steadily with the variable, along a curve that bends to one side: where they are nonlinear in
     it, the compiler solves them inside the equations instead of leaving an algebraic variable. A `discrete` variable
-    keeps its value between events; of these, `boolean` ones are true or false and `integer` ones count.
+    keeps its value between events; of these, `boolean` ones are true or false and `integer` ones count. Where `sized`
+    is a function of the instance, each instance has a declaration of its own with the shape that it returns.
     """
 
     kind: Kind
@@ -64,6 +66,17 @@ class Declaration:
     discrete: bool = False
     boolean: bool = False
     integer: bool = False
+    sized: Callable[[Any], Any] | None = None
+
+    def of_shape(self, shape: tuple[int, ...]) -> Declaration:
+        """What instances have whose `sized` gives this shape: one object for all of them."""
+        made: dict[tuple[int, ...], Declaration] = self.__dict__.setdefault("_made", {})
+        found = made.get(shape)
+        if found is None:
+            found = made[shape] = replace(self, shape=shape, sized=None)
+            if "_home" in self.__dict__:
+                object.__setattr__(found, "_home", (*self.__dict__["_home"], shape))
+        return found
 
     def belongs_to(self, cls: type[Owner], name: str) -> None:
         """Remember the class whose body this stands in: as a class, a declaration is pickled by its name."""
@@ -74,8 +87,9 @@ class Declaration:
         return super().__reduce_ex__(2) if home is None else (_declaration_of, home)
 
 
-def _declaration_of(cls: type[Owner], name: str) -> Declaration:
-    return cls._declarations[name]
+def _declaration_of(cls: type[Owner], name: str, shape: tuple[int, ...] | None = None) -> Declaration:
+    found = cls._declarations[name]
+    return found if shape is None else found.of_shape(shape)
 
 
 class Owner:

@@ -23,6 +23,9 @@ from acausal.language.expression import (
 )
 from acausal.units import declared, format_dimension, parse
 
+Sizes = Shape | int | Callable[[Any], Shape | int]
+"""A shape, or a function of the component that gives one."""
+
 Function = TypeVar("Function", bound=Callable[..., Any])
 # What the argument `default` is called elsewhere.
 _DEFAULT = ("start", "value", "init", "initial", "fixed", "guess")
@@ -63,7 +66,7 @@ def guess(value: Operand) -> Guess:
     return Guess(value)
 
 
-def _declare(kind: Kind, *, unit: str, shape: Shape | int = (), **rest: Any) -> Any:
+def _declare(kind: Kind, *, unit: str, shape: Sizes = (), **rest: Any) -> Any:
     if unit:
         declared(unit)
     low, high, nominal = rest.get("min", -math.inf), rest.get("max", math.inf), rest.get("nominal", 1.0)
@@ -75,7 +78,7 @@ def _declare(kind: Kind, *, unit: str, shape: Shape | int = (), **rest: Any) -> 
         raise DeclarationError(
             "AC110", f"nominal={nominal:g} is no magnitude", help="give the usual size of the variable: nominal=1e-3"
         )
-    return Declaration(kind, _shape(shape), unit, **rest)
+    return Declaration(kind, unit=unit, **_sizes(shape), **rest)
 
 
 @_by_keyword
@@ -83,7 +86,7 @@ def variable(
     *,
     unit: str = "",
     doc: str = "",
-    shape: Shape | int = (),
+    shape: Sizes = (),
     default: Any = None,
     nominal: float = 1.0,
     min: float = -math.inf,
@@ -111,9 +114,7 @@ def variable(
 
 
 @_by_keyword
-def discrete(
-    *, unit: str = "", doc: str = "", shape: Shape | int = (), default: Any = None, nominal: float = 1.0
-) -> Any:
+def discrete(*, unit: str = "", doc: str = "", shape: Sizes = (), default: Any = None, nominal: float = 1.0) -> Any:
     """A variable that keeps its value between events; `when(..., reset(x, value))` changes it. Starts at 0.
 
     So does an equation with the variable alone on its left: `yield self.n == where(...)`.
@@ -126,7 +127,7 @@ def discrete(
 
 
 @_by_keyword
-def boolean(*, default: Any = None, shape: Shape | int = (), doc: str = "") -> Any:
+def boolean(*, default: Any = None, shape: Sizes = (), doc: str = "") -> Any:
     """A variable that is true or false and changes at events only: a condition wherever one is asked for.
 
     An equation assigns it, `yield self.on == (self.x > 1)`, or a `when(..., reset(self.on, True))`. `default` is its
@@ -136,40 +137,52 @@ def boolean(*, default: Any = None, shape: Shape | int = (), doc: str = "") -> A
 
 
 @_by_keyword
-def integer(*, default: Any = None, shape: Shape | int = (), doc: str = "") -> Any:
+def integer(*, default: Any = None, shape: Sizes = (), doc: str = "") -> Any:
     """A variable that counts and changes at events only; assigned as `boolean` is. Starts at 0."""
     return _discrete(Kind.VARIABLE, default, shape, doc, integer=True)
 
 
-def boolean_input(*, default: Any = None, shape: Shape | int = (), doc: str = "") -> Any:
+def boolean_input(*, default: Any = None, shape: Sizes = (), doc: str = "") -> Any:
     """A signal that is true or false; connect it to a `boolean_output`, or bind it to a condition."""
-    return Declaration(Kind.INPUT, _shape(shape), doc=doc, default=default, discrete=True, boolean=True)
+    return Declaration(Kind.INPUT, **_sizes(shape), doc=doc, default=default, discrete=True, boolean=True)
 
 
-def boolean_output(*, shape: Shape | int = (), doc: str = "") -> Any:
+def boolean_output(*, shape: Sizes = (), doc: str = "") -> Any:
     """A signal that is true or false; `yield self.y == condition` computes it."""
-    return Declaration(Kind.OUTPUT, _shape(shape), doc=doc, discrete=True, boolean=True)
+    return Declaration(Kind.OUTPUT, **_sizes(shape), doc=doc, discrete=True, boolean=True)
 
 
-def _discrete(kind: Kind, default: Any, shape: Shape | int, doc: str, **rest: Any) -> Declaration:
+def _discrete(kind: Kind, default: Any, shape: Sizes, doc: str, **rest: Any) -> Declaration:
     start = Fixed(0.0) if default is None else default
     start = start if isinstance(start, Fixed | Guess) or callable(start) else Fixed(start)
-    return Declaration(kind, _shape(shape), doc=doc, default=start, prefer_state=True, discrete=True, **rest)
+    return Declaration(kind, **_sizes(shape), doc=doc, default=start, prefer_state=True, discrete=True, **rest)
 
 
-def _shape(shape: Shape | int) -> Shape:
+def _sizes(shape: Sizes) -> dict[str, Any]:
+    return {"sized": shape} if callable(shape) else {"shape": checked_shape(shape)}
+
+
+def checked_shape(shape: Shape | int, owner: str = "") -> Shape:
+    """`3` and `(3, 3)` as they are stored; `owner` is the declared name that an error tells.
+
+    Raises
+    ------
+    DeclarationError
+        AC105 for what is no shape.
+    """
     sizes = shape if isinstance(shape, tuple | list) else (shape,)
     if len(sizes) > 2 or not all(isinstance(n, int) and n > 0 for n in sizes):
         raise DeclarationError(
             "AC105",
-            f"shape={shape!r} is no shape",
-            help="shape=3 declares a vector, shape=(3, 3) a matrix; leave it out for a scalar",
+            f"{owner + ': ' if owner else ''}shape={shape!r} is no shape",
+            help="shape=3 declares a vector, shape=(3, 3) a matrix, shape=lambda self: self.n a vector as long as the "
+            "structural n says; leave it out for a scalar",
         )
     return tuple(sizes)
 
 
 @_by_keyword
-def flow(*, unit: str = "", doc: str = "", shape: Shape | int = (), nominal: float = 1.0, hint: str = "") -> Any:
+def flow(*, unit: str = "", doc: str = "", shape: Sizes = (), nominal: float = 1.0, hint: str = "") -> Any:
     """A connector variable that sums to zero over a connection, positive into the component."""
     return _declare(Kind.FLOW, unit=unit, doc=doc, shape=shape, nominal=nominal, hint=hint)
 
@@ -179,7 +192,7 @@ def signal_input(
     *,
     unit: str = "",
     doc: str = "",
-    shape: Shape | int = (),
+    shape: Sizes = (),
     default: Any = None,
     nominal: float = 1.0,
     min: float = -math.inf,
@@ -201,7 +214,7 @@ def signal_output(
     *,
     unit: str = "",
     doc: str = "",
-    shape: Shape | int = (),
+    shape: Sizes = (),
     nominal: float = 1.0,
     monotone_above: float | None = None,
 ) -> Any:
@@ -215,7 +228,7 @@ def parameter(
     default: Any = None,
     unit: str = "",
     doc: str = "",
-    shape: Shape | int = (),
+    shape: Sizes = (),
     nominal: float = 1.0,
     min: float = -math.inf,
     max: float = math.inf,
@@ -258,12 +271,24 @@ class Real:
         symbols: dict[str, Symbol] = instance.__dict__["_symbols"]
         found = symbols.get(self.name)
         if found is None:
-            found = symbols[self.name] = Symbol(instance, self.name, self.declaration)
+            found = symbols[self.name] = Symbol(instance, self.name, self._of(instance))
+        return found
+
+    def _of(self, instance: Owner) -> Declaration:
+        """The declaration of an instance: it knows its shape."""
+        found = self.declaration if self.declaration.sized is None else instance._declarations[self.name]
+        if found.sized is not None:
+            path = instance._path_to(self.name)
+            raise DeclarationError(
+                "AC187",
+                f"`{path}` is not known yet: its shape is known when the component around it is",
+                help="read it in `equations` only, not in `build`, in defaults and in other shapes",
+            )
         return found
 
     def __set__(self, instance: Owner, value: float | Expr | Fixed | Guess | tuple[Any, ...] | list[Any]) -> None:
         instance.__dict__["_values"][self.name] = checked_value(
-            type(instance).__name__, self.name, self.declaration, value
+            type(instance).__name__, self.name, self._of(instance), value
         )
 
 

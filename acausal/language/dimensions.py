@@ -49,7 +49,7 @@ _TRANSCENDENTAL = frozenset(("sin", "cos", "tan", "asin", "acos", "atan", "sinh"
 _COMPARED = frozenset((*RELATIONS, "equals"))
 _CHOICES = frozenset(("min", "max", "where", "homotopy", *_COMPARED))
 _SUMS = frozenset(("add", "sub", "atan2"))
-_SAME = frozenset(("neg", "pre", "noevent", "index", "transpose", "fabs", "floor", "ceil"))
+_SAME = frozenset(("neg", "pre", "noevent", "index", "slice", "fill", "transpose", "fabs", "floor", "ceil"))
 _PRODUCTS = frozenset(("mul", "matmul", "cross"))
 
 
@@ -133,7 +133,7 @@ def _dimension(e: Expr, parts: list[_Found]) -> _Found:
         return _sum(e, parts)
     if op in _CHOICES:
         return _choice(e, parts[1:] if op == "where" else parts)
-    if op == "stack":
+    if op in ("stack", "concatenate"):
         return _common(parts) if len(set(_dimensions(parts))) < 2 else None
     if op == "der":
         return _product(parts[0], _SECOND, divide) if isinstance(parts[0], tuple) else parts[0] and _NUMBER

@@ -4,8 +4,9 @@ The language has its own nodes because CasADi symbols return `nan` for `math.sin
 a vector of the wrong size without a word, fold `x*1 == x` to a constant and cost a hundred times more per
 operation (measured, see docs/devdocs/language.md). CasADi enters in `acausal.lower` only.
 
-Shapes: `()` scalar, `(n,)` vector, `(m, n)` matrix. Operators are elementwise between equal shapes, a scalar
-multiplies or divides anything, `@` is the matrix product; nothing else broadcasts.
+Shapes: `()` scalar, `(n,)` vector, `(m, n)` matrix. Operators are elementwise between equal shapes; of matrices only
+sums are, `@` is their product. A scalar multiplies, divides, limits and is compared with anything; in a sum only a
+literal number adapts, because a scalar added to a vector of space is a mistake.
 """
 
 from __future__ import annotations
@@ -103,10 +104,10 @@ class Expr:
         return _quotient(as_expr(other), self)
 
     def __pow__(self, other: Operand) -> Expr:
-        return _scalar_binary("pow", self, as_expr(other))
+        return elementwise("pow", self, as_expr(other))
 
     def __rpow__(self, other: Operand) -> Expr:
-        return _scalar_binary("pow", as_expr(other), self)
+        return elementwise("pow", as_expr(other), self)
 
     def __matmul__(self, other: Operand) -> Expr:
         return _matmul(self, as_expr(other))
@@ -121,9 +122,9 @@ class Expr:
         return self
 
     def __abs__(self) -> Expr:
-        if self.shape != ():
+        if len(self.shape) > 1:
             raise shape_error("fabs", self)
-        return Operation("fabs", (self,), ())
+        return Operation("fabs", (self,), self.shape)
 
     def __eq__(self, other: Operand) -> Equation:  # type: ignore[override]
         return Equation(self, as_expr(other))
@@ -134,16 +135,16 @@ class Expr:
         )
 
     def __lt__(self, other: Operand) -> Expr:
-        return _scalar_binary("lt", self, as_expr(other))
+        return elementwise("lt", self, as_expr(other))
 
     def __le__(self, other: Operand) -> Expr:
-        return _scalar_binary("le", self, as_expr(other))
+        return elementwise("le", self, as_expr(other))
 
     def __gt__(self, other: Operand) -> Expr:
-        return _scalar_binary("gt", self, as_expr(other))
+        return elementwise("gt", self, as_expr(other))
 
     def __ge__(self, other: Operand) -> Expr:
-        return _scalar_binary("ge", self, as_expr(other))
+        return elementwise("ge", self, as_expr(other))
 
     def __and__(self, other: Operand) -> Expr:
         return _logical("and", self, as_expr(other))
@@ -160,16 +161,23 @@ class Expr:
     def __invert__(self) -> Expr:
         return _logical("not", self)
 
-    def __getitem__(self, index: int | tuple[int, int]) -> Expr:
+    def __getitem__(self, index: int | slice | tuple[int | slice, ...]) -> Expr:
         key = index if isinstance(index, tuple) else (index,)
-        if len(key) != len(self.shape) or not all(-n <= i < n for i, n in zip(key, self.shape, strict=True)):
+        if len(key) != len(self.shape) or not all(_is_within(k, n) for k, n in zip(key, self.shape, strict=True)):
+            shown = f"element {list(key)}"
+            if any(isinstance(k, slice) for k in key):
+                shown = f"elements [{', '.join(map(_slice_text, key))}]"
             limits = [f"0 to {n - 1}" for n in self.shape]
             raise DeclarationError(
                 "AC103",
-                f"`{self}` is a {shape_text(self.shape)}; it has no element {list(key)}",
+                f"`{self}` is a {shape_text(self.shape)}; it has no {shown}",
                 help=f"indices count from 0: [{', '.join(limits)}]" if limits else "use it without an index",
             )
-        return Operation("index", (self,), (), tuple(i % n for i, n in zip(key, self.shape, strict=True)))
+        places = tuple(range(n)[k] for k, n in zip(key, self.shape, strict=True))
+        if not any(isinstance(p, range) for p in places):
+            return Operation("index", (self,), (), places)
+        shape = tuple(len(p) for p in places if isinstance(p, range))
+        return Operation("slice", (self,), shape, (places, ", ".join(map(_slice_text, key))))
 
     if not TYPE_CHECKING:  # else `x[0] = 1.0` would pass a type checker
 
@@ -350,7 +358,7 @@ def is_condition(e: object) -> bool:
         here = stack.pop()
         if here.op in CONDITIONS or (isinstance(here, Symbol) and here.declaration.boolean):
             found = True
-        elif here.op in ("index", "pre", "noevent"):
+        elif here.op in ("index", "slice", "pre", "noevent"):
             stack.append(here.args[0])
         elif here.op == "where":
             stack += here.args[1:]
@@ -360,9 +368,9 @@ def is_condition(e: object) -> bool:
 
 
 def assigned(equation: Equation) -> Symbol | None:
-    """The discrete variable that an equation assigns: it stands alone on the left, perhaps with an index."""
+    """The discrete variable that an equation assigns: it stands alone on the left, perhaps with an index or a slice."""
     left = equation.left
-    if left.op == "index":
+    if left.op in ("index", "slice"):
         left = left.args[0]
     return left if isinstance(left, Symbol) and left.declaration.discrete else None
 
@@ -372,17 +380,19 @@ def is_truth(e: Expr) -> bool:
     return e.op == "const" and e.shape == () and e.payload in (0.0, 1.0)
 
 
-def checked_condition(e: object, example: str = "x > 0") -> Expr:
-    """`e`, if it is a condition.
+def checked_condition(e: object, example: str = "x > 0", *, several: bool = False) -> Expr:
+    """`e`, if it is a condition; with `several` also if it is a vector of them.
 
     Raises
     ------
     DeclarationError
         AC108 when it is not.
     """
-    if isinstance(e, Expr) and is_condition(e) and not e.shape:
-        return e
-    if isinstance(e, Equation):
+    if isinstance(e, Expr) and is_condition(e):
+        if not e.shape or several:
+            return e
+        fact, remedy = "is a vector of conditions", "one is wanted here: take an element, such as condition[0]"
+    elif isinstance(e, Equation):
         fact, remedy = "is an equation, not a condition", "whole numbers are compared with equals(a, b)"
     elif isinstance(e, Expr):
         fact, remedy = (
@@ -413,11 +423,12 @@ def is_discrete(e: Expr) -> bool:
     return True
 
 
-_ELEMENTWISE = "it works on scalars; take elements, such as v[0]"
+_ELEMENTWISE = "it works on scalars and, element by element, on vectors of one length"
 _SHAPES = {
-    "+": "both need one shape; only a literal number adapts",
-    "-": "both need one shape; only a literal number adapts",
-    "/": "only a scalar can divide",
+    "+": "both need one shape; only a literal number adapts: fill(x, n) repeats a scalar",
+    "-": "both need one shape; only a literal number adapts: fill(x, n) repeats a scalar",
+    "*": "vectors of one length are multiplied element by element; use dot(a, b), cross(a, b) or a @ b",
+    "/": "a scalar divides anything, a vector only vectors of its length",
     "@": "the columns of the left matrix must be as many as the rows of the right one",
     "dot": "dot takes two vectors of one length",
     "cross": "cross takes two vectors of 3",
@@ -464,27 +475,27 @@ def _elementwise(op: str, a: Expr, b: Expr) -> Expr:
     raise shape_error(_INFIX[op], a, b)
 
 
-def _scalar_binary(op: str, a: Expr, b: Expr) -> Expr:
-    if a.shape or b.shape:
-        raise shape_error(_INFIX[op], a, b)
-    return Operation(op, (a, b), ())
+def elementwise(op: str, *operands: Expr) -> Expr:
+    """An operation on scalars, or on the elements of vectors of one length, beside which scalars are repeated."""
+    shapes = {a.shape for a in operands if a.shape}
+    if len(shapes) > 1 or any(len(shape) > 1 for shape in shapes):
+        raise shape_error(_INFIX.get(op, op), *operands)
+    return Operation(op, operands, shapes.pop() if shapes else ())
 
 
 def _logical(op: str, *operands: Expr) -> Expr:
-    return Operation(op, tuple(e if is_truth(e) else checked_condition(e) for e in operands), ())
+    return elementwise(op, *(e if is_truth(e) else checked_condition(e, several=True) for e in operands))
 
 
 def _product(a: Expr, b: Expr) -> Expr:
     if a.shape and b.shape:
-        error = shape_error("*", a, b)
-        error.help = "use dot(a, b), cross(a, b) or a @ b"
-        raise error
+        return elementwise("mul", a, b)
     return Operation("mul", (a, b), a.shape or b.shape)
 
 
 def _quotient(a: Expr, b: Expr) -> Expr:
     if b.shape:
-        raise shape_error("/", a, b)
+        return elementwise("div", a, b)
     return Operation("div", (a, b), a.shape)
 
 
@@ -492,6 +503,22 @@ def _matmul(a: Expr, b: Expr) -> Expr:
     if not a.shape or not b.shape or a.shape[-1] != b.shape[0]:
         raise shape_error("@", a, b)
     return Operation("matmul", (a, b), (*a.shape[:-1], *b.shape[1:]))
+
+
+def _is_within(key: int | slice, n: int) -> bool:
+    """Whether an index is one of n places, or a slice begins and ends among them and holds one at least."""
+    if not isinstance(key, slice):
+        return -n <= key < n
+    ends = [k for k in (key.start, key.stop) if k is not None]
+    return all(-n <= k <= n for k in ends) and key.step != 0 and len(range(n)[key]) > 0
+
+
+def _slice_text(key: int | slice) -> str:
+    """As it was written."""
+    if not isinstance(key, slice):
+        return str(key)
+    ends = ["" if k is None else str(k) for k in (key.start, key.stop)]
+    return ":".join([*ends, str(key.step)] if key.step is not None else ends)
 
 
 def to_text(e: Expr, depth: int = 0, *, name_of: Callable[[Symbol], str] | None = None, binding: int = 0) -> str:
@@ -521,7 +548,7 @@ def to_text(e: Expr, depth: int = 0, *, name_of: Callable[[Symbol], str] | None 
     own = _BINDING.get(e.op, 0)
     # Operators group to the left, `**` to the right.
     inner = [own + ((k > 0) != (e.op == "pow")) for k in range(len(e.args))]
-    if e.op in ("index", "transpose"):
+    if e.op in ("index", "slice", "transpose"):
         inner = [9]
     parts = [to_text(a, depth + 1, name_of=name_of, binding=i) for a, i in zip(e.args, inner, strict=True)]
     if e.op in _INFIX:
@@ -530,8 +557,12 @@ def to_text(e: Expr, depth: int = 0, *, name_of: Callable[[Symbol], str] | None 
         return _closed(f"{'-' if e.op == 'neg' else '~'}{parts[0]}", own < binding)
     if e.op == "index":
         return f"{parts[0]}[{', '.join(map(str, e.payload))}]"
+    if e.op == "slice":
+        return f"{parts[0]}[{e.payload[1]}]"
     if e.op == "transpose":
         return f"{parts[0]}.T"
+    if e.op == "fill":
+        return f"fill({parts[0]}, {e.shape[0]})"
     if e.op == "stack":
         return f"({', '.join(parts)})"
     if e.op == "quantity":

@@ -1,4 +1,7 @@
-"""Functions of the language. They take expressions and numbers; `math` and `numpy` functions do not."""
+"""Functions of the language. They take expressions and numbers; `math` and `numpy` functions do not.
+
+Functions of one or two scalars work on vectors too, element by element.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,16 @@ from collections.abc import Sequence
 from typing import Any
 
 from acausal.errors import DeclarationError
-from acausal.language.expression import Expr, Operand, Operation, as_expr, checked_condition, is_literal, shape_error
+from acausal.language.expression import (
+    Expr,
+    Operand,
+    Operation,
+    as_expr,
+    checked_condition,
+    elementwise,
+    is_literal,
+    shape_error,
+)
 from acausal.units import in_si
 
 time = Operation("time", (), ())
@@ -20,16 +32,14 @@ _CONSTANT_FOLDING = {name: getattr(math, name) for name in UNARY if hasattr(math
 
 def _unary(op: str, x: Operand) -> Expr:
     e = as_expr(x)
-    if e.shape:
-        raise shape_error(op, e)
-    if e.op == "const" and op in _CONSTANT_FOLDING:
+    if e.op == "const" and not e.shape and op in _CONSTANT_FOLDING:
         try:
             return as_expr(float(_CONSTANT_FOLDING[op](e.payload)))
         except ValueError as error:
             raise DeclarationError(
                 "AC107", f"{op}({e.payload:g}) has no value", help=f"{op} is not defined for this number"
             ) from error
-    return Operation(op, (e,), ())
+    return elementwise(op, e)
 
 
 def sin(x: Operand) -> Expr:
@@ -112,26 +122,19 @@ def ceil(x: Operand) -> Expr:
     return _unary("ceil", x)
 
 
-def _binary(op: str, x: Operand, y: Operand) -> Expr:
-    a, b = as_expr(x), as_expr(y)
-    if a.shape or b.shape:
-        raise shape_error(op, a, b)
-    return Operation(op, (a, b), ())
-
-
 def atan2(y: Operand, x: Operand) -> Expr:
     """Angle of the point (x, y) [rad]."""
-    return _binary("atan2", y, x)
+    return elementwise("atan2", as_expr(y), as_expr(x))
 
 
 def minimum(x: Operand, y: Operand) -> Expr:
-    """The smaller of two scalars."""
-    return _binary("min", x, y)
+    """The smaller of two scalars; of vectors, of each pair of elements."""
+    return elementwise("min", as_expr(x), as_expr(y))
 
 
 def maximum(x: Operand, y: Operand) -> Expr:
-    """The larger of two scalars."""
-    return _binary("max", x, y)
+    """The larger of two scalars; of vectors, of each pair of elements."""
+    return elementwise("max", as_expr(x), as_expr(y))
 
 
 def clamp(x: Operand, low: Operand, high: Operand) -> Expr:
@@ -142,14 +145,18 @@ def clamp(x: Operand, low: Operand, high: Operand) -> Expr:
 def where(condition: Expr, a: Operand, b: Operand, *, smooth: bool = False) -> Expr:
     """`a` where `condition` holds, else `b`; all shapes of `a` and `b` must agree.
 
+    A vector of conditions chooses element by element, between vectors of its length or scalars.
+
     `smooth=True` promises that the value and its derivative are continuous across the switch, so that no
     crossing has to be located.
     """
     x, y = as_expr(a), as_expr(b)
-    checked_condition(condition)
-    if x.shape != y.shape and not (is_literal(x) or is_literal(y)):
+    several = checked_condition(condition, several=True).shape
+    if several and not {several, x.shape, y.shape} <= {several, ()}:
+        raise shape_error("where", condition, x, y)
+    if x.shape != y.shape and not several and not (is_literal(x) or is_literal(y)):
         raise shape_error("where", x, y)
-    return Operation("where", (condition, x, y), x.shape or y.shape, smooth)
+    return Operation("where", (condition, x, y), several or x.shape or y.shape, smooth)
 
 
 def homotopy(actual: Operand, simplified: Operand) -> Expr:

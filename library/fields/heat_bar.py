@@ -2,25 +2,8 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
-from acausal import Component, Equations, Real, der, guess, parameter, part, structural, variable
+from acausal import Component, Equations, Real, concatenate, der, guess, parameter, structural, variable
 from acausal.library.thermal.interfaces import HeatPort
-
-
-class HeatCell(Component):
-    """One volume of a bar."""
-
-    C: Real = parameter(unit="J/K", min=0.0, doc="Heat capacity")
-    T_start: Real = parameter(unit="K", default=293.15, doc="Temperature at the start")
-    T: Real = variable(unit="K", nominal=300.0, prefer_state=True, default=guess(293.15), doc="Mean temperature")
-    Q_flow: Real = variable(unit="W", doc="Net heat flow rate into the cell")
-
-    def initial_equations(self) -> Equations:
-        yield self.T == self.T_start
-
-    def equations(self) -> Equations:
-        yield self.C * der(self.T) == self.Q_flow
 
 
 class HeatBar(Component):
@@ -37,23 +20,30 @@ class HeatBar(Component):
     lambda_: Real = parameter(unit="W/(m.K)", default=50.0, min=0.0, doc="Thermal conductivity")
     rho: Real = parameter(unit="kg/m3", default=7850.0, min=0.0, doc="Density")
     c: Real = parameter(unit="J/(kg.K)", default=460.0, min=0.0, doc="Specific heat capacity")
-    T_start: Real = parameter(unit="K", default=293.15, doc="Temperature of all cells at the start")
+    T_start: Real = parameter(
+        shape=lambda self: self.n, unit="K", default=293.15, doc="Temperatures of the cells at the start"
+    )
+    T: Real = variable(
+        shape=lambda self: self.n,
+        unit="K",
+        nominal=300.0,
+        prefer_state=True,
+        default=guess(293.15),
+        doc="Mean temperatures of the cells",
+    )
 
     port_a: HeatPort = HeatPort()
     port_b: HeatPort = HeatPort()
-    cells: list[HeatCell] = part()
 
-    def build(self) -> None:
-        C = self.rho * self.c * self.A * self.length / self.n
-        self.cells = [HeatCell(C=C, T_start=self.T_start) for _ in range(self.n)]
+    def initial_equations(self) -> Equations:
+        yield self.T == self.T_start
 
     def equations(self) -> Equations:
+        C = self.rho * self.c * self.A * self.length / self.n
         G = self.lambda_ * self.A * self.n / self.length
-        first, last = self.cells[0], self.cells[-1]
-        yield self.port_a.Q_flow == 2.0 * G * (self.port_a.T - first.T)
-        yield self.port_b.Q_flow == 2.0 * G * (self.port_b.T - last.T)
-        between = [G * (a.T - b.T) for a, b in pairwise(self.cells)]
-        arriving = [self.port_a.Q_flow, *between]
-        leaving = [*between, -self.port_b.Q_flow]
-        for cell, here, there in zip(self.cells, arriving, leaving, strict=True):
-            yield cell.Q_flow == here - there
+        yield self.port_a.Q_flow == 2.0 * G * (self.port_a.T - self.T[0])
+        yield self.port_b.Q_flow == 2.0 * G * (self.port_b.T - self.T[-1])
+        # through the n + 1 faces, towards port_b
+        between = (G * (self.T[:-1] - self.T[1:]),) if self.n > 1 else ()
+        Q_flow = concatenate(self.port_a.Q_flow, *between, -self.port_b.Q_flow)
+        yield C * der(self.T) == Q_flow[:-1] - Q_flow[1:]

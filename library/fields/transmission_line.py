@@ -2,20 +2,8 @@
 
 from __future__ import annotations
 
-from acausal import Component, Equations, Real, der, fixed, parameter, part, structural, variable
+from acausal import Component, Equations, Real, as_expr, concatenate, der, fixed, parameter, structural, variable
 from acausal.library.electrical.interfaces import Pin
-
-
-class LineCapacitance(Component):
-    """Voltage of one section."""
-
-    v: Real = variable(unit="V", default=fixed(0.0), prefer_state=True, doc="Voltage to the reference")
-
-
-class LineInductance(Component):
-    """Current between two sections."""
-
-    i: Real = variable(unit="A", default=fixed(0.0), prefer_state=True, doc="Current towards p2")
 
 
 class TransmissionLine(Component):
@@ -33,25 +21,31 @@ class TransmissionLine(Component):
     g: Real = parameter(unit="S/m", default=0.0, min=0.0, doc="Conductance per length")
     c: Real = parameter(unit="F/m", default=1e-10, min=0.0, doc="Capacitance per length")
 
+    v: Real = variable(
+        shape=lambda self: self.N,
+        unit="V",
+        default=fixed(0.0),
+        prefer_state=True,
+        doc="Voltages of the sections to the reference",
+    )
+    i: Real = variable(
+        shape=lambda self: self.N + 1,
+        unit="A",
+        default=fixed(0.0),
+        prefer_state=True,
+        doc="Currents between them, towards p2",
+    )
     p1: Pin = Pin()
     p2: Pin = Pin()
     p3: Pin = Pin()
-    capacitances: list[LineCapacitance] = part()
-    inductances: list[LineInductance] = part()
-
-    def build(self) -> None:
-        self.capacitances = [LineCapacitance() for _ in range(self.N)]
-        self.inductances = [LineInductance() for _ in range(self.N + 1)]
 
     def equations(self) -> Equations:
         dx = self.length / self.N
-        voltages = [self.p1.v - self.p3.v, *(section.v for section in self.capacitances), self.p2.v - self.p3.v]
-        currents = [section.i for section in self.inductances]
-        for k, i in enumerate(currents):
-            share = 0.5 if k in (0, self.N) else 1.0
-            yield share * dx * (self.l * der(i) + self.r * i) == voltages[k] - voltages[k + 1]
-        for k, section in enumerate(self.capacitances):
-            yield dx * (self.c * der(section.v) + self.g * section.v) == currents[k] - currents[k + 1]
-        yield self.p1.i == currents[0]
-        yield self.p2.i == -currents[-1]
+        v = concatenate(self.p1.v - self.p3.v, self.v, self.p2.v - self.p3.v)
+        # half an inductance at either end
+        share = as_expr([0.5, *[1.0] * (self.N - 1), 0.5])
+        yield share * dx * (self.l * der(self.i) + self.r * self.i) == v[:-1] - v[1:]
+        yield dx * (self.c * der(self.v) + self.g * self.v) == self.i[:-1] - self.i[1:]
+        yield self.p1.i == self.i[0]
+        yield self.p2.i == -self.i[-1]
         yield self.p1.i + self.p2.i + self.p3.i == 0.0

@@ -2,22 +2,11 @@
 
 from __future__ import annotations
 
-from acausal import Component, Equations, Expr, Real, der, parameter, part, structural, variable, where
+from acausal import Component, Equations, Expr, Real, concatenate, der, parameter, structural, variable, where
 from acausal.errors import DeclarationError
 from acausal.library.fields.interfaces import ConcentrationPort
 
 SCHEMES = ("upwind", "van_leer")
-
-
-class ChannelCell(Component):
-    """One volume of a channel."""
-
-    c_start: Real = parameter(unit="mol/m3", default=0.0, doc="Concentration at the start")
-    c: Real = variable(unit="mol/m3", prefer_state=True, doc="Mean concentration")
-    r: Real = variable(unit="mol/(m3.s)", doc="Rate of production")
-
-    def initial_equations(self) -> Equations:
-        yield self.c == self.c_start
 
 
 class PartialChannel(Component):
@@ -47,22 +36,28 @@ class PartialChannel(Component):
     A: Real = parameter(unit="m2", default=1e-4, min=0.0, doc="Cross section")
     D: Real = parameter(unit="m2/s", default=0.0, min=0.0, doc="Diffusion coefficient")
     v: Real = parameter(unit="m/s", default=0.0, doc="Velocity, positive from port_a to port_b")
-    c_start: Real = parameter(unit="mol/m3", default=0.0, doc="Concentration of all cells at the start")
+    c_start: Real = parameter(
+        shape=lambda self: self.n, unit="mol/m3", default=0.0, doc="Concentrations of the cells at the start"
+    )
+    c: Real = variable(
+        shape=lambda self: self.n, unit="mol/m3", prefer_state=True, doc="Mean concentrations of the cells"
+    )
+    r: Real = variable(shape=lambda self: self.n, unit="mol/(m3.s)", doc="Rates of production in them")
 
     port_a: ConcentrationPort = ConcentrationPort()
     port_b: ConcentrationPort = ConcentrationPort()
-    cells: list[ChannelCell] = part()
 
     def build(self) -> None:
         if self.scheme not in SCHEMES:
             raise DeclarationError(
                 "AC195", f"there is no scheme '{self.scheme}'", help=f"schemes: {', '.join(SCHEMES)}"
             )
-        self.cells = [ChannelCell(c_start=self.c_start) for _ in range(self.n)]
+
+    def initial_equations(self) -> Equations:
+        yield self.c == self.c_start
 
     def equations(self) -> Equations:
-        dx, c = self.length / self.n, [cell.c for cell in self.cells]
-        inner = [self._flux(c, k, dx) for k in range(1, self.n)]
+        dx, c = self.length / self.n, self.c
         # of half a cell, into the channel at each end
         at_a = self.v * where(self.v > 0.0, self.port_a.c, c[0]) + 2.0 * self.D * (self.port_a.c - c[0]) / dx
         at_b = -self.v * where(self.v > 0.0, c[-1], self.port_b.c) + 2.0 * self.D * (self.port_b.c - c[-1]) / dx
@@ -76,23 +71,23 @@ class PartialChannel(Component):
             yield self.port_b.c == c[-1]
         else:
             yield self.port_b.n_flow == self.A * at_b
-        for cell, here, there in zip(self.cells, [at_a, *inner], [*inner, -at_b], strict=True):
-            yield der(cell.c) == (here - there) / dx + cell.r
+        flux = concatenate(at_a, *((self._inner(dx),) if self.n > 1 else ()), -at_b)
+        yield der(c) == (flux[:-1] - flux[1:]) / dx + self.r
 
-    def _flux(self, c: list[Expr], k: int, dx: Expr) -> Expr:
-        """Molar flux through the face between the cells k - 1 and k."""
-        left, right = c[k - 1], c[k]
-        if self.scheme == "van_leer":
-            if k > 1:
-                left = left + _slope(c[k - 1] - c[k - 2], c[k] - c[k - 1]) / 2.0
-            if k < self.n - 1:
-                right = right - _slope(c[k + 1] - c[k], c[k] - c[k - 1]) / 2.0
-        carried = self.v * where(self.v > 0.0, left, right)
-        return carried - self.D * (c[k] - c[k - 1]) / dx
+    def _inner(self, dx: Expr) -> Expr:
+        """Molar fluxes through the n - 1 faces between cells."""
+        left, right = self.c[:-1], self.c[1:]
+        rise = right - left
+        if self.scheme == "van_leer" and self.n > 2:
+            # of the cells between two others; those at the ends have no slope
+            half = _slope(rise[:-1], rise[1:]) / 2.0
+            left = concatenate(left[0], left[1:] + half)
+            right = concatenate(right[:-1] - half, right[-1])
+        return self.v * where(self.v > 0.0, left, right) - self.D * rise / dx
 
 
 def _slope(a: Expr, b: Expr) -> Expr:
-    """Harmonic mean of two differences of one sign, else zero: a kink, which the error control passes."""
+    """Harmonic means of two differences of one sign, else zero: a kink, which the error control passes."""
     alike = a * b > 0.0
     return where(alike, 2.0 * a * b / where(alike, a + b, 1.0, smooth=True), 0.0, smooth=True)
 
@@ -101,8 +96,7 @@ class Channel(PartialChannel):
     """Channel without reaction."""
 
     def equations(self) -> Equations:
-        for cell in self.cells:
-            yield cell.r == 0.0
+        yield self.r == 0.0
 
 
 class LogisticChannel(PartialChannel):
@@ -115,5 +109,4 @@ class LogisticChannel(PartialChannel):
     c_max: Real = parameter(unit="mol/m3", default=1.0, min=0.0, doc="Concentration at which growth ends")
 
     def equations(self) -> Equations:
-        for cell in self.cells:
-            yield cell.r == self.k * cell.c * (1.0 - cell.c / self.c_max)
+        yield self.r == self.k * self.c * (1.0 - self.c / self.c_max)

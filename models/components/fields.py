@@ -17,7 +17,7 @@ class FedChannel(Component):
 
     experiment: ClassVar[Experiment] = Experiment(stop_time=400.0)
     figure: ClassVar[tuple[Panel, ...]] = (
-        Panel(("channel.cells[0].c", "channel.cells[20].c", "channel.cells[39].c"), title="Begin, middle and end"),
+        Panel(("channel.c[0]", "channel.c[20]", "channel.c[39]"), title="Begin, middle and end"),
     )
 
     def equations(self) -> Equations:

@@ -190,14 +190,14 @@ def test_arrays_are_those_of_numpy(name: str, seed: int) -> None:
 
 @given(st.sampled_from("xacPS"), st.sampled_from("xacPS"), st.sampled_from(["+", "-", "*", "/", "@"]))
 def test_shapes_agree_or_are_refused(first: str, second: str, op: str) -> None:
-    """Sums need one shape, products a scalar, matrix products matching sizes: never numpy's broadcasting."""
+    """Sums need one shape, products a scalar or two equal vectors, matrix products matching sizes."""
     a, b = getattr(thing, first), getattr(thing, second)
     at = sample(4)
     fits = {
         "+": a.shape == b.shape,
         "-": a.shape == b.shape,
-        "*": not a.shape or not b.shape,
-        "/": not b.shape,
+        "*": not a.shape or not b.shape or (a.shape == b.shape and len(a.shape) == 1),
+        "/": not b.shape or (len(b.shape) == 1 and a.shape in ((), b.shape)),
         "@": bool(a.shape and b.shape) and a.shape[-1] == b.shape[0],
     }[op]
     operation: Any = {

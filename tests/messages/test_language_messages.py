@@ -10,16 +10,22 @@ import pytest
 
 from acausal import (
     Component,
+    Connector,
     Real,
+    concatenate,
     cross,
+    fill,
     fixed,
+    flow,
     log,
     parameter,
+    reset,
     signal_input,
     signal_output,
     sin,
     structural,
     variable,
+    when,
     where,
 )
 from acausal.language.expression import as_expr
@@ -102,9 +108,50 @@ def sides_of_different_shape() -> None:
     thing.v == thing.x  # noqa: B015
 
 
-@corpus.wrong("AC105", "`v`", "thing.v * thing.v")
-def product_of_vectors() -> None:
-    thing.v * thing.v
+@corpus.wrong("AC105", "`R`", "thing.R * thing.R")
+def product_of_matrices_by_elements() -> None:
+    thing.R * thing.R
+
+
+@corpus.wrong("AC105", "`v[1:]`", "thing.v[1:] * thing.v")
+def product_of_vectors_of_two_lengths() -> None:
+    thing.v[1:] * thing.v
+
+
+@corpus.wrong("AC103", "[1:4]", "thing.v[1:4]")
+def slice_beyond_the_end() -> None:
+    thing.v[1:4]
+
+
+@corpus.wrong("AC108", "`v > x`", "when(thing.v > thing.x, reset(thing.x, 0.0))")
+def when_of_a_vector_of_conditions() -> None:
+    when(thing.v > thing.x, reset(thing.x, 0.0))
+
+
+@corpus.wrong("AC105", "`R`", "concatenate(thing.x, thing.R)")
+def concatenation_with_a_matrix() -> None:
+    concatenate(thing.x, thing.R)
+
+
+@corpus.wrong("AC110", "fill(`x`, 0)", "fill(thing.x, 0)")
+def vector_of_no_elements() -> None:
+    fill(thing.x, 0)
+
+
+@corpus.wrong("AC105", "Sized.u", "Sized()", "u: Real = variable(shape=lambda self: self.n)")
+def shape_that_is_none() -> None:
+    class Sized(Component):
+        n: int = structural(default=0)
+        u: Real = variable(shape=lambda self: self.n)
+
+    Sized()
+
+
+@corpus.wrong("AC123", "'u'", "u: Real = variable(shape=lambda self: 2)")
+def connector_of_some_size() -> None:
+    class Port(Connector):
+        u: Real = variable(shape=lambda self: 2)
+        i: Real = flow()
 
 
 @corpus.wrong("AC105", "`R`", "thing.R @ (1.0, 2.0)")
@@ -112,9 +159,9 @@ def matrix_times_short_vector() -> None:
     thing.R @ (1.0, 2.0)
 
 
-@corpus.wrong("AC105", "`v`", "sin(thing.v)")
-def sine_of_a_vector() -> None:
-    sin(thing.v)
+@corpus.wrong("AC105", "`R`", "sin(thing.R)")
+def sine_of_a_matrix() -> None:
+    sin(thing.R)
 
 
 @corpus.wrong("AC105", "cross", "cross(thing.v, (1.0, 2.0))")

@@ -360,4 +360,4 @@ def pushing_bodies(r: Result) -> None:
 @check
 def fed_channel(r: Result) -> None:
     """In the end what flows out carries the feed: c = 1e-6/(A*v)."""
-    assert r.final("channel.cells[39].c") == pytest.approx(1.0, rel=1e-6)
+    assert r.final("channel.c[39]") == pytest.approx(1.0, rel=1e-6)

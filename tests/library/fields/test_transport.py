@@ -31,12 +31,12 @@ class Alone(Component):
 
 
 def run(made: Any, start: Any = None, **options: Any) -> acausal.Result:
-    given = {} if start is None else {f"channel.cells[{k}].c_start": float(c) for k, c in enumerate(start)}
+    given = {} if start is None else {"channel.c_start": [float(c) for c in start]}
     return acausal.simulate(Alone(made=made), parameters=given, **{"tolerance": 1e-7, **options})
 
 
 def profile(result: acausal.Result, n: int) -> Any:
-    return np.array([result.final(f"channel.cells[{k}].c") for k in range(n)])
+    return np.array([result.final(f"channel.c[{k}]") for k in range(n)])
 
 
 def middles(n: int) -> Any:
@@ -127,7 +127,7 @@ def test_fishers_front_runs_at_twice_the_root_of_growth_and_diffusion() -> None:
     start = np.where(middles(n) < 0.05, 1.0, 0.0)
     made = lambda: LogisticChannel(n=n, D=1e-4, k=1.0)  # noqa: E731
     result = run(made, start, stop_time=40.0, tolerance=1e-6)
-    level = np.stack([result[f"channel.cells[{k}].c"] for k in range(n)], axis=1)
+    level = np.stack([result[f"channel.c[{k}]"] for k in range(n)], axis=1)
 
     def front(t: float) -> float:
         c = level[np.searchsorted(result.time, t - 1e-9)]
@@ -144,8 +144,7 @@ def test_a_reaction_of_ones_own() -> None:
     class Decaying(PartialChannel):
         def equations(self) -> Equations:
             rate: Expr = acausal.quantity(2.0, "1/s")
-            for cell in self.cells:
-                yield cell.r == -rate * cell.c
+            yield self.r == -rate * self.c
 
     result = run(lambda: Decaying(n=3, D=1e-4, c_start=1.0), stop_time=1.0)
     assert profile(result, 3) == pytest.approx(np.exp(-2.0), abs=1e-6)
