@@ -12,6 +12,7 @@ import acausal
 from acausal import Component, Equations, connect, part
 from acausal.library.fields import HeatBar
 from acausal.library.thermal import FixedTemperature, ThermalConductor
+from acausal.structure import match
 
 # Diffusivity lambda / (rho c) of 1e-4 m2/s.
 SPREAD = 1e-4
