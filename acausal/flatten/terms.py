@@ -7,13 +7,13 @@ from heapq import heappop, heappush
 from acausal.flatten.pool import Pool
 
 SUMS = frozenset(("add", "sub"))
-_LONG = 24
+LONG = 24
 
 
 def is_long(pool: Pool, root: int) -> bool:
     """True where a sum is a chain of more than two dozen additions, however their operands are ordered."""
     nodes = pool.nodes
-    for _ in range(_LONG):
+    for _ in range(LONG):
         _, a, b = nodes[root]
         if nodes[a][0] in SUMS:
             root = a

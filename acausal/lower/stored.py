@@ -23,7 +23,7 @@ import tempfile
 from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass, replace
 from enum import Enum
-from functools import cache
+from functools import cache, lru_cache
 from importlib import import_module
 from pathlib import Path
 from types import FunctionType
@@ -47,6 +47,7 @@ _KIND, _SUFFIX = "models", ".model"
 _WORTH, _LEAST_NODES, _LONG, _MOST = 0.3, 4_000, 5, 100
 _SOURCES = ("language", "flatten", "structure", "numeric", "analyse", "reduce", "lower", "diagnose")
 _OWN = [["acausal", name] for name in (*_SOURCES, "errors")]
+_PLAIN = frozenset((int, float, str, bool, type(None)))
 # What is called while a model is read, beside classes of this package and components.
 _CALLED = {
     ("acausal.language.declaration", "_declaration_of"),
@@ -160,12 +161,15 @@ class _Reader(pickle.Unpickler):
 def _key(signature: tuple[Any, ...]) -> str | None:
     """The name of a signature in all processes; None where it has parts that only this one knows."""
     try:
-        words = marshal.dumps(
-            (_made_by(), _told(signature, {})), 2
-        )  # without references, which differ between processes
+        return hashlib.sha256(f"{_made_by()} {_digest(signature)}".encode()).hexdigest()
     except (_Unknown, ValueError, OSError, TypeError, RecursionError) as error:
         _log.info("no key for other processes: %r", error)
         return None
+
+
+@lru_cache(maxsize=1)  # asked before a model is compiled and again behind it
+def _digest(signature: tuple[Any, ...]) -> str:
+    words = marshal.dumps(_told(signature, {}), 2)  # without references, which differ between processes
     return hashlib.sha256(words).hexdigest()
 
 
@@ -182,8 +186,11 @@ def _made_by() -> str:
 
 def _told(value: Any, known: dict[int, Any]) -> Any:
     """The content of a part of a signature, in plain values."""
-    if value is None or type(value) in (int, float, str, bool):
+    kind = type(value)
+    if kind in _PLAIN:
         return value
+    if kind is tuple and _PLAIN.issuperset(map(type, value)):  # nearly all of a signature are nodes of a pool
+        return "builtins.tuple", *value
     if id(value) in known:
         return known[id(value)][1]
     told = tuple(_parts(value, known))

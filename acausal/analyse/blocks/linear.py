@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 
 from acausal.flatten.pool import LEAVES, Pool
-from acausal.flatten.terms import SUMS, is_long, terms
+from acausal.flatten.terms import LONG, SUMS, is_long, terms
 
 Linear = tuple[int, dict[int, int]]
 
@@ -22,7 +22,20 @@ class LinearForm:
     def of(self, root: int) -> Linear | None:
         """(rest, {variable: coefficient}), or None when `root` is not linear in the variables."""
         done = self._done
+        if root in done:
+            return done[root]
         nodes = self.pool.nodes
+        few = self.pool.reachable([root], done)
+        if len(few) <= LONG:  # too few for a long sum among them
+            for number in few:
+                node = nodes[number]
+                if node[0] in LEAVES:
+                    done[number] = self._leaf(number, node)
+                    continue
+                parts = [done[c] for c in node[1:]]
+                is_apart = all([p is not None and not p[1] for p in parts])
+                done[number] = (number, {}) if is_apart else self._combine(number, node[0], parts)
+            return done[root]
         stack = [root]
         while stack:
             number = stack[-1]
