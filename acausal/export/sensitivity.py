@@ -1,9 +1,9 @@
 """Derivatives of final values and of event times with respect to parameters, through all events of a run.
 
-Between events the integrator differentiates its own steps. At an event at t* with guard g the derivative of the time
-is dt* = -(g_x X + g_p) / (g_t + g_x f), and that of the states jumps: with x+ = r(t, x-, p),
-X+ = r_x (X- + f- dt*) + r_t dt* + r_p - f+ dt* (the saltation matrix). The sequence of events is that of the nominal
-run. Time events and samples move with the parameters that their instants depend on.
+Between events steps of a method of their own are differentiated (`acausal/export/variation/`). At an event at t* with
+guard g the derivative of the time is dt* = -(g_x X + g_p) / (g_t + g_x f), and that of the states jumps: with
+x+ = r(t, x-, p), X+ = r_x (X- + f- dt*) + r_t dt* + r_p - f+ dt* (the saltation matrix). The sequence of events is that
+of the nominal run. Time events and samples move with the parameters that their instants depend on.
 
 Source: W. S. Galán, P. I. Barton, W. F. Feehery, Parametric sensitivity functions for hybrid discrete/continuous
 systems, Applied Numerical Mathematics 31 (1999); the adjoint form is its transpose, in reverse order.
@@ -11,10 +11,10 @@ systems, Applied Numerical Mathematics 31 (1999); the adjoint form is its transp
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 from weakref import WeakKeyDictionary
 
 import casadi as ca
@@ -25,16 +25,20 @@ from acausal.errors import ExportError, UsageError, nearest
 from acausal.export.forms import SENSITIVITIES, check
 from acausal.export.observed import observed_function
 from acausal.export.ports import Output, named_outputs
-from acausal.export.variation import Element, Variation
+from acausal.export.variation.element import Temper, Way
+from acausal.export.variation.variation import Variation
 from acausal.language.component import Component
 from acausal.lower.build import Builder
 from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.impulses import impulses
+from acausal.lower.symbols import Symbols
 from acausal.result import Result
 from acausal.simulate.arguments import input_vector, parameter_vector
 from acausal.simulate.driver.hybrid import Passage
 from acausal.simulate.driver.run import Run
+from acausal.simulate.equations.kept import kept
+from acausal.simulate.equations.quick import Quick
 from acausal.simulate.events.regime import Regime
 from acausal.simulate.events.sampling import due
 from acausal.simulate.inputs.given import Inputs
@@ -43,7 +47,8 @@ from acausal.simulate.options import options
 Vector = NDArray[np.float64]
 
 # Models are compared by identity, and forgotten when nobody else holds them.
-_KEPT: WeakKeyDictionary[CompiledModel, dict[Any, Variation]] = WeakKeyDictionary()
+_KEPT: WeakKeyDictionary[CompiledModel, dict[Any, Any]] = WeakKeyDictionary()
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,6 +98,7 @@ def sensitivities(
     inputs: Mapping[str, float] | None = None,
     method: Literal["forward", "adjoint"] = "forward",
     times: Sequence[float] | Vector = (),
+    native: bool | None = None,
 ) -> Sensitivities:
     """Differentiate the final values of `outputs` and all event times with respect to `parameters`.
 
@@ -109,6 +115,8 @@ def sensitivities(
         same, and the time nearly so: both share the steps of `acausal.export.variation`.
     times
         Instants at which the outputs are differentiated, too.
+    native
+        Whether the run and its derivatives use compiled C, as in `simulate`; what was compiled is kept on disk.
 
     Raises
     ------
@@ -132,7 +140,12 @@ def sensitivities(
             evidence = [f"did you mean {', '.join(close)}?"] if close else []
             raise UsageError("AC020", f"there is no parameter '{name}'", evidence=evidence)
     opts = options(
-        compiled.flat.experiment, start_time=start_time, stop_time=stop_time, tolerance=tolerance, solver=solver
+        compiled.flat.experiment,
+        start_time=start_time,
+        stop_time=stop_time,
+        tolerance=tolerance,
+        solver=solver,
+        native=native,
     )
     p = parameter_vector(compiled, (values or {}) if isinstance(model, CompiledModel) else {})
     run = Run(compiled, opts, p, Inputs(input_vector(compiled, inputs or {})), None, traced=True)
@@ -161,6 +174,18 @@ def sensitivities(
     )
 
 
+class Matrices:
+    """A function whose outputs are matrices, called quickly."""
+
+    def __init__(self, function: Any) -> None:
+        self._quick = Quick(function)
+        self._shapes = [function.size_out(k) for k in range(function.n_out())]
+
+    def __call__(self, *arguments: Any) -> list[Vector]:
+        """Its outputs."""
+        return [v.reshape(shape) for v, shape in zip(self._quick(*arguments), self._shapes, strict=True)]
+
+
 class Chain:
     """The linear maps of a run, stretch by stretch and event by event."""
 
@@ -173,6 +198,7 @@ class Chain:
         self.last = run.hybrid.moment
         self.stop = run.hybrid.recorder.time
         self.nx, self.count = len(self.compiled.states), len(chosen)
+        self.temper, self.native = Temper(), run.options.native
 
     def forward(self) -> tuple[Vector, Vector]:
         """(d outputs, d event times) / d parameters; states are carried along."""
@@ -189,7 +215,7 @@ class Chain:
     def trajectory(self, times: Vector) -> Vector:
         """d outputs / d parameters at `times`, shape (times, outputs, parameters); at events just after them."""
         found = np.zeros((len(times), len(self.wanted), self.count))
-        x, scale = self.start(), self.compiled.nominal_x[:, None]
+        x = self.start()
         for k, passage in enumerate(self.passages):
             by_x, by_p, *_ = self.event(passage)
             x = by_x @ x + by_p
@@ -197,28 +223,30 @@ class Chain:
             until = np.inf if last else self.passages[k + 1].time
             inside = np.flatnonzero((times >= passage.time) & (times < until))
             moment = passage.happened.moment
-            stops = tuple(t for t in np.unique(times[inside]).tolist() if t > passage.time)
-            stretch = replace(self.stretch(k), stops=tuple(t for t in stops if t < self.stop))
             found[inside[times[inside] <= passage.time]] = self._shown(moment, passage.time, moment.x, moment.z, x)
-            x = x / scale
-            for element in stretch.elements:
-                x = element.forward(x)
-                at = inside[times[inside] == element.t]
-                if len(at):
-                    here = element.w[: self.nx], element.w[self.nx :]
-                    found[at] = self._shown(moment, element.t, *here, scale * x)
-            x = x * scale
+            stretch = self.stretch(k)
+            stops = np.unique(times[inside])
+            for at, w, there in stretch.carry(stops[(stops > passage.time) & (stops < stretch.end)], x):
+                x = there
+                here = inside[times[inside] == at]
+                if len(here):
+                    found[here] = self._shown(moment, at, w[: self.nx], w[self.nx :], x)
         return found
 
     def _shown(self, moment: Any, t: float, x: Vector, z: Vector, variation: Vector) -> Vector:
         """d outputs / d parameters at one instant."""
-        y = self._observed
-        by_x, by_p, _ = self._total(moment.regime, lambda *a: y(*a), t, replace(moment, x=x, z=z))
+        by_x, by_p, _ = self._shown_by(moment.regime, t, replace(moment, x=x, z=z))
         return by_x @ variation + by_p
+
+    def _shown_by(self, regime: Regime, t: float, moment: Any) -> tuple[Vector, Vector, Vector]:
+        """Derivatives of the outputs by states, parameters and time."""
+        key = "outputs", *(output.name for output in self.wanted)
+        return self._total(regime, key, lambda *a: self._observed(*a), t, moment)
 
     @cached_property
     def _observed(self) -> Any:
-        return observed_function(self.compiled, self.wanted)
+        key = "observed", *(output.name for output in self.wanted)
+        return self._kept(key, lambda: observed_function(self.compiled, self.wanted))
 
     def adjoint(self) -> tuple[Vector, Vector]:
         """The same, from the end backwards: one sweep, in which each event time joins at its event."""
@@ -240,33 +268,45 @@ class Chain:
         return Stretch(self, moment.regime, moment.x, moment.z, moment.m, self.passages[k].time, until)
 
     def variation(self, regime: Regime) -> Variation:
-        """The equations of a regime with their slopes, kept with the model."""
-        kept = _KEPT.setdefault(self.compiled, {})
-        key = (regime.holds, tuple(self.chosen))
-        if key not in kept:
-            kept[key] = Variation(regime.compiled, self.chosen)
-        return kept[key]
+        """The equations of a regime with their slopes."""
+        key = "variation", regime.holds, regime.border, tuple(self.chosen)
+        return self._kept(key, lambda: Variation(regime.compiled, self.chosen))
+
+    def _kept(self, key: Any, make: Callable[[], T]) -> T:
+        """What is made once for a model."""
+        own = _KEPT.setdefault(self.compiled, {})
+        if key not in own:
+            own[key] = make()
+        found: T = own[key]
+        return found
 
     def start(self) -> Vector:
         """Derivatives of the states at the start."""
         passage = self.passages[0]
         moment, c = passage.left, self.compiled
-        p = ca.SX.sym("p", len(self.p))
-        given = ca.Function("given", [p], [ca.jacobian(c.guess(p)[0], p)])
-        direct = np.array(given(self.p))[:, self.chosen]
+        (direct,) = self._kept("given", self._given)(self.p)
+        direct = direct[:, self.chosen]
         free = [k for k, v in enumerate(c.state_variables) if v not in c.start.direct and v not in c.start.defaulted]
         if not free:
             return direct
-        x, z = ca.SX.sym("x", self.nx), ca.SX.sym("z", len(c.algebraic))
-        arguments = (passage.time, x, z, self.u, p, moment.m)
-        r = ca.vertcat(c.conditions(*arguments)[0], c.rhs(*arguments)[1])
-        slopes = ca.Function("slopes", [x, z, p], [ca.jacobian(r, x), ca.jacobian(r, z), ca.jacobian(r, p)])
-        by_x, by_z, by_p = (np.array(v) for v in slopes(moment.x, moment.z, self.p))
+        slopes = self._kept("start", self._start_slopes)
+        by_x, by_z, by_p = slopes(passage.time, moment.x, moment.z, self.u, self.p, moment.m)
         direct[free] = 0.0
         right = by_x @ direct + by_p[:, self.chosen]
         unknown = np.linalg.lstsq(np.hstack([by_x[:, free], by_z]), -right, rcond=None)[0]
         direct[free] = unknown[: len(free)]
         return direct
+
+    def _given(self) -> Matrices:
+        """`(p) -> derivatives of the declared starts`."""
+        p = ca.SX.sym("p", len(self.p))
+        return Matrices(ca.Function("given", [p], [ca.densify(ca.jacobian(self.compiled.guess(p)[0], p))]))
+
+    def _start_slopes(self) -> Matrices:
+        """`(t, x, z, u, p, m) -> derivatives of the start conditions by x, z and p`."""
+        c, s = self.compiled, Symbols(self.compiled)
+        r = ca.vertcat(c.conditions(*s.inputs)[0], c.rhs(*s.inputs)[1])
+        return Matrices(ca.Function("slopes", s.inputs, [ca.densify(ca.jacobian(r, v)) for v in (s.x, s.z, s.p)]))
 
     def event(self, passage: Passage) -> tuple[Vector, Vector, Vector, Vector]:
         """(dx+/dx-, dx+/dp, dt*/dx-, dt*/dp) of one event, at fixed time on both sides."""
@@ -299,32 +339,41 @@ class Chain:
         return by_x, by_p, time_x, time_p
 
     def _instant(self, passage: Passage) -> tuple[Vector, Vector]:
-        compiled, left, t = self.compiled, passage.left, passage.time
+        left, t = passage.left, passage.time
         if passage.guard is None:
-            p = ca.SX.sym("p", len(self.p))
-            instants = np.array(compiled.instants(self.p)).ravel()
-            by_p = np.array(ca.Function("i", [p], [ca.jacobian(compiled.instants(p), p)])(self.p))
-            at = [k for k, v in enumerate(instants) if abs(v - t) <= 1e-12 * max(1.0, abs(t))]
+            instants, by_p = self._kept("instants", self._instants)(self.p)
+            at = [k for k, v in enumerate(instants.ravel()) if abs(v - t) <= 1e-12 * max(1.0, abs(t))]
             return np.zeros(self.nx), by_p[at[0], self.chosen] if at else self._tick(t)
-        guard = left.regime.watch
-        own = self._total(left.regime, lambda *a: guard(*a)[passage.guard], t, left)
+        guard, place = left.regime.watch, passage.guard
+        own = self._total(left.regime, ("guard", place), lambda *a: guard(*a)[place], t, left)
         slope_x, slope_p, slope_t = own
         rate = float(slope_t[0] + slope_x[0] @ self._rate(left.regime, t, left))
         return -slope_x[0] / rate, -slope_p[0] / rate
+
+    def _instants(self) -> Matrices:
+        """`(p) -> instants of time events, and their derivatives`."""
+        p = ca.SX.sym("p", len(self.p))
+        instants = ca.densify(self.compiled.instants(p))
+        return Matrices(ca.Function("instants", [p], [instants, ca.densify(ca.jacobian(instants, p))]))
 
     def _tick(self, t: float) -> Vector:
         """How an instant of a sample moves: start + k * interval, with the number k of the tick."""
         acting = np.flatnonzero(due(self.compiled, self.p, np.array([t]))[0])
         if not len(acting):
             return np.zeros(self.count)
-        pool = self.compiled.solution.structure.reduced.pool
-        _, *nodes = pool.nodes[self.compiled.state_events.samples[int(acting[0])]]
-        p = ca.SX.sym("p", len(self.p))
-        clock = ca.vertcat(*Builder(pool, ca.SX(0), p, {}).lower(nodes))
-        value, slope = (np.array(v) for v in ca.Function("clock", [p], [clock, ca.jacobian(clock, p)])(self.p))
+        sample = int(acting[0])
+        value, slope = self._kept(("clock", sample), lambda: self._clock(sample))(self.p)
         first, interval = value.ravel()
         by_p = slope[0] + round((t - first) / interval) * slope[1]
         return np.asarray(by_p[self.chosen], dtype=np.float64)
+
+    def _clock(self, sample: int) -> Matrices:
+        """`(p) -> start and interval of a sample, and their derivatives`."""
+        pool = self.compiled.solution.structure.reduced.pool
+        _, *nodes = pool.nodes[self.compiled.state_events.samples[sample]]
+        p = ca.SX.sym("p", len(self.p))
+        clock = ca.densify(ca.vertcat(*Builder(pool, ca.SX(0), p, {}).lower(nodes)))
+        return Matrices(ca.Function("clock", [p], [clock, ca.densify(ca.jacobian(clock, p))]))
 
     @cached_property
     def _memories(self) -> NDArray[np.int64]:
@@ -362,8 +411,8 @@ class Chain:
                 evidence=[c.text for c in clauses[:2]],
                 help="let the impulse act alone, or compare two runs",
             )
-        jump = self.compiled.events.struck(hits)
-        return self._carried(moment.regime, jump, t, moment, x, past)
+        key = "struck", tuple(hits)
+        return self._carried(moment.regime, key, lambda *a: self.compiled.events.struck(hits)(*a), t, moment, x, past)
 
     @staticmethod
     def _set(places: list[int], values: Vector, x: Vector) -> Vector:
@@ -383,11 +432,14 @@ class Chain:
         if not count:
             return np.zeros((0, x.shape[1]))
         chosen = list(range(count)) if rows is None else rows
-        return self._carried(regime, lambda *a: reactions(*a)[output][chosen], t, moment, x, past)
+        key = "reactions", output, tuple(chosen)
+        return self._carried(regime, key, lambda *a: reactions(*a)[output][chosen], t, moment, x, past)
 
-    def _carried(self, regime: Regime, function: Any, t: float, moment: Any, x: Vector, past: Vector) -> Vector:
+    def _carried(
+        self, regime: Regime, key: tuple[Any, ...], function: Any, t: float, moment: Any, x: Vector, past: Vector
+    ) -> Vector:
         """Variations of a function of all, given those of the states and of what is remembered."""
-        by_x, by_p, by_t, by_past = self._full(regime, function, t, moment)
+        by_x, by_p, by_t, by_past = self._full(regime, key, function, t, moment)
         found = by_x @ x + by_past @ past
         found[:, self.nx : -1] += by_p
         found[:, -1] += by_t
@@ -398,47 +450,56 @@ class Chain:
         value, slope, ways = regime.kept(t, moment.x, moment.z, self.u, self.p, moment.m)
         slope, ways = slope.reshape(len(value), -1), ways.reshape(self.nx, -1)
         inverse = ways @ np.linalg.pinv(slope @ ways)
-        p = ca.SX.sym("p", len(self.p))
-        kept = regime.kept_of(t, moment.x, moment.z, self.u, p, moment.m)
-        by_p = np.array(ca.Function("k", [p], [ca.densify(ca.jacobian(kept, p))])(self.p))[:, self.chosen]
-        return inverse @ slope, inverse @ by_p
+        key = "kept", regime.holds, regime.border
+        (by_p,) = self._kept(key, lambda: self._kept_slopes(regime))(t, moment.x, moment.z, self.u, self.p, moment.m)
+        return inverse @ slope, inverse @ by_p[:, self.chosen]
+
+    def _kept_slopes(self, regime: Regime) -> Matrices:
+        """`(t, x, z, u, p, m) -> derivatives by p of what a hold keeps`."""
+        s = Symbols(self.compiled)
+        return Matrices(ca.Function("kept", s.inputs, [ca.densify(ca.jacobian(regime.kept_of(*s.inputs), s.p))]))
 
     def _rate(self, regime: Regime, t: float, moment: Any) -> Vector:
-        return np.array(regime.compiled.rhs(t, moment.x, moment.z, self.u, self.p, moment.m)[0]).ravel()
+        return kept(regime.compiled).rhs(t, moment.x, moment.z, self.u, self.p, moment.m)[0]
 
-    def _total(self, regime: Regime, function: Any, t: float, moment: Any) -> tuple[Vector, Vector, Vector]:
+    def _total(
+        self, regime: Regime, key: tuple[Any, ...], function: Any, t: float, moment: Any
+    ) -> tuple[Vector, Vector, Vector]:
         """Derivatives with respect to (x, chosen p, t) of a function of all, algebraic variables eliminated."""
-        return self._full(regime, function, t, moment)[:3]
+        return self._full(regime, key, function, t, moment)[:3]
 
-    def _full(self, regime: Regime, function: Any, t: float, moment: Any) -> tuple[Vector, Vector, Vector, Vector]:
-        """The same, and with respect to what is remembered."""
-        c = regime.compiled
-        s = [ca.SX.sym("t"), ca.SX.sym("x", self.nx), ca.SX.sym("z", len(c.algebraic)), ca.SX.sym("p", len(self.p))]
-        past = ca.SX.sym("past", len(self._memories))
-        m = ca.SX(ca.DM(moment.m))
-        if len(self._memories):
-            m[self._memories.tolist()] = past
-        e = function(s[0], s[1], s[2], self.u, s[3], m)
-        alg = c.rhs(s[0], s[1], s[2], self.u, s[3], m)[1]
-        parts = [ca.densify(ca.jacobian(v, w)) for v in (e, alg) for w in (s[1], s[3], s[0], past, s[2])]
-        values = (t, moment.x, moment.z, self.p, moment.m[self._memories])
-        found = [np.array(v) for v in ca.Function("d", [*s, past], parts)(*values)]
-        own, implied = found[:5], found[5:]
-        if len(c.algebraic):
-            inner = own[4] @ np.linalg.pinv(implied[4])
-            own = [a - inner @ b for a, b in zip(own[:4], implied[:4], strict=True)]
+    def _full(
+        self, regime: Regime, key: tuple[Any, ...], function: Any, t: float, moment: Any
+    ) -> tuple[Vector, Vector, Vector, Vector]:
+        """The same, and with respect to what is remembered; `key` tells the functions of a regime apart."""
+        own_key = *key, regime.holds, regime.border
+        slopes = self._kept(own_key, lambda: self._slopes(regime, function))
+        *own, by_z, implied_x, implied_p, implied_t, implied_past, implied_z = slopes(
+            t, moment.x, moment.z, self.u, self.p, moment.m
+        )
+        if len(regime.compiled.algebraic):
+            inner = by_z @ np.linalg.pinv(implied_z)
+            implied = implied_x, implied_p, implied_t, implied_past
+            own = [a - inner @ b for a, b in zip(own, implied, strict=True)]
         return own[0], own[1][:, self.chosen], own[2].ravel(), own[3]
+
+    def _slopes(self, regime: Regime, function: Any) -> Matrices:
+        """Derivatives of a function and of the algebraic equations by x, p, t, what is remembered, and z."""
+        s, c = Symbols(self.compiled), regime.compiled
+        pieces = []
+        for value in (function(*s.inputs), c.rhs(*s.inputs)[1]):
+            pieces += [ca.jacobian(value, v) for v in (s.x, s.p, s.t)]
+            pieces += [ca.jacobian(value, s.m)[:, self._memories.tolist()], ca.jacobian(value, s.z)]
+        return Matrices(ca.Function("slopes", s.inputs, [ca.densify(piece) for piece in pieces]))
 
     def output(self) -> tuple[Vector, Vector]:
         """d output / d states and d output / d parameters at the end."""
-        y = observed_function(self.compiled, self.wanted)
-        by_x, by_p, _ = self._total(self.last.regime, lambda *a: y(*a), self.stop, self.last)
-        return by_x, by_p
+        return self._shown_by(self.last.regime, self.stop, self.last)[:2]
 
     def values(self) -> Vector:
         """The outputs at the end."""
-        y, at = observed_function(self.compiled, self.wanted), self.last
-        return np.array(y(self.stop, at.x, at.z, self.u, self.p, at.m)).ravel()
+        at = self.last
+        return np.array(self._observed(self.stop, at.x, at.z, self.u, self.p, at.m)).ravel()
 
 
 @dataclass(frozen=True, eq=False)
@@ -452,41 +513,44 @@ class Stretch:
     m: Vector
     start: float
     end: float
-    stops: tuple[float, ...] = ()
 
-    @cached_property
-    def elements(self) -> list[Element]:
-        """The steps of the linear map, over states by their nominal magnitudes."""
+    def carry(self, stops: Vector, x: Vector, *, parameters: bool = True) -> Iterator[tuple[float, Vector, Vector]]:
+        """At the stops, which are in order and inside, and at the end: the time, all variables, and the variations."""
         c = self.chain
         if self.end <= self.start:
-            return []
-        held = c.u, c.p, self.m
-        w = np.concatenate([self.x, self.z])
-        return list(c.variation(self.regime).elements(self.start, self.end, w, held, c.tolerance, self.stops))
+            return
+        variation, scale = c.variation(self.regime), c.compiled.nominal_x[:, None]
+        way = self._way([*stops.tolist(), self.end], variation)
+        for t, w, there in variation.carry(way, x / scale, c.temper, c.native, parameters=parameters):
+            yield t, w * variation.slopes.scale, there * scale
 
     def forward(self, x: Vector) -> Vector:
         """Variations of the states at the end from those at the start, and from the parameters."""
-        scale = self.chain.compiled.nominal_x[:, None]
-        x = x / scale
-        for element in self.elements:
-            x = element.forward(x)
-        return x * scale
+        found = x
+        for *_, there in self.carry(np.zeros(0), x):
+            found = there
+        return found
 
     def parts(self, ends: Vector) -> Iterator[tuple[float, Vector]]:
         """For each part of the stretch its end, and the map of variations of the states over it."""
-        scale = self.chain.compiled.nominal_x
-        through = np.eye(len(scale))
-        for element in replace(self, stops=tuple(ends[:-1].tolist())).elements:
-            through = element.forward(through, parameters=False)
-            if element.t in ends:
-                yield element.t, scale[:, None] * through / scale
-                through = np.eye(len(scale))
+        unit = np.eye(len(self.chain.compiled.nominal_x))
+        here = self
+        for end in ends.tolist():
+            part = replace(here, end=end)
+            for t, w, through in part.carry(np.zeros(0), unit, parameters=False):
+                yield t, through
+                here = replace(here, start=t, x=w[: len(unit)], z=w[len(unit) :])
 
     def adjoint(self, rows: Vector) -> tuple[Vector, Vector]:
         """Derivatives with respect to the states at the start, and to the parameters, of what has `rows` at the end."""
-        scale = self.chain.compiled.nominal_x
-        rows, total = rows * scale, np.zeros((len(rows), self.chain.count))
-        for element in reversed(self.elements):
-            rows, by_p = element.adjoint(rows)
-            total = total + by_p
+        c = self.chain
+        if self.end <= self.start:
+            return rows, np.zeros((len(rows), c.count))
+        variation, scale = c.variation(self.regime), c.compiled.nominal_x
+        rows, total = variation.back(self._way([self.end], variation), rows * scale, c.temper, c.native)
         return rows / scale, total
+
+    def _way(self, ends: Sequence[float], variation: Variation) -> Way:
+        c = self.chain
+        w = np.concatenate([self.x, self.z]) / variation.slopes.scale
+        return Way(self.start, ends, w, (np.concatenate([c.u, c.p]), self.m), c.tolerance)

@@ -108,6 +108,7 @@ def growth(
         if len(run.hybrid.passages) > _MOST_EVENTS:  # type: ignore[union-attr]
             return None
         chain = Chain(run, [], [], _TOLERANCE)
+        chain.temper.stiff = True  # directions off the slow solution are to be damped
         rows = np.abs([np.asarray(result[name], dtype=float) for name in compiled.states[:n]])
         least = _LEAST * compiled.nominal_x[:n]
         floor = np.clip(rows.max(axis=1), least, compiled.nominal_x[:n])

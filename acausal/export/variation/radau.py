@@ -1,0 +1,237 @@
+"""Steps of Radau IIA with their derivatives.
+
+A step is an equation W == x0 + h A F(W) for its stages, whose derivative is exact and small: one matrix serves all
+directions, and, transposed, all adjoints.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.sparse
+import scipy.sparse.linalg
+from numpy.typing import NDArray
+
+from acausal.errors import IntegrationError
+from acausal.export.variation.element import LEAST, SMALL, Way
+from acausal.export.variation.slopes import Slopes
+from acausal.export.variation.tables import RADAU, STAGES
+
+Vector = NDArray[np.float64]
+_ITERATIONS = 8
+_NODES, _A = RADAU.nodes, RADAU.matrix
+# Of each node the differences to the others.
+_APART = np.where(np.eye(STAGES, dtype=bool), 1.0, _NODES[:, None] - _NODES[None, :]).prod(axis=1)
+
+
+class Matrix:
+    """The derivative of the equation of the stages, dense or sparse, to be solved with."""
+
+    def __init__(self, matrix: Any) -> None:
+        self._matrix = matrix if isinstance(matrix, np.ndarray) else scipy.sparse.linalg.splu(matrix)
+
+    def solve(self, right: Vector) -> Vector:
+        """Solution for one right-hand side or several."""
+        if isinstance(self._matrix, np.ndarray):
+            return np.asarray(np.linalg.solve(self._matrix, right), dtype=np.float64)
+        return np.asarray(self._matrix.solve(right))
+
+    def solve_transposed(self, right: Vector) -> Vector:
+        """The same with the transposed matrix."""
+        if isinstance(self._matrix, np.ndarray):
+            return np.asarray(np.linalg.solve(self._matrix.T, right), dtype=np.float64)
+        return np.asarray(self._matrix.solve(right, "T"))
+
+
+@dataclass(frozen=True, eq=False)
+class RadauElement:
+    """See `Element`. `matrix` and `right`, shape (stages * n, parameters), are the derivatives of the equation of the
+    stages by these and by parameters."""
+
+    t: float
+    w: Vector
+    matrix: Matrix
+    right: Vector
+    nx: int
+
+    def forward(self, x: Vector, parameters: bool = True) -> Vector:
+        """See `Element`."""
+        right = self.right.copy() if parameters else np.zeros((len(self.right), x.shape[1]))
+        for k in range(STAGES):
+            right[self._part(k)] += x
+        return self.matrix.solve(right)[self._part(STAGES - 1)]
+
+    def adjoint(self, rows: Vector) -> tuple[Vector, Vector]:
+        """See `Element`."""
+        end = np.zeros((len(self.right), len(rows)))
+        end[self._part(STAGES - 1)] = rows.T
+        found = self.matrix.solve_transposed(end).T
+        return np.asarray(sum(found[:, self._part(k)] for k in range(STAGES))), found @ self.right
+
+    def _part(self, stage: int) -> slice:
+        """The states of a stage."""
+        first = stage * (len(self.right) // STAGES)
+        return slice(first, first + self.nx)
+
+
+def radau(slopes: Slopes, way: Way) -> Iterator[RadauElement]:
+    """The steps.
+
+    Raises
+    ------
+    IntegrationError
+        AC408 where no step is small enough.
+    """
+    return _Stepping(slopes, way).elements()
+
+
+def tolerance_of(tolerance: float) -> float:
+    """That of the embedded error, whose order is five: steps have that of nine."""
+    return float(0.01 * tolerance**0.75)
+
+
+class _Stepping:
+    def __init__(self, slopes: Slopes, way: Way) -> None:
+        self.slopes, self.way = slopes, way
+        self.n, self.nx = slopes.n, slopes.nx
+        self.tolerance = tolerance_of(way.tolerance)
+        inside = slopes.columns < self.n
+        self._inside, self._outside = np.flatnonzero(inside), np.flatnonzero(~inside)
+        self._places = self._sparse_places() if not slopes.is_small else None
+
+    def elements(self) -> Iterator[RadauElement]:
+        way, slopes = self.way, self.slopes
+        t, w, ends, end = way.start, way.w, iter(way.ends), way.ends[-1]
+        until = next(ends)
+        value, entries = slopes.at(t, w, *way.numbers)
+        rate = float(np.abs(value[: self.nx] / (SMALL + np.abs(w[: self.nx]))).max(initial=1e-12))
+        h = min(end - t, self.tolerance ** (1 / (STAGES + 1)) / rate)
+        guess = np.tile(w, (STAGES, 1))
+        while t < end:
+            if t >= until:
+                until = next(ends)
+            whole, h = h, until - t if t + 1.01 * h >= until else h
+            if t + h <= t or h < LEAST * (end - way.start):
+                raise lost(t)
+            found = self._stages(t, h, w, guess)
+            if found is None:
+                h, guess = h / 4, np.tile(w, (STAGES, 1))
+                continue
+            stages, matrix, right = found
+            error = self._error(h, w, stages, value, entries)
+            grown = 0.9 * error ** (-1 / (STAGES + 1)) if error > 0 else 8.0
+            if error > 1:
+                h, guess = h * max(0.2, min(grown, 0.9)), np.tile(w, (STAGES, 1))
+                continue
+            t, before, w = until if h == until - t else t + h, h, stages[-1]
+            yield RadauElement(t, w, matrix, right, self.nx)
+            value, entries = slopes.at(t, w, *way.numbers)
+            h = max(h * min(max(grown, 0.3), 8.0), whole if h < whole else 0.0)
+            guess = _extended(stages, min(h, end - t) / before)
+
+    def _stages(self, t: float, h: float, w: Vector, guess: Vector) -> tuple[Vector, Matrix, Vector] | None:
+        """Values of the stages, the derivative of their equation, and minus that by parameters, if it converges."""
+        found, last = guess.ravel().copy(), np.inf
+        for _ in range(_ITERATIONS):
+            values, entries = self.slopes.many(t + h * _NODES, found.reshape(STAGES, self.n), *self.way.numbers)
+            residual = values.copy()
+            residual[:, : self.nx] = found.reshape(STAGES, self.n)[:, : self.nx] - w[: self.nx]
+            residual[:, : self.nx] -= h * _A @ values[:, : self.nx]
+            if not (np.isfinite(residual).all() and np.isfinite(entries).all()):
+                return None
+            try:
+                factors = Matrix(self._matrix(h, entries))
+                move = factors.solve(residual.ravel())
+            except (np.linalg.LinAlgError, RuntimeError):
+                return None
+            found = found - move
+            size = float(np.abs(move / (SMALL + np.abs(found))).max(initial=0.0))
+            if not np.isfinite(size) or size > 2 * last:
+                return None
+            if size <= 1e-4 * self.tolerance or size <= 1e-13:
+                return found.reshape(STAGES, self.n), factors, self._right(h, entries)
+            last = size
+        return None
+
+    def _matrix(self, h: float, entries: Vector) -> Any:
+        """The derivative of the equation of the stages."""
+        n, nx = self.n, self.nx
+        if self._places is not None:
+            kinds, weights, source, pattern = self._places
+            data = np.where(kinds == 0, 1.0, np.where(kinds == 1, -h * weights, 1.0) * entries.ravel()[source])
+            return scipy.sparse.csc_matrix((data, pattern), shape=(STAGES * n, STAGES * n))
+        blocks = self.slopes.dense(entries)
+        matrix = np.zeros((STAGES, n, STAGES, n))
+        matrix[:, :nx] = -h * np.einsum("ij,jrc->irjc", _A, blocks[:, :nx, :n])
+        for k in range(STAGES):
+            matrix[k, range(nx), k, range(nx)] += 1.0
+            matrix[k, nx:, k] = blocks[k, nx:, :n]
+        return matrix.reshape(STAGES * n, STAGES * n)
+
+    def _sparse_places(self) -> tuple[Any, Any, Any, Any]:
+        """Of the entries of the sparse matrix what each is (0: of the unit matrix, 1: of a rate, 2: of a residual), its
+        weight, the entry of the slopes it is made of, and its place."""
+        n, nx, count = self.n, self.nx, len(self.slopes.rows)
+        rows, columns = self.slopes.rows[self._inside], self.slopes.columns[self._inside]
+        rates, rests = self._inside[rows < nx], self._inside[rows >= nx]
+        found = [(0, 0.0, np.zeros(nx, dtype=int), k * n + np.arange(nx), k * n + np.arange(nx)) for k in range(STAGES)]
+        for j in range(STAGES):
+            at = j * count
+            below = rows[rows >= nx]
+            found.append((2, 1.0, at + rests, j * n + below, j * n + columns[rows >= nx]))
+            for i in range(STAGES):
+                above = i * n + rows[rows < nx]
+                found.append((1, _A[i, j], at + rates, above, j * n + columns[rows < nx]))
+        kinds, weights = (np.concatenate([np.full(len(f[2]), f[k]) for f in found]) for k in (0, 1))
+        source, row, column = (np.concatenate([f[k] for f in found]) for k in (2, 3, 4))
+        return kinds, weights, source, (row, column)
+
+    def _right(self, h: float, entries: Vector) -> Vector:
+        """Minus the derivative of the equation of the stages by parameters."""
+        n, nx = self.n, self.nx
+        by_p = np.zeros((STAGES, n, self.slopes.count))
+        own = self._outside
+        by_p[:, self.slopes.rows[own], self.slopes.columns[own] - n] = -entries[:, own]
+        by_p[:, :nx] = -h * np.einsum("ij,jrc->irc", _A, by_p[:, :nx])
+        return by_p.reshape(STAGES * n, self.slopes.count)
+
+    def _error(self, h: float, w: Vector, stages: Vector, value: Vector, entries: Vector) -> float:
+        """The error of the step by the embedded method, in units of the tolerance."""
+        nx, n = self.nx, self.n
+        right = np.zeros(n)
+        right[:nx] = RADAU.weights @ (stages[:, :nx] - w[:nx]) / h + value[:nx]
+        own = np.zeros(n)
+        own[:nx] = RADAU.real / h
+        rows, columns = self.slopes.rows[self._inside], self.slopes.columns[self._inside]
+        try:
+            if self.slopes.is_small:
+                matrix: Any = np.diag(own)
+                matrix[rows, columns] -= entries[self._inside]
+            else:
+                slopes = scipy.sparse.csc_matrix((entries[self._inside], (rows, columns)), shape=(n, n))
+                matrix = (scipy.sparse.diags(own) - slopes).tocsc()
+            found = Matrix(matrix).solve(right)
+        except (np.linalg.LinAlgError, RuntimeError):
+            return np.inf
+        size = self.tolerance * (SMALL + np.maximum(np.abs(w[:nx]), np.abs(stages[-1, :nx])))
+        return float(np.sqrt(np.mean((found[:nx] / size) ** 2))) if nx else 0.0
+
+
+def lost(t: float) -> IntegrationError:
+    """AC408: no step is small enough."""
+    return IntegrationError(
+        "AC408",
+        f"the derivatives of the run cannot be carried on from t = {t:.9g} s: no step is small enough",
+        cause="an equation has no derivative there, or a solution ends",
+        help="end the run before it, or take differences of runs",
+    )
+
+
+def _extended(stages: Vector, ratio: float) -> Vector:
+    """Values of the polynomial through the stages at those of the next step, `ratio` times as long."""
+    apart = (1 + ratio * _NODES)[:, None] - _NODES[None, :]
+    factors = np.where(np.eye(STAGES, dtype=bool)[None], 1.0, apart[:, None, :]).prod(axis=2)
+    return np.asarray(factors / _APART @ stages)

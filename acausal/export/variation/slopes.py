@@ -1,0 +1,81 @@
+"""The equations of one regime with their slopes, on states and algebraic variables by their nominal magnitudes."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.lower.compiled import CompiledModel
+from acausal.simulate.equations.quick import Quick
+
+Vector = NDArray[np.float64]
+_DENSE = 30  # variables up to which small dense matrices are faster than sparse ones
+
+
+class Slopes:
+    """`value(t, w, c, m)` and `slopes(t, w, c, m) -> (value, entries)`.
+
+    Here w are variables by their nominal magnitudes, and c is (u, p).
+
+    The entries are those of the derivatives by w and by the chosen parameters, a matrix of n rows, column by column:
+    their places are `rows` and `columns`, and `starts` is where each column starts.
+    """
+
+    def __init__(self, compiled: CompiledModel, chosen: list[int]) -> None:
+        nx, nz = len(compiled.states), len(compiled.algebraic)
+        self.nx, self.n, self.count = nx, nx + nz, len(chosen)
+        self.scale = np.concatenate([compiled.nominal_x, compiled.nominal_z])
+        t, w, m = ca.SX.sym("t"), ca.SX.sym("w", self.n), ca.SX.sym("m", compiled.n_modes)
+        u, p = ca.SX.sym("u", len(compiled.inputs)), ca.SX.sym("p", len(compiled.parameters))
+        x, z = ca.vertsplit(w * ca.DM(self.scale), [0, nx, self.n])
+        ode, alg = compiled.rhs(t, x, z, u, p, m)
+        value = ca.densify(ca.vertcat(ode / ca.DM(compiled.nominal_x), alg))
+        slopes: Any = ca.horzcat(ca.jacobian(value, w), ca.jacobian(value, p)[:, chosen])
+        pattern = slopes.sparsity()
+        arguments = [t, w, ca.vertcat(u, p), m]
+        self.value = ca.Function("value", arguments, [value])
+        entries: Any = ca.vec(ca.densify(slopes.nz[:]))
+        self.slopes = ca.Function("slopes", arguments, ca.cse([value, entries]))
+        self.starts = np.array(pattern.colind(), dtype=np.int64)
+        self.rows = np.array(pattern.row(), dtype=np.int64)
+        self.columns = np.repeat(np.arange(self.n + self.count), np.diff(self.starts))
+        self.is_small = self.n <= _DENSE
+        self._mapped: dict[int, Quick] = {}
+
+    @cached_property
+    def quick(self) -> Quick:
+        """`value`, called quickly."""
+        return Quick(self.value)
+
+    def at(self, t: float, w: Vector, c: Vector, m: Vector) -> tuple[Vector, Vector]:
+        """Value and entries at a point."""
+        value, entries = self._own(t, w, c, m)
+        return value, entries
+
+    def many(self, t: Vector, w: Vector, c: Vector, m: Vector) -> tuple[Vector, Vector]:
+        """Values, shape (k, n), and entries, shape (k, entries), at k points, the same few k again and again."""
+        k = len(t)
+        if k not in self._mapped:
+            self._mapped[k] = Quick(self.slopes.map("stages", "serial", k, [2, 3], []))
+        values, entries = self._mapped[k](t, w.ravel(), c, m)
+        return values.T, entries.reshape(-1, k).T
+
+    def dense(self, entries: Vector) -> Vector:
+        """Slopes as full matrices, shape (k, n, n + parameters), from entries, shape (k, entries)."""
+        found = np.zeros((len(entries), self.n, self.n + self.count))
+        found[:, self.rows, self.columns] = entries
+        return found
+
+    @cached_property
+    def _own(self) -> Quick:
+        return Quick(self.slopes)
+
+    @cached_property
+    def instructions(self) -> int:
+        """Of both functions."""
+        own: Any = self.slopes.n_instructions() + self.value.n_instructions()
+        return int(own)

@@ -1,0 +1,489 @@
+/* The linear map of a stretch of a run, stepped as the other files of this folder do it: explicit steps of order 8 until
+   they turn out to be stiff, then Radau IIA with STAGES stages.
+
+   Linked with CasADi's code of `value` and `slopes`: what parameters alone determine is in `constant`. The tables RADAU_C,
+   RADAU_A, RADAU_E, EXPLICIT_C, EXPLICIT_A, EXPLICIT_B, EXPLICIT_3 and EXPLICIT_5 are written in front of this. */
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+typedef long long count_t;
+enum { DONE = 0, FULL = 1, STIFF = 2, LOST = 3, NO_MEMORY = 4 };
+enum { ITERATIONS = 10, EXPLICIT = 12, HEAD = 3, SUSPECTS = 15, CLEARED = 6 };
+#define STABLE 6.1
+#define DAMPED 2.5
+
+/* `Structure` of compiled.py, field by field. Matrices are row by row. */
+struct variation {
+  count_t n, nx, parameters, columns, entries, largest;
+  count_t stiff, suspects, cleared, guessed, capacity, steps;
+  double t, end, h, before, tolerance, radau_tolerance, least;
+  const count_t *starts, *rows; /* of the slopes, column by column: by n variables, then by parameters */
+  const double *constant, *modes;
+  double *w, *x, *stages, *record, *total;
+};
+
+struct space {
+  const double** arg;
+  double** res;
+  casadi_int* iw;
+  double *w, *value, *slopes, *next, *matrix, *small, *right, *residual, *stage_slopes, *values, *rate, *sums;
+  count_t *pivot, *small_pivot;
+};
+
+static int evaluated(int (*f)(const double**, double**, casadi_int*, double*, int), const struct variation* v, struct space* o,
+                     double t, const double* w, double* value, double* slopes) {
+  o->arg[0] = &t; o->arg[1] = w; o->arg[2] = v->constant; o->arg[3] = v->modes;
+  o->res[0] = value; o->res[1] = slopes;
+  return f(o->arg, o->res, o->iw, o->w, 0);
+}
+
+static int are_finite(const double* a, count_t n) {
+  count_t k;
+  for (k = 0; k < n; ++k)
+    if (!isfinite(a[k])) return 0;
+  return 1;
+}
+
+/* LU with row exchanges; 0 where a pivot vanishes. */
+static int factorised(double* restrict a, count_t n, count_t* pivot) {
+  count_t i, j, k;
+  for (k = 0; k < n; ++k) {
+    count_t p = k;
+    for (i = k + 1; i < n; ++i)
+      if (fabs(a[i * n + k]) > fabs(a[p * n + k])) p = i;
+    pivot[k] = p;
+    if (!(fabs(a[p * n + k]) > 0)) return 0;
+    if (p != k)
+      for (j = 0; j < n; ++j) { double other = a[k * n + j]; a[k * n + j] = a[p * n + j]; a[p * n + j] = other; }
+    for (i = k + 1; i < n; ++i) {
+      double f = a[i * n + k];
+      if (f == 0.0) continue;
+      a[i * n + k] = f /= a[k * n + k];
+      for (j = k + 1; j < n; ++j) a[i * n + j] -= f * a[k * n + j];
+    }
+  }
+  return 1;
+}
+
+static void added(double* restrict to, double f, const double* restrict from, count_t m) {
+  count_t j;
+  for (j = 0; j < m; ++j) to[j] += f * from[j];
+}
+
+static void exchanged(double* b, count_t i, count_t k, count_t m) {
+  count_t j;
+  if (i != k)
+    for (j = 0; j < m; ++j) { double other = b[k * m + j]; b[k * m + j] = b[i * m + j]; b[i * m + j] = other; }
+}
+
+/* Solve for m right-hand sides, the rows of `b` of length m. */
+static void solved(const double* a, count_t n, const count_t* pivot, double* b, count_t m) {
+  count_t i, k, j;
+  for (k = 0; k < n; ++k) exchanged(b, pivot[k], k, m);
+  for (i = 1; i < n; ++i)
+    for (k = 0; k < i; ++k)
+      if (a[i * n + k] != 0.0) added(b + i * m, -a[i * n + k], b + k * m, m);
+  for (i = n - 1; i >= 0; --i) {
+    for (k = i + 1; k < n; ++k)
+      if (a[i * n + k] != 0.0) added(b + i * m, -a[i * n + k], b + k * m, m);
+    for (j = 0; j < m; ++j) b[i * m + j] /= a[i * n + i];
+  }
+}
+
+/* The same with the transposed matrix. */
+static void solved_transposed(const double* a, count_t n, const count_t* pivot, double* b, count_t m) {
+  count_t i, k, j;
+  for (i = 0; i < n; ++i) {
+    for (j = 0; j < m; ++j) b[i * m + j] /= a[i * n + i];
+    for (k = i + 1; k < n; ++k)
+      if (a[i * n + k] != 0.0) added(b + k * m, -a[i * n + k], b + i * m, m);
+  }
+  for (i = n - 1; i > 0; --i)
+    for (k = 0; k < i; ++k)
+      if (a[i * n + k] != 0.0) added(b + k * m, -a[i * n + k], b + i * m, m);
+  for (k = n - 1; k >= 0; --k) exchanged(b, pivot[k], k, m);
+}
+
+/* to += slopes by variables times `x`, with m columns; transposed: times the transposed slopes. */
+static void multiplied(const struct variation* v, const double* slopes, const double* x, double* to, count_t m, int transposed) {
+  count_t c, e;
+  for (c = 0; c < v->n; ++c)
+    for (e = v->starts[c]; e < v->starts[c + 1]; ++e) {
+      count_t r = v->rows[e];
+      if (transposed) added(to + c * m, slopes[e], x + r * m, m);
+      else added(to + r * m, slopes[e], x + c * m, m);
+    }
+}
+
+static double first_step(const struct variation* v, const double* rate, double tolerance, double order) {
+  double most = 1e-12;
+  count_t k;
+  for (k = 0; k < v->nx; ++k) {
+    double found = fabs(rate[k]) / (1e-3 + fabs(v->w[k]));
+    if (found > most) most = found;
+  }
+  return pow(tolerance, 1 / order) / most;
+}
+
+/* ---- Radau IIA ---- */
+
+/* The derivative of the equation of the stages, from slopes at each of them, factorised. */
+static int radau_matrix(const struct variation* v, struct space* o, double h) {
+  count_t n = v->n, wide = STAGES * n, i, j, c, e;
+  memset(o->matrix, 0, sizeof(double) * (size_t) (wide * wide));
+  for (j = 0; j < STAGES; ++j) {
+    const double* slopes = o->stage_slopes + j * v->entries;
+    for (c = 0; c < n; ++c)
+      for (e = v->starts[c]; e < v->starts[c + 1]; ++e) {
+        count_t r = v->rows[e];
+        if (r >= v->nx) o->matrix[(j * n + r) * wide + j * n + c] = slopes[e];
+        else
+          for (i = 0; i < STAGES; ++i) o->matrix[(i * n + r) * wide + j * n + c] = -h * RADAU_A[i][j] * slopes[e];
+      }
+    for (c = 0; c < v->nx; ++c) o->matrix[(j * n + c) * wide + j * n + c] += 1.0;
+  }
+  return are_finite(o->matrix, wide * wide) && factorised(o->matrix, wide, o->pivot);
+}
+
+static int slopes_at(const struct variation* v, struct space* o, double t, double h, const double* stages) {
+  count_t i;
+  for (i = 0; i < STAGES; ++i)
+    if (evaluated(slopes, v, o, t + h * RADAU_C[i], stages + i * v->n, o->values + i * v->n, o->stage_slopes + i * v->entries))
+      return 0;
+  return 1;
+}
+
+static void radau_residual(const struct variation* v, struct space* o, double h, const double* stages) {
+  count_t n = v->n, i, j, r;
+  for (i = 0; i < STAGES; ++i) {
+    double* to = o->residual + i * n;
+    for (r = 0; r < v->nx; ++r) to[r] = stages[i * n + r] - v->w[r];
+    for (j = 0; j < STAGES; ++j) added(to, -h * RADAU_A[i][j], o->values + j * n, v->nx);
+    memcpy(to + v->nx, o->values + i * n + v->nx, sizeof(double) * (size_t) (n - v->nx));
+  }
+}
+
+/* Newton's method for the stages in `o->next`, with the matrix of where it begins. */
+static int radau_stages(const struct variation* v, struct space* o, double h) {
+  count_t n = v->n, wide = STAGES * n, k, i;
+  double last = INFINITY, share = 1.0;
+  for (k = 0; k < ITERATIONS; ++k) {
+    double size = 0;
+    if (!k) {
+      if (!slopes_at(v, o, v->t, h, o->next) || !radau_matrix(v, o, h)) return 0;
+    } else
+      for (i = 0; i < STAGES; ++i)
+        if (evaluated(value, v, o, v->t + h * RADAU_C[i], o->next + i * n, o->values + i * n, 0)) return 0;
+    radau_residual(v, o, h, o->next);
+    if (!are_finite(o->residual, wide)) return 0;
+    solved(o->matrix, wide, o->pivot, o->residual, 1);
+    for (i = 0; i < wide; ++i) {
+      double move;
+      o->next[i] -= o->residual[i];
+      move = fabs(o->residual[i]) / (1e-3 + fabs(o->next[i]));
+      if (!(move <= size)) size = move;
+    }
+    if (!isfinite(size)) return 0;
+    if (k) {
+      share = size / last;
+      if (share >= 0.9 && size > 1e-12) return 0;
+    }
+    /* what the moves to come add up to */
+    if (size <= 1e-13 || (k && size * share / (1 - share) <= 1e-3 * v->radau_tolerance)) return 1;
+    last = size;
+  }
+  return 0;
+}
+
+/* The error of the step by an embedded method of order STAGES, in tolerances; slopes at its start are in `o->slopes`. */
+static double radau_error(const struct variation* v, struct space* o, double h) {
+  count_t n = v->n, nx = v->nx, c, e, i, r;
+  double sum = 0;
+  memset(o->small, 0, sizeof(double) * (size_t) (n * n));
+  for (c = 0; c < n; ++c)
+    for (e = v->starts[c]; e < v->starts[c + 1]; ++e) o->small[v->rows[e] * n + c] = -o->slopes[e];
+  memset(o->rate, 0, sizeof(double) * (size_t) n);
+  for (r = 0; r < nx; ++r) {
+    o->small[r * n + r] += RADAU_REAL / h;
+    o->rate[r] = o->value[r];
+    for (i = 0; i < STAGES; ++i) o->rate[r] += RADAU_E[i] * (o->next[i * n + r] - v->w[r]) / h;
+  }
+  if (!are_finite(o->small, n * n) || !factorised(o->small, n, o->small_pivot)) return INFINITY;
+  solved(o->small, n, o->small_pivot, o->rate, 1);
+  for (r = 0; r < nx; ++r) {
+    double size = fmax(fabs(v->w[r]), fabs(o->next[(STAGES - 1) * n + r]));
+    double one = o->rate[r] / (v->radau_tolerance * (1e-3 + size));
+    sum += one * one;
+  }
+  return nx ? sqrt(sum / (double) nx) : 0.0;
+}
+
+/* Values of the polynomial through the stages at those of the next step, `ratio` times as long. */
+static void extended(const struct variation* v, double ratio, double* to) {
+  count_t n = v->n, i, j, k;
+  for (i = 0; i < STAGES; ++i) {
+    memset(to + i * n, 0, sizeof(double) * (size_t) n);
+    for (k = 0; k < STAGES; ++k) {
+      double weight = 1.0;
+      for (j = 0; j < STAGES; ++j)
+        if (j != k) weight *= (1 + ratio * RADAU_C[i] - RADAU_C[j]) / (RADAU_C[k] - RADAU_C[j]);
+      added(to + i * n, weight, v->stages + k * n, n);
+    }
+  }
+}
+
+/* What parameters put on the right of the equations of the variations of the stages, added. */
+static void radau_right(const struct variation* v, const struct space* o, double h, double* right, count_t m) {
+  count_t n = v->n, i, j, c, e;
+  for (j = 0; j < STAGES; ++j)
+    for (c = 0; c < v->parameters; ++c)
+      for (e = v->starts[n + c]; e < v->starts[n + c + 1]; ++e) {
+        double slope = o->stage_slopes[j * v->entries + e];
+        count_t r = v->rows[e];
+        if (r >= v->nx) right[(j * n + r) * m + c] -= slope;
+        else
+          for (i = 0; i < STAGES; ++i) right[(i * n + r) * m + c] += h * RADAU_A[i][j] * slope;
+      }
+}
+
+static int radau_forward(const struct variation* v, struct space* o, double t, double h, const double* stages) {
+  count_t n = v->n, m = v->columns, i;
+  if (!slopes_at(v, o, t, h, stages) || !radau_matrix(v, o, h)) return 0;
+  memset(o->right, 0, sizeof(double) * (size_t) (STAGES * n * m));
+  for (i = 0; i < STAGES; ++i) memcpy(o->right + i * n * m, v->x, sizeof(double) * (size_t) (v->nx * m));
+  radau_right(v, o, h, o->right, m);
+  solved(o->matrix, STAGES * n, o->pivot, o->right, m);
+  memcpy(v->x, o->right + (STAGES - 1) * n * m, sizeof(double) * (size_t) (v->nx * m));
+  return 1;
+}
+
+static int radau_backward(const struct variation* v, struct space* o, double t, double h, const double* stages) {
+  count_t n = v->n, m = v->columns, np = v->parameters, i, c, k, last = STAGES - 1;
+  double* by = o->sums;
+  if (!slopes_at(v, o, t, h, stages) || !radau_matrix(v, o, h)) return 0;
+  memset(o->right, 0, sizeof(double) * (size_t) (STAGES * n * m));
+  memcpy(o->right + last * n * m, v->x, sizeof(double) * (size_t) (v->nx * m));
+  solved_transposed(o->matrix, STAGES * n, o->pivot, o->right, m);
+  memset(v->x, 0, sizeof(double) * (size_t) (v->nx * m));
+  for (i = 0; i < STAGES; ++i) added(v->x, 1.0, o->right + i * n * m, v->nx * m);
+  memset(by, 0, sizeof(double) * (size_t) (STAGES * n * np));
+  radau_right(v, o, h, by, np);
+  for (k = 0; k < STAGES * n; ++k)
+    for (c = 0; c < np; ++c)
+      if (by[k * np + c] != 0.0) added(v->total + c * m, by[k * np + c], o->right + k * m, m);
+  return 1;
+}
+
+/* ---- explicit, of order 8 ---- */
+
+/* Stages of a step into `o->next`, their rates into `o->values`; the last of both are those of its end. */
+static int explicit_stages(const struct variation* v, struct space* o, double t, double h, const double* w, int to_end) {
+  count_t n = v->n, i, j;
+  for (i = 0; i < EXPLICIT + to_end; ++i) {
+    double* at = o->next + i * n;
+    memcpy(at, w, sizeof(double) * (size_t) n);
+    for (j = 0; j < i; ++j) {
+      double f = i < EXPLICIT ? EXPLICIT_A[i][j] : EXPLICIT_B[j];
+      if (f != 0.0) added(at, h * f, o->values + j * n, n);
+    }
+    if (evaluated(value, v, o, t + h * (i < EXPLICIT ? EXPLICIT_C[i] : 1.0), at, o->values + i * n, 0)) return 0;
+  }
+  return are_finite(o->values, n * (EXPLICIT + to_end));
+}
+
+static double explicit_error(const struct variation* v, struct space* o, double h) {
+  count_t n = v->n, k, i;
+  double five = 0, three = 0;
+  for (k = 0; k < n; ++k) {
+    double size = v->tolerance * (1e-3 + fmax(fabs(v->w[k]), fabs(o->next[EXPLICIT * n + k]))), a = 0, b = 0;
+    for (i = 0; i <= EXPLICIT; ++i) {
+      a += EXPLICIT_5[i] * o->values[i * n + k];
+      b += EXPLICIT_3[i] * o->values[i * n + k];
+    }
+    five += a * a / (size * size);
+    three += b * b / (size * size);
+  }
+  return five > 0 ? h * five / sqrt((five + 0.01 * three) * (double) n) : 0.0;
+}
+
+/* Whether steps are held back by what is stiff, by the slope that the last two points of a step tell, again and again:
+   beyond stability, or where what decays is as fast as the steps and yet not seen by their error. */
+static int is_held_back(struct variation* v, const struct space* o, double h) {
+  count_t n = v->n, k;
+  double rates = 0, points = 0, damped = 0;
+  for (k = 0; k < n; ++k) {
+    double a = o->values[EXPLICIT * n + k] - o->values[(EXPLICIT - 1) * n + k];
+    double b = o->next[EXPLICIT * n + k] - o->next[(EXPLICIT - 1) * n + k];
+    rates += a * a;
+    points += b * b;
+    damped -= a * b;
+  }
+  if (points > 0 && (h * sqrt(rates / points) > STABLE || h * damped > DAMPED * points)) {
+    v->cleared = 0;
+    return ++v->suspects >= SUSPECTS;
+  }
+  if (++v->cleared >= CLEARED) v->suspects = 0;
+  return 0;
+}
+
+/* Slopes at the stages of a step, which are in `o->next`. */
+static int explicit_slopes(const struct variation* v, struct space* o, double t, double h) {
+  count_t i;
+  for (i = 0; i < EXPLICIT; ++i)
+    if (evaluated(slopes, v, o, t + h * EXPLICIT_C[i], o->next + i * v->n, o->value, o->stage_slopes + i * v->entries)) return 0;
+  return are_finite(o->stage_slopes, EXPLICIT * v->entries);
+}
+
+static int explicit_forward(const struct variation* v, struct space* o, double t, double h) {
+  count_t n = v->n, m = v->columns, all = n * m, i, j, c, e;
+  double* at = o->sums;
+  if (!explicit_slopes(v, o, t, h)) return 0;
+  memset(o->right, 0, sizeof(double) * (size_t) (EXPLICIT * all));
+  for (i = 0; i < EXPLICIT; ++i) {
+    const double* own = o->stage_slopes + i * v->entries;
+    double* to = o->right + i * all;
+    memcpy(at, v->x, sizeof(double) * (size_t) all);
+    for (j = 0; j < i; ++j)
+      if (EXPLICIT_A[i][j] != 0.0) added(at, h * EXPLICIT_A[i][j], o->right + j * all, all);
+    multiplied(v, own, at, to, m, 0);
+    for (c = 0; c < v->parameters; ++c)
+      for (e = v->starts[n + c]; e < v->starts[n + c + 1]; ++e) to[v->rows[e] * m + c] += own[e];
+  }
+  for (i = 0; i < EXPLICIT; ++i) added(v->x, h * EXPLICIT_B[i], o->right + i * all, all);
+  return 1;
+}
+
+static int explicit_backward(const struct variation* v, struct space* o, double t, double h) {
+  count_t n = v->n, m = v->columns, all = n * m, i, j, c, e;
+  double* own = o->sums; /* what a rate of a stage is worth */
+  if (!explicit_slopes(v, o, t, h)) return 0;
+  memset(o->right, 0, sizeof(double) * (size_t) (EXPLICIT * all));
+  for (i = EXPLICIT - 1; i >= 0; --i) {
+    const double* slope = o->stage_slopes + i * v->entries;
+    memset(own, 0, sizeof(double) * (size_t) all);
+    added(own, h * EXPLICIT_B[i], v->x, all);
+    for (j = i + 1; j < EXPLICIT; ++j)
+      if (EXPLICIT_A[j][i] != 0.0) added(own, h * EXPLICIT_A[j][i], o->right + j * all, all);
+    multiplied(v, slope, own, o->right + i * all, m, 1);
+    for (c = 0; c < v->parameters; ++c)
+      for (e = v->starts[n + c]; e < v->starts[n + c + 1]; ++e) added(v->total + c * m, slope[e], own + v->rows[e] * m, m);
+  }
+  for (i = 0; i < EXPLICIT; ++i) added(v->x, 1.0, o->right + i * all, all);
+  return 1;
+}
+
+/* ---- both ---- */
+
+static void recorded(struct variation* v, double t, double h, const double* from, count_t length) {
+  double* to = v->record + v->steps++ * (HEAD + STAGES * v->n);
+  to[0] = t; to[1] = h; to[2] = (double) v->stiff;
+  memcpy(to + HEAD, from, sizeof(double) * (size_t) length);
+}
+
+/* One step that is accepted, and the variations over it. */
+static int step(struct variation* v, struct space* o) {
+  count_t n = v->n, i;
+  if (evaluated(slopes, v, o, v->t, v->w, o->value, o->slopes)) return LOST;
+  if (!(v->h > 0)) {
+    v->h = v->stiff ? first_step(v, o->value, v->radau_tolerance, STAGES + 1) : first_step(v, o->value, v->tolerance, 8);
+    v->guessed = 0;
+  }
+  for (;;) {
+    double whole = v->h, h = v->t + 1.01 * v->h >= v->end ? v->end - v->t : v->h, t = v->t, error, grown;
+    const double* end;
+    int ends = h == v->end - v->t, good;
+    if (!(t + h > t) || h < v->least) return LOST;
+    if (v->stiff) {
+      if (v->guessed) extended(v, h / v->before, o->next);
+      else
+        for (i = 0; i < STAGES; ++i) memcpy(o->next + i * n, v->w, sizeof(double) * (size_t) n);
+      good = radau_stages(v, o, h);
+      error = good ? radau_error(v, o, h) : INFINITY;
+      end = o->next + (STAGES - 1) * n;
+    } else {
+      good = explicit_stages(v, o, t, h, v->w, 1);
+      error = good ? explicit_error(v, o, h) : INFINITY;
+      end = o->next + EXPLICIT * n;
+      if (good && is_held_back(v, o, h)) {
+        v->stiff = 1;
+        v->h = 0;
+        return v->n > v->largest ? STIFF : DONE;
+      }
+    }
+    if (!good || !isfinite(error)) { v->h = h / 4; v->guessed = 0; continue; }
+    grown = error > 0 ? 0.9 * pow(error, v->stiff ? -1.0 / (STAGES + 1) : -1.0 / 8) : 8.0;
+    if (error > 1) { v->h = h * fmax(0.2, fmin(grown, 0.9)); v->guessed = 0; continue; }
+    if (v->capacity) recorded(v, t, h, v->stiff ? o->next : v->w, v->stiff ? STAGES * n : n);
+    memcpy(v->stages, v->stiff ? o->next : end, sizeof(double) * (size_t) (v->stiff ? STAGES * n : n));
+    if (v->columns && !(v->stiff ? radau_forward(v, o, t, h, v->stages) : explicit_forward(v, o, t, h))) return LOST;
+    memcpy(v->w, v->stages + (v->stiff ? (STAGES - 1) * n : 0), sizeof(double) * (size_t) n);
+    v->t = ends ? v->end : t + h;
+    v->before = h;
+    v->guessed = v->stiff;
+    v->h = fmax(h * fmin(fmax(grown, 0.3), 8.0), h < whole ? whole : 0.0);
+    return DONE;
+  }
+}
+
+static int onwards(struct variation* v, struct space* o) {
+  while (v->t < v->end) {
+    int status;
+    if (v->capacity && v->steps == v->capacity) return FULL;
+    status = step(v, o);
+    if (status) return status;
+  }
+  return DONE;
+}
+
+static int backwards(struct variation* v, struct space* o) {
+  while (v->steps > 0) {
+    const double* from = v->record + --v->steps * (HEAD + STAGES * v->n);
+    int good;
+    if (from[2] > 0) good = radau_backward(v, o, from[0], from[1], from + HEAD);
+    else good = explicit_stages(v, o, from[0], from[1], from + HEAD, 0) && explicit_backward(v, o, from[0], from[1]);
+    if (!good) return LOST;
+  }
+  return DONE;
+}
+
+static int called(struct variation* v, int (*what)(struct variation*, struct space*)) {
+  casadi_int a[4], b[4];
+  count_t n = v->n, wide = STAGES * n, most = n <= v->largest ? wide : 0, dense = n <= v->largest ? n : 0, k;
+  count_t columns = v->columns > v->parameters ? v->columns : v->parameters;
+  struct space o;
+  double *memory, *next;
+  int status = NO_MEMORY;
+  value_work(a, a + 1, a + 2, a + 3);
+  slopes_work(b, b + 1, b + 2, b + 3);
+  for (k = 0; k < 4; ++k)
+    if (b[k] > a[k]) a[k] = b[k];
+  {
+    count_t sizes[] = {a[3], n, v->entries, (EXPLICIT + 1) * n, most * most, dense * dense, EXPLICIT * n * columns,
+                       wide, EXPLICIT * v->entries, (EXPLICIT + 1) * n, n, wide * columns};
+    double** parts[] = {&o.w, &o.value, &o.slopes, &o.next, &o.matrix, &o.small, &o.right,
+                        &o.residual, &o.stage_slopes, &o.values, &o.rate, &o.sums};
+    count_t total = 0;
+    for (k = 0; k < (count_t) (sizeof(sizes) / sizeof(*sizes)); ++k) total += sizes[k] + 1;
+    memory = malloc(sizeof(double) * (size_t) total);
+    next = memory;
+    for (k = 0; memory && k < (count_t) (sizeof(sizes) / sizeof(*sizes)); ++k) { *parts[k] = next; next += sizes[k] + 1; }
+  }
+  o.arg = malloc(sizeof(double*) * (size_t) (a[0] + 5));
+  o.res = malloc(sizeof(double*) * (size_t) (a[1] + 3));
+  o.iw = malloc(sizeof(casadi_int) * (size_t) (a[2] + 1));
+  o.pivot = malloc(sizeof(count_t) * (size_t) (wide + n + 2));
+  if (memory && o.arg && o.res && o.iw && o.pivot) {
+    o.small_pivot = o.pivot + wide + 1;
+    status = what(v, &o);
+  }
+  free(memory); free(o.arg); free(o.res); free(o.iw); free(o.pivot);
+  return status;
+}
+
+/* On to `end`, with the variations in `x`, nx rows, and each step into the record where that has room for any. */
+CASADI_SYMBOL_EXPORT int acausal_vary(struct variation* v) { return called(v, onwards); }
+
+/* Back over the record: `x` are derivatives by the states, one column each; those by parameters are added to `total`. */
+CASADI_SYMBOL_EXPORT int acausal_vary_back(struct variation* v) { return called(v, backwards); }

@@ -1,0 +1,74 @@
+"""Coefficients of the two methods.
+
+Source: E. Hairer, S. P. Nørsett, G. Wanner, Solving Ordinary Differential Equations I (1993), II.5 (DOP853); II (1996),
+IV.5 and IV.8 (Radau IIA, and its error by an embedded method).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.integrate
+from numpy.typing import NDArray
+
+Vector = NDArray[np.float64]
+STAGES = 5
+
+
+@dataclass(frozen=True, eq=False)
+class Radau:
+    """Collocation at the Radau points; `weights` are those of the stages, less the start, in the error of order STAGES.
+
+    `real` is the real eigenvalue of the inverse of `matrix`.
+    """
+
+    nodes: Vector
+    matrix: Vector
+    weights: Vector
+    real: float
+
+
+def _radau(s: int) -> Radau:
+    polynomial: Any = np.polynomial.Polynomial([0.0] * (s - 1) + [1.0]) * np.polynomial.Polynomial([-1.0, 1.0]) ** s
+    nodes = np.sort(np.real(polynomial.deriv(s - 1).roots()))
+    nodes[-1] = 1.0
+    powers = np.vander(nodes, s, increasing=True)
+    order = np.arange(1, s + 1)
+    matrix = (powers * nodes[:, None] / order) @ np.linalg.inv(powers)
+    inverse = np.linalg.inv(matrix)
+    eigenvalues = np.linalg.eigvals(inverse)
+    real = float(eigenvalues[np.argmin(np.abs(eigenvalues.imag))].real)
+    embedded = np.linalg.solve(powers.T, 1.0 / order - (order == 1) / real)
+    return Radau(nodes, matrix, real * (embedded - matrix[-1]) @ inverse, real)
+
+
+RADAU = _radau(STAGES)
+_METHOD: Any = scipy.integrate.DOP853
+EXPLICIT_STAGES = 12
+EXPLICIT_C: Vector = np.append(_METHOD.C, 1.0)
+EXPLICIT_A: Vector = np.vstack([_METHOD.A, _METHOD.B])  # the last row is the end of the step
+EXPLICIT_3: Vector = np.asarray(_METHOD.E3, dtype=float)
+EXPLICIT_5: Vector = np.asarray(_METHOD.E5, dtype=float)
+
+
+def in_c() -> str:
+    """The tables for `steps.c`."""
+    parts = [f"#define STAGES {STAGES}", f"#define RADAU_REAL {RADAU.real!r}"]
+    vectors = ("RADAU_C", RADAU.nodes), ("RADAU_E", RADAU.weights), ("EXPLICIT_C", EXPLICIT_C)
+    for name, vector in (
+        *vectors,
+        ("EXPLICIT_B", EXPLICIT_A[-1]),
+        ("EXPLICIT_3", EXPLICIT_3),
+        ("EXPLICIT_5", EXPLICIT_5),
+    ):
+        parts.append(f"static const double {name}[] = {{{_listed(vector)}}};")
+    for name, matrix in (("RADAU_A", RADAU.matrix), ("EXPLICIT_A", EXPLICIT_A[:-1])):
+        rows = ", ".join(f"{{{_listed(row)}}}" for row in matrix)
+        parts.append(f"static const double {name}[][{matrix.shape[1]}] = {{{rows}}};")
+    return "\n".join(parts) + "\n"
+
+
+def _listed(vector: Vector) -> str:
+    return ", ".join(repr(float(v)) for v in vector)

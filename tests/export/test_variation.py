@@ -1,0 +1,113 @@
+"""Steps of derivatives, explicit and implicit, in Python and compiled, against closed forms."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+import pytest
+
+import acausal
+from acausal import Component, Equations, Real, cos, der, fixed, parameter, time, variable
+from acausal.simulate.native import cache
+
+Method = Literal["forward", "adjoint"]
+METHODS: tuple[Method, ...] = ("forward", "adjoint")
+COMPILER = pytest.mark.skipif(cache.compiler() is None, reason="no C compiler on this machine")
+NATIVE = [False, pytest.param(True, marks=COMPILER)]
+
+
+class Follower(Component):
+    """x' = k (cos(a t) - x) from zero: stiff for large k. x = Re(k/(k + ja) e^(jat)) - k^2/(k^2 + a^2) e^(-kt)."""
+
+    k: Real = parameter(default=1e4)
+    a: Real = parameter(default=1.0)
+    x: Real = variable(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        yield der(self.x) == self.k * (cos(self.a * time) - self.x)
+
+
+def followed(k: complex, a: complex, t: float) -> complex:
+    """x in the form without conjugates, for complex steps."""
+    return (k * k * np.cos(a * t) + k * a * np.sin(a * t) - k * k * np.exp(-k * t)) / (k * k + a * a)
+
+
+@pytest.mark.parametrize("native", NATIVE)
+@pytest.mark.parametrize("method", METHODS)
+def test_what_is_stiff_and_what_is_not(method: Method, native: bool) -> None:
+    """Random parameters at 1e-8, right to 1e-6: of each derivative, by the size that its parameter gives it."""
+    compiled = acausal.compile(Follower())
+    chance = np.random.default_rng(5)
+    for k in 10.0 ** chance.uniform(0.0, 5.0, 4):
+        a = chance.uniform(0.5, 3.0)
+        found = acausal.sensitivities(
+            compiled, ["k", "a"], ["x"], values={"k": k, "a": a}, stop_time=3.0, tolerance=1e-8, method=method,
+            native=native,
+        )  # fmt: skip
+        exact = [followed(k + 1e-30j, a, 3.0).imag / 1e-30, followed(k, a + 1e-30j, 3.0).imag / 1e-30]
+        np.testing.assert_allclose(found.final[0] * [k, a], np.multiply(exact, [k, a]), atol=1e-6)
+
+
+class Oscillators(Component):
+    """Forty oscillators of different frequencies, without damping: too many variables for small matrices."""
+
+    w: Real = parameter(default=2.0)
+    x: Real = variable(default=fixed(1.0), shape=20)
+    v: Real = variable(default=fixed(0.0), shape=20)
+
+    def equations(self) -> Equations:
+        for k in range(20):
+            own = self.w * (1 + 0.1 * k)
+            yield der(self.x[k]) == own * self.v[k]
+            yield der(self.v[k]) == -own * self.x[k]
+
+
+@pytest.mark.parametrize("native", NATIVE)
+@pytest.mark.parametrize("method", METHODS)
+def test_long_smooth_runs(method: Method, native: bool) -> None:
+    """x[k] = cos(w_k t), over some turns: d x / d w = -t (1 + 0.1 k) sin(w_k t); and on the way."""
+    times = [4.0, 8.0]
+    found = acausal.sensitivities(
+        Oscillators(),
+        ["w"],
+        ["x[0]", "x[19]"],
+        stop_time=8.0,
+        tolerance=1e-9,
+        method=method,
+        native=native,
+        times=times,
+    )
+    for t, along in zip(times, found.along, strict=True):
+        exact = [-t * s * np.sin(2.0 * s * t) for s in (1.0, 2.9)]
+        np.testing.assert_allclose(along[:, 0], exact, atol=1e-6 * t)
+    np.testing.assert_allclose(found.final, found.along[-1], rtol=1e-9)
+
+
+class Root(Component):
+    """x' = -k y where y + c y^3 == x, as the rate of an iterated variable."""
+
+    k: Real = parameter(default=1.5)
+    c: Real = parameter(default=0.3)
+    x: Real = variable(default=fixed(1.0))
+    y: Real = variable()
+
+    def equations(self) -> Equations:
+        yield der(self.x) == -self.k * self.y
+        yield self.y + self.c * self.y**3 == self.x
+
+
+@COMPILER
+@pytest.mark.parametrize("method", METHODS)
+def test_iterated_variables_compiled_and_not(method: Method) -> None:
+    """k t = ln(y0/y) + 3 c (y0^2 - y^2)/2: at fixed c, dy/dk = -t / (1/y + 3 c y)."""
+    compiled = acausal.compile(Root())
+    for native in (False, True):
+        found = acausal.sensitivities(compiled, ["k", "c"], ["y"], stop_time=2.0, method=method, native=native)
+        y, y0 = found.values[0], 0.8
+        for _ in range(6):
+            y0 -= (y0 + 0.3 * y0**3 - 1.0) / (1.0 + 0.9 * y0**2)
+        assert 3.0 == pytest.approx(np.log(y0 / y) + 0.45 * (y0**2 - y**2), abs=1e-8)
+        start = -(y0**3) / (1.0 + 0.9 * y0**2)  # dy0/dc at x = 1
+        by_c = ((1 / y0 + 0.9 * y0) * start + 1.5 * (y0**2 - y**2)) / (1 / y + 0.9 * y)
+        np.testing.assert_allclose(found.final[0], [-2.0 / (1 / y + 0.9 * y), by_c], rtol=1e-7)
