@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cmath
 from typing import Literal
 
 import numpy as np
@@ -30,7 +31,7 @@ class Follower(Component):
 
 def followed(k: complex, a: complex, t: float) -> complex:
     """x in the form without conjugates, for complex steps."""
-    return (k * k * np.cos(a * t) + k * a * np.sin(a * t) - k * k * np.exp(-k * t)) / (k * k + a * a)
+    return (k * k * cmath.cos(a * t) + k * a * cmath.sin(a * t) - k * k * cmath.exp(-k * t)) / (k * k + a * a)
 
 
 @pytest.mark.parametrize("native", NATIVE)
