@@ -52,10 +52,10 @@ def usual_handlers() -> Iterator[None]:
 
 
 def interrupted(compiled: Any, number: int = signal.SIGINT, **options: Any) -> Any:
-    """What a run of hours keeps when it is asked to end after a fifth of a second."""
+    """What a run of hours keeps when it is asked to end after a moment."""
     acausal.simulate(compiled, stop_time=1.0, output_interval=0.5, **options)  # compiles what is to be compiled
     long = {"idas": 1e5}.get(options["solver"], 1e7 if options["native"] else 1e5)
-    threading.Timer(0.2, lambda: os.kill(os.getpid(), number)).start()
+    threading.Timer(0.4, lambda: os.kill(os.getpid(), number)).start()
     with pytest.raises(KeyboardInterrupt) as caught:
         acausal.simulate(compiled, stop_time=long, output_interval=10.0 if long > 1e6 else 1.0, **options)
     return caught.value.result  # type: ignore[attr-defined]
