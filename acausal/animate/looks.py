@@ -1,8 +1,9 @@
 """How components look. Shapes are attached from outside of the physics.
 
 A look is a function of a `Part`, which knows the component, its path and its values in the result, and yields what is
-to be drawn. It belongs to a class and its subclasses. The looks of a package of components stand in its module `looks`,
-as `LOOKS` by class (library/multibody/looks.py); `animate(..., looks={MyBody: my_look})` adds more, or replaces these.
+to be drawn. It belongs to a class and its subclasses. A package of components names the module of its looks,
+`__looks__ = "my_library.looks"`, which holds them as `LOOKS` by class (library/multibody/looks.py);
+`animate(..., looks={MyBody: my_look})` adds more, or replaces these.
 """
 
 from __future__ import annotations
@@ -12,7 +13,6 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
-from importlib.util import find_spec
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -124,10 +124,11 @@ class Looks:
 
 @cache
 def _looks_of(package: str) -> Looks:
-    """The module `looks` of a package, or of the nearest package around it that has one."""
+    """The module that a package, or the nearest one around it that says so, names in `__looks__`."""
     while package:
-        if hasattr(sys.modules.get(package), "__path__") and find_spec(f"{package}.looks") is not None:
-            found = import_module(f"{package}.looks")
+        named = getattr(sys.modules.get(package), "__looks__", None)
+        if named is not None:
+            found = import_module(named)
             return Looks(getattr(found, "LOOKS", {}), getattr(found, "UP", {}))
         package = package.rpartition(".")[0]
     return Looks({}, {})

@@ -31,3 +31,6 @@ from acausal.library.contact.scene.laws import NormalLaw as NormalLaw
 from acausal.library.contact.scene.scene import ContactScene as ContactScene
 from acausal.library.contact.scene.surface import AT_FRAME as AT_FRAME
 from acausal.library.contact.scene.surface import SurfaceContact as SurfaceContact
+
+# How its components are drawn: loaded by animations only.
+__looks__ = "acausal.library.contact.looks"

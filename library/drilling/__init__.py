@@ -42,3 +42,6 @@ from acausal.library.drilling.scene import WorkpieceBody as WorkpieceBody
 from acausal.library.drilling.tool import TWIST_DRILL_16MM as TWIST_DRILL_16MM
 from acausal.library.drilling.tool import Tool as Tool
 from acausal.library.drilling.workpiece import Workpiece as Workpiece
+
+# How its components are drawn: loaded by animations only.
+__looks__ = "acausal.library.drilling.looks"

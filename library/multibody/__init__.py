@@ -46,3 +46,6 @@ from acausal.library.multibody.shapes import BodyBox as BodyBox
 from acausal.library.multibody.shapes import BodyCylinder as BodyCylinder
 from acausal.library.multibody.shapes import PointMass as PointMass
 from acausal.library.multibody.world import World as World
+
+# How its components are drawn: loaded by animations only.
+__looks__ = "acausal.library.multibody.looks"

@@ -9,15 +9,16 @@ import shutil
 import struct
 import subprocess
 import time
+from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 import acausal
 from acausal import Component, Equations, connect, fixed, part
-from acausal.animate.looks import Part, Piece, Rigid
+from acausal.animate.looks import Part, Piece, Rigid, look_of
 from acausal.animate.meshes import box
 from acausal.animate.scene import Node, Scene
 from acausal.errors import UsageError
@@ -188,6 +189,30 @@ def test_shapes_are_attached_from_outside(swing: acausal.Result) -> None:
     scene = acausal.animate(Swing(), swing, looks={Body: crate}).scene
     (piece,) = named(scene, "mass").pieces
     assert piece.color == "#112233"
+
+
+def test_a_package_names_the_module_of_its_looks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A module that happens to be called `looks` is not loaded."""
+    body = "from acausal.library.multibody import Body\nclass Crate(Body):\n    pass\n"
+    look = (
+        "from acausal.animate.looks import Piece, Rigid\nfrom acausal.animate.meshes import box\n"
+        "from named_looks.parts import Crate\n"
+        "LOOKS = {Crate: lambda part: [Rigid((Piece(box((0.2, 0.2, 0.2)), '#112233'),))]}\n"
+    )
+    files = {
+        "named_looks": {"__init__": "__looks__ = 'named_looks.drawn'", "parts": body, "drawn": look},
+        "other_looks": {"__init__": "", "parts": body, "looks": "raise RuntimeError('it was loaded')"},
+    }
+    for package, modules in files.items():
+        (tmp_path / package).mkdir()
+        for name, text in modules.items():
+            (tmp_path / package / f"{name}.py").write_text(text)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    named_crate = import_module("named_looks.parts").Crate()
+    (drawn,) = look_of(named_crate, {})(Part(named_crate, None, "", cast("Any", None), 1.0))  # type: ignore[misc]
+    assert cast("Rigid", drawn).pieces[0].color == "#112233"
+    # drawn as the bodies it descends from
+    assert look_of(import_module("other_looks.parts").Crate(), {}) is look_of(Body(), {})
 
 
 def test_poses_are_thinned_and_each_time_has_one(swing: acausal.Result) -> None:
