@@ -212,7 +212,7 @@ def test_a_package_names_the_module_of_its_looks(tmp_path: Path, monkeypatch: py
     (drawn,) = look_of(named_crate, {})(Part(named_crate, None, "", cast("Any", None), 1.0))  # type: ignore[misc]
     assert cast("Rigid", drawn).pieces[0].color == "#112233"
     # drawn as the bodies it descends from
-    assert look_of(import_module("other_looks.parts").Crate(), {}) is look_of(Body(), {})
+    assert look_of(import_module("other_looks.parts").Crate(), {}) is look_of(Body(m=1.0), {})
 
 
 def test_poses_are_thinned_and_each_time_has_one(swing: acausal.Result) -> None:
