@@ -20,35 +20,55 @@ Vector = NDArray[np.float64]
 _TOLERANCE = 1e-10
 
 
-def interval_errors(problem: StatedProblem, laws: Sequence[Dynamics], trajectory: Trajectory) -> list[Vector]:
+def interval_errors(
+    problem: StatedProblem, laws: Sequence[Dynamics], trajectory: Trajectory
+) -> tuple[list[Vector], float]:
     """Largest error of a state at the end of each interval, by its magnitude over all phases; one array per phase.
 
-    nan counts as infinite: IDAS did not get to the end of the interval.
+    Then the same of all intervals one behind the other, each from where the last has ended: unstable motions make small
+    errors large. nan counts as infinite: IDAS did not get to the end of an interval.
     """
     q = problem.quantities
     size = np.max([np.abs(phase.x).max(axis=1, initial=0.0) for phase in trajectory.phases], axis=0)
     size = np.where(size > 0.0, size, np.array(q.x.nominal))
-    return [_phase(law, phase, trajectory.p, size) for law, phase in zip(laws, trajectory.phases, strict=True)]
+    found, worst, carried = [], 0.0, trajectory.phases[0].x[:, 0]
+    for law, phase in zip(laws, trajectory.phases, strict=True):
+        errors, drift, carried = _phase(law, phase, trajectory.p, size, carried)
+        found.append(errors)
+        worst = max(worst, drift)
+        if law.jump is not None:
+            _, z, u = phase.interval(len(phase.mesh) - 1, np.array([1.0]))
+            carried = np.array(law.jump(phase.begin + phase.duration, carried, z, u, trajectory.p)).ravel()
+    return found, worst
 
 
-def _phase(law: Dynamics, phase: PhaseTrajectory, p: Vector, size: Vector) -> Vector:
+def _phase(
+    law: Dynamics, phase: PhaseTrajectory, p: Vector, size: Vector, carried: Vector
+) -> tuple[Vector, float, Vector]:
+    """Errors of the intervals, the largest one of those one behind the other from `carried`, and where these end."""
+    count = len(phase.mesh)
     if not len(size):
-        return np.zeros(len(phase.mesh))
+        return np.zeros(count), 0.0, carried
     run = _integrator(law, phase.basis, p, size)
     borders = phase.borders * phase.duration
-    found = np.zeros(len(phase.mesh))
-    for k in range(len(phase.mesh)):
+    found, drift = np.zeros(count), np.zeros(count)
+    for k in range(count):
         x, z, _ = phase.interval(k, np.array([0.0, 1.0]))
         width = phase.basis.control + 1
         coefficients = phase.u[:, k * width : (k + 1) * width]
         given = ca.vertcat(phase.begin + borders[k], borders[k + 1] - borders[k], ca.vec(ca.DM(coefficients)))
-        try:
-            end = np.array(run(x0=x[:, 0] / size, z0=z[:, 0], p=given)["xf"]).ravel() * size
-        except RuntimeError:
-            found[k] = np.inf
-            continue
-        found[k] = np.max(np.abs(end - x[:, 1]) / size)
-    return np.where(np.isnan(found), np.inf, found)
+
+        def end(begin: Vector, z: Vector = z[:, 0], given: Any = given) -> Vector:
+            try:
+                return np.array(run(x0=begin / size, z0=z, p=given)["xf"]).ravel() * size
+            except RuntimeError:
+                return np.full(len(size), np.nan)
+
+        found[k] = np.max(np.abs(end(x[:, 0]) - x[:, 1]) / size)
+        carried = end(carried) if np.isfinite(carried).all() else carried
+        drift[k] = np.max(np.abs(carried - x[:, 1]) / size)
+    found, drift = (np.where(np.isnan(v), np.inf, v) for v in (found, drift))
+    return found, float(drift.max()), carried
 
 
 def _integrator(law: Dynamics, basis: Basis, p: Vector, size: Vector) -> Any:

@@ -104,11 +104,12 @@ def solved(problem: StatedProblem, choices: Choices) -> Optimum:
             widths, guesses, expected = others, trajectory.guesses(), trajectory.p
             laws = dynamics_of(problem, first, widths, free)
             continue
+        drift = 0.0
         if program.relaxed:
             errors = switching_errors(problem, program, solution, trajectory)
         else:
             verified(problem, laws, trajectory)
-            errors = interval_errors(problem, laws, trajectory)
+            errors, drift = interval_errors(problem, laws, trajectory)
         worst = max((float(e.max()) for e in errors), default=0.0)
         taken.lap("check")
         if accuracy is None or worst <= accuracy:
@@ -124,11 +125,11 @@ def solved(problem: StatedProblem, choices: Choices) -> Optimum:
         "solver": choices.solver,
         "iterations": iterations[0] if len(iterations) == 1 else tuple(iterations),
         "intervals": sum(map(len, meshes)),
-        **({"replay_error": worst} if program.relaxed else {"interval_error": worst}),
+        **({"replay_error": worst} if program.relaxed else {"interval_error": worst, "replay_error": drift}),
         "bias": (off := bias(laws, trajectory)),
         **taken.seconds,
     }
-    own = _switching(worst) if program.relaxed else _coarse(trajectory, errors, worst)
+    own = _switching(worst) if program.relaxed else _coarse(trajectory, errors, worst, drift)
     stats["notes"] = (*problem.quantities.begin.notes, *own, *(_rounded(widths, off) if choices.smooth else ()))
     for note in stats["notes"]:
         _log.warning("%s: %s", problem.compiled.name, note)
@@ -252,10 +253,16 @@ def _largest(program: Program, solution: Solution) -> list[str]:
     return list(dict.fromkeys(name for _, name in sorted(found, key=lambda item: -item[0])))[:3]
 
 
-def _coarse(trajectory: Trajectory, errors: list[Vector], worst: float) -> tuple[str, ...]:
-    """A note where the mesh is so coarse that the optimum may live on its errors."""
-    if worst <= _NOTED:
+def _coarse(trajectory: Trajectory, errors: list[Vector], worst: float, drift: float) -> tuple[str, ...]:
+    """A note where the mesh is so coarse that the optimum may live on its errors, or a run go elsewhere."""
+    if worst <= _NOTED and drift <= 10 * _NOTED:
         return ()
+    if worst <= _NOTED:
+        enough = 10.0 ** np.floor(np.log10(max(worst * min(10 * _NOTED / drift, 1.0), 1e-9)))
+        return (
+            f"errors grow along the motion: {worst:.2g} of a state's magnitude in one interval at most, a run with "
+            f"these inputs goes {drift:.2g} elsewhere; solve(accuracy={enough:g}), or keep to it with a controller",
+        )
     phase = max(range(len(errors)), key=lambda k: float(errors[k].max(initial=0.0)))
     k = int(np.argmax(errors[phase]))
     where = f"interval {k + 1} of {len(errors[phase])} in {trajectory.phases[phase].name}"

@@ -55,6 +55,26 @@ def by_angle(intervals: int) -> Optimum:
     return problem.solve()
 
 
+def test_small_errors_that_grow_are_told() -> None:
+    """Upright a pendulum leaves its way: what is told before is how far IDAS goes elsewhere with the inputs alone."""
+    problem = Problem(CartPole(m=0.58, m_c=1.1, length=0.77, y=guess(-0.77)))
+    problem.phase(duration=2.54, intervals=25)
+    for name, value in {"s": 1.19, "v": 0.0, "x": 1.19, "v_x": 0.0}.items():
+        problem.subject_to(problem.end(name) == value)
+    problem.subject_to(problem.end("y") >= 0.0)
+    problem.minimize(problem.integral(problem["f"] ** 2))
+    problem.guess(lines={"s": (0.0, 1.19), "angle(s, x, y)": (0.0, np.pi)})
+    best = problem.solve()
+    interval, told = best.stats["interval_error"], best.stats["replay_error"]
+    assert isinstance(interval, float)
+    assert isinstance(told, float)
+    assert interval < 1e-3 < 1e-2 < told
+    assert told == pytest.approx(max(best.error(best.replay()).values()), rel=0.3)
+    notes = best.stats["notes"]
+    assert isinstance(notes, tuple)
+    assert any("these inputs goes" in note for note in notes)
+
+
 def test_pendulum_in_x_and_y_is_searched_in_its_angle() -> None:
     """As many iterations, and the same optimum, as Lagrange's equations; every point lies on the rod."""
     best, hand = swing_up().solve(), by_angle(20)
