@@ -16,6 +16,7 @@ from acausal.cli.options import (
     StartTimeOption,
     StopTimeOption,
     ToleranceOption,
+    output_file_option,
 )
 from acausal.cli.outputs import check_writable
 from acausal.cli.reference import find_model
@@ -57,10 +58,7 @@ def animate(
     tolerance: ToleranceOption = None,
     solver: SolverOption = None,
     poses: Annotated[int, typer.Option("--poses", min=2, help="Most poses to store of each body.")] = 2000,
-    output_file: Annotated[
-        Path | None,
-        typer.Option("--output-file", "-o", help=".html, .glb or .gif. Default: MODEL.html.", show_default=False),
-    ] = None,
+    output_file: Annotated[Path | None, output_file_option(".html, .glb or .gif. Default: MODEL.html.")] = None,
     gif: Annotated[bool, typer.Option("--gif", help="Write a moving picture, MODEL.gif, too.")] = False,
     as_json: JsonOption = False,
     quiet: QuietOption = False,

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from acausal.cli.options import ComponentArgument, JsonOption, QuietOption, SetOption
+from acausal.cli.options import ComponentArgument, JsonOption, QuietOption, SetOption, output_file_option
 from acausal.cli.outputs import check_writable
 from acausal.cli.reference import find_component
 from acausal.cli.report import record, remark
@@ -25,8 +25,7 @@ def diagram(
         ),
     ] = None,
     output_file: Annotated[
-        Path | None,
-        typer.Option("--output-file", "-o", help=".svg, or .html to open blocks by a click. Default: MODEL.svg."),
+        Path | None, output_file_option(".svg, or .html to open blocks by a click. Default: MODEL.svg.")
     ] = None,
     as_json: JsonOption = False,
     quiet: QuietOption = False,

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from acausal.cli.completion import complete_result
-from acausal.cli.options import JsonOption, QuietOption, SignalsOption
+from acausal.cli.options import JsonOption, QuietOption, SignalsOption, output_file_option
 from acausal.cli.outputs import check_writable
 from acausal.cli.report import record, remark
 from acausal.cli.settings import listed
@@ -25,10 +25,7 @@ def explore(
         ),
     ],
     signals: SignalsOption = None,
-    output_file: Annotated[
-        Path | None,
-        typer.Option("--output-file", "-o", help="The page. Default: RESULT.html.", show_default=False),
-    ] = None,
+    output_file: Annotated[Path | None, output_file_option("The page. Default: RESULT.html.")] = None,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:

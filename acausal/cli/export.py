@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from acausal.cli.options import FreeOption, JsonOption, ModelArgument, OutputsOption, QuietOption, SetOption
+from acausal.cli.options import (
+    FreeOption,
+    JsonOption,
+    ModelArgument,
+    OutputsOption,
+    QuietOption,
+    SetOption,
+    output_file_option,
+)
 from acausal.cli.outputs import check_writable
 from acausal.cli.reference import find_model
 from acausal.cli.report import quantity, record, remark, say, table
@@ -34,10 +42,7 @@ def forms() -> None:
 @export.command()
 def casadi(
     model: ModelArgument,
-    output_file: Annotated[
-        Path | None,
-        typer.Option("--output-file", "-o", help="File to write. Default: MODEL.casadi.", show_default=False),
-    ] = None,
+    output_file: Annotated[Path | None, output_file_option("File to write. Default: MODEL.casadi.")] = None,
     outputs: OutputsOption = None,
     settings: SetOption = None,
     freed: FreeOption = None,
@@ -137,10 +142,7 @@ def step(
     model: ModelArgument,
     size: Annotated[str, typer.Option("--step", metavar="TIME", help="Length of a step, in s or with a unit.")] = "1ms",
     method: Annotated[str, typer.Option("--method", help="rk2, rk4, rosenbrock or sdirk.")] = "rk4",
-    output_file: Annotated[
-        Path | None,
-        typer.Option("--output-file", "-o", help="C file to write. Default: MODEL_step.c.", show_default=False),
-    ] = None,
+    output_file: Annotated[Path | None, output_file_option("C file to write. Default: MODEL_step.c.")] = None,
     outputs: OutputsOption = None,
     settings: SetOption = None,
     freed: FreeOption = None,

@@ -91,6 +91,11 @@ InterpolationOption = Annotated[
 ]
 
 
+def output_file_option(help: str) -> Any:
+    """Where a verb writes; `help` says which suffixes it takes, and the default."""
+    return typer.Option("--output-file", "-o", help=help, show_default=False)
+
+
 def _time(flag: str, help: str) -> Any:
     return typer.Option(flag, metavar="TIME", help=f"{help}, in s or with a unit.", show_default=False)
 

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from acausal.cli.completion import complete_drawn, complete_signal
-from acausal.cli.options import JsonOption, QuietOption, ResultArgument
+from acausal.cli.options import JsonOption, QuietOption, ResultArgument, output_file_option
 from acausal.cli.report import record, remark, say
 
 
@@ -24,10 +24,7 @@ def plot(
             autocompletion=complete_drawn,
         ),
     ] = None,
-    file: Annotated[
-        Path | None,
-        typer.Option("--output-file", "-o", help=".png, .svg or .pdf. Default: RESULT.png.", show_default=False),
-    ] = None,
+    file: Annotated[Path | None, output_file_option(".png, .svg or .pdf. Default: RESULT.png.")] = None,
     together: Annotated[bool, typer.Option("--together", help="One panel for all, with up to two axes.")] = False,
     against: Annotated[
         str | None,

@@ -31,6 +31,7 @@ from acausal.cli.options import (
     StopTimeOption,
     ToleranceOption,
     UnitsOption,
+    output_file_option,
 )
 from acausal.cli.outputs import check_picture, check_result_file
 from acausal.cli.progress import ProgressBar
@@ -45,10 +46,7 @@ if TYPE_CHECKING:
     from acausal.result import Result
 
 OutputFileOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--output-file", "-o", help="Result: .mat, .csv, .npz or .parquet. Default: MODEL.mat.", show_default=False
-    ),
+    Path | None, output_file_option("Result: .mat, .csv, .npz or .parquet. Default: MODEL.mat.")
 ]
 FormulationOption = Annotated[
     str,

@@ -18,6 +18,7 @@ from acausal.cli.options import (
     StartTimeOption,
     StopTimeOption,
     ToleranceOption,
+    output_file_option,
 )
 from acausal.cli.outputs import check_picture
 from acausal.cli.reference import find_model
@@ -47,10 +48,7 @@ def stability(
         typer.Option("--step", metavar="TIME", help="Fixed step to scale the picture by.", show_default=False),
     ] = None,
     check: Annotated[bool, typer.Option("--check/--no-check", help="Try the largest steps by runs.")] = True,
-    output: Annotated[
-        Path | None,
-        typer.Option("--output-file", "-o", help="Picture: .png, .svg or .pdf. Default: none.", show_default=False),
-    ] = None,
+    output: Annotated[Path | None, output_file_option("Picture: .png, .svg or .pdf. Default: none.")] = None,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
     details: DetailsOption = False,

@@ -33,6 +33,7 @@ from acausal.cli.options import (
     StepOption,
     StopTimeOption,
     ToleranceOption,
+    output_file_option,
 )
 from acausal.cli.outputs import check_picture, check_writable
 from acausal.cli.progress import ProgressBar
@@ -77,10 +78,7 @@ ExecutorOption = Annotated[
     str, typer.Option("--executor", help="processes, threads, dask://HOST:PORT, or dask:// for a cluster here.")
 ]
 ResumeOption = Annotated[bool, typer.Option("--resume", help="Run only what the .sweep file does not hold yet.")]
-MembersOption = Annotated[
-    Path | None,
-    typer.Option("--output-file", "-o", help="File of the finished members. Default: MODEL.sweep.", show_default=False),
-]
+MembersOption = Annotated[Path | None, output_file_option("File of the finished members. Default: MODEL.sweep.")]
 TableOption = Annotated[
     Path | None, typer.Option("--table", help="One table: .parquet, .nc or .csv.", show_default=False)
 ]
