@@ -56,7 +56,6 @@ STYLE: dict[Any, Any] = {
     "legend.frameon": False,
     "svg.hashsalt": "acausal",
 }
-_CYCLES = "Hz"
 # Signals of one unit whose magnitudes differ by more than this get panels of their own.
 _SPREAD = 1e3
 # Characters that fit along the vertical axis, and above a panel of 7.4 inches.
@@ -254,7 +253,7 @@ def _groups(results: Sequence[tuple[str, Result]], panel: Panel) -> list[_Group]
         raise UsageError("AC016", f"the panel '{panel.title}' names no signal")
     units = [signal.unit for signal in signals if not _is_plain(signal)] or [signals[0].unit]
     kinds = list(dict.fromkeys(map(_kind, units)))
-    lines: dict[Dimension | str, list[Signal]] = {kind: [] for kind in kinds}
+    lines: dict[tuple[Dimension, bool] | str, list[Signal]] = {kind: [] for kind in kinds}
     for signal in signals:
         joins = _is_plain(signal) and len(kinds) == 1
         lines.setdefault(kinds[0] if joins else _kind(signal.unit), []).append(signal)
@@ -272,14 +271,14 @@ def _is_plain(signal: Signal) -> bool:
     return signal.unit in ("", "1")
 
 
-def _kind(unit: str) -> Dimension | str:
-    """What shares a scale: the dimension of a unit, or the name of a unit that only another program knows.
+def _kind(unit: str) -> tuple[Dimension, bool] | str:
+    """What shares a scale: the dimension of a unit, or the name of one that a file of another program brought along.
 
     Cycles per second stand apart from rad/s, which have the same dimension: on one scale 50 Hz would look six times
     slower than the 314 rad/s that it is.
     """
     try:
-        return _CYCLES if _CYCLES in unit else parse(unit).dimension
+        return parse(unit).dimension, "Hz" in unit
     except UnitError:
         return unit
 
@@ -315,9 +314,9 @@ def _values(result: Result, signal: Signal, declared: str) -> Array:
 
 def _converted(signal: Signal, declared: str) -> Scale:
     kind = _kind(declared)
-    if isinstance(kind, str) and kind != _CYCLES:
+    if isinstance(kind, str):
         return Scale(declared)
-    return to_unit(format_dimension(parse(declared).dimension) if _is_plain(signal) else signal.unit, declared)
+    return to_unit(format_dimension(kind[0]) if _is_plain(signal) else signal.unit, declared)
 
 
 def _draw(ax: Axes, results: Sequence[tuple[str, Result]], panel: Panel, groups: Sequence[_Group]) -> str:

@@ -136,6 +136,13 @@ def test_cycles_and_radians_per_second_have_a_scale_each() -> None:
     assert [values[-1] for values in lines(left).values()] == pytest.approx([50.0, 400.0])
 
 
+def test_volts_per_hertz_are_no_hertz() -> None:
+    signals = {s.name: s for s in (Signal("f", "Hz", "", 0), Signal("k", "V/Hz", "", 1))}
+    values = np.column_stack([50.0 + 0.0 * TIME, 8.0 + 0.0 * TIME])
+    left, right = plot(Result("Motor", TIME, values, signals), "f", "k", together=True).axes
+    assert (left.get_ylabel(), right.get_ylabel()) == ("[Hz]", "[V/Hz]")
+
+
 def test_a_plain_number_beside_two_quantities_is_refused() -> None:
     with pytest.raises(UsageError) as caught:
         figure(following("", "rad/s"), [Panel(("setpoint", "motor.w", "motor.tau"))])
