@@ -12,6 +12,7 @@ from acausal.errors import IntegrationError, Span
 from acausal.flatten.flat import span_of
 from acausal.lower.compiled import CompiledModel
 from acausal.simulate.equations.problem import Problem
+from acausal.simulate.one_sided import one_sided
 from acausal.simulate.record.project import constraints
 from acausal.simulate.solvers.base import Segment
 from acausal.simulate.start.finite import UNDEFINED, Undefined, first_undefined
@@ -59,7 +60,8 @@ def integration_error(problem: Problem, solver: str, reached: Segment, text: str
     ode = np.array(compiled.rhs(reached.start, *at)[0]).ravel()
     code, fact = next(((c, f) for key, c, f in _KNOWN if key in text), ("AC400", "the solver gave up"))
     finding = (
-        _undefined(problem, reached, ode)
+        _constraining(problem, reached)
+        or _undefined(problem, reached, ode)
         or _stretched(problem, reached, ode)
         or _unbounded(compiled, reached, ode)
         or _singular(problem, reached)
@@ -87,6 +89,29 @@ def integration_error(problem: Problem, solver: str, reached: Segment, text: str
 
 def _made(compiled: CompiledModel, variable: str) -> tuple[Span, ...]:
     return made_at(compiled.flat, component_of(compiled.flat, variable))
+
+
+def is_constraining(problem: Problem, reached: Segment) -> bool:
+    """Whether an equation for a force becomes a constraint on the states there."""
+    return _constraining(problem, reached) is not None
+
+
+def _constraining(problem: Problem, reached: Segment) -> _Finding | None:
+    """An equation for a force that becomes a constraint on the states."""
+    compiled = problem.compiled
+    found = one_sided(compiled, reached.start, reached.x, reached.z, problem.u, problem.p, reached.p)
+    if found is None:
+        return None
+    equation = compiled.flat.equations[found.equation]
+    return _Finding(
+        "AC402",
+        f"nothing determines {found.unknown} from there on: its equation holds {listed(found.states, 4)} instead",
+        span_of(equation),
+        (line(compiled.flat, equation).strip(),),
+        "a constraint that comes and goes, as of a string that becomes taut: states would go, and velocities jump",
+        "hold accelerations, where(taut, der(away), force) == 0, and let the `when` that sets `taut` make velocities "
+        "jump, reset(away, 0, by=pull); or give it a force, a stiff spring and damper",
+    )
 
 
 def _undefined(problem: Problem, reached: Segment, ode: Vector) -> _Finding | None:

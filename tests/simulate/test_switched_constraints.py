@@ -212,3 +212,44 @@ def test_a_factor_that_switches_a_constraint_on_is_refused(law: Callable[[Engage
     assert caught.value.code == "AC507"
     assert "says nothing about f after the event at t = 0.5 s" in str(caught.value)
     assert "start elsewhere" not in str(caught.value)
+
+
+class Complementary(Component):
+    """A mass on a string that pulls where it is taut, without a branch: force and slack are one zero, none negative."""
+
+    law: Callable[[Any, Any], Any] = structural()
+    x: Real = variable(default=fixed(0.3))
+    y: Real = variable(default=fixed(-0.2))
+    v: Real = variable(default=fixed(0.5))
+    w: Real = variable(default=fixed(0.0))
+    f: Real = variable()
+
+    def equations(self) -> Equations:
+        yield der(self.x) == self.v
+        yield der(self.y) == self.w
+        yield der(self.v) == -self.f * self.x
+        yield der(self.w) == -self.f * self.y - 9.81
+        yield self.law(self.f, 1.0 - self.x**2 - self.y**2) == 0.0
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        acausal.minimum,
+        lambda f, slack: f - acausal.maximum(0.0, f - slack),
+        lambda f, slack: f + slack - acausal.sqrt(f**2 + slack**2),
+        lambda f, slack: f + slack - acausal.sqrt(f**2 + slack**2 + 1e-12),
+    ],
+    ids=["minimum", "maximum", "Fischer-Burmeister", "smoothed"],
+)
+@pytest.mark.parametrize("solver", ["idas", "rosenbrock"])
+@pytest.mark.filterwarnings("ignore:invalid value")
+def test_a_string_that_becomes_taut_without_a_branch_is_named(law: Callable[[Any, Any], Any], solver: str) -> None:
+    """Free fall until (0.3 + t/2)^2 + (0.2 + 4.905 t^2)^2 = 1, at t = 0.3708: states would go from there on."""
+    with pytest.raises(AcausalError) as caught:
+        acausal.simulate(Complementary(law=law), stop_time=1.0, solver=solver)
+    text = str(caught.value)
+    assert caught.value.code == "AC402"
+    assert "nothing determines f from there on: its equation holds x and y instead" in text
+    assert "t = 0.3707" in text or "t = 0.3708" in text
+    assert "reset(away, 0, by=pull)" in text

@@ -9,11 +9,12 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from acausal.errors import InitializationError
 from acausal.simulate.driver.agenda import Agenda, Place, Schedule, Stretch, TooFar
 from acausal.simulate.driver.flight import Flight, Landing
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.guards import Cause, Moment
-from acausal.simulate.failure import integration_error
+from acausal.simulate.failure import integration_error, is_constraining
 from acausal.simulate.native.flight import FlightProgram
 from acausal.simulate.native.policy import Library
 from acausal.simulate.record.record import Recorder
@@ -121,6 +122,11 @@ class Driver:
                 place = self._flown(flight, place) or self._step(place)
                 if self.report is not None and not place.entered:
                     self.report(self.recorder.time)
+        except InitializationError:  # no values at a point that was reached: said by name where that is known
+            stopped = self.dynamics.failed(self._stretch.times if self._stretch else known.times)
+            if is_constraining(self.dynamics.equations, stopped):
+                raise integration_error(self.dynamics.equations, self.solver, stopped, "") from None
+            raise
         except RuntimeError as error:
             self.interrupted()
             self.stopped = self.dynamics.failed(self._stretch.times if self._stretch else known.times)
