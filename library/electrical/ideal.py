@@ -18,6 +18,7 @@ from acausal import (
     discrete,
     edge,
     fabs,
+    infinitesimal,
     minimum,
     parameter,
     pre,
@@ -47,8 +48,12 @@ class PartialIdealSwitching(PartialOnePort):
     def equations(self) -> Equations:
         # s is a voltage and a current
         volt, ampere = quantity(1.0, "V"), quantity(1.0, "A")
-        yield self.v == self.s * where(self.off, volt, self.Ron * ampere) + self.Vknee
-        yield self.i == self.s * where(self.off, self.Goff * volt, ampere) + self.Goff * self.Vknee
+        # where Ron = Goff = 0 leaves voltages or currents open, all that is off leaks alike, all that is on resists
+        leak = infinitesimal() * self.s
+        on, off = self.Ron * ampere, self.Goff * volt
+        yield self.v == self.s * where(self.off, volt, on) + where(self.off, 0.0, leak) * volt + self.Vknee
+        leaking = where(self.off, leak, 0.0) * ampere
+        yield self.i == self.s * where(self.off, off, ampere) + leaking + self.Goff * self.Vknee
         yield self.loss_power == self.v * self.i
 
 

@@ -69,8 +69,10 @@ def overloaded(model: str, t: float, names: Sequence[str]) -> EventError:
         "AC506",
         f"{model}: nothing that is stuck gives way at t = {t:.9g} s, although not all of it can hold",
         evidence=[f"loads that the equations leave open: {', '.join(names)}"],
-        cause="a motion is prescribed where an element is held, or the limits of what is stuck are infinite",
-        help="give the elements finite largest forces, or let a spring or an inertia take up the motion",
+        cause="a motion is prescribed where an element is held, a current where all blocks, or the limits of what is "
+        "stuck are infinite",
+        help="give the elements finite largest forces, or let a spring or an inertia take up the motion; give ideal "
+        "diodes a conductance Goff",
     )
 
 
