@@ -526,3 +526,33 @@ def test_what_is_no_force_is_refused() -> None:
         with pytest.raises(AcausalError) as caught:
             acausal.compile(Wrong())
         assert caught.value.code == "AC141"
+
+
+class Lying(Component):
+    """A ball that has come to rest on the floor, and is struck at 3 s."""
+
+    named: bool = structural(default=True)
+    after: Real = parameter(default=2.0)
+    h: Real = variable(default=fixed(0.5))
+    v: Real = variable(default=fixed(0.0))
+    kick: Real = discrete()
+
+    def equations(self) -> Equations:
+        yield der(self.h) == self.v
+        yield der(self.v) == -9.81 + self.kick
+        yield when(self.h < 0.0, reset(self.v, -0.5 * pre(self.v)))
+        struck = reset(self.v, self.after, by=self.kick) if self.named else reset(self.v, self.after)
+        yield when(acausal.time > 3.0, struck)
+
+
+@pytest.mark.parametrize("solver", ["idas", "rosenbrock"])
+@pytest.mark.parametrize("named", [True, False])
+def test_what_lies_still_flies_where_it_is_struck(solver: str, named: bool) -> None:
+    """Upwards h = 2 t - g t^2 / 2, as rest does not hold it; downwards it bounces, and lies still again."""
+    model = acausal.compile(Lying(named=named))
+    up = acausal.simulate(model, stop_time=3.3, solver=solver)
+    assert up.final("h") == pytest.approx(2.0 * 0.3 - 9.81 * 0.09 / 2, abs=1e-6)
+    down = acausal.simulate(model, parameters={"after": -1.0}, stop_time=4.0, solver=solver)
+    assert down["h"].min() > -1e-6
+    assert down["h"][down.time > 3.01].max() == pytest.approx(0.25 / 19.62, abs=1e-3)
+    assert down.final("h") == pytest.approx(0.0, abs=1e-6)

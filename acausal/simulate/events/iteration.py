@@ -170,10 +170,24 @@ class Iteration:
             if not np.array_equal(found.x[: self.dynamic], moment.x[: self.dynamic]):
                 x = self._followed(t, moment, found.x, applied)
                 walk = _Walk(np.zeros(count, dtype=int), np.zeros(count))  # other states: no relation leads back yet
-            moment = Moment(x, moment.z, found.m, moment.regime)
+            moment = Moment(x, moment.z, found.m, self._released(t, moment, x))
             was, decided, level = found.was, found.decided, float(found.level)
         texts = [self.events.clauses[k].text for k in acting]
         raise unsettled(self.problem.compiled.name, t, texts or [a.text for a in self.events.assignments])
+
+    def _released(self, t: float, moment: Moment, x: Vector) -> Regime:
+        """The regime without what rested until the states jumped: its velocity is another one."""
+        regime = moment.regime
+        if all(hold.target is None for hold in regime.holds):
+            return regime
+        numbers = moment.z, self.problem.u, self.problem.p, moment.m
+        before, after = (np.array(regime.kept_of(t, at, *numbers)).ravel() for at in (moment.x, x))
+        left, row = [], 0
+        for hold in regime.holds:
+            row += 1 if hold.target is None else 2
+            if hold.target is None or after[row - 1] == before[row - 1]:
+                left.append(hold)
+        return regime if len(left) == len(regime.holds) else Regime(regime.free, tuple(left), regime.border)
 
     def _followed(self, t: float, moment: Moment, x: Vector, applied: Truth) -> Vector:
         """States after the actions that were applied, on the stabilised constraints."""
