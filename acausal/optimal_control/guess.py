@@ -58,7 +58,7 @@ def guessed(problem: StatedProblem) -> list[PhaseGuess]:
             last = float(run.time[-1])
         last = min(last, float(run.time[-1]))
         if last <= first:
-            raise _not_reached(problem, run, spec)
+            raise _not_reached(problem, run, spec, first)
         share = (begun / whole, (begun + spec.expected) / whole)
         found.append(PhaseGuess(last - first, _reader(rows, run, first, last, lines, share)))
         beyond = min(last + _BEYOND * (last - first), float(run.time[-1]))
@@ -140,7 +140,7 @@ def _end(problem: StatedProblem, run: Result, spec: PhaseSpec, first: float) -> 
     values = _guard_values(problem, spec.switch, run, rows)
     after = np.flatnonzero((values[:-1] <= 0.0) & (values[1:] > 0.0))
     if not len(after):
-        raise _not_reached(problem, run, spec)
+        raise _not_reached(problem, run, spec, first)
     k = int(after[0])
     low, high = run.time[rows[k]], run.time[rows[k + 1]]
     return float(low + (high - low) * values[k] / (values[k] - values[k + 1]))
@@ -165,12 +165,15 @@ def _guard_values(problem: StatedProblem, switch: int, run: Result, rows: Any) -
     return np.array(function.map(n)(*(c[None, :] for c in columns))).ravel()
 
 
-def _not_reached(problem: StatedProblem, run: Result, spec: PhaseSpec) -> OptimizationError:
+def _not_reached(problem: StatedProblem, run: Result, spec: PhaseSpec, first: float) -> OptimizationError:
     text = problem.guards[spec.switch].text if spec.switch is not None else "its end"
+    earlier = [e.time for e in run.events if text in e.condition.split("; ") and e.time <= first]
     seen = [f"{e.time:.4g} s  {e.condition}" for e in run.events[:6]]
     return OptimizationError(
         "AC705",
         f"the run behind the guess does not get to the end of phase '{spec.name}': {text}",
         evidence=[f"it goes from {run.time[0]:g} to {run.time[-1]:g} s", *seen],
-        help="give inputs that do, and durations: problem.guess(inputs={...}), phase(expected=...)",
+        cause=f"that happens at {earlier[-1]:.4g} s, and the phase begins at {first:.4g} s" if earlier else None,
+        help="declare phases in the order of the run; give inputs that get there, and durations: "
+        "problem.guess(inputs={...}), phase(expected=...)",
     )

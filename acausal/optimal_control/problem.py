@@ -246,6 +246,14 @@ class StatedProblem:
     def _demand(
         self, what: Any, lower: float, upper: float, equals: float | None, name: str, phases: tuple[int, ...]
     ) -> None:
+        for limit in (lower, upper, equals):
+            if isinstance(limit, str):
+                raise UsageError(
+                    "AC051",
+                    f"the limit '{limit}' of {what} is no number",
+                    where=calling_span(),
+                    help="limits are numbers in SI units: max=4e3 for 4 kN",
+                )
         if equals is not None:
             lower = upper = equals
         is_name = isinstance(what, str)

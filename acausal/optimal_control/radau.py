@@ -151,7 +151,7 @@ def transcribed(
     Raises
     ------
     UsageError
-        AC052 for values at a start that are not known there.
+        AC052 for values at a start that are not known there, with shooting or complementarity.
     """
     nlp, q = Nlp(), problem.quantities
     places = [d[0] for d in q.decided] if varying is None else list(varying)
@@ -240,7 +240,10 @@ def _phase(
     arguments = [times, x[:, 1:], z, at]
     inside = site_of(nlp, q, law, program.w, arguments, n)
     # at the start there are no collocated algebraic variables: those of the first point, for what does not need them
-    first = site_of(nlp, q, law, program.w, [begin, x[:, 0], z[:, 0], u[:, 0]], 1)
+    asked = [v.expression for v in problem.values if v.kind == "start" and problem.specs[v.phase] is spec]
+    known = program.steps is None and not law.answers and any(_by_z(problem, e, dynamics, law) for e in asked)
+    at_start = ca.DM(sizes[1]) * nlp.unknown(values[1][:, :1], nz, 1) if known else z[:, 0]
+    first = site_of(nlp, q, law, program.w, [begin, x[:, 0], at_start, u[:, 0]], 1)
     last = site_of(nlp, q, law, program.w, [begin + duration, x[:, -1], z[:, -1], at[:, -1]], 1)
     ode, alg, _ = inside.equations
     integrals: dict[int, Any] = {}
@@ -256,8 +259,12 @@ def _phase(
         at_guess[2] = values[1][:nz] * sizes[1][:nz, None]
         slopes = law.slopes(at_guess, sizes[1][:nz])
         nlp.demand(inside.points.ask(alg / ca.DM(_largest(slopes))))
+        if known:
+            nlp.demand(first.points.ask(first.equations[1] / ca.DM(_largest(slopes))))
         for k in np.flatnonzero(_ends_below(law, at_guess, sizes[1][:nz], q.low[:nz], slopes)).tolist():
             nlp.demand(unknowns[1][k, :], q.low[k] / sizes[1][k], np.inf)
+            if known:
+                nlp.demand(at_start[k] / sizes[1][k], q.low[k] / sizes[1][k], np.inf)
     weights = (lengths[:, None] * basis.weights).ravel()
     answers = z[nz:, :]
     z = z[:nz, :] if law.answers else z
@@ -386,23 +393,32 @@ def _values(program: Program, problem: StatedProblem) -> None:
         elif value.kind == "end":
             found = along(program, problem, value.expression, phase.last)
         else:
-            _check_start(problem, value.expression, phase)
+            _check_start(program, problem, value.expression, phase)
             found = along(program, problem, value.expression, phase.first)
         program.known[key(value.symbol)] = found
 
 
-def _check_start(problem: StatedProblem, expression: Any, phase: PhaseProgram) -> None:
+def _by_z(problem: StatedProblem, expression: Any, dynamics: Dynamics, law: Law) -> str | None:
+    """The name of a variable in an expression that follows from algebraic variables of the program."""
     q = problem.quantities
-    if not len(q.z) or not q.outputs or phase.law.algebraic is not None:
-        return
-    by_z = np.array(ca.DM(phase.dynamics.dae.jac_sparsity(2, 2), 1).sparsity().row())
+    if not len(q.z) or not q.outputs or law.algebraic is not None:
+        return None
+    by_z = np.array(ca.DM(dynamics.dae.jac_sparsity(2, 2), 1).sparsity().row())
     for k, (output, symbol) in enumerate(zip(q.outputs, q.symbols, strict=True)):
         if k in by_z and q.place(output.name) is None and ca.depends_on(expression, symbol):
-            raise UsageError(
-                "AC052",
-                f"{output.name} follows from algebraic equations, which are not solved at the start of a phase",
-                help="ask for a state there, or demand it along the phase: phase.subject_to(...)",
-            )
+            return output.name
+    return None
+
+
+def _check_start(program: Program, problem: StatedProblem, expression: Any, phase: PhaseProgram) -> None:
+    name = _by_z(problem, expression, phase.dynamics, phase.law)
+    if name is not None and (program.steps is not None or phase.law.answers):
+        raise UsageError(
+            "AC052",
+            f"{name} follows from algebraic equations, which are not solved at the start of a phase",
+            help="ask for a state there, or demand it along the phase: phase.subject_to(...); by collocation without "
+            "complementarity it is known",
+        )
 
 
 def _ends(program: Program, problem: StatedProblem) -> None:

@@ -13,7 +13,7 @@ from scipy.optimize import minimize
 from acausal import Component, Equations, Real, der, fixed, maximum, quantity, signal_input, time, variable, where
 from acausal.errors import AcausalError
 from acausal.models.optimal_control.ball_target import ThrownBall, gentle_throw
-from acausal.models.optimal_control.plate_drilling import CONE, least_time
+from acausal.models.optimal_control.plate_drilling import CONE, PlateDrilling, least_time
 from acausal.optimal_control import Problem
 
 
@@ -83,6 +83,22 @@ def test_other_ways_to_the_plate_need_no_more_iterations(path: str, value: float
     assert isinstance(iterations, int)
     assert iterations <= 40
     assert best.objective == pytest.approx(static_drilling_time() + more, rel=1e-3)
+
+
+def test_thrust_at_the_start_of_a_phase_can_be_demanded() -> None:
+    """It follows from the search of the contact, which is an unknown there, too; results evaluate the model itself."""
+    problem = Problem(PlateDrilling())
+    problem.phase("air", until="depth > 0", intervals=4)
+    problem.phase("entering", until=problem["depth"] >= CONE, intervals=4)
+    full = problem.phase("full", until=problem["depth"] >= 6e-3, intervals=4)
+    for name, limit in {"feed": 20e-3, "torque": 20.0, "power": 1e3, "thrust": 4e3}.items():
+        problem.subject_to(name, max=limit)
+    problem.subject_to(full.start("thrust"), max=3000.0, name="begin lightly")
+    problem.minimize(problem.duration)
+    best = problem.solve()
+    assert best.multipliers["begin lightly"].level == pytest.approx([3000.0], rel=1e-6)
+    begin = int(np.searchsorted(best.time, best.phases[2][1], side="right")) - 1
+    assert best["thrust"][begin] == pytest.approx(3000.0, rel=1e-5)
 
 
 def test_feed_per_edge_of_an_optimum_is_that_of_the_contact() -> None:
