@@ -140,3 +140,34 @@ def test_contacts_of_many_pairs_are_made_when_all_are_asked_for() -> None:
     assert len(whole.contacts) == 820
     assert scene.whole().applied() is whole
     assert len(scene.contacts) == 0
+
+
+def test_pairs_stay_while_they_hold_all_that_are_near() -> None:
+    """Balls of radius 50 mm, 300 mm apart, over the ground: gaps in a skin of 20 mm have to be in the equations."""
+    skin, radius = 0.02, 0.05
+    balls = tuple(ContactBody(name=f"b{k}", shape=Sphere(radius)) for k in range(3))
+    ground = ContactBody(name="ground", shape=HalfSpace(), at_rest=True)
+    scene = ContactScene(
+        bodies=(ground, *balls), surfaces=Surfaces(law=HuntCrossley(k=1e5, n=1.5, e=0.7, v_0=0.5)), skin=skin, keep=1
+    )
+
+    def seen(heights: tuple[float, ...], x: tuple[float, ...] = (0.0, 0.3, 0.6)) -> dict[str, Any]:
+        places = {f"frames[{k}].r_0": np.array((x[k], 0.0, radius + h)) for k, h in enumerate(heights)}
+        return {**places, **{f"frames[{k}].R": np.eye(3) for k in range(3)}}
+
+    floating = scene.least(False).following(seen((0.03, 0.05, 0.09)))
+    assert floating.pairs == ()
+    assert floating.clearance == pytest.approx(0.03)
+    # as many pairs as there are bodies, the nearest first; the balls are 0.2 m from each other
+    one_near = floating.following(seen((0.01, 0.05, 0.09)))
+    assert one_near.pairs == ((0, 1), (0, 2), (0, 3))
+    assert one_near.clearance == pytest.approx(0.2)
+    away = one_near.following(seen((0.09, 0.09, 0.09)))
+    assert away.structure() == one_near.structure()
+    # of a pair that is left out both bodies may move by half of its gap
+    rows = {name: value[None] for name, value in seen((0.09, 0.09, 0.19)).items()}
+    assert away.moved(seen((0.09, 0.09, 0.09)), rows) == pytest.approx(1.0)
+    # two balls meet far above the ground: the pair is new, and the two nearest others stay with it
+    meeting = away.following(seen((0.5, 0.5, 0.9), (0.0, 0.11, 0.6)))
+    assert (1, 2) in meeting.pairs
+    assert len(meeting.pairs) == 3

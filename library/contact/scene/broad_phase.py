@@ -81,8 +81,12 @@ def candidates(bodies: Sequence[ContactBody]) -> tuple[Ends, dict[str, int]]:
 
 def overlapping(low: Array, high: Array, first: NDArray[np.int_], second: NDArray[np.int_]) -> NDArray[np.bool_]:
     """Whether the boxes of pairs overlap; boxes as corners of shape (n, 3) [m]."""
-    apart = (low[first] > high[second]) | (low[second] > high[first])
-    return np.asarray(~apart.any(axis=1))
+    return np.asarray(gaps(low, high, first, second) <= 0.0)
+
+
+def gaps(low: Array, high: Array, first: NDArray[np.int_], second: NDArray[np.int_]) -> Array:
+    """By how much the boxes of pairs have to be inflated, both by half of it, until they overlap [m], shape (n,)."""
+    return np.asarray(np.maximum(low[first] - high[second], low[second] - high[first]).max(axis=1, initial=-np.inf))
 
 
 def _swept(body: ContactBody) -> tuple[Array, Array]:

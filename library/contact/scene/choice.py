@@ -11,11 +11,13 @@ from numpy.typing import NDArray
 
 from acausal import Component
 from acausal.library.contact.scene.bodies import ContactBody, PoseValue
-from acausal.library.contact.scene.broad_phase import CANNOT_MEET, Pair, overlapping
+from acausal.library.contact.scene.broad_phase import CANNOT_MEET, Pair, gaps, overlapping
 from acausal.library.contact.scene.outlines import Outlines
 from acausal.library.contact.scene.surface import SurfaceContact
 
 Array = NDArray[np.float64]
+_SPARE = 2
+"""So many times the pairs that are near, or the bodies, may be in the equations before others are chosen."""
 
 
 class Scene(Protocol):
@@ -42,6 +44,7 @@ class Scene(Protocol):
     @property
     def candidates(self) -> tuple[Pair, ...]: ...
     def pairs_of(self, places: Any, /) -> tuple[Pair, ...]: ...
+    def among(self, pairs: Sequence[Pair], /) -> NDArray[np.bool_]: ...
     def with_pairs(self, pairs: Sequence[Pair], steady: bool, /) -> Component: ...
     def kind(self, pair: Pair, /) -> type[Component]: ...
     def place(self, body: ContactBody, /) -> int | None: ...
@@ -64,6 +67,8 @@ class SceneChoice:
         Pairs in which a drill may leave more than one hole.
     steady
         Whether pairs that are left out keep their numbers free, so that those behind them keep their names.
+    clearance
+        The least gap of the pairs that are left out, when the present ones were chosen [m].
     """
 
     scene: Scene
@@ -73,6 +78,7 @@ class SceneChoice:
     overlaps: Mapping[tuple[Pair, int, int], str] = field(default_factory=dict)
     wandering: tuple[Pair, ...] = ()
     steady: bool = False
+    clearance: float = 0.0
 
     def applied(self) -> Component:
         """The scene with these contacts."""
@@ -97,23 +103,38 @@ class SceneChoice:
         return tuple(f"frames[{k}].{name}" for k in range(len(self.scene.moving)) for name in ("r_0", "R"))
 
     def following(self, seen: Mapping[str, Array]) -> SceneChoice:
-        """The pairs whose boxes, inflated by the skin, overlap at one instant."""
+        """Pairs for one instant, with all whose boxes overlap when they are inflated by the skin.
+
+        Another choice is another structure, which has to be compiled. So the present pairs are kept while they hold
+        those, and new ones are as many of the nearest as there are bodies: balls that fall onto a plane one after the
+        other take one structure. A contact with traces has its pairs when it is near, and no longer.
+        """
         scene = self.scene
         low, high = (side.copy() for side in scene.at_rest)
         low[scene.numbers], high[scene.numbers] = scene.outlines.boxes(*self._frames(seen))
-        near = overlapping(low - scene.skin / 2, high + scene.skin / 2, *scene.ends)
+        gap = gaps(low, high, *scene.ends)
+        near = gap <= scene.skin
         chosen = scene.pairs_of(np.flatnonzero(near))
+        if not scene.has_traces and len(chosen) <= len(self.pairs) <= _SPARE * max(len(chosen), len(scene.numbers)):
+            held = scene.among(self.pairs)
+            if not (near & ~held).any():
+                return replace(self, clearance=_least(gap[~held]))
+        if not scene.has_traces and chosen:
+            most = max(len(chosen), len(scene.numbers))
+            further = np.sort(gap)[most] if len(gap) > most else np.inf
+            chosen = scene.pairs_of(np.flatnonzero(near | (gap < further)))
+            near |= gap < further
         places, sites, overlaps = dict(self.places), dict(self.sites), dict(self.overlaps)
         for pair in chosen if self.scene.has_traces else ():
             self._find_site(pair, seen, places, sites, overlaps)
-        return replace(self, pairs=chosen, places=places, sites=sites, overlaps=overlaps)
+        return replace(self, pairs=chosen, places=places, sites=sites, overlaps=overlaps, clearance=_least(gap[~near]))
 
     def moved(self, before: Mapping[str, Array], after: Mapping[str, Array]) -> Array:
-        """By how many halves of the skin some body has moved, at n instants [1], shape (n,).
+        """By how many halves of the clearance some body has moved, at n instants [1], shape (n,).
 
-        A pair that was left out is apart by the skin, so both of its bodies may move by half of it.
+        A pair that was left out is apart by the clearance, so both of its bodies may move by half of it.
         """
-        return self.scene.outlines.moved(self._frames(before), *self._frames(after)) / (self.scene.skin / 2)
+        return self.scene.outlines.moved(self._frames(before), *self._frames(after)) / (self.clearance / 2)
 
     def _frames(self, seen: Mapping[str, Array]) -> tuple[Array, Array]:
         """Places (n, 3) and rotations (n, 3, 3) of the n bodies that move; of m instants (m, n, 3) and (m, n, 3, 3)."""
@@ -232,6 +253,10 @@ class SceneChoice:
         axis, after = (side.reshape(3, 3)[:, column] for side in R)
         steady = abs(own[column]) > 1 - 1e-12 and np.array_equal(axis, after) and len(along) <= 1
         return bool(steady and (not len(along) or abs(axis[along[0]]) > 1 - 1e-12))
+
+
+def _least(gaps: Array) -> float:
+    return float(gaps.min(initial=np.inf))
 
 
 def _turned(body: ContactBody, low: Array, high: Array) -> tuple[Array, Array]:

@@ -113,6 +113,12 @@ class ContactScene(Component):
         first, second = self.ends
         return tuple(zip(first[places].tolist(), second[places].tolist(), strict=True))
 
+    def among(self, pairs: Sequence[Pair]) -> NDArray[np.bool_]:
+        """Which of the candidates are among some of them."""
+        first, second = self.ends
+        n = len(self.bodies)
+        return np.asarray(np.isin(first * n + second, [i * n + j for i, j in pairs]))
+
     def equations(self) -> Equations:
         for frame, untouched in zip(self.frames, self.untouched, strict=True):
             yield connect(frame, untouched.frame_a)

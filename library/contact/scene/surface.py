@@ -24,7 +24,7 @@ from acausal import (
     variable,
     where,
 )
-from acausal.library.contact.collide.shapes import Shape
+from acausal.library.contact.collide.shapes import Box, Shape
 from acausal.library.contact.manifold.touch import Touch, touches
 from acausal.library.contact.scene.friction import Coulomb, FrictionLaw, Hybrid, LuGre, smooth_speed
 from acausal.library.contact.scene.laws import NormalLaw
@@ -40,6 +40,7 @@ _BACK = 1e-3
 """Part of the velocity of slow sliding by which a body has to move backward to be stuck."""
 AT_FRAME: Pose = ((0.0, 0.0, 0.0), IDENTITY)
 """A shape whose own axes are those of the frame of its body."""
+_STRAIGHT = as_expr((0.0, 0.0, 0.0)), as_expr(IDENTITY)
 
 
 class SurfaceContact(Component):
@@ -83,11 +84,14 @@ class SurfaceContact(Component):
 
     def equations(self) -> Equations:
         a, b = self.frame_a, self.frame_b
-        points = touches(self.shape_a, self.shape_b)(*_placed(a, self.pose_a), *_placed(b, self.pose_b))
+        origin, axes = self._axes()
+        r_b, R_b = _placed(b, self.pose_b)
+        own = _STRAIGHT if self._is_relative() else _placed(a, self.pose_a)
+        points = touches(self.shape_a, self.shape_b)(*own, axes.T @ (r_b - origin), axes.T @ R_b)
         loads = [self._load(point) for point in points]
         yield self.depth == _largest([p.depth for p in points])
         yield self.F_N == _total([load.pressed for load in loads])
-        yield self.f_0 == _total([load.force for load in loads])
+        yield self.f_0 == axes @ _total([load.force for load in loads])
         yield self.energy == _total([load.energy for load in loads])
         damping = _total([load.damping for load in loads])
         # Points that slide along edges and fade take energy with them, which the law does not know of.
@@ -98,12 +102,12 @@ class SurfaceContact(Component):
         )
         yield self.power_damping == damping + self.power_fading
         yield self.power_friction == _total([load.friction for load in loads])
-        # Moments about the world's origin are one vector product per point; the rest is done once.
-        moment = _total([cross(p.place, load.force) for p, load in zip(points, loads, strict=True)])
+        # Moments about one origin are one vector product per point; the rest is done once.
+        moment = axes @ _total([cross(p.place, load.force) for p, load in zip(points, loads, strict=True)])
         yield a.f == a.R.T @ self.f_0
         yield b.f == -(b.R.T @ self.f_0)
-        yield a.t == a.R.T @ (moment - cross(a.r_0, self.f_0))
-        yield b.t == -(b.R.T @ (moment - cross(b.r_0, self.f_0)))
+        yield a.t == a.R.T @ (moment + cross(origin - a.r_0, self.f_0))
+        yield b.t == -(b.R.T @ (moment + cross(origin - b.r_0, self.f_0)))
         if self.friction.has_bristle:
             carried = _total([self._slip(p) * load.pressed for p, load in zip(points, loads, strict=True)])
             yield self.slip == carried / maximum(self.F_N, _LIGHT)
@@ -118,6 +122,18 @@ class SurfaceContact(Component):
         if not self.friction.has_bristle:
             yield self.slip == 0
             yield self.bristle == 0
+
+    def _axes(self) -> tuple[Expr, Expr]:
+        """Origin [m] and rotation of the axes in which points of contact are computed.
+
+        Two boxes see each other from the axes of the first: all its own corners, faces and edges are numbers there, a
+        third of the operations is left, and derivatives go through one relative pose instead of two. For others, and
+        for bristles, these are the world's axes.
+        """
+        return _placed(self.frame_a, self.pose_a) if self._is_relative() else _STRAIGHT
+
+    def _is_relative(self) -> bool:
+        return isinstance(self.shape_a, Box) and isinstance(self.shape_b, Box) and not self.friction.has_bristle
 
     def _modes(self, law: Hybrid) -> Equations:
         """Which mode follows which, and how the spring between the surfaces is bent."""
@@ -179,24 +195,25 @@ class SurfaceContact(Component):
         )
 
     def _slip(self, point: Touch) -> Expr:
-        """Velocity of a over b in the plane of contact [m/s], in world axes."""
+        """Velocity of a over b in the plane of contact [m/s], in the axes of the points."""
         v = self._velocity(point)
         return v - point.normal * dot(point.normal, v)
 
     def _velocity(self, point: Touch) -> Expr:
-        """Velocity of body a against body b at a point [m/s], in world axes.
+        """Velocity of body a against body b at a point [m/s], in the axes of the points.
 
         Written with what does not depend on the point in front, so that many points share it.
         """
         a, b = self.frame_a, self.frame_b
+        origin, axes = self._axes()
         w_a, w_b = a.R @ a.w, b.R @ b.w
-        at_origin = (der(a.r_0) - cross(w_a, a.r_0)) - (der(b.r_0) - cross(w_b, b.r_0))
-        return at_origin + cross(w_a - w_b, point.place)
+        at_origin = (der(a.r_0) + cross(w_a, origin - a.r_0)) - (der(b.r_0) + cross(w_b, origin - b.r_0))
+        return axes.T @ at_origin + cross(axes.T @ (w_a - w_b), point.place)
 
 
 @dataclass(frozen=True, eq=False)
 class _Load:
-    """What acts at one point: force on b [N] in world axes, its normal part [N], energy [J], and powers [W].
+    """What acts at one point: force on b [N] in its axes, its normal part [N], energy [J], and powers [W].
 
     `damping` and `elastic` are the powers of the two parts of the normal force.
     """
