@@ -98,7 +98,7 @@ def growth(rows: list[dict[str, Any]]) -> float:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--balls", type=int, nargs="*", default=[16, 64, 256])
+    parser.add_argument("--balls", type=int, nargs="*", default=[1, 4, 16, 64, 256, 1024])
     parser.add_argument("--boxes", type=int, nargs="*", default=[2, 4, 8, 16])
     given = parser.parse_args()
     rows: dict[str, list[dict[str, Any]]] = {}

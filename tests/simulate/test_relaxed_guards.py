@@ -48,11 +48,14 @@ def test_errors_relax_as_an_implicit_step_lets_them(monkeypatch: pytest.MonkeyPa
     p = np.array([1e6, 0.5])
     g = here.guards(0.0, x, [], [], p, m)[0]
     assert sorted(g) == pytest.approx(sorted(level.values()))
+    every = np.resize(np.arange(len(g)), held_.TOGETHER)
+    together = here.quick_relaxed_together(0.0, x, [], [], p, m, e, h, every)[0]
     for k, value in enumerate(g):
         which = next(name for name, at in level.items() if at == pytest.approx(value))
         expected = np.abs(np.array(slopes[which]) @ np.linalg.inv(np.eye(3) - h * jacobian)) @ e
         found = here.quick_relaxed(0.0, x, [], [], p, m, e, h, k)[0]
         assert found == pytest.approx(expected, rel=1e-9)
+        assert together[k] == together[k + len(g)] == pytest.approx(expected, rel=1e-9)
         assert found < 0.5 * np.abs(slopes[which]) @ e  # x is known to what follows from y
 
 

@@ -100,13 +100,13 @@ class Guards:
     def _relaxed(self, t: float, at: Moment, error: Vector, near: NDArray[np.intp]) -> Vector:
         """How far these guards can be wrong when errors of the states have relaxed over a step (`Held.relaxed`).
 
-        One by one, errors of states that follow others at once are no errors of a solution: the current through
+        Taken alone, errors of states that follow others at once are no errors of a solution: the current through
         1e-5 Ohm would be known to several ampere at a tolerance of 1e-4, and a diode conducted backwards as far. What
         the solver leaves of them is what an implicit step of its length does.
         """
         p = self.problem
         given = t, at.x, at.z, p.u, p.p, at.m, error, self.step
-        found = np.array([at.regime.relaxed(*given, k)[0][0] for k in near.tolist()])
+        found = at.regime.relaxed(*given, near=near)
         return np.where(np.isfinite(found), found, np.inf)
 
     def _error(self, values: Vector, nominal: Vector) -> Vector:

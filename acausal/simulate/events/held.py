@@ -25,6 +25,8 @@ from acausal.simulate.equations.shares import Border
 Vector = NDArray[np.float64]
 # Sets of held relations whose equations are kept for one model.
 _MOST = 64
+TOGETHER = 16
+"""Guards that share a factorisation: hundreds of bodies touch the ground in one instant."""
 # Entries of a Jacobian of guards of which one row is chosen.
 _MOST_SLOPES = 10_000
 
@@ -112,23 +114,34 @@ class Held:
         h is the step over which they relax, as an implicit step lets them. One guard at a time: of hundreds, few are
         near zero.
         """
+        return self._relaxed(1)
+
+    def _relaxed(self, count: int) -> Any:
+        """`relaxed` of so many guards k, whose errors share one factorisation."""
         s = Symbols(self.compiled)
         ode, alg = self.compiled.rhs(*s.inputs)
         nx, which = s.x.numel(), ca.SX.sym("which")
         own = _slopes(self.watch(*s.inputs), ca.vertcat(s.x, s.z), which)
-        parts = [*(ca.jacobian(f, v) for f in (ode, alg) for v in (s.x, s.z)), own]
+        parts = [ca.jacobian(f, v) for f in (ode, alg) for v in (s.x, s.z)]
         inputs = [ca.MX.sym(name, v.numel()) for name, v in zip("txzupm", s.inputs, strict=True)]
-        e, h, k = ca.MX.sym("e", nx), ca.MX.sym("h"), ca.MX.sym("k")
-        fx, fz, ax, az, g = ca.Function("slopes", [*s.inputs, which], parts).call([*inputs, k])
+        e, h, k = ca.MX.sym("e", nx), ca.MX.sym("h"), ca.MX.sym("k", count)
+        fx, fz, ax, az = ca.Function("slopes", s.inputs, parts).call(inputs)
+        slope = ca.Function("slope", [*s.inputs, which], [own])
+        g = ca.horzcat(*(slope(*inputs, k[i]) for i in range(count)))
         matrix = ca.blockcat([[ca.MX.eye(nx) - h * fx, -h * fz], [ax, az]])
         # a pivot may be zero that no Jacobian has
         solved: Any = ca.solve(matrix.T, g, "qr")
-        return ca.Function("relaxed", [*inputs, e, h, k], [ca.dot(ca.fabs(solved[:nx]), e)])
+        return ca.Function("relaxed", [*inputs, e, h, k], [ca.fabs(solved[:nx, :]).T @ e])
 
     @cached_property
     def quick_relaxed(self) -> Quick:
         """`relaxed`, for single points."""
         return Quick(self.relaxed)
+
+    @cached_property
+    def quick_relaxed_together(self) -> Quick:
+        """`relaxed` of `TOGETHER` guards at once, for single points."""
+        return Quick(self._relaxed(TOGETHER))
 
     @cached_property
     def multipliers(self) -> Any:

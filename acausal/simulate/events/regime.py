@@ -20,7 +20,7 @@ from acausal.lower.compiled import CompiledModel
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.equations.quick import Quick
 from acausal.simulate.equations.shares import Border
-from acausal.simulate.events.held import Held, Hold, held
+from acausal.simulate.events.held import TOGETHER, Held, Hold, held
 from acausal.simulate.native.policy import Library
 
 Vector = NDArray[np.float64]
@@ -86,10 +86,13 @@ class Regime:
         """See `Held.rates`."""
         return self.held.rates
 
-    @property
-    def relaxed(self) -> Quick:
-        """See `Held.relaxed`."""
-        return self.held.quick_relaxed
+    def relaxed(self, *given: Any, near: NDArray[np.intp]) -> Vector:
+        """See `Held.relaxed`: of some guards."""
+        if len(near) == 1:
+            return self.held.quick_relaxed(*given, near)[0]
+        rows = -(-len(near) // TOGETHER)
+        blocks = np.resize(near, (rows, TOGETHER))  # filled up with guards that are asked for anyway
+        return np.concatenate([self.held.quick_relaxed_together(*given, block)[0] for block in blocks])[: len(near)]
 
     @property
     def kept_of(self) -> Any:
