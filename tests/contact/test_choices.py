@@ -167,7 +167,17 @@ def test_pairs_stay_while_they_hold_all_that_are_near() -> None:
     # of a pair that is left out both bodies may move by half of its gap
     rows = {name: value[None] for name, value in seen((0.09, 0.09, 0.19)).items()}
     assert away.moved(seen((0.09, 0.09, 0.09)), rows) == pytest.approx(1.0)
-    # two balls meet far above the ground: the pair is new, and the two nearest others stay with it
+    # two balls meet far above the ground: the pair is new, and the nearest others come with it
     meeting = away.following(seen((0.5, 0.5, 0.9), (0.0, 0.11, 0.6)))
     assert (1, 2) in meeting.pairs
     assert len(meeting.pairs) == 3
+
+
+def test_a_scene_with_one_workpiece_looks_where_its_drill_is() -> None:
+    """With no pair left out nothing else would end a choice, and a second hole would be the first one, gone on with."""
+    scene = HolesSideBySide(n=1).scene
+    moving = range(len(scene.moving))
+    seen = {f"frames[{k}].r_0": np.zeros(3) for k in moving} | {f"frames[{k}].R": np.eye(3) for k in moving}
+    chosen = scene.least(False).following(seen)
+    assert len(chosen.pairs) == 1
+    assert chosen.clearance == scene.skin

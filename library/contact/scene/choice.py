@@ -68,7 +68,8 @@ class SceneChoice:
     steady
         Whether pairs that are left out keep their numbers free, so that those behind them keep their names.
     clearance
-        The least gap of the pairs that are left out, when the present ones were chosen [m].
+        The least gap of the pairs that are left out, when the present ones were chosen [m]. With traces it is the
+        skin, however far others are: whether a drill has gone to another place is looked at with each choice.
     """
 
     scene: Scene
@@ -121,13 +122,14 @@ class SceneChoice:
                 return replace(self, clearance=_least(gap[~held]))
         if not scene.has_traces and chosen:
             most = max(len(chosen), len(scene.numbers))
-            further = np.sort(gap)[most] if len(gap) > most else np.inf
+            further = np.partition(gap, most)[most] if len(gap) > most else np.inf
             chosen = scene.pairs_of(np.flatnonzero(near | (gap < further)))
             near |= gap < further
         places, sites, overlaps = dict(self.places), dict(self.sites), dict(self.overlaps)
         for pair in chosen if self.scene.has_traces else ():
             self._find_site(pair, seen, places, sites, overlaps)
-        return replace(self, pairs=chosen, places=places, sites=sites, overlaps=overlaps, clearance=_least(gap[~near]))
+        clearance = scene.skin if scene.has_traces else _least(gap[~near])
+        return replace(self, pairs=chosen, places=places, sites=sites, overlaps=overlaps, clearance=clearance)
 
     def moved(self, before: Mapping[str, Array], after: Mapping[str, Array]) -> Array:
         """By how many halves of the clearance some body has moved, at n instants [1], shape (n,).

@@ -126,9 +126,8 @@ class SurfaceContact(Component):
     def _axes(self) -> tuple[Expr, Expr]:
         """Origin [m] and rotation of the axes in which points of contact are computed.
 
-        Two boxes see each other from the axes of the first: all its own corners, faces and edges are numbers there, a
-        third of the operations is left, and derivatives go through one relative pose instead of two. For others, and
-        for bristles, these are the world's axes.
+        Two boxes see each other from the axes of the first: all its own corners, faces and edges are numbers there,
+        which leaves out a tenth of the operations. For others, and for bristles, these are the world's axes.
         """
         return _placed(self.frame_a, self.pose_a) if self._is_relative() else _STRAIGHT
 
