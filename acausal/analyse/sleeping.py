@@ -24,6 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.analyse.blocks.solve import Solution
+from acausal.analyse.bursts import MOST as MOST_BURSTS
+from acausal.analyse.bursts import bursts
 from acausal.flatten.pool import LEAVES, RELATIONS, Pool
 from acausal.numeric.evaluate import Samples
 from acausal.numeric.samples import SamplePoints
@@ -51,6 +53,8 @@ class Sleeping:
     """
 
     watched: tuple[int, ...] = ()
+    middles: tuple[int, ...] = ()
+    """Relations that change in the middle of a burst (`acausal.analyse.bursts`)."""
     left: tuple[int, ...] = ()
     """Those that are too many to be watched."""
 
@@ -78,10 +82,24 @@ def sleeping(solution: Solution, located: Iterable[int], discrete: frozenset[int
                 rates.add(found[-1])
             elif pool.nodes[number][0] == "where":
                 choices.add(found[-1])
+    middles = _relations(graph, bursts(solution, graph.unknowns, graph.reachable, graph.moves), taken)
+    middles, more = middles[:MOST_BURSTS], middles[MOST_BURSTS:]
     if len(found) <= MOST:
-        return Sleeping(tuple(found))
+        return Sleeping(tuple(found), middles, more)
     kept = [n for n in found if n in rates or not choices][:MOST_PLAIN]
-    return Sleeping(tuple(kept), tuple(n for n in found if n not in set(kept)))
+    return Sleeping(tuple(kept), middles, (*(n for n in found if n not in set(kept)), *more))
+
+
+def _relations(graph: _Graph, middles: Iterable[int], taken: set[bytes]) -> tuple[int, ...]:
+    """Relations that change at the middles of bursts, each place once."""
+    found: list[int] = []
+    for number in middles:
+        values = graph.points.everywhere(number)
+        shape = _shape(values)
+        if shape not in taken and np.isfinite(values).any() and values.any():
+            taken.add(shape)
+            found.append(graph.pool.make("gt", graph.pool.make("noevent", number), graph.pool.zero))
+    return tuple(found)
 
 
 def _kinks(graph: _Graph, located: set[int]) -> Iterator[tuple[int, int, int, tuple[float, ...]]]:
@@ -113,6 +131,7 @@ class _Graph:
         structure = solution.structure
         self.pool: Pool = structure.reduced.pool
         self.points: SamplePoints = structure.points
+        self.discrete = discrete
         self.rates = {structure.derivative(x) for x in structure.states}
         wanted = {*solution.needed, *solution.algebraic, *self.rates}
         blocks = [b for b in structure.blocks if not wanted.isdisjoint(b.columns)]
@@ -127,6 +146,14 @@ class _Graph:
                 self.moving[number] = any(self.moving[c] for c in rest)
                 for child in rest:
                     self.above.setdefault(child, []).append(number)
+
+    def moves(self, number: int) -> bool:
+        """Whether a node changes between events, also one that was made of these."""
+        for n in self.pool.reachable([number], self.moving):
+            op, *rest = self.pool.nodes[n]
+            moving = (op == "var" and rest[0] not in self.discrete) or op == "time"
+            self.moving[n] = moving or (op not in LEAVES and any(self.moving[c] for c in rest))
+        return self.moving[number]
 
     def vanishes(self, number: int, asleep: Truth) -> bool:
         """Whether a node, or a sum that holds it, is zero at those points."""

@@ -13,8 +13,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from acausal.analyse.blocks.solve import Solution
+from acausal.analyse.bursts import without_traces
 from acausal.analyse.delays import Delays
 from acausal.analyse.domains import guarded
+from acausal.analyse.sleeping import Sleeping
 from acausal.analyse.time_events import TimeEvents
 from acausal.errors import Span, StructureError
 from acausal.flatten.pool import IMPULSE, LEAVES, RELATIONS, Pool
@@ -78,6 +80,8 @@ class StateEvents:
         What acts, in the order of the source.
     watched
         Those of `relations`, by number, that make no event: rates wake there (`acausal.analyse.sleeping`).
+    middles
+        Those of `watched` that change in the middle of a burst (`acausal.analyse.bursts`).
     """
 
     samples: tuple[int, ...] = ()
@@ -89,6 +93,7 @@ class StateEvents:
     assignments: tuple[Assignment, ...] = ()
     asserts: tuple[Assert, ...] = ()
     watched: frozenset[int] = frozenset()
+    middles: frozenset[int] = frozenset()
 
     @property
     def conditions(self) -> tuple[int, ...]:
@@ -105,7 +110,7 @@ class StateEvents:
 
 
 def find_state_events(
-    solution: Solution, states: tuple[int, ...], time_events: TimeEvents, watched: tuple[int, ...] = ()
+    solution: Solution, states: tuple[int, ...], time_events: TimeEvents, asleep: Sleeping
 ) -> StateEvents:
     """Everything that can happen between the time events, and the relations of `acausal.analyse.sleeping`.
 
@@ -133,20 +138,24 @@ def find_state_events(
     done = {**rewritten, **branches}
     branches |= guarded(pool, roots, done, _assigned(reduced), solution.definitions)
     done = {**rewritten, **branches}
+    if asleep.middles:
+        branches |= without_traces(pool, roots, done)
     pool.rewrite(roots, pool.var, done)
     found = _conditions(pool, [done[r] for r in roots], set(time_events.relations), discrete)
     found["pre"] |= _before_impulses(pool, states, clauses, assignments)
     relations = tuple(sorted(found["relation"]))
+    middle = len(relations) + len(asleep.watched)
     return StateEvents(
         tuple(sorted(found["sample"])),
         tuple(sorted(found["pre"])),
         tuple(sorted(found["flag"])),
-        (*relations, *watched),
+        (*relations, *asleep.watched, *asleep.middles),
         branches,
         clauses,
         assignments,
         asserts,
-        frozenset(range(len(relations), len(relations) + len(watched))),
+        frozenset(range(len(relations), middle + len(asleep.middles))),
+        frozenset(range(middle, middle + len(asleep.middles))),
     )
 
 

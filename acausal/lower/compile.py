@@ -15,6 +15,7 @@ from acausal.analyse.blocks.solve import Solution, solve
 from acausal.analyse.delays import find_delays, refuse_delays
 from acausal.analyse.hidden import HiddenCombination, HiddenConstraint
 from acausal.analyse.invariants import use_invariants
+from acausal.analyse.sleeping import Sleeping
 from acausal.analyse.start import Reach, start_problem
 from acausal.analyse.state_events import discrete_variables, find_state_events
 from acausal.analyse.time_events import TimeEvents, find_time_events
@@ -36,6 +37,7 @@ from acausal.reduce.freeze import freeze as fold_parameters
 from acausal.reduce.select import Left, select
 
 _MOST_ROUNDS = 20
+_NOTHING = Sleeping()
 
 
 def compile(
@@ -191,10 +193,10 @@ def solved(
     raise first or InternalError("AC906", f"{flat.name}: constraints come to light without end")
 
 
-def lower(solution: Solution, driven: tuple[int, ...] = (), watched: tuple[int, ...] = ()) -> CompiledModel:
+def lower(solution: Solution, driven: tuple[int, ...] = (), asleep: Sleeping = _NOTHING) -> CompiledModel:
     """The CasADi functions of a solution; observed variables are lowered when they are first asked for.
 
-    `driven` are the places of inputs that are functions of time; `watched` are relations that are
+    `driven` are the places of inputs that are functions of time; relations of what is `asleep` are
     modes beside those of the equations.
     """
     reduced = solution.structure.reduced
@@ -206,7 +208,7 @@ def lower(solution: Solution, driven: tuple[int, ...] = (), watched: tuple[int, 
         reduced.flat.name, solution, states, quadratures, discretes, start_problem(solution), events, None, None, None
     )
     shell = replace(
-        shell, state_events=find_state_events(solution, states, events, watched), delays=delays, driven=driven
+        shell, state_events=find_state_events(solution, states, events, asleep), delays=delays, driven=driven
     )
     symbols = Symbols(shell)
     builder = symbols.builder(shell)

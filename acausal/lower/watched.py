@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from weakref import WeakKeyDictionary
 
+from acausal.analyse.bursts import may_burst
 from acausal.analyse.sleeping import Sleeping, sleeping
 from acausal.analyse.state_events import discrete_variables
 from acausal.flatten.text import to_text
@@ -14,11 +15,19 @@ from acausal.lower.compiled import CompiledModel
 _MADE: WeakKeyDictionary[CompiledModel, tuple[CompiledModel | None, str]] = WeakKeyDictionary()
 UNWATCHED_STEPS = 5000
 """No step is longer than this part of a run whose kinks are not all watched."""
-_BOUNDED = f"no step is longer than 1/{UNWATCHED_STEPS} of the run instead, and what wakes for less may be passed"
-UNWATCHED = f"AC414: kinks of this run cannot be watched, as one of them is passed without end: {_BOUNDED}"
 _KINKS = frozenset(("min", "max", "fabs", "noevent"))
 _NAMED = 3
 _WIDTH = 60
+
+
+def unwatched(steps: int) -> str:
+    """What is said of a run in which nothing is watched, and that takes so many steps at least."""
+    what = "kinks and bursts of this run cannot be watched, as one of them is passed without end or too often"
+    return f"AC414: {what}: {_bounded(steps)}"
+
+
+def _bounded(steps: int) -> str:
+    return f"no step is longer than 1/{steps} of the run instead, and what wakes for less may be passed"
 
 
 def with_watched(compiled: CompiledModel) -> tuple[CompiledModel, tuple[str, ...]]:
@@ -33,14 +42,15 @@ def _watched(compiled: CompiledModel) -> tuple[CompiledModel | None, str]:
     solution = compiled.solution
     reduced = solution.structure.reduced
     roots = [*(n for v, n in solution.definitions if v in solution.needed), *solution.residuals]
-    if not any(reduced.pool.nodes[n][0] in _KINKS for n in reduced.pool.reachable(roots)):
+    pool = reduced.pool
+    if not any(pool.nodes[n][0] in _KINKS or may_burst(pool, n) for n in pool.reachable(roots)):
         return None, ""
     located = *compiled.state_events.relations, *compiled.time_events.relations
     found = sleeping(solution, located, discrete_variables(reduced))
     note = _left(compiled, found) if found.left else ""
-    if not found.watched:
+    if not found.watched and not found.middles:
         return None, note
-    lowered = lower(solution, compiled.driven, found.watched)
+    lowered = lower(solution, compiled.driven, found)
     lowered = replace(lowered, selection=compiled.selection, recipe=compiled.recipe, start=compiled.start)
     return replace(lowered, timings=dict(compiled.timings)), note
 
@@ -61,9 +71,9 @@ def _left(compiled: CompiledModel, found: Sleeping) -> str:
 
     texts = "; ".join(said(n) for n in found.left[:_NAMED])
     more = f"; and {len(found.left) - _NAMED} more" if len(found.left) > _NAMED else ""
-    left, whole = len(found.left), len(found.left) + len(found.watched)
+    left, whole = len(found.left), len(found.left) + len(found.watched) + len(found.middles)
     return (
-        f"AC414: {left} of {whole} kinks at which rates may wake are too many to be watched ({texts}{more}): "
-        f"{_BOUNDED}; locate those that matter by a relation without no_event, or give a max_step that is shorter than "
-        "what they are awake"
+        f"AC414: {left} of {whole} kinks and bursts where rates may wake are too many to be watched ({texts}{more}): "
+        f"{_bounded(UNWATCHED_STEPS)}; locate those that matter by a relation without no_event, or give a max_step "
+        "that is shorter than what they are awake"
     )

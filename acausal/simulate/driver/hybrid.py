@@ -72,12 +72,15 @@ class Hybrid:
     template: Segment
     span: float
     traced: bool = False
+    most_middles: float = np.inf
+    """Stops in the middles of bursts that may follow before they are watched no longer."""
     moment: Moment | None = None
     notes: list[str] = field(default_factory=list)
     passages: list[Passage] = field(default_factory=list)
     terminated: str | None = None
     pace: float = 0.0
     history: list[tuple[float, Regime]] = field(default_factory=list)
+    middles: int = 0
     _gap: float = np.inf
     _failed: bool = False
     _vague: dict[int, int] = field(default_factory=dict)
@@ -244,6 +247,12 @@ class Hybrid:
     def event(self, t: float, left: Moment, fired: Truth) -> Happened:
         """Flip what has reached its guard, and iterate."""
         relations = [left.regime.owners[k][0] for k in np.flatnonzero(fired)]
+        if self.problem.compiled.state_events.middles.issuperset(relations):
+            self.middles += 1
+            if self.middles > self.most_middles:
+                many = RestlessKink("AC414", f"bursts of {self.problem.compiled.name} are too many to be stopped at")
+                many.apart = (t - self.template.start) / self.middles
+                raise many
         happened = self.iteration.settle(t, self.iteration.flipped(left, fired), left.m)
         held, landed = self.bounces.landed(t, left, happened, relations)
         if landed:

@@ -16,7 +16,7 @@ from acausal.analyse.delays import refuse_delays
 from acausal.errors import IntegrationError, RunError
 from acausal.flatten.parameters import doubtful_values
 from acausal.lower.compiled import CompiledModel
-from acausal.lower.watched import UNWATCHED, UNWATCHED_STEPS, with_watched
+from acausal.lower.watched import UNWATCHED_STEPS, unwatched, with_watched
 from acausal.numeric.samples import STABILISATION_RATE
 from acausal.result import Result
 from acausal.simulate.delay.memory import Memory, check_undelayed
@@ -50,6 +50,10 @@ Progress = Callable[[float, float], None]
 _log = logging.getLogger(__name__)
 # How far points may be off the constraints with fixed steps, and at the smallest tolerances.
 _MOVED_FIXED, _MOVED_LEAST = 1e-2, 1e-9
+# Steps from one burst to the next where there are more.
+_STEPS_BETWEEN = 20.0
+MOST_MIDDLES = 300
+"""Stops of a run in the middles of bursts; with more it is made again with bounded steps (AC414)."""
 
 
 @dataclass
@@ -59,6 +63,7 @@ class Run:
     `given` are states to start with instead of the start conditions, `outputs` times of rows instead of the grid,
     `sources` what stops the run besides its time events and delays. `opening` says whether `initial()` is true at the
     start, `traced` whether all events are kept. `why` is said of a solver instead of the reason it was chosen for.
+    `least_steps` is what a run takes in which not all that sleeps is watched.
     `watches` says whether kinks at which rates may wake are watched: only a run that this ends goes without.
     """
 
@@ -75,6 +80,7 @@ class Run:
     sources: tuple[Source, ...] = ()
     why: str = ""
     watches: bool = True
+    least_steps: int = UNWATCHED_STEPS
     solver: Solver = field(init=False)
     timings: dict[str, float] = field(default_factory=dict)
     interrupt: Interruptible = field(default_factory=Interruptible)
@@ -116,9 +122,11 @@ class Run:
         plain = self.compiled
         try:
             return self._result()
-        except (RestlessKink, IntegrationError):
+        except (RestlessKink, IntegrationError) as error:
             if self.sources or self.compiled is plain:  # sources have looked at the run already
                 raise
+            if isinstance(error, RestlessKink):
+                self.least_steps = max(self.least_steps, math.ceil(_STEPS_BETWEEN * self.options.span / error.apart))
             self.compiled, self.watches, self.timings, self.interrupt = plain, False, {}, Interruptible()
             self.__dict__.pop("problem", None)
             self.__dict__.pop("tolerances", None)
@@ -131,9 +139,10 @@ class Run:
         self.why = self.why or reason
         notes: tuple[str, ...] = ()
         if not self.solver.fixed_step and opts.step is None and not self.traced:  # fixed steps sleep through nothing
-            self.compiled, notes = with_watched(self.compiled) if self.watches else (self.compiled, (UNWATCHED,))
+            self.compiled, notes = with_watched(self.compiled) if self.watches else (self.compiled, ())
+            notes = notes if self.watches else (unwatched(self.least_steps),)
             if notes and opts.max_step is None:  # what sleeps wakes within a step, where its error is seen
-                opts = self.options = replace(opts, max_step=opts.span / UNWATCHED_STEPS)
+                opts = self.options = replace(opts, max_step=opts.span / self.least_steps)
         began = clock.perf_counter()
         instants = self.instants()
         m = self.modes(instants[0], instants[1])
@@ -216,8 +225,10 @@ class Run:
         if self.compiled.state_events or self.traced or memory is not None:
             explore = self.under
             integrate = explore if memory is None else memory.recorded(explore, solver.multistep)
+            # sources have looked at the run when it is found to have many, and it is not begun again
+            most = math.inf if self.sources else MOST_MIDDLES
             self.dynamics = Hybrid(
-                problem, solver, recorder, integrate, explore, self.tolerances, template, opts.span, self.traced
+                problem, solver, recorder, integrate, explore, self.tolerances, template, opts.span, self.traced, most
             )
         else:
             self.dynamics = Smooth(problem, solver, recorder, self.integrate, template, opts.span, report)

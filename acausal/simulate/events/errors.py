@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from acausal.analyse.state_events import Assert, Clause
@@ -9,7 +10,12 @@ from acausal.errors import EventError, InitializationError, Span
 
 
 class RestlessKink(EventError):
-    """A watched kink is passed again and again without time passing: it decides nothing, and is better let alone."""
+    """A watched kink is passed without time passing, or middles of bursts too often: better let alone.
+
+    `apart` is the mean time between these.
+    """
+
+    apart: float = math.inf
 
 
 def accumulated(model: str, t: float, count: int, names: Sequence[str]) -> EventError:
