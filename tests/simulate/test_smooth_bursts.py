@@ -193,7 +193,7 @@ def test_thousands_of_bursts_are_named() -> None:
     r = acausal.simulate(Often(), stop_time=TURN, solver="idas", tolerance=1e-6)
     wallis = 2.0 * math.exp(math.lgamma(100.5) - math.lgamma(101.0)) * math.sqrt(math.pi)
     assert r.final("y") == pytest.approx(wallis, rel=1e-3)
-    assert any("AC414" in note for note in r.stats["notes"])
+    assert "AC414" in str(r.stats["notes"])
 
 
 HARMLESS: dict[str, Callable[[Any, Any], Expr]] = {
