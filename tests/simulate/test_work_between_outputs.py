@@ -7,7 +7,23 @@ import math
 import pytest
 
 import acausal
-from acausal import Component, Equations, Real, der, fixed, time, variable, where
+from acausal import (
+    Component,
+    Equations,
+    Real,
+    der,
+    discrete,
+    fixed,
+    pre,
+    reset,
+    sample,
+    structural,
+    tanh,
+    time,
+    variable,
+    when,
+    where,
+)
 
 FASTEST, WIDTH = 1e5, 0.005
 
@@ -43,3 +59,33 @@ def test_many_steps_between_two_outputs() -> None:
         ends.append([r.final("x"), r.final("y")])
     assert ends[1] == pytest.approx(ends[0], abs=1e-9)
     assert ends[2] == pytest.approx(ends[0], abs=1e-9)
+
+
+class Late(Component):
+    """A turn that is fast in the last hundredth of the run; with a clock beside it the run has events, but no guard."""
+
+    clock: bool = structural(default=False)
+    x: Real = variable(default=fixed(1.0))
+    y: Real = variable(default=fixed(0.0))
+    ticks: Real = discrete(default=0.0)
+
+    def equations(self) -> Equations:
+        w = 6e5 * (1.0 + tanh((time - 0.99) / 1e-3))
+        yield der(self.x) == -w * self.y
+        yield der(self.y) == w * self.x
+        if self.clock:
+            yield when(sample(0.0, 5.0), reset(self.ticks, pre(self.ticks) + 1.0))
+
+
+@pytest.mark.parametrize(("solver", "clock"), [("idas", False), ("cvodes", False), ("idas", True)])
+def test_runs_without_guards_count_no_steps_between_outputs(solver: str, clock: bool) -> None:
+    """550 000 steps, in the last of 20 intervals: refused (AC401) with these rows, and passed with 2000.
+
+    The integral of w from 0 to 1 is 6e5 (1 + 1e-3 (ln cosh 10 - ln cosh 990)) = 6e5 (1 + 1e-3 (10 - 990)), where
+    ln cosh u is u - ln 2 but for exp(-2 u).
+    """
+    compiled = acausal.compile(Late(clock=clock))
+    angle = 6e5 * (1.0 - 0.98 + 1e-3 * math.log1p(math.exp(-20.0)))
+    r = acausal.simulate(compiled, stop_time=1.0, output_interval=0.05, solver=solver, tolerance=1e-8)
+    assert [r.final("x"), r.final("y")] == pytest.approx([math.cos(angle), math.sin(angle)], abs=1e-4)
+    assert len(r.time) == 21

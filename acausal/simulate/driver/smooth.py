@@ -32,6 +32,8 @@ _log = logging.getLogger(__name__)
 _LONG = 1e6
 # Steps between two output times from which on it is looked whether a solver crawls to a vanishing pivot.
 _FEW_STEPS = 400
+# Pieces of a run whose steps are counted in each when there are too many between two outputs.
+_FINER = 10_000
 
 
 @dataclass
@@ -112,6 +114,10 @@ class Smooth:
                     # what bounded its steps was the look at the pivots
                     with suppress(RuntimeError):
                         return self._solved(replace(segment, patience=MOST_STEPS))
+            if self.solver.multistep and "TOO_MUCH_WORK" in str(error):
+                segment, whole = self._finer(segment)
+                if whole is not None:
+                    return whole
             self._failed, last = salvage(partial(self.integrate, self.problem), segment, self._record)
             if last is not None:
                 return last  # in smaller pieces it went through
@@ -125,6 +131,28 @@ class Smooth:
             if stop.got is not None:
                 self._record(segment.times[: stop.got.x.shape[1]], stop.got)
             raise
+
+    def _finer(self, segment: Segment) -> tuple[Segment, Piece | None]:
+        """A segment that needs more steps between two outputs than is allowed, on a grid that knows of no outputs.
+
+        What is left of it, and the rows of that when it was passed. Where the run has few outputs, it is refused where
+        one with many is.
+        """
+        fine = np.linspace(segment.start, segment.times[-1], _FINER + 1)[1:]
+        asked = replace(segment, times=np.union1d(fine, segment.times), partial=True)
+        try:
+            piece = self._solved(asked)
+        except RuntimeError:
+            return segment, None
+        count = piece.x.shape[1]
+        rows = np.flatnonzero(np.isin(asked.times[:count], segment.times))
+        due, x, z = asked.times[rows], piece.x[:, rows], piece.z[:, rows]
+        if count == len(asked.times):
+            return segment, Piece(x, z, piece.counters)
+        if len(due):
+            self._record(due, Piece(x, z, piece.counters))
+        later, here = segment.times[segment.times > asked.times[count - 1]], float(asked.times[count - 1])
+        return replace(segment, start=here, times=later, x=piece.x[:, -1], z=piece.z[:, -1]), None
 
     def _approached(self, segment: Segment) -> Segment:
         """What is left of a segment that failed when its first rows, up to where the solver crawls, are recorded."""
