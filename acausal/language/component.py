@@ -144,14 +144,7 @@ class Component(Owner):
             elif name in self._prototypes:
                 self._adopt(name, self._prototypes[name]._copy())
             elif declaration.kind is Kind.STRUCTURAL:
-                if declaration.default is None:
-                    raise DeclarationError(
-                        "AC113",
-                        f"{cls.__name__}: structural '{name}' needs a value",
-                        cause=declaration.doc or None,
-                        help=f"{cls.__name__}({name}=...)",
-                    )
-                own[name] = declaration.default
+                own[name] = self._decided(name, declaration)
             elif declaration.kind is not Kind.PART and declaration.default is not None:
                 own["_values"][name] = self._declared(name, declaration)
         own["_building"] = True
@@ -171,6 +164,17 @@ class Component(Owner):
                     help=f"make it in `build`: self.{name} = {_annotation_of(cls, name)}",
                 )
 
+    def _decided(self, name: str, declaration: Declaration) -> Any:
+        """The default of a structural value; AC113 when it has none."""
+        if declaration.default is None:
+            raise DeclarationError(
+                "AC113",
+                f"{type(self).__name__}: structural '{name}' needs a value",
+                cause=declaration.doc or None,
+                help=f"{type(self).__name__}({name}=...)",
+            )
+        return declaration.default
+
     def _sized(self) -> dict[str, Declaration]:
         """Declarations of this instance with the shapes that follow from its structural values."""
         cls, own, given = type(self), self.__dict__, self.__dict__["_given"]
@@ -178,8 +182,8 @@ class Component(Owner):
             if declaration.kind is Kind.STRUCTURAL:
                 if name in given:
                     self._give(name, declaration, given[name])
-                elif declaration.default is not None:
-                    own[name] = declaration.default
+                else:
+                    own[name] = self._decided(name, declaration)
         found: dict[str, Declaration] = {}
         for name, declaration in cls._declarations.items():
             if declaration.sized is not None:

@@ -255,7 +255,7 @@ def _pow(e: Expr, parts: list[_Found]) -> _Found:
     base, exponent = e.args
     if isinstance(parts[1], tuple) and parts[1] != DIMENSIONLESS:
         raise _Mismatch(f"`{_short(e)}`: an exponent has no unit, this one is in {format_dimension(parts[1])}")
-    if exponent.op == "const" and math.isfinite(exponent.payload):
+    if exponent.op == "const" and not exponent.shape and math.isfinite(exponent.payload):
         return _power(parts[0], Fraction(exponent.payload).limit_denominator(1000))
     if _is_number(parts[0]):
         return _NUMBER if _is_number(parts[1]) else parts[1]

@@ -11,6 +11,7 @@ literal number adapts, because a scalar added to a vector of space is a mistake.
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -162,7 +163,14 @@ class Expr:
         return _logical("not", self)
 
     def __getitem__(self, index: int | slice | tuple[int | slice, ...]) -> Expr:
-        key = index if isinstance(index, tuple) else (index,)
+        try:
+            key = tuple(map(_whole, index if isinstance(index, tuple) else (index,)))
+        except TypeError:
+            raise DeclarationError(
+                "AC103",
+                f"`{self}[{index}]`: an index is a whole number, or a slice of them",
+                help="indices count from 0: v[0], v[1:-1], R[0, :]",
+            ) from None
         if len(key) != len(self.shape) or not all(_is_within(k, n) for k, n in zip(key, self.shape, strict=True)):
             shown = f"element {list(key)}"
             if any(isinstance(k, slice) for k in key):
@@ -277,7 +285,8 @@ class Equation(Statement):
                 "AC105",
                 f"`{left} == {right}`: the left side is a {shape_text(left.shape)}, "
                 f"the right side a {shape_text(right.shape)}",
-                help="both sides need one shape; only a literal number adapts: v == 0",
+                help="both sides need one shape; only a literal number adapts: v == 0"
+                + ("; dot(a, b) is the scalar product of two vectors" if _has_product(left, right) else ""),
             )
         self.left = left
         self.right = right
@@ -294,6 +303,17 @@ class Equation(Statement):
         return equation_text(self)
 
     __repr__ = __str__
+
+
+def _has_product(*sides: Expr) -> bool:
+    """Whether a side is, up to a factor, a product of vectors by elements."""
+    stack = list(sides)
+    while stack:
+        e = stack.pop()
+        if e.op == "mul" and all(a.shape for a in e.args):
+            return True
+        stack += e.args if e.op in ("mul", "div", "neg") else ()
+    return False
 
 
 Operand = Expr | float | int | bool | tuple[Any, ...] | list[Any]
@@ -503,6 +523,13 @@ def _matmul(a: Expr, b: Expr) -> Expr:
     if not a.shape or not b.shape or a.shape[-1] != b.shape[0]:
         raise shape_error("@", a, b)
     return Operation("matmul", (a, b), (*a.shape[:-1], *b.shape[1:]))
+
+
+def _whole(key: int | slice) -> int | slice:
+    """An index without numpy's types; a symbol in it is refused (AC104)."""
+    if isinstance(key, slice):
+        return slice(*(None if k is None else operator.index(k) for k in (key.start, key.stop, key.step)))
+    return operator.index(key)
 
 
 def _is_within(key: int | slice, n: int) -> bool:

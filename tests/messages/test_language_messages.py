@@ -118,6 +118,31 @@ def product_of_vectors_of_two_lengths() -> None:
     thing.v[1:] * thing.v
 
 
+@corpus.wrong("AC105", "`x == ", "_ = thing.x == 0.5 * (thing.v * thing.v)")
+def scalar_product_by_elements() -> None:
+    _ = thing.x == 0.5 * (thing.v * thing.v)
+
+
+@corpus.wrong("AC113", "'n'", "made()")
+def size_without_a_value() -> None:
+    class Sized(Component):
+        n: int = structural()
+        u: Real = variable(shape=lambda self: self.n)
+
+    made: Any = Sized
+    made()
+
+
+@corpus.wrong("AC103", "`v[1.5]`", "thing.v[1.5]")
+def index_between_two_elements() -> None:
+    thing.v[1.5]
+
+
+@corpus.wrong("AC104", "`x`", "thing.v[: thing.x]")
+def slice_up_to_a_variable() -> None:
+    thing.v[: thing.x]
+
+
 @corpus.wrong("AC103", "[1:4]", "thing.v[1:4]")
 def slice_beyond_the_end() -> None:
     thing.v[1:4]
