@@ -223,7 +223,7 @@ def _highest(reduced: ReducedSystem) -> set[int]:
     pool = reduced.pool
     found = pool.variables_in(*reduced.residuals)
     states = {pool.integral_of[v] for v in found if v in pool.integral_of}
-    return found - states - set(reduced.inputs)
+    return set(found - states - set(reduced.inputs))
 
 
 def _in_flat(reduced: ReducedSystem, node: int) -> int:

@@ -13,7 +13,7 @@ mathematical foundations of physical systems modeling languages", Annual Reviews
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 
 from acausal.diagnose.words import line, listed, places
 from acausal.errors import StructureError
@@ -56,7 +56,7 @@ def refuse_changing_structure(
         rows = [residuals[r] for r in block.rows]
         place = {v: k for k, v in enumerate(block.columns)}
 
-        def columns(held: set[int], place: dict[int, int] = place) -> list[int]:
+        def columns(held: Collection[int], place: dict[int, int] = place) -> list[int]:
             return sorted(place[v] for v in held if v in place)
 
         if not switched.intersection(rows) or (_matched([columns(_always(pool, row)) for row in rows]) >= 0).all():

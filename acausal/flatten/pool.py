@@ -56,6 +56,7 @@ RELATIONS = frozenset(("lt", "le", "gt", "ge"))
 IMPULSE = "impulse"
 """Of a velocity and its value after an impact: what a `when` gives to the force whose impulse it is."""
 _KEPT = frozenset(("sample", "pre", "initial", "infinitesimal", "terminal", IMPULSE))  # what they are is the run's
+_FEW = 32  # variables of a node that are remembered
 _MANY = 16  # roots are many when there are more than one in so many nodes
 
 
@@ -77,9 +78,13 @@ class Pool:
         self.undelayed: list[tuple[int, str]] = []  # delays that are zero
         self.parameter_values: list[float] | None = None  # as far as they are known
         self._slopes: dict[int, int] = {}
+        self._variables: dict[int, frozenset[int]] = {}
         self.zero = self.const(0.0)
         self.one = self.const(1.0)
         self.time = self.intern(("time",))
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_variables": {}}
 
     def __repr__(self) -> str:
         return f"Pool({len(self.nodes)} nodes, {self.n_variables} variables)"
@@ -334,9 +339,16 @@ class Pool:
                         marks[child] = 1
         return list(compress(range(len(nodes)), marks))
 
-    def variables_in(self, *roots: int) -> set[int]:
-        """Numbers of the variables that `roots` depend on."""
-        return self.variables_behind(roots, {})
+    def variables_in(self, *roots: int) -> frozenset[int]:
+        """Numbers of the variables that `roots` depend on; few ones of a single root are remembered."""
+        if len(roots) != 1:
+            return frozenset(self.variables_behind(roots, {}))
+        found = self._variables.get(roots[0])
+        if found is None:
+            found = frozenset(self.variables_behind(roots, {}))
+            if len(found) <= _FEW:  # nested sums of many would take memory with the square of their number
+                self._variables[roots[0]] = found
+        return found
 
     def variables_behind(self, roots: Iterable[int], definitions: Mapping[int, int]) -> set[int]:
         """The same through variables that are defined by nodes; each node is visited once."""

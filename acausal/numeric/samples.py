@@ -63,6 +63,7 @@ class SamplePoints:
         self._bounds: dict[int, Any] = {}
         self._rough: dict[int, Any] = {}
         self._varies: dict[int, bool] = {}
+        self._settled: dict[int, Samples] = {}
 
     def __getstate__(self) -> dict[str, Any]:
         """All but what is kept of properties: functions, made again when asked for."""
@@ -86,6 +87,15 @@ class SamplePoints:
 
     def certainly(self, node: int) -> Samples:
         """As `everywhere`, with zero for values that are nothing but rounding errors of terms that cancel."""
+        known = self._settled.get(node)
+        if known is not None:
+            return known
+        found = self._certainly(node)
+        if not self.varies(node):  # whatever is defined later; equal cells of a field divide by one and the same
+            self._settled[node] = found
+        return found
+
+    def _certainly(self, node: int) -> Samples:
         found = self.everywhere(node)
         if agrees(self.reduced.pool, node, self._values, self._rough):
             return found
