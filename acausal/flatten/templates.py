@@ -46,7 +46,8 @@ def template_key(instance: Instance) -> object:
     roles = tuple([tuple(p.__dict__["_roles"].items()) for p in parts if "_roles" in p.__dict__])
     lengths = tuple([len(p) for p in component._parts.values() if isinstance(p, list)])
     around = tuple([id(values[n]) for n in type(component)._outers])
-    key = (type(component), given, roles, tuple([type(p) for p in parts]), lengths, around)
+    sizes = tuple([d.shape for d in component._declarations.values()]) if "_declarations" in values else ()
+    key = (type(component), given, roles, tuple([type(p) for p in parts]), lengths, around, sizes)
     try:
         hash(key)
     except TypeError:

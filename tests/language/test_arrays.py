@@ -21,6 +21,7 @@ from acausal import (
     fill,
     fixed,
     parameter,
+    part,
     structural,
     variable,
     where,
@@ -160,6 +161,25 @@ def test_each_instance_has_its_own_size() -> None:
     assert [(v.path, v.size) for v in flat.variables] == [("short.u", 3), ("long.u", 5)]
     compiled: Any = pickle.loads(pickle.dumps(acausal.compile(Two())))
     assert len(compiled.states) == 8
+
+
+def test_instances_share_equations_only_where_their_sizes_are_equal() -> None:
+    sizes = iter((2, 2, 3, 3))  # asked before `build` and after it
+
+    class Odd(Component):
+        u: Real = variable(shape=lambda self: next(sizes), default=fixed(1.0))
+
+        def equations(self) -> Equations:
+            yield der(self.u) == -self.u
+
+    class Both(Component):
+        a: Odd = part()
+        b: Odd = part()
+
+        def build(self) -> None:
+            self.a, self.b = Odd(), Odd()
+
+    assert len(acausal.flatten(Both()).equations) == 5
 
 
 def test_a_size_that_build_changes_is_refused() -> None:
