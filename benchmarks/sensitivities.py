@@ -1,55 +1,92 @@
-"""Derivatives of a run beside runs: ThickBlock, ten parameters, 1e-8, all in one process.
+"""Derivatives of a run beside runs: ten parameters of ThickBlock at 1e-8, and of a chain of 40 masses.
 
     python benchmarks/sensitivities.py
 
-Times are the least of three after a first one. "run" is the run that is differentiated, with its default solver,
-"compiled run" the fastest there is, and "20 runs" are what central differences cost with it.
+Medians of five after a first call, of process time. "interpreted" differentiates a run that is not compiled, with the
+default solver of the model and steps in Python; "default" leaves to the program what to compile, once it has;
+"compiled" takes compiled `rosenbrock` and compiled steps. Each is divided by a run of the same kind; "20 runs" are what
+central differences cost with the compiled one.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import Any, Literal
 
 import acausal
+from acausal import Component, Equations, Real, der, fixed, parameter, variable
 from acausal.models.drilling_dynamic import ThickBlock
 
-PARAMETERS = (
+DRILLED = (
     *("m", "gap", "drill.d", "drill.sigma", "drill.k_c11", "drill.z", "drill.k", "drill.d_c"),
     *("drill.h_min", "force_table.offset"),
 )
-OUTPUTS = ("slide.s", "drill.s_tar")
+MASSES, SPRINGS = 40, 8
 TOLERANCE = 1e-8
+METHODS: tuple[Literal["forward", "adjoint"], ...] = ("forward", "adjoint")
+KINDS: dict[str, dict[str, Any]] = {
+    "interpreted": {"native": False},
+    "default": {},
+    "compiled": {"native": True, "solver": "rosenbrock"},
+}
 
 
-def least(call: Callable[[], object]) -> float:
-    """Seconds."""
+class Chain(Component):
+    """40 masses in a row on springs that stiffen, each five of them of one stiffness; a force pulls at the last."""
+
+    m: Real = parameter(default=1.0)
+    d: Real = parameter(default=0.1)
+    k: Real = parameter(default=100.0, shape=SPRINGS)
+    x: Real = variable(default=fixed(0.0), shape=MASSES)
+    v: Real = variable(default=fixed(0.0), shape=MASSES)
+
+    def equations(self) -> Equations:
+        forces: list[Any] = [1.0]
+        for i in reversed(range(MASSES)):
+            stretch = self.x[i] - (self.x[i - 1] if i else 0.0)
+            speed = self.v[i] - (self.v[i - 1] if i else 0.0)
+            forces.append(self.k[i * SPRINGS // MASSES] * stretch + 10.0 * stretch**3 + self.d * speed)
+        forces.reverse()
+        for i in range(MASSES):
+            yield der(self.x[i]) == self.v[i]
+            yield self.m * der(self.v[i]) == forces[i + 1] - forces[i]
+
+
+def median(call: Callable[[], object]) -> float:
+    """Seconds of process time."""
     call()
     found = []
-    for _ in range(3):
-        began = time.perf_counter()
+    for _ in range(5):
+        began = time.process_time()
         call()
-        found.append(time.perf_counter() - began)
-    return min(found)
+        found.append(time.process_time() - began)
+    return sorted(found)[2]
+
+
+def measured(name: str, model: Any, parameters: Sequence[str], outputs: Sequence[str], **more: Any) -> None:
+    """Print the rows of a model."""
+    for kind, own in KINDS.items():
+        asked = {"tolerance": TOLERANCE, **more, **own}
+        run = median(lambda asked=asked: acausal.simulate(model, **asked))  # type: ignore[misc]
+        rows = {"run": run}
+        for method in METHODS:
+            rows[method] = median(
+                lambda asked=asked, method=method: acausal.sensitivities(  # type: ignore[misc]
+                    model, parameters, outputs, method=method, **asked
+                )
+            )
+        if kind == "compiled":
+            rows["20 runs"] = 20 * run
+        for row, seconds in rows.items():
+            print(f"{name:12s} {kind:12s} {row:8s} {1e3 * seconds:8.1f} ms {seconds / run:6.2f} runs", flush=True)
 
 
 def main() -> None:
     """Print the table."""
-    model = acausal.compile(ThickBlock())
-    compiled = least(lambda: acausal.simulate(model, tolerance=TOLERANCE, solver="rosenbrock", native=True))
-    rows = {
-        "compiled run": compiled,
-        "run": least(lambda: acausal.simulate(model, tolerance=TOLERANCE, solver="idas", native=False)),
-        "forward": least(lambda: acausal.sensitivities(model, PARAMETERS, OUTPUTS, tolerance=TOLERANCE)),
-        "adjoint": least(
-            lambda: acausal.sensitivities(model, PARAMETERS, OUTPUTS, tolerance=TOLERANCE, method="adjoint")
-        ),
-        "20 runs": 20 * compiled,
-    }
-    for name, seconds in rows.items():
-        print(
-            f"{name:14s} {1e3 * seconds:8.1f} ms {seconds / rows['run']:6.2f} runs {seconds / compiled:6.1f} compiled"
-        )
+    measured("ThickBlock", acausal.compile(ThickBlock()), DRILLED, ("slide.s", "drill.s_tar"))
+    names = ("m", "d", *(f"k[{j}]" for j in range(SPRINGS)))
+    measured("40 masses", acausal.compile(Chain()), names, ("x[39]", "v[0]"), stop_time=20.0)
 
 
 if __name__ == "__main__":

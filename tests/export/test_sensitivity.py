@@ -12,9 +12,13 @@ import scipy.stats
 import acausal
 from acausal import Component, Equations, Real, der, fixed, parameter, pre, reset, sign, time, variable, when, where
 from acausal.errors import UsageError
+from acausal.simulate.native import cache
 
 Method = Literal["forward", "adjoint"]
 METHODS: tuple[Method, ...] = ("forward", "adjoint")
+COMPILER = pytest.mark.skipif(cache.compiler() is None, reason="no C compiler on this machine")
+# events in Python and in compiled flights
+WAYS = [(None, False), ("idas", False), pytest.param("rosenbrock", True, marks=COMPILER)]
 
 
 class Ball(Component):
@@ -49,9 +53,11 @@ def fall(e: complex, g: complex, h0: complex, stop: float) -> tuple[complex, com
 
 
 @pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("solver", [None, "idas"])
-def test_a_bouncing_ball(method: Method, solver: str | None) -> None:
-    found = acausal.sensitivities(Ball(), ["e", "g", "h0"], ["h", "v"], stop_time=2.0, method=method, solver=solver)
+@pytest.mark.parametrize(("solver", "native"), WAYS)
+def test_a_bouncing_ball(method: Method, solver: str | None, native: bool) -> None:
+    found = acausal.sensitivities(
+        Ball(), ["e", "g", "h0"], ["h", "v"], stop_time=2.0, method=method, solver=solver, native=native
+    )
     start = 0.8 + 0j, 9.81 + 0j, 1.0 + 0j
     steps = []
     for j in range(3):

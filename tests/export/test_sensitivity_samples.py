@@ -24,9 +24,13 @@ from acausal import (
     when,
     where,
 )
+from acausal.simulate.native import cache
 
 Method = Literal["forward", "adjoint"]
 METHODS: tuple[Method, ...] = ("forward", "adjoint")
+COMPILER = pytest.mark.skipif(cache.compiler() is None, reason="no C compiler on this machine")
+# events in Python and in compiled flights
+WAYS = [(None, False), ("idas", False), pytest.param("rosenbrock", True, marks=COMPILER)]
 START = {"K": 1.5, "T": 0.3, "t0": 0.1}
 
 
@@ -64,9 +68,11 @@ def slopes(stop: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("solver", [None, "idas"])
-def test_sample_instants_move_with_their_parameters(method: Method, solver: str | None) -> None:
-    found = acausal.sensitivities(Held(), list(START), ["x", "u"], stop_time=2.0, method=method, solver=solver)
+@pytest.mark.parametrize(("solver", "native"), WAYS)
+def test_sample_instants_move_with_their_parameters(method: Method, solver: str | None, native: bool) -> None:
+    found = acausal.sensitivities(
+        Held(), list(START), ["x", "u"], stop_time=2.0, method=method, solver=solver, native=native
+    )
     np.testing.assert_allclose(found.final, slopes(2.0), rtol=1e-8, atol=1e-10)
     np.testing.assert_allclose(found.values, [v.real for v in held(1.5 + 0j, 0.3 + 0j, 0.1 + 0j, 2.0)], rtol=1e-9)
 
@@ -102,7 +108,8 @@ class Accumulated(Component):
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_what_pre_remembers_is_differentiated(method: Method) -> None:
+@pytest.mark.parametrize(("solver", "native"), WAYS)
+def test_what_pre_remembers_is_differentiated(method: Method, solver: str | None, native: bool) -> None:
     """x = exp(-K t), six ticks before t = 2."""
 
     def total(K: complex, T: complex) -> complex:
@@ -111,6 +118,7 @@ def test_what_pre_remembers_is_differentiated(method: Method) -> None:
             s = 0.5 * s + cmath.exp(-K * k * T)
         return s
 
-    found = acausal.sensitivities(Accumulated(), ["K", "T"], ["s"], stop_time=2.0, method=method)
+    asked = {"stop_time": 2.0, "method": method, "solver": solver, "native": native}
+    found = acausal.sensitivities(Accumulated(), ["K", "T"], ["s"], **asked)  # type: ignore[arg-type]
     exact = [total(1.5 + 1e-30j, 0.3).imag / 1e-30, total(1.5, 0.3 + 1e-30j).imag / 1e-30]
     np.testing.assert_allclose(found.final[0], exact, rtol=1e-8)

@@ -191,7 +191,7 @@ static int radau_stages(const struct variation* v, struct space* o, double h) {
       if (share >= 0.9 && size > 1e-12) return 0;
     }
     /* what the moves to come add up to */
-    if (size <= 1e-13 || (k && size * share / (1 - share) <= 1e-3 * v->radau_tolerance)) return 1;
+    if (size <= 1e-13 || (k && size * share / (1 - share) <= 1e-4 * v->radau_tolerance)) return 1;
     last = size;
   }
   return 0;

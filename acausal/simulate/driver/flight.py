@@ -28,6 +28,8 @@ Vector = NDArray[np.float64]
 Explain = Callable[[list[int], list[int]], tuple[Cause, ...]]
 _MOST_EVENTS = 1024
 _ACTS = 16
+# Rounds with actions in one flight that is traced.
+_MOST_JUMPS = 4 * _MOST_EVENTS
 # Flights in a row that ended where they began, after which no more are tried.
 _VAIN = 8
 
@@ -40,6 +42,20 @@ class Landing:
     x: Vector
     m: Vector
     pace: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Passed:
+    """An event of a flight that is traced: states and modes before and behind it, and the relation that was reached.
+
+    `jumps` are, of each round that acted, states and modes, the truth of each action, and whether `pre` advanced.
+    """
+
+    time: float
+    guard: int | None
+    left: tuple[Vector, Vector]
+    right: tuple[Vector, Vector]
+    jumps: tuple[tuple[Vector, Vector, NDArray[np.bool_], bool], ...]
 
 
 def can_fly(problem: Problem, solver: Solver) -> bool:
@@ -59,7 +75,8 @@ def can_fly(problem: Problem, solver: Solver) -> bool:
 class Flight:
     """The flights of one run.
 
-    `explain` says what the relations and clauses with these numbers are; `bounces` is kept up to date.
+    `explain` says what the relations and clauses with these numbers are; `bounces` is kept up to date. A run that is
+    traced has a `trace`, which gets every event.
     """
 
     def __init__(
@@ -71,9 +88,10 @@ class Flight:
         span: float,
         bounces: Bounces | None = None,
         explain: Explain = lambda relations, clauses: (),
+        trace: Callable[[Passed], None] | None = None,
     ) -> None:
         self.problem, self.recorder, self.schedule, self.template = problem, recorder, schedule, template
-        self.span, self.bounces, self.explain = span, bounces, explain
+        self.span, self.bounces, self.explain, self.trace = span, bounces, explain, trace
         compiled = problem.compiled
         self._vain = 0
         self._states = compiled.states
@@ -87,6 +105,10 @@ class Flight:
         self.event_time, self.event_row = np.empty(_MOST_EVENTS), np.empty(_MOST_EVENTS, dtype=np.int64)
         self.acts_end, self.act = np.empty(_MOST_EVENTS, dtype=np.int64), np.empty(self._acts, dtype=np.int64)
         self.fired = np.empty((_MOST_EVENTS, len(compiled.state_events.relations)), dtype=np.uint8)
+        most = 0 if trace is None else _MOST_JUMPS
+        self.jump_x, self.jump_m = np.empty((most, len(compiled.states))), np.empty((most, compiled.n_modes))
+        self.jump_applied = np.empty((most, sum(len(c.actions) for c in compiled.state_events.clauses)))
+        self.jump_advances, self.jumps_end = np.empty(most, dtype=np.int64), np.zeros(_MOST_EVENTS, dtype=np.int64)
 
     @property
     def is_vain(self) -> bool:
@@ -105,20 +127,20 @@ class Flight:
         bounces = self.bounces
         if bounces is not None:
             flight.count = bounces.count
-        flight.rows = flight.events = flight.acts = 0
+        flight.rows = flight.events = flight.acts = flight.jumps = 0
         flight.steps = flight.rejected = flight.rhs = flight.jacobians = 0
         try:
             library.run.run(flight)
         except KeyboardInterrupt:
             if flight.rows:
-                self._record(flight, place.here, x)
+                self._record(flight, place.here, x, m)
             raise
         if bounces is not None:
             bounces.count = flight.count
         self._vain = 0 if flight.rows else self._vain + 1
         if not flight.rows:
             return None
-        self._record(flight, place.here, x)
+        self._record(flight, place.here, x, m)
         here = Place(flight.segment, flight.here, bool(flight.entered), bool(flight.fresh))
         return Landing(here, self.x.copy(), self.m.copy(), float(flight.first))
 
@@ -152,6 +174,7 @@ class Flight:
             "row_capacity": len(self.row_time),
             "event_capacity": _MOST_EVENTS,
             "act_capacity": self._acts,
+            "jump_capacity": len(self.jump_x),
         }
         whole = partial(np.array, dtype=np.int64)
         real = partial(np.ascontiguousarray, dtype=np.float64)
@@ -170,13 +193,16 @@ class Flight:
             "times_end": schedule.ends,
             **{name: getattr(self, name) for name in ("x", "m", "row_time", "row_x", "row_m", "event_time")},
             **{name: getattr(self, name) for name in ("event_row", "acts_end", "act", "fired")},
+            **{
+                name: getattr(self, name) for name in ("jump_x", "jump_m", "jump_applied", "jump_advances", "jumps_end")
+            },
         }
         if self.bounces is not None:
             arrays |= {name: getattr(self.bounces, name) for name in ("last", "crowd", "impossible")}
         self._structure = library.run.structure(numbers, arrays)
         return self._structure
 
-    def _record(self, flight: FlightStructure, start: float, x_start: Vector) -> None:
+    def _record(self, flight: FlightStructure, start: float, x_start: Vector, m_start: Vector) -> None:
         """Record what a flight has passed."""
         n = flight.rows
         times, x, m = self.row_time[:n].copy(), self.row_x[:n].T.copy(), self.row_m[:n].T.copy()
@@ -184,6 +210,11 @@ class Flight:
         self._fill(times, x, m, starts, start, x_start)
         before = np.hstack([x_start[:, None], x[:, :-1]])
         moved = (x[:, starts] != before[:, starts]).T
+        if self.trace is not None:
+            modes = np.hstack([m_start[:, None], m])
+            for k, row in enumerate(starts.tolist()):
+                left, right = (before[:, row], modes[:, row]), (x[:, row], modes[:, row + 1])
+                self.trace(Passed(float(self.event_time[k]), self._reached(k), left, right, self._jumps(k)))
         ends = [0, *self.acts_end[: flight.events].tolist()]
         acts = self.act[: ends[-1]].tolist()
         boundaries = []
@@ -195,6 +226,18 @@ class Flight:
             boundaries.append((t, *self._known[happened]))
         stats = {"n_steps": flight.steps, "n_rhs": flight.rhs, "n_jac": flight.jacobians, "n_reject": flight.rejected}
         self.recorder.extend(times, x, m, boundaries, counted(stats))
+
+    def _reached(self, event: int) -> int | None:
+        """The relation that was reached; None at a known instant."""
+        fired = self.fired[event]
+        return int(np.argmax(fired)) if fired.any() else None
+
+    def _jumps(self, event: int) -> tuple[tuple[Vector, Vector, NDArray[np.bool_], bool], ...]:
+        first = int(self.jumps_end[event - 1]) if event else 0
+        return tuple(
+            (self.jump_x[k].copy(), self.jump_m[k].copy(), self.jump_applied[k] > 0.5, bool(self.jump_advances[k]))
+            for k in range(first, int(self.jumps_end[event]))
+        )
 
     def _fill(
         self, times: Vector, x: Vector, m: Vector, starts: NDArray[np.int64], start: float, x_start: Vector

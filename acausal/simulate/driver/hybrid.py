@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.simulate.driver.agenda import Place, Schedule, Stretch
-from acausal.simulate.driver.flight import Flight, can_fly
+from acausal.simulate.driver.flight import Flight, Passed, can_fly
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.errors import RestlessKink, accumulated, unsettled
 from acausal.simulate.events.guards import INSTANT, Cause, Guards, Moment, Truth, resting_band
-from acausal.simulate.events.iteration import Happened, Iteration
+from acausal.simulate.events.iteration import Happened, Iteration, Jump
 from acausal.simulate.events.regime import Regime
 from acausal.simulate.events.rest import Bounces
 from acausal.simulate.events.search import Arrival, Search
@@ -127,9 +127,21 @@ class Hybrid:
 
     def flight(self, schedule: Schedule) -> Flight | None:
         """How compiled code passes stretches and ordinary events of this run, if it can."""
-        if self.traced or not self.single_step or not can_fly(self.problem, self.solver):
+        if not self.single_step or not can_fly(self.problem, self.solver):
             return None
-        return Flight(self.problem, self.recorder, schedule, self.template, self.span, self.bounces, self._explained)
+        parts = self.problem, self.recorder, schedule, self.template, self.span, self.bounces, self._explained
+        return Flight(*parts, self._trace if self.traced else None)
+
+    def _trace(self, passed: Passed) -> None:
+        """Keep an event of a flight."""
+        now = self.reached
+
+        def moment(x: Vector, m: Vector) -> Moment:
+            return replace(now, x=x, m=m)
+
+        jumps = tuple(Jump(moment(x, m), applied, advances) for x, m, applied, advances in passed.jumps)
+        happened = Happened(moment(*passed.right), jumps=jumps)
+        self.passages.append(Passage(passed.time, moment(*passed.left), passed.guard, happened))
 
     def library(self) -> Library[FlightProgram] | None:
         """The compiled code for the regime in force, if there is one."""

@@ -73,6 +73,10 @@ struct flight {
   struct acausal_run run;
   count_t steps, rejected, rhs, jacobians;
   count_t begun; /* steps before this stretch */
+  /* actions that were taken, for who differentiates the run; nothing is kept where there is no capacity */
+  count_t jumps, jump_capacity;
+  double *jump_x, *jump_m, *jump_applied;
+  count_t *jump_advances, *jumps_end;
 };
 
 typedef int (*function_t)(const double**, double**, casadi_int*, double*, int);
@@ -204,6 +208,20 @@ static void walk_anew(const struct flight* s, struct space* o, count_t* turn) {
   for (k = 0; k < s->relations; ++k) { o->flips[k] = 0; o->doubt[k] = 0.0; }
 }
 
+/* Keep the actions of a round, and where they are taken; UNUSUAL where there is no room. */
+static int keep_jump(struct flight* s, const struct space* o) {
+  count_t k;
+  int any = memcmp(s->m, o->next_m, (size_t) s->modes * sizeof(double)) != 0;
+  for (k = 0; k < s->actions; ++k) any |= o->applied[k] > 0.5;
+  if (!s->jump_capacity || !any) return 0;
+  if (s->jumps == s->jump_capacity) return UNUSUAL;
+  memcpy(s->jump_x + s->jumps * s->states, s->x, (size_t) s->states * sizeof(double));
+  memcpy(s->jump_m + s->jumps * s->modes, s->m, (size_t) s->modes * sizeof(double));
+  memcpy(s->jump_applied + s->jumps * s->actions, o->applied, (size_t) s->actions * sizeof(double));
+  s->jump_advances[s->jumps++] = o->next_level == 0.0;
+  return 0;
+}
+
 /* Rounds from modes that have changed already until one changes nothing; `before` are those that held. */
 static int settle(struct flight* s, struct space* o, double t, const double* before, const double* due) {
   count_t k, round, turn;
@@ -225,6 +243,7 @@ static int settle(struct flight* s, struct space* o, double t, const double* bef
       s->act[s->acts++] = k;
     }
     if (o->settled > 0.5) break;
+    if (keep_jump(s, o)) return UNUSUAL;
     if (memcmp(s->x, o->next_x, (size_t) s->dynamic * sizeof(double))) walk_anew(s, o, &turn);
     memcpy(s->x, o->next_x, (size_t) s->states * sizeof(double));
     memcpy(s->m, o->next_m, (size_t) s->modes * sizeof(double));
@@ -259,6 +278,7 @@ static void record_event(struct flight* s, double t, const unsigned char* fired)
   s->event_time[s->events] = t;
   s->event_row[s->events] = s->rows;
   s->acts_end[s->events] = s->acts;
+  if (s->jump_capacity) s->jumps_end[s->events] = s->jumps;
   if (fired) memcpy(s->fired + s->events * s->relations, fired, s->relations);
   else memset(s->fired + s->events * s->relations, 0, s->relations);
   ++s->events;

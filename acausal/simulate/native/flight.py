@@ -46,6 +46,8 @@ class FlightStructure(ctypes.Structure):
         *_fields(ctypes.c_void_p, "row_time row_x row_m event_time event_row acts_end act fired"),
         ("run", RunStructure),
         *_fields(ctypes.c_longlong, "steps rejected rhs jacobians begun"),
+        *_fields(ctypes.c_longlong, "jumps jump_capacity"),
+        *_fields(ctypes.c_void_p, "jump_x jump_m jump_applied jump_advances jumps_end"),
     )
 
 
