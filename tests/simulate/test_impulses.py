@@ -556,3 +556,23 @@ def test_what_lies_still_flies_where_it_is_struck(solver: str, named: bool) -> N
     assert down["h"].min() > -1e-6
     assert down["h"][down.time > 3.01].max() == pytest.approx(0.25 / 19.62, abs=1e-3)
     assert down.final("h") == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("e", [0.5, 0.0])
+@pytest.mark.parametrize("solver", ["idas", "rosenbrock"])
+def test_impulses_without_end_do_not_let_a_ball_sink_in(solver: str, e: float) -> None:
+    """Bounces by `by=` have no rest to end in: it fell through the floor, 5 m within 2 s."""
+
+    class Ball(Component):
+        h: Real = variable(default=fixed(0.5))
+        v: Real = variable(default=fixed(0.0))
+        kick: Real = discrete()
+
+        def equations(self) -> Equations:
+            yield der(self.h) == self.v
+            yield der(self.v) == -9.81 + self.kick
+            yield when(self.h < 0.0, reset(self.v, -e * self.v, by=self.kick))
+
+    with pytest.raises(AcausalError) as caught:
+        acausal.simulate(Ball(), stop_time=2.0, solver=solver)
+    assert caught.value.code == "AC502"

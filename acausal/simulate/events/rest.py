@@ -16,7 +16,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from acausal.analyse.state_events import Clause
+from acausal.lower.impulses import impulses
 from acausal.simulate.equations.problem import Problem
+from acausal.simulate.events.errors import accumulated
 from acausal.simulate.events.guards import INSTANT, Cause, Guards, Moment
 from acausal.simulate.events.held import Hold
 from acausal.simulate.events.iteration import Happened
@@ -45,6 +47,7 @@ class _Flight:
     approach: float
     away: float
     noise: float
+    high: float
 
 
 @dataclass(frozen=True)
@@ -86,6 +89,8 @@ class Bounces:
         for k in range(size):  # only what a `when` resets can come to rest: known here, compiled code need not ask
             self.impossible[k] = not self._clauses(k)
         self._ends: dict[int, list[float]] = {}
+        hits = {k for _, k in impulses(self.problem.compiled)}
+        self._struck = {k for k in range(size) if hits & self._clauses(k).keys()}
         self._regimes: dict[tuple[Hold, ...], Regime] = {}
 
     def begin(self, t: float) -> None:
@@ -114,6 +119,8 @@ class Bounces:
                 continue
             flight = self._flight(t, left, moment, k)
             hold = None if flight is None else self._hold(t, left, moment, k)
+            if flight is not None and hold is None and k in self._struck:
+                self._refuse_sinking(t, moment, k, flight)
             if flight is None or hold is None:
                 self._ends.pop(k, None)
                 continue
@@ -138,6 +145,21 @@ class Bounces:
         node = events.relations[relation]
         return {k: c for k, c in enumerate(events.clauses) if c.conditions == (node,) and c.actions}
 
+    def _refuse_sinking(self, t: float, moment: Moment, relation: int, flight: _Flight) -> None:
+        """AC502 where flights between impulses are lower than the noise, and something pulls what would sink in."""
+        place = self._place(moment, relation)
+        if place is None or flight.high > flight.noise:
+            return
+        compiled, h = moment.regime.compiled, 1e-6 * max(t - self.last[relation], INSTANT * self.span)
+        ode = np.array(compiled.rhs(t, moment.x, moment.z, self.problem.u, self.problem.p, moment.m)[0]).ravel()
+        later = replace(moment, x=moment.x + h * ode)
+        rates = [float(self.guards.rates(t, at)[0][place]) for at in (moment, later)]
+        inside = moment.m[self.guards.first + relation] > 0.5
+        pulled = (rates[1] - rates[0]) * (1.0 if inside else -1.0)
+        if pulled > 0.0:
+            names = [self.problem.compiled.events.texts[relation]]
+            raise accumulated(self.problem.compiled.name, t, self.count, names)
+
     def _flight(self, t: float, left: Moment, after: Moment, relation: int) -> _Flight | None:
         """The flight that begins at this guard after an impact that has taken speed; None where that is not so."""
         before, here = self._place(left, relation), self._place(after, relation)
@@ -151,7 +173,7 @@ class Bounces:
             return None
         away = max(away, 0.0)
         high = away**2 * (t - self.last[relation]) / (4 * approach)  # by the pull of the flight before
-        return _Flight(approach, away, noise) if high <= _NEARLY * noise else None
+        return _Flight(approach, away, noise, high) if high <= _NEARLY * noise else None
 
     def _place(self, at: Moment, relation: int) -> int | None:
         """Which guard of the regime is the distance of a free relation."""
@@ -171,7 +193,7 @@ class Bounces:
                 moment = Moment(after.x, after.z, m, regime)
                 if regime.is_solvable(t, moment.x, moment.z, m) and (pull := self._pull(t, moment, relation)) > 0.0:
                     return _Hold(moment, clause, target, pull)
-        self.impossible[relation] = not possible
+        self.impossible[relation] = not possible and relation not in self._struck
         return None
 
     def _pull(self, t: float, held: Moment, relation: int) -> float:
