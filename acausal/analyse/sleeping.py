@@ -57,6 +57,8 @@ class Sleeping:
     """Relations that change in the middle of a burst (`acausal.analyse.bursts`)."""
     left: tuple[int, ...] = ()
     """Those that are too many to be watched."""
+    numbers: tuple[int, ...] = ()
+    """Numbers of the stretches of long tables, whose relations are watched (`acausal.analyse.table_stops`)."""
 
 
 def sleeping(solution: Solution, located: Iterable[int], discrete: frozenset[int]) -> Sleeping:

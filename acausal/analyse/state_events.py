@@ -79,7 +79,8 @@ class StateEvents:
     clauses, assignments, asserts
         What acts, in the order of the source.
     watched
-        Those of `relations`, by number, that make no event: rates wake there (`acausal.analyse.sleeping`).
+        Those of `relations`, by number, that make no event: rates wake there (`acausal.analyse.sleeping`), or a table
+        may bend (`acausal.analyse.table_stops`).
     middles
         Those of `watched` that change in the middle of a burst (`acausal.analyse.bursts`).
     """
@@ -127,6 +128,7 @@ def find_state_events(
     own = [n for c in clauses for n in (*c.conditions, *c.earlier, *(v for _, v in c.actions))]
     own += [a.node for a in assignments] + [a.condition for a in asserts] + [n for d in reduced.delays for n in d[:2]]
     own += [pool.var(v) for v in switched_dependents(solution)]
+    own += asleep.numbers
     inside = [*solution.residuals, *_definitions(solution, own)]
     roots = [*own, *inside]
     rewritten = dict(time_events.rewritten)
@@ -145,6 +147,8 @@ def find_state_events(
     found["pre"] |= _before_impulses(pool, states, clauses, assignments)
     relations = tuple(sorted(found["relation"]))
     middle = len(relations) + len(asleep.watched)
+    silent = set(pool.reachable([done[n] for n in asleep.numbers]))
+    bends = (k for k, n in enumerate(relations) if n in silent)
     return StateEvents(
         tuple(sorted(found["sample"])),
         tuple(sorted(found["pre"])),
@@ -154,7 +158,7 @@ def find_state_events(
         clauses,
         assignments,
         asserts,
-        frozenset(range(len(relations), middle + len(asleep.middles))),
+        frozenset((*bends, *range(len(relations), middle + len(asleep.middles)))),
         frozenset(range(middle, middle + len(asleep.middles))),
     )
 

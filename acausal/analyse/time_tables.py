@@ -38,6 +38,14 @@ def time_tables(pool: Pool, roots: Iterable[int], definitions: Mapping[int, int]
     return tuple(found)
 
 
+def is_of_time(pool: Pool, number: int, definitions: Mapping[int, int]) -> bool:
+    """Whether a node is affine in time, with coefficients free of variables, or constant."""
+    argument = _of_time(pool, number, definitions)
+    return argument is not None and (
+        affine_in_time(pool, argument) is not None or pool.time not in pool.reachable([argument])
+    )
+
+
 def _of_time(pool: Pool, number: int, definitions: Mapping[int, int]) -> int | None:
     """A node with its variables replaced by what they are equal to; None where one of them is equal to nothing."""
     while inside := pool.variables_in(number):

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from weakref import WeakKeyDictionary
 
 from acausal.analyse.bursts import may_burst
 from acausal.analyse.sleeping import Sleeping, sleeping
 from acausal.analyse.state_events import discrete_variables
+from acausal.analyse.table_stops import stretch_numbers
 from acausal.flatten.text import to_text
+from acausal.language.external import Call
+from acausal.language.lookup import Lookup
 from acausal.lower.compile import lower
 from acausal.lower.compiled import CompiledModel
 
-_MADE: WeakKeyDictionary[CompiledModel, tuple[CompiledModel | None, str]] = WeakKeyDictionary()
+_Made = tuple[CompiledModel | None, str]
+_MADE: WeakKeyDictionary[CompiledModel, dict[tuple[int, ...], _Made]] = WeakKeyDictionary()
 UNWATCHED_STEPS = 5000
 """No step is longer than this part of a run whose kinks are not all watched."""
 _KINKS = frozenset(("min", "max", "fabs", "noevent"))
@@ -30,27 +35,45 @@ def _bounded(steps: int) -> str:
     return f"no step is longer than 1/{steps} of the run instead, and what wakes for less may be passed"
 
 
-def with_watched(compiled: CompiledModel) -> tuple[CompiledModel, tuple[str, ...]]:
-    """The model for a solver that chooses its steps, and notes; itself where nothing sleeps. Made once for each."""
-    if compiled not in _MADE:
-        _MADE[compiled] = _watched(compiled)
-    model, note = _MADE[compiled]
+def with_watched(compiled: CompiledModel, relative: float) -> tuple[CompiledModel, tuple[str, ...]]:
+    """The model for a solver that chooses its steps, at a relative tolerance, and notes; itself where nothing sleeps.
+
+    Made once for each, and for what of its tables the tolerance can tell.
+    """
+    solution = compiled.solution
+    pool = solution.structure.reduced.pool
+    roots = [*(n for v, n in solution.definitions if v in solution.needed), *solution.residuals]
+    numbers = stretch_numbers(pool, roots, dict(solution.definitions), relative) if _has_tables(compiled) else ()
+    made = _MADE.setdefault(compiled, {})
+    if numbers not in made:
+        made[numbers] = _watched(compiled, roots, numbers)
+    model, note = made[numbers]
     return model or compiled, (note,) if note else ()
 
 
-def _watched(compiled: CompiledModel) -> tuple[CompiledModel | None, str]:
+_TABLES: WeakKeyDictionary[CompiledModel, bool] = WeakKeyDictionary()
+
+
+def _has_tables(compiled: CompiledModel) -> bool:
+    """Whether there is a long table in the equations."""
+    if compiled not in _TABLES:
+        ops = (node[0] for node in compiled.solution.structure.reduced.pool.nodes)
+        _TABLES[compiled] = any(isinstance(op, Call) and isinstance(op.external, Lookup) for op in ops)
+    return _TABLES[compiled]
+
+
+def _watched(compiled: CompiledModel, roots: Sequence[int], numbers: tuple[int, ...]) -> _Made:
     solution = compiled.solution
     reduced = solution.structure.reduced
-    roots = [*(n for v, n in solution.definitions if v in solution.needed), *solution.residuals]
     pool = reduced.pool
-    if not any(pool.nodes[n][0] in _KINKS or may_burst(pool, n) for n in pool.reachable(roots)):
-        return None, ""
-    located = *compiled.state_events.relations, *compiled.time_events.relations
-    found = sleeping(solution, located, discrete_variables(reduced))
-    note = _left(compiled, found) if found.left else ""
-    if not found.watched and not found.middles:
+    found, note = Sleeping(), ""
+    if any(pool.nodes[n][0] in _KINKS or may_burst(pool, n) for n in pool.reachable(roots)):
+        located = *compiled.state_events.relations, *compiled.time_events.relations
+        found = sleeping(solution, located, discrete_variables(reduced))
+        note = _left(compiled, found) if found.left else ""
+    if not found.watched and not found.middles and not numbers:
         return None, note
-    lowered = lower(solution, compiled.driven, found)
+    lowered = lower(solution, compiled.driven, replace(found, numbers=numbers))
     lowered = replace(lowered, selection=compiled.selection, recipe=compiled.recipe, start=compiled.start)
     return replace(lowered, timings=dict(compiled.timings)), note
 

@@ -15,14 +15,14 @@ from math import isfinite
 from acausal import Equations, Expr, as_expr, clamp, floor, lookup, structural, unitless, where
 from acausal.errors import DeclarationError
 from acausal.library.blocks.interfaces import PartialSISO
-from acausal.library.blocks.kinks import sudden
+from acausal.library.blocks.kinks import few
 
 Points = tuple[tuple[float, float], ...]
 """Abscissa and ordinate of each point, abscissas strictly increasing."""
 
 
 MANY = 64
-"""Points of a table beyond which the segment is searched, and only sudden kinks are events."""
+"""Points of a table beyond which the segment is searched, and kinks are no events where there are as many."""
 
 
 class Smoothness(Enum):
@@ -52,8 +52,8 @@ def table(
     """The function through `points` at `u`; the points are in the units of what they are used for, in SI.
 
     Kinks are events unless `located` is False: then they are left to the error control of the solver, which is cheaper
-    where a trajectory runs through many of them. Of more than `MANY` only those are events that no step of a solver
-    foresees (`kinks.py`). Steps are always events.
+    where a trajectory runs through many of them. Of more than `MANY` none is an event; a run stops at those that no
+    step of its solver foresees at its tolerance, without a word. Steps are always events.
 
     One point alone is a constant. The segment is found by halving: among few points by decisions of the model, else
     by a search (`acausal.lookup`).
@@ -119,14 +119,14 @@ def _searched(
 
 
 def _cut(ends: Sequence[float], rows: Sequence[tuple[float, ...]], u: Expr, located: bool) -> Expr:
-    """Polynomials by a search, cut by relations at the kinks that no step foresees."""
+    """Polynomials by a search, cut by relations at the kinks where these are few."""
     lengths = [b - a for a, b in pairwise(ends)]
     slopes = [
         [row[1] + h * (2.0 * row[2] + h * 3.0 * row[3]) if len(row) > 2 else row[1] for h in (0.0, length)]
         for row, length in zip(rows, lengths, strict=True)
     ]
     height = max(r[0] for r in rows) - min(r[0] for r in rows)
-    cuts = sudden(ends, [b[0] - a[1] for a, b in pairwise(slopes)], height, back=True) if located else []
+    cuts = few(lengths, [b[0] - a[1] for a, b in pairwise(slopes)], height) if located else []
     pieces: list[tuple[float, Expr]] = []
     for first, last in pairwise([0, *cuts, len(rows)]):
         # two functions in turn: a cut between calls of one function would be none

@@ -13,7 +13,7 @@ from itertools import pairwise
 
 from acausal import Expr, lookup, quantity, sin, time, unitless, where
 from acausal.errors import DeclarationError
-from acausal.library.blocks.kinks import MANY
+from acausal.library.blocks.kinks import few
 from acausal.library.blocks.tables import wrong_row
 
 Points = tuple[tuple[float, float], ...]
@@ -99,9 +99,7 @@ def _cuts(rows: Sequence[tuple[float, float, float, float]]) -> list[int]:
         gap = abs(b[1] - (a[1] + a[2] * (a[3] - a[0])))
         if b[0] > a[3] or gap > 1e-12 * height:
             jumps.append(k)
-    turns = [abs(b[2] - a[2]) * min(a[3] - a[0], b[3] - b[0]) for a, b in pairwise(rows)]
-    seen = [k for k, turn in enumerate(turns, start=1) if turn > 1e-9 * height]
-    return sorted({*jumps, *seen}) if len(seen) <= MANY else jumps
+    return sorted({*jumps, *few([r[3] - r[0] for r in rows], [b[2] - a[2] for a, b in pairwise(rows)], height)})
 
 
 def _select(breaks: Sequence[Expr], values: Sequence[Expr | float]) -> Expr | float:

@@ -151,7 +151,7 @@ class Divided(Component):
 
 def test_bounded_factors_cost_nothing() -> None:
     compiled = acausal.compile(Divided())
-    assert with_watched(compiled) == (compiled, ())
+    assert with_watched(compiled, 1e-6) == (compiled, ())
 
 
 def test_rows_are_those_of_the_grid_and_of_the_wakings() -> None:
@@ -185,14 +185,14 @@ def test_kinks_that_cannot_be_watched_do_not_end_a_run(solver: str, monkeypatch:
         return Sleeping(tuple(dict.fromkeys(pool.make("gt", *pool.nodes[n][1:]) for n in nodes)))
 
     plain = acausal.compile(Resting())
-    found = with_watched(plain)[0].state_events.watched
+    found = with_watched(plain, 1e-6)[0].state_events.watched
     assert len(found) == 1
     monkeypatch.setattr(watched, "sleeping", all_kinks)
     compiled = acausal.compile(Resting())
     for _ in range(2):  # a run that goes without watching changes nothing for the next one
         result = acausal.simulate(compiled, stop_time=3.0, solver=solver, tolerance=1e-8)
         assert result.final("y") == pytest.approx(2.0, abs=1e-6)
-    assert with_watched(compiled)[0].state_events.watched
+    assert with_watched(compiled, 1e-6)[0].state_events.watched
 
 
 @pytest.mark.parametrize("solver", ["idas", "rosenbrock", "cvodes"])

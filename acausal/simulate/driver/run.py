@@ -139,7 +139,8 @@ class Run:
         self.why = self.why or reason
         notes: tuple[str, ...] = ()
         if not self.solver.fixed_step and opts.step is None and not self.traced:  # fixed steps sleep through nothing
-            self.compiled, notes = with_watched(self.compiled) if self.watches else (self.compiled, ())
+            watched = with_watched(self.compiled, opts.tolerance) if self.watches else (self.compiled, ())
+            self.compiled, notes = watched
             notes = notes if self.watches else (unwatched(self.least_steps),)
             if notes and opts.max_step is None:  # what sleeps wakes within a step, where its error is seen
                 opts = self.options = replace(opts, max_step=opts.span / self.least_steps)

@@ -39,6 +39,8 @@ def by_columns(function: Any, n: int, common: Sequence[int]) -> Any | None:
             if place == 0:
                 value = values[own[0]]
                 found[rest[0]] = ca.repmat(value, n, 1) if value.numel() == 1 else value
+        elif operation == ca.OP_CALL:  # of a table, or of another external function
+            return None
         elif len(own) == 1:
             values[place] = ca.MX.unary(operation, values[own[0]])
         elif len(own) == 2:

@@ -9,23 +9,16 @@ in between takes two steps in the shortest of them at least: where rows make noi
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
-from acausal.language.lookup import Lookup
 from acausal.lower.compiled import CompiledModel
 from acausal.numeric.evaluate import values
-from acausal.numeric.stretches import stretches, variation
+from acausal.numeric.table_ends import alike, table_ends
 from acausal.simulate.equations.kept import kept
 
 Vector = NDArray[np.float64]
-# Share of the tolerance by which a stretch may be off, by the size of the variation of its table.
-_SHARE = 0.1
-# Stretches that follow one another are passed with one bound on the steps where the longest is so many times as long.
-_ALIKE = 4.0
 # Instants nearer than this to those of relations of time, by the length of the run, are those.
 _APART = 1e-12
 
@@ -67,7 +60,7 @@ def kinks(compiled: CompiledModel, p: Vector, relative: float, start: float, sto
     """The kinks that a run of this relative tolerance has to see."""
     parts = [
         inside
-        for ends in table_ends(compiled, p, relative)
+        for ends in time_ends(compiled, p, relative)
         if len(inside := ends[(ends > start) & (ends < stop)])
     ]  # fmt: skip
     if not parts:
@@ -75,7 +68,7 @@ def kinks(compiled: CompiledModel, p: Vector, relative: float, start: float, sto
     located = np.append(kept(compiled).instants(p)[0], [start, stop])
     near = _APART * (stop - start)
     cuts: list[float] = []
-    groups = [_groups(np.concatenate([[start], ends, [stop]])) for ends in parts]
+    groups = [alike(np.concatenate([[start], ends, [stop]])) for ends in parts]
     for marks, _ in groups:
         cuts += marks[1:-1]
     whole = np.unique(cuts)
@@ -99,27 +92,7 @@ def _others(instants: Vector, known: Vector, near: float) -> Vector:
     return np.asarray(instants[np.minimum(np.abs(instants - left), np.abs(instants - right)) > near])
 
 
-def _groups(ends: Vector) -> tuple[list[float], list[float]]:
-    """Stretches that follow one another and are about as long: the ends of each group, and the longest step in it."""
-    marks, longest = [float(ends[0])], []
-    least = most = 0.0
-    count = 0
-    for a, b in pairwise(ends.tolist()):
-        length = b - a
-        if count and max(most, length) <= _ALIKE * min(least, length):
-            least, most, count = min(least, length), max(most, length), count + 1
-            continue
-        if count:
-            marks.append(a)
-            longest.append(0.5 * least if count > 1 else np.inf)
-        least = most = length
-        count = 1
-    marks.append(float(ends[-1]))
-    longest.append(0.5 * least if count > 1 else np.inf)
-    return marks, longest
-
-
-def table_ends(compiled: CompiledModel, p: Vector, relative: float) -> list[Vector]:
+def time_ends(compiled: CompiledModel, p: Vector, relative: float) -> list[Vector]:
     """The instants at which stretches of each table of time end, ascending [s]."""
     tables = kept(compiled).time_tables
     if not tables:
@@ -131,28 +104,5 @@ def table_ends(compiled: CompiledModel, p: Vector, relative: float) -> list[Vect
     for t in tables:
         origin, slope = float(known[t.origin]), float(known[t.slope])
         if np.isfinite(origin) and np.isfinite(slope) and slope != 0.0:
-            found.append(np.sort(origin + _ends(t.table, relative) / slope))
+            found.append(np.sort(origin + table_ends(t.table, relative) / slope))
     return found
-
-
-# By table and tolerance: every run asks for the same few.
-_KNOWN: WeakKeyDictionary[Lookup, dict[float, Vector]] = WeakKeyDictionary()
-_MOST_KNOWN = 16
-
-
-def _ends(table: Lookup, relative: float) -> Vector:
-    """The arguments at which stretches of a table end."""
-    known = _KNOWN.setdefault(table, {})
-    if relative not in known:
-        if len(known) >= _MOST_KNOWN:
-            known.clear()
-        known[relative] = _ends_of(table, relative)
-    return known[relative]
-
-
-def _ends_of(table: Lookup, relative: float) -> Vector:
-    ends, rows = np.array(table.breaks), np.array(table.coefficients)
-    size = variation(np.append(rows[:, 0], np.polyval(rows[-1, ::-1], ends[-1] - ends[-2])))
-    if size == 0.0:
-        return np.zeros(0)
-    return np.asarray(ends[stretches(ends, rows, _SHARE * relative * size)[1:-1]])

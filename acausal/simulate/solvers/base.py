@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from acausal.simulate.equations.direct import called
 from acausal.simulate.equations.factorisation import Factorisation
 from acausal.simulate.equations.kept import kept
-from acausal.simulate.equations.kinks import table_ends
+from acausal.simulate.equations.kinks import time_ends
 from acausal.simulate.equations.numbered import UNIT, controls, stretched
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.interrupt import Interrupted
@@ -283,7 +283,7 @@ def growth(
         return np.hstack(found)
 
     scale = compiled.nominal_x[problem.n_dynamic : problem.n_dynamic + compiled.quadratures, None]
-    found = table_ends(compiled, problem.p, accuracy.tolerances.relative)
+    found = time_ends(compiled, problem.p, accuracy.tolerances.relative)
     breaks = np.unique(np.concatenate(found)) if found else None
     return np.asarray(scale * integrals(rates, starts, times, stretches, accuracy.tolerances, breaks))
 
