@@ -104,6 +104,42 @@ def test_a_branch_is_followed_whatever_the_outputs(solver: str, step: float | No
     assert result.final("area") == pytest.approx(0.6 * z - z**2 / 2 + z**4 / 12, abs=1e-4 if solver == "rk2" else 1e-6)
 
 
+class Ending(Component):
+    """x = (1 - 3 t / 2)^(2/3) for b = 1/2, in general (1 - (b + 1) t)^(1 / (b + 1)), ends at t = 1 / (b + 1)."""
+
+    b: float = parameter(default=0.5)
+    x: Real = variable(default=fixed(1.0))
+
+    def equations(self) -> Equations:
+        yield der(self.x) == -1.0 / self.x**self.b
+
+
+@pytest.mark.parametrize("beside", [False, True])
+@pytest.mark.parametrize(("step", "interval"), [(0.3, 1.0), (0.07, 0.25), (0.01, 0.05)])
+def test_collocation_ends_where_its_equations_do(
+    step: float, interval: float, beside: bool, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """CasADi goes on with what stands in its memory when a step fails; behind the end that was x = -0.03, silently."""
+    model = EndingBesideClock() if beside else Ending()
+    with pytest.raises(IntegrationError) as error:
+        acausal.simulate(model, stop_time=1.0, solver="collocation", step=step, output_interval=interval)
+    assert error.value.code == "AC404"
+    result = error.value.result
+    assert result is not None
+    assert result.time[-1] <= 2 / 3
+    np.testing.assert_allclose(result["x"], (1 - 1.5 * result.time) ** (2 / 3), atol=step)
+    assert capfd.readouterr().err == ""
+
+
+class EndingBesideClock(Ending):
+    """The same beside a state that goes on."""
+
+    clock: Real = variable(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        yield der(self.clock) == 1.0 - self.clock
+
+
 class Folding(Component):
     """z^2 + z/1000 = 1 - t has no solution after 1 + 2.5e-7."""
 

@@ -6,13 +6,16 @@ say. `contextlib.redirect_stderr` is not for threads: of two that overlap the se
 
 from __future__ import annotations
 
+import re
 import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-_EXPECTED = "At t = "
+# A step that Newton's method does not solve is printed with its arguments, piece by piece.
+_BEGINNINGS = "At t = ", "Function ", "Input "
+_EXPECTED = re.compile(r"At t = |^Function \w+ \(0x|^Input \d+ \(")
 _lock = threading.Lock()
 _inside = 0
 
@@ -22,15 +25,20 @@ class _Sieve:
 
     def __init__(self, stream: Any) -> None:
         self.stream = stream
-        self._held = False
+        self._line = ""
 
     def write(self, text: str) -> int:
-        """Pass on what is not expected; its end of line may come alone."""
-        expected = _EXPECTED in text or (self._held and not text.strip())
-        self._held = _EXPECTED in text and not text.endswith("\n")
-        if not expected:
-            self.stream.write(text)
+        """Pass on what is not expected; a line that begins as an expected one is held until it ends."""
+        self._line += text
+        if self._line.endswith("\n") or not any(begin in self._line for begin in _BEGINNINGS):
+            self.pass_on()
         return len(text)
+
+    def pass_on(self) -> None:
+        """Write the line that is held, unless it is expected."""
+        line, self._line = self._line, ""
+        if not _EXPECTED.search(line):
+            self.stream.write(line)
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.stream, name)
@@ -50,4 +58,5 @@ def without_chatter() -> Iterator[None]:
         with _lock:
             _inside -= 1
             if not _inside and isinstance(sys.stderr, _Sieve):
-                sys.stderr = sys.stderr.stream
+                sieve, sys.stderr = sys.stderr, sys.stderr.stream
+                sieve.pass_on()

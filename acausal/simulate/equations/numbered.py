@@ -33,6 +33,8 @@ _FORMS, _INTEGRATORS, _LARGEST = 4, 128, 1000
 _LARGEST_SHARED = 2000
 # What integrators derive from the equations, by CasADi's names.
 _DERIVED = "daeF", "jacF"
+LARGEST = 1e100
+"""Scaled rates and residuals beyond it are none."""
 UNIT = 2.0**20
 """How long a stretched interval is: its shortest piece is far from what SUNDIALS' interfaces take for nothing."""
 # What is left of an algebraic equation at its root, as a share of what its unknowns can make of it, and besides; and
@@ -197,6 +199,11 @@ class Numbered:
         return self._measured[key]
 
     @cached_property
+    def limited_dae(self) -> Any:
+        """`dae`, where what has no finite value is a large one: see `limited`."""
+        return limited(self.dae)
+
+    @cached_property
     def factorisation(self) -> Factorisation:
         """How the Newton matrices of `dae` are factorised."""
         if self.n + self.nz <= FEW:
@@ -278,6 +285,19 @@ def measured(dae: Any) -> Any:
     t, x, z, p, u = (kind.sym(name, dae.numel_in(k)) for k, name in enumerate(_DAE_IN))
     units = kind.sym("units", z.numel())
     return ca.Function("dae", [t, x, z, ca.vertcat(p, units), u], dae(t, x, units * z, p, u), _DAE_IN, _DAE_OUT)
+
+
+def limited(dae: Any) -> Any:
+    """A form whose rates and residuals lie within `LARGEST`, not a number being at one end.
+
+    CasADi's integrators of fixed steps go on with whatever stands in their memory when the equations of a step have no
+    finite value. A large residual is one that Newton's method reports instead.
+    """
+    kind: Any = ca.SX if dae.is_a("SXFunction") else ca.MX
+    arguments = [kind.sym(name, dae.numel_in(k)) for k, name in enumerate(_DAE_IN)]
+    ode, alg, *others = dae(*arguments)
+    within = [ca.fmax(ca.fmin(part, LARGEST), -LARGEST) for part in (ode, alg)]
+    return ca.Function("dae", arguments, [*within, *others], _DAE_IN, _DAE_OUT)
 
 
 def halting(dae: Any) -> Any:

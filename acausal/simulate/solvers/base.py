@@ -7,7 +7,8 @@ A solver is a class with
 3. `fixed_step`: whether it needs a step, and `native`: what of it can run as compiled C; `impatient`: whether it takes
    what is nearer than a nanosecond as reached; `multistep`: whether it starts anew with tiny steps; `interpolates`:
    whether it has to be stopped at its outputs, as what it tells between its steps is less accurate than they are;
-   `stops`: whether it stops at a zero crossing by itself;
+   `stops`: whether it stops at a zero crossing by itself; `careless`: whether it does not notice equations without a
+   finite value;
 4. `settings(problem, segment)`: CasADi's options for one segment;
 5. `integrate(problem, segment) -> Piece`, which raises RuntimeError when it cannot go on.
 
@@ -124,6 +125,7 @@ class CasadiSolver:
     multistep: ClassVar[bool] = False
     interpolates: ClassVar[bool] = False
     stops: ClassVar[bool] = False
+    careless: ClassVar[bool] = False
     native: ClassVar[Literal["nothing", "equations", "integrator"]] = "nothing"
 
     def settings(self, problem: Problem, segment: Segment) -> dict[str, Any]:
@@ -203,6 +205,8 @@ class CasadiSolver:
         numbered, more, p = problem.numbered, {}, problem.vector(*own) if p is None else p
         if self.interpolates:
             dae, more = numbered.halting_dae if self.algebraic else numbered.halting_ode, {"u": controls(len(grid))}
+        elif self.careless:
+            dae = numbered.limited_dae
         elif dae is None:  # a compiled integrator does without
             dae = numbered.dae if self.algebraic else numbered.ode
         if kind == "integrator":

@@ -58,6 +58,7 @@ class Collocation(CasadiSolver):
     plugin = "collocation"
     algebraic = True
     fixed_step = True
+    careless = True
 
     def settings(self, problem: Problem, segment: Segment) -> dict[str, Any]:
         return {
@@ -66,7 +67,7 @@ class Collocation(CasadiSolver):
             "interpolation_order": 3,
             "rootfinder": "newton",
             # a step that Newton's method does not solve is none
-            "rootfinder_options": {"error_on_fail": True, "max_iter": 100},
+            "rootfinder_options": {"error_on_fail": True, "max_iter": 100, "show_eval_warnings": False},
         }
 
 
