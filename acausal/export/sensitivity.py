@@ -49,6 +49,8 @@ Vector = NDArray[np.float64]
 # Models are compared by identity, and forgotten when nobody else holds them.
 _KEPT: WeakKeyDictionary[CompiledModel, dict[Any, Any]] = WeakKeyDictionary()
 T = TypeVar("T")
+# How far back the rate of a guard is compared, as a share of the run and of the time in which states change.
+_BACK = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,6 +125,8 @@ def sensitivities(
     UsageError
         AC020 for an unknown parameter or none at all, AC010 for an unknown output, AC025 for an unknown method, AC044
         for `times` outside of the run.
+    ExportError
+        AC608 where states are reset together with an impulse, AC615 where a relation is only grazed.
     AcausalError
         What the run itself raises.
     """
@@ -160,7 +164,7 @@ def sensitivities(
             help=f"the run goes from {chain.passages[0].time:g} to {chain.stop:g} s",
         )
     final, of_times = chain.forward() if method == "forward" else chain.adjoint()
-    located = [k for k, passage in enumerate(chain.passages) if passage.guard is not None]
+    located = [k for k in range(len(chain.passages)) if not chain.is_unseen(k)]
     return Sensitivities(
         tuple(parameters),
         tuple(output.name for output in wanted),
@@ -192,7 +196,7 @@ class Chain:
     def __init__(self, run: Run, chosen: list[int], wanted: Sequence[Output], tolerance: float) -> None:
         assert run.hybrid is not None, "a traced run keeps its events"
         assert run.hybrid.moment is not None, "it has begun"
-        self.compiled, self.p, self.u = run.compiled, run.p, run.u
+        self.compiled, self.p, self.u, self.hybrid = run.compiled, run.p, run.u, run.hybrid
         self.chosen, self.wanted, self.tolerance = chosen, wanted, tolerance
         self.passages: list[Passage] = run.hybrid.passages
         self.last = run.hybrid.moment
@@ -260,6 +264,13 @@ class Chain:
         total = total + rows @ self.start()
         count = len(self.wanted)
         return total[:count], total[count:][::-1]
+
+    def is_unseen(self, k: int) -> bool:
+        """Whether a stretch only ends there, without an event: at a kink or in the middle of a burst."""
+        passage = self.passages[k]
+        if passage.guard is None:
+            return True
+        return passage.left.regime.owners[passage.guard][0] in self.compiled.state_events.watched
 
     def stretch(self, k: int) -> Stretch:
         """The linear map from just after event k to the next one, or to the end."""
@@ -348,7 +359,37 @@ class Chain:
         own = self._total(left.regime, ("guard", place), lambda *a: guard(*a)[place], t, left)
         slope_x, slope_p, slope_t = own
         rate = float(slope_t[0] + slope_x[0] @ self._rate(left.regime, t, left))
+        if self._is_grazed(passage, place, rate):
+            relation = left.regime.owners[place][0]
+            if relation in self.compiled.state_events.watched:  # nothing jumps there
+                return np.zeros(self.nx), np.zeros(self.count)
+            cause = self.hybrid.guards.causes[relation]
+            raise ExportError(
+                "AC615",
+                f"sensitivities do not take {self.compiled.name}: at t = {t:.9g} s a relation is only grazed",
+                where=() if cause.where is None else (cause.where,),
+                evidence=[f"{cause.text}: passed at {rate:.3g} 1/s, which is not known from zero"],
+                help="a tighter tolerance where it is passed by more than the error of a run; else the instant has no "
+                "derivative: choose parameters by which the relation is passed clearly or not at all",
+            )
         return -slope_x[0] / rate, -slope_p[0] / rate
+
+    def _is_grazed(self, passage: Passage, place: int, rate: float) -> bool:
+        """Whether the rate at which a guard is passed would be another one, or none, within the error of the guard.
+
+        A guard that turns at the rate a, passed at r, is r^2/(2 a) deep behind zero at most: an error e of it changes r
+        by a e/r.
+        """
+        t, left, guards = passage.time, passage.left, self.hybrid.guards
+        noise = float(guards.rates(t, left)[1][place])
+        if abs(rate) * (self.stop - self.passages[0].time) <= noise:
+            return True
+        ode = self._rate(left.regime, t, left)
+        size = np.maximum(np.abs(left.x), self.compiled.nominal_x)
+        h = _BACK * min(self.stop - self.passages[0].time, float(1.0 / (np.abs(ode) / size).max(initial=1e-300)))
+        before = self.hybrid.iteration.consistent(t - h, replace(left, x=left.x - h * ode))
+        turns = (float(guards.rates(t, left)[0][place]) - float(guards.rates(t - h, before)[0][place])) / h
+        return rate**2 <= abs(turns) * noise
 
     def _instants(self) -> Matrices:
         """`(p) -> instants of time events, and their derivatives`."""

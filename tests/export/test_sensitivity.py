@@ -10,8 +10,24 @@ import pytest
 import scipy.stats
 
 import acausal
-from acausal import Component, Equations, Real, der, fixed, parameter, pre, reset, sign, time, variable, when, where
-from acausal.errors import UsageError
+from acausal import (
+    Component,
+    Equations,
+    Real,
+    der,
+    fixed,
+    maximum,
+    parameter,
+    pre,
+    quantity,
+    reset,
+    sign,
+    time,
+    variable,
+    when,
+    where,
+)
+from acausal.errors import ExportError, UsageError
 from acausal.simulate.native import cache
 
 Method = Literal["forward", "adjoint"]
@@ -196,3 +212,52 @@ def test_many_states_go_by_sparse_matrices(method: Method) -> None:
     assert y + y**3 == pytest.approx(scipy.stats.gamma.cdf(stop / 0.1, 40), rel=1e-8)
     slope = -density * stop / 0.1**2
     np.testing.assert_allclose(found.final[:, 0], [slope, slope / (1 + 3 * y**2)], rtol=1e-6)
+
+
+class Throw(Component):
+    """A ball thrown up at 9.81 m/s, whose apex is `depth` above a height: how long it is above, and how far in sum."""
+
+    depth: Real = parameter(default=1e-6, unit="m")
+    h: Real = variable(unit="m", default=fixed(0.0))
+    v: Real = variable(unit="m/s", default=fixed(9.81))
+    area: Real = variable(unit="m.s", default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        yield der(self.h) == self.v
+        yield der(self.v) == -quantity(9.81, "m/s2")
+        yield der(self.area) == maximum(self.h - (quantity(9.81 / 2, "m") - self.depth), quantity(0.0, "m"))
+
+
+class Seen(Throw):
+    """The same, which counts the time above."""
+
+    above: Real = variable(unit="s", default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        yield der(self.above) == where(self.h > quantity(9.81 / 2, "m") - self.depth, 1.0, 0.0)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("solver", ["rosenbrock", "idas"])
+def test_a_grazed_relation_is_refused_where_its_rate_is_noise(solver: str, method: Method) -> None:
+    """It is above from 1 - w to 1 + w, w = sqrt(2 depth/g): at a tolerance of 1e-10 1e-6 m is known, 1e-11 m is not."""
+    compiled = acausal.compile(Seen())
+
+    def found(depth: float) -> acausal.Sensitivities:
+        return acausal.sensitivities(
+            compiled, ["depth"], ["above"], stop_time=1.7, solver=solver, method=method, values={"depth": depth}
+        )
+
+    slope = 1 / np.sqrt(2 * 9.81 * 1e-6)
+    np.testing.assert_allclose(found(1e-6).of_event_times[:, 0], [-slope, slope], rtol=1e-5)
+    np.testing.assert_allclose(found(1e-6).final[:, 0], [2 * slope], rtol=1e-5)
+    with pytest.raises(ExportError, match=r"AC615(.|\n)*t = (0\.99999|1\.00000)\d* s(.|\n)*h > ") as caught:
+        found(1e-11)
+    assert caught.value.where
+
+
+def test_a_grazed_kink_is_no_event_and_is_not_refused() -> None:
+    """area = 4/3 sqrt(2/g) depth^1.5, whose slope is the time above."""
+    found = acausal.sensitivities(Throw(), ["depth"], ["area"], stop_time=1.7, values={"depth": 1e-11})
+    assert len(found.event_times) == 0
+    assert found.final[0, 0] == pytest.approx(2 * np.sqrt(2e-11 / 9.81), abs=5e-6)
