@@ -15,6 +15,8 @@ _WHOLE = frozenset(("matmul", "cross", "transpose", "call"))
 def concatenate(*parts: Operand) -> Expr:
     """One vector of scalars and vectors, one behind the other: `concatenate(self.u_a, self.u, self.u[-1])`.
 
+    All parts have one unit. Of a scalar and a vector of shape (n,) the result has shape (n + 1,).
+
     Raises
     ------
     DeclarationError
@@ -27,7 +29,7 @@ def concatenate(*parts: Operand) -> Expr:
 
 
 def fill(x: Operand, n: int) -> Expr:
-    """A vector of `n` elements that are all the scalar `x`.
+    """A vector of shape (n,) whose elements are all the scalar `x`, in the unit of `x`.
 
     Raises
     ------

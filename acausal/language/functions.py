@@ -1,6 +1,7 @@
 """Functions of the language. They take expressions and numbers; `math` and `numpy` functions do not.
 
-Functions of one or two scalars work on vectors too, element by element.
+Functions of one or two scalars work on vectors of shape (n,) too, element by element; a scalar beside a vector is
+repeated. The result has the shape of the longer argument, and its unit is that of the arguments unless stated.
 """
 
 from __future__ import annotations
@@ -43,72 +44,72 @@ def _unary(op: str, x: Operand) -> Expr:
 
 
 def sin(x: Operand) -> Expr:
-    """Sine; `x` in rad."""
+    """Sine [1] of an angle [rad], a scalar or a vector."""
     return _unary("sin", x)
 
 
 def cos(x: Operand) -> Expr:
-    """Cosine; `x` in rad."""
+    """Cosine [1] of an angle [rad], a scalar or a vector."""
     return _unary("cos", x)
 
 
 def tan(x: Operand) -> Expr:
-    """Tangent; `x` in rad."""
+    """Tangent [1] of an angle [rad], a scalar or a vector."""
     return _unary("tan", x)
 
 
 def asin(x: Operand) -> Expr:
-    """Inverse sine [rad]."""
+    """Inverse sine [rad] of a number [1], from -pi/2 to pi/2; a scalar or a vector."""
     return _unary("asin", x)
 
 
 def acos(x: Operand) -> Expr:
-    """Inverse cosine [rad]."""
+    """Inverse cosine [rad] of a number [1], from 0 to pi; a scalar or a vector."""
     return _unary("acos", x)
 
 
 def atan(x: Operand) -> Expr:
-    """Inverse tangent [rad]."""
+    """Inverse tangent [rad] of a number [1], from -pi/2 to pi/2; a scalar or a vector."""
     return _unary("atan", x)
 
 
 def sinh(x: Operand) -> Expr:
-    """Hyperbolic sine."""
+    """Hyperbolic sine [1] of a number [1], a scalar or a vector."""
     return _unary("sinh", x)
 
 
 def cosh(x: Operand) -> Expr:
-    """Hyperbolic cosine."""
+    """Hyperbolic cosine [1] of a number [1], a scalar or a vector."""
     return _unary("cosh", x)
 
 
 def tanh(x: Operand) -> Expr:
-    """Hyperbolic tangent."""
+    """Hyperbolic tangent [1] of a number [1], a scalar or a vector."""
     return _unary("tanh", x)
 
 
 def exp(x: Operand) -> Expr:
-    """Exponential."""
+    """Exponential function [1] of a number [1], a scalar or a vector."""
     return _unary("exp", x)
 
 
 def log(x: Operand) -> Expr:
-    """Natural logarithm."""
+    """Natural logarithm [1] of a number [1], a scalar or a vector."""
     return _unary("log", x)
 
 
 def sqrt(x: Operand) -> Expr:
-    """Square root."""
+    """Square root of a scalar, or of each element of a vector; of m2 it is in m."""
     return _unary("sqrt", x)
 
 
 def fabs(x: Operand) -> Expr:
-    """Absolute value; `abs(x)` is the same."""
+    """Absolute value of a scalar, or of each element of a vector; `abs(x)` is the same."""
     return _unary("fabs", x)
 
 
 def sign(x: Operand) -> Expr:
-    """-1, 0 or 1."""
+    """-1, 0 or 1 [1], as `x` is negative, zero or positive; of a vector, element by element."""
     return _unary("sign", x)
 
 
@@ -123,29 +124,30 @@ def ceil(x: Operand) -> Expr:
 
 
 def atan2(y: Operand, x: Operand) -> Expr:
-    """Angle of the point (x, y) [rad]."""
+    """Angle of the point (x, y) [rad], from -pi to pi; `x` and `y` have one unit."""
     return elementwise("atan2", as_expr(y), as_expr(x))
 
 
 def minimum(x: Operand, y: Operand) -> Expr:
-    """The smaller of two scalars; of vectors, of each pair of elements."""
+    """The smaller of two scalars; of two vectors of one length, element by element."""
     return elementwise("min", as_expr(x), as_expr(y))
 
 
 def maximum(x: Operand, y: Operand) -> Expr:
-    """The larger of two scalars; of vectors, of each pair of elements."""
+    """The larger of two scalars; of two vectors of one length, element by element."""
     return elementwise("max", as_expr(x), as_expr(y))
 
 
 def clamp(x: Operand, low: Operand, high: Operand) -> Expr:
-    """`x` limited to the interval from `low` to `high`."""
+    """`x` limited to the interval from `low` to `high`, all of one unit; of a vector, element by element."""
     return minimum(maximum(x, low), high)
 
 
 def where(condition: Expr, a: Operand, b: Operand, *, smooth: bool = False) -> Expr:
-    """`a` where `condition` holds, else `b`; all shapes of `a` and `b` must agree.
+    """`a` where `condition` holds, else `b`: Modelica's `if condition then a else b`.
 
-    A vector of conditions chooses element by element, between vectors of its length or scalars.
+    `a` and `b` have one unit and one shape, which are those of the result; a literal number adapts. A vector of
+    conditions chooses element by element, between vectors of its length or scalars.
 
     `smooth=True` promises that the value and its derivative are continuous across the switch, so that no
     crossing has to be located.
@@ -161,6 +163,8 @@ def where(condition: Expr, a: Operand, b: Operand, *, smooth: bool = False) -> E
 
 def homotopy(actual: Operand, simplified: Operand) -> Expr:
     """`actual`; where no start is found with it, the search begins with `simplified` and turns that into `actual`.
+
+    Both have one shape and one unit, which are those of the result.
 
     Source: Modelica language 3.6, section 3.7.4.4; M. Sielemann et al., Robust initialization of DAE models using
     homotopy, 8th Modelica Conference (2011).
@@ -207,13 +211,13 @@ def unitless(x: Operand) -> Expr:
 
 
 def der(x: Operand) -> Expr:
-    """Time derivative of an expression of any shape; `der(der(x))` for the second."""
+    """Time derivative of an expression of any shape, in its unit per second; `der(der(x))` for the second."""
     e = as_expr(x)
     return Operation("der", (e,), e.shape)
 
 
 def dot(x: Operand, y: Operand) -> Expr:
-    """Scalar product of two vectors of equal length."""
+    """Scalar product of two vectors of shape (n,): a scalar, in the product of their units."""
     a, b = as_expr(x), as_expr(y)
     if len(a.shape) != 1 or a.shape != b.shape:
         raise shape_error("dot", a, b)
@@ -221,7 +225,7 @@ def dot(x: Operand, y: Operand) -> Expr:
 
 
 def cross(x: Operand, y: Operand) -> Expr:
-    """Vector product of two 3-vectors."""
+    """Vector product of two vectors of shape (3,): of shape (3,), in the product of their units."""
     a, b = as_expr(x), as_expr(y)
     if a.shape != (3,) or b.shape != (3,):
         raise shape_error("cross", a, b)
@@ -229,13 +233,13 @@ def cross(x: Operand, y: Operand) -> Expr:
 
 
 def norm(x: Operand) -> Expr:
-    """Euclidean length of a vector."""
+    """Euclidean length of a vector of shape (n,): a scalar, in its unit. Its derivative does not exist at length 0."""
     e = as_expr(x)
     return sqrt(dot(e, e))
 
 
 def skew(x: Operand) -> Expr:
-    """The 3x3 matrix S with S @ v == cross(x, v)."""
+    """The matrix S of shape (3, 3) with S @ v == cross(x, v), for a vector `x` of shape (3,), in the unit of `x`."""
     e = as_expr(x)
     if e.shape != (3,):
         raise shape_error("skew", e)
@@ -243,11 +247,11 @@ def skew(x: Operand) -> Expr:
 
 
 def identity(n: int = 3) -> Expr:
-    """The n x n unit matrix."""
+    """The unit matrix of shape (n, n), without unit."""
     return as_expr([[1.0 if i == j else 0.0 for j in range(n)] for i in range(n)])
 
 
 def zeros(*shape: int) -> Expr:
-    """A vector or matrix of zeros."""
+    """A vector `zeros(n)` or a matrix `zeros(m, n)` of literal zeros, which adapt to any unit."""
     size = math.prod(shape)
     return Operation("const", (), tuple(shape), (0.0,) * size if shape else 0.0)

@@ -1,4 +1,4 @@
-"""Signals of time that are true or false. Names as in Modelica.Blocks.Sources; their edges are exact time events."""
+"""Sources of Boolean signals. Names as in Modelica.Blocks.Sources; their edges are time events, located exactly."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from acausal.errors import DeclarationError
 
 
 class PartialBooleanSource(Component):
-    """Block with one output that is true or false."""
+    """Block with one Boolean output."""
 
     y: Real = boolean_output(doc="Output signal")
 
 
 class BooleanConstant(PartialBooleanSource):
-    """Always `k`."""
+    """Constant Boolean signal `k`."""
 
     k: bool = structural(default=True, doc="Output")
 
@@ -35,7 +35,7 @@ class BooleanConstant(PartialBooleanSource):
 
 
 class BooleanStep(PartialBooleanSource):
-    """`start_value` before `start_time`, its opposite from then on."""
+    """Boolean step: `start_value` before `start_time`, its opposite from then on."""
 
     start_time: Real = parameter(default=0.0, unit="s", doc="Time of the step")
     start_value: bool = structural(default=False, doc="Output before start_time")
@@ -46,7 +46,7 @@ class BooleanStep(PartialBooleanSource):
 
 
 class BooleanPulse(PartialBooleanSource):
-    """True for the share `width` of each `period`, from `start_time` on."""
+    """Boolean pulses: true for the fraction `width` of each `period`, from `start_time` on."""
 
     width: Real = parameter(default=0.5, unit="1", min=0.0, max=1.0, doc="Pulse length as a fraction of the period")
     period: Real = parameter(unit="s", min=1e-60, doc="Time from one pulse to the next")
@@ -60,7 +60,7 @@ class BooleanPulse(PartialBooleanSource):
 
 
 class SampleTrigger(PartialBooleanSource):
-    """True at the instants `start_time + k*period` alone."""
+    """Trigger: true at the instants `start_time + k*period`, k = 0, 1, 2, ..., and at no other."""
 
     period: Real = parameter(unit="s", min=1e-60, doc="Time from one instant to the next")
     start_time: Real = parameter(default=0.0, unit="s", doc="First instant")
@@ -70,7 +70,7 @@ class SampleTrigger(PartialBooleanSource):
 
 
 class BooleanTable(PartialBooleanSource):
-    """Changes at each time of `table`, beginning with `start_value`."""
+    """Boolean signal that begins with `start_value` and changes at each time of `table`."""
 
     table: tuple[float, ...] = structural(doc="Times [s] at which the output changes, increasing")
     start_value: bool = structural(default=False, doc="Output before the first of them")

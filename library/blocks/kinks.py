@@ -1,6 +1,6 @@
-"""Which kinks of a table are relations of the model: all, where they are few.
+"""Which kinks of a table are located as events: all of them, where they are few.
 
-What lies between many is found by each run for its tolerance (`acausal.numeric.table_ends`).
+Where they are many, each run finds those at which it has to stop for its tolerance (`acausal.numeric.table_ends`).
 """
 
 from __future__ import annotations
@@ -12,16 +12,16 @@ MANY = 64
 
 
 def few(lengths: Sequence[float], turns: Sequence[float], height: float) -> list[int]:
-    """Numbers of the rows that begin with a kink; none where there are many.
+    """Numbers of the rows that begin with a kink; an empty result where there are many.
 
     Parameters
     ----------
     lengths
-        Of all rows.
+        Length of the interval that each row begins.
     turns
         By how much the slope changes between neighbours.
     height
-        The range of the values, beside which a kink is none.
+        Range of the values: smaller kinks are rounding errors.
     """
     sizes = [abs(d) * min(a, b) for d, a, b in zip(turns, lengths, lengths[1:], strict=False)]
     seen = [k for k, size in enumerate(sizes, start=1) if size > 1e-9 * height]

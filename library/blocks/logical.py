@@ -1,4 +1,4 @@
-"""Blocks of signals that are true or false, and what leads to them. Names as in Modelica.Blocks.Logical."""
+"""Blocks of Boolean signals, and comparisons that make them. Names as in Modelica.Blocks.Logical."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ from acausal.library.blocks.interfaces import PartialSISO
 
 
 class PartialBooleanSISO(Component):
-    """Block with one input and one output that are true or false."""
+    """Block with one Boolean input and one Boolean output."""
 
     u: Real = boolean_input(doc="Input signal")
     y: Real = boolean_output(doc="Output signal")
 
 
 class PartialBooleanSI2SO(Component):
-    """Block with two inputs and one output that are true or false."""
+    """Block with two Boolean inputs and one Boolean output."""
 
     u1: Real = boolean_input(doc="First input signal")
     u2: Real = boolean_input(doc="Second input signal")
@@ -97,7 +97,7 @@ class Not(PartialBooleanSISO):
 
 
 class Pre(PartialBooleanSISO):
-    """The input as it was just before an event: breaks a loop of logic."""
+    """The input as it was just before an event, `y = pre(u)`: it breaks an algebraic loop of Boolean signals."""
 
     def equations(self) -> Equations:
         yield self.y == pre(self.u)
@@ -125,7 +125,7 @@ class Change(PartialBooleanSISO):
 
 
 class RSFlipFlop(Component):
-    """Memory of one bit: `S` sets it, `R` resets it; with both it keeps what it was.
+    """RS flip-flop, a memory of one bit: `S` sets it, `R` resets it; while both are true it keeps its value.
 
     `Q_ini` is its value at the start.
     """
@@ -197,7 +197,7 @@ class Switch(Component):
 
 
 class Hysteresis(Component):
-    """True once the input has gone above `u_high`, until it falls below `u_low`: a relay."""
+    """Boolean hysteresis: true once the input has risen above `u_high`, until it falls below `u_low`."""
 
     u: Real = signal_input(doc="Input signal")
     y: Real = boolean_output(doc="Output signal")
@@ -228,7 +228,7 @@ class OnOffController(Component):
 
 
 class BooleanToReal(Component):
-    """A number for each of true and false."""
+    """Boolean to real signal: one value while the input is true, another while it is false."""
 
     u: Real = boolean_input(doc="Input signal")
     y: Real = signal_output(doc="Output signal")
@@ -251,7 +251,7 @@ class RealToBoolean(Component):
 
 
 class Relay(PartialSISO):
-    """`y_on` once the input has gone above `u_high`, `y_off` once it has fallen below `u_low`."""
+    """Relay: `y_on` once the input has risen above `u_high`, `y_off` once it has fallen below `u_low`."""
 
     u_low: Real = parameter(default=0.0, doc="Below this it is off")
     u_high: Real = parameter(default=0.0, doc="Above this it is on")

@@ -1,4 +1,4 @@
-"""Means over the periods of a signal. Names as in Modelica.Blocks.Math."""
+"""Means over the periods of a signal, updated at the end of each period. Names as in Modelica.Blocks.Math."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Mean(Component):
 
 
 class RectifiedMean(Component):
-    """Mean of the size of the input over the last full period."""
+    """Mean of the absolute value of the input over the last full period; 0 before the first one has ended."""
 
     u: Real = signal_input(doc="Input signal")
     y: Real = signal_output(doc="Rectified mean over the last period")
@@ -57,7 +57,7 @@ class RectifiedMean(Component):
 
 
 class RootMeanSquare(Component):
-    """Root of the mean square of the input over the last full period."""
+    """Root mean square of the input over the last full period; 0 before the first one has ended."""
 
     u: Real = signal_input(doc="Input signal")
     y: Real = signal_output(doc="Root mean square over the last period")

@@ -1,4 +1,6 @@
-"""Random signals that are the same in every run: numbers drawn at the ticks of a clock, held between them.
+"""Random signals that are the same in every run: a number is drawn at each tick of a clock and held until the next.
+
+Names as in Modelica.Blocks.Noise; the generator is another one:
 
 Generator: S. K. Park, K. W. Miller, Random number generators: good ones are hard to find, Comm. ACM 31 (1988):
 x becomes 16807*x modulo 2^31 - 1. All its numbers are whole and below 2^53, so that the arithmetic is exact, on every
@@ -45,7 +47,7 @@ class PartialNoise(PartialDiscrete):
 
 
 class UniformNoise(PartialNoise):
-    """Every number between `y_min` and `y_max` equally often."""
+    """Noise with a uniform distribution between `y_min` and `y_max`."""
 
     y_min: Real = parameter(default=0.0, doc="Smallest number")
     y_max: Real = parameter(default=1.0, doc="Largest number")
@@ -58,7 +60,7 @@ class UniformNoise(PartialNoise):
 
 
 class NormalNoise(PartialNoise):
-    """Normal distribution with mean `mu` and standard deviation `sigma`.
+    """Noise with a normal distribution of mean `mu` and standard deviation `sigma`.
 
     Source: G. E. P. Box, M. E. Muller, Ann. Math. Statist. 29 (1958).
     """

@@ -1,6 +1,6 @@
-"""Sampled signals: what happens at the ticks of a clock. Names as in Modelica.Blocks.Discrete.
+"""Sampled blocks, which act at the ticks of a clock only. Names as in Modelica.Blocks.Discrete.
 
-The outputs are held between the ticks `start_time + k*sample_period`, which are exact time events.
+The outputs are held between the ticks `start_time + k*sample_period`, which are time events, located exactly.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from acausal.library.blocks.interfaces import PartialSISO
 
 
 class PartialDiscrete(Component):
-    """What every sampled block has."""
+    """Block with a clock: what all sampled blocks share."""
 
     sample_period: Real = parameter(default=0.1, unit="s", min=1e-60, doc="Time from one tick to the next")
     start_time: Real = parameter(default=0.0, unit="s", doc="First tick")
@@ -67,7 +67,7 @@ class ZeroOrderHold(PartialDiscreteSISO):
 
 
 class FirstOrderHold(PartialDiscreteSISO):
-    """The line through the inputs at the last two ticks, beyond the last one."""
+    """First-order hold: extrapolates the line through the inputs at the last two ticks."""
 
     t_sample: Real = discrete(unit="s", doc="Time of the last tick")
     u_sample: Real = discrete(doc="Input at the last tick")
@@ -86,7 +86,7 @@ class FirstOrderHold(PartialDiscreteSISO):
 
 
 class UnitDelay(PartialDiscreteSISO):
-    """The input one tick ago; `y_start` until there is one."""
+    """Unit delay 1/z: the input at the tick before the last one; `y_start` until there is one."""
 
     y_start: Real = parameter(default=0.0, doc="Output until the second tick")
     u_last: Real = discrete(doc="Input at the last tick")

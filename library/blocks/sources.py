@@ -18,7 +18,7 @@ class Constant(PartialSource):
 
 
 class ContinuousClock(PartialSignalSource):
-    """Time that has passed since `start_time` [s]."""
+    """Time that has passed since `start_time` [s]; `offset` before."""
 
     def equations(self) -> Equations:
         yield self.y == self.offset + where(time < self.start_time, 0.0, time - self.start_time)
@@ -55,7 +55,7 @@ class Sine(PartialSignalSource):
 
 
 class Pulse(PartialSignalSource):
-    """Row of rectangles: `nperiod` of them, without end when that is negative. Every edge cuts the run exactly."""
+    """Rectangular pulses: `nperiod` of them, or without end when it is negative. Edges are exact time events."""
 
     amplitude: Real = parameter(default=1.0, doc="Height of the pulses")
     width: Real = parameter(default=0.5, unit="1", min=0.0, max=1.0, doc="Pulse length as a fraction of the period")
@@ -76,7 +76,7 @@ class Pulse(PartialSignalSource):
 
 
 class TimeTable(PartialSignalSource):
-    """Linear interpolation in a table of (time, value) rows; equal times make a jump."""
+    """Linear interpolation in a table with rows (time [s], value); two rows with the same time make a jump."""
 
     table: Points = structural(doc="Rows (time [s], value); times ascend and count from start_time")
 

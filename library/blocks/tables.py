@@ -49,14 +49,14 @@ def table(
     *,
     located: bool = True,
 ) -> Expr:
-    """The function through `points` at `u`; the points are in the units of what they are used for, in SI.
+    """The function through `points` at `u`, numbers in the SI units of its argument and of its value.
 
     Kinks are events unless `located` is False: then they are left to the error control of the solver, which is cheaper
-    where a trajectory runs through many of them. Of more than `MANY` none is an event; a run stops at those that no
-    step of its solver foresees at its tolerance, without a word. Steps are always events.
+    where a trajectory passes many of them. A table of more than `MANY` points has no events at kinks; a run stops, but
+    for no event, at those that a step of its solver cannot pass within the tolerance. Steps are always events.
 
-    One point alone is a constant. The segment is found by halving: among few points by decisions of the model, else
-    by a search (`acausal.lookup`).
+    One point alone is a constant. The segment is found by bisection: among few points by relations in the equations,
+    among many by a search in one call (`acausal.lookup`).
 
     Raises
     ------
@@ -237,7 +237,7 @@ _SLOPES: dict[Smoothness, Callable[[Points], list[tuple[float, float]]]] = {
 
 
 class CombiTable1D(PartialSISO):
-    """Table of one variable: `y` is the function through the points of `table` at `u`."""
+    """Table of one variable: `y` is the function through the points of `table` at `u` (MSL: CombiTable1Ds)."""
 
     table: Points = structural(doc="Points (u, y), u strictly increasing")
     smoothness: Smoothness = structural(default=Smoothness.LINEAR_SEGMENTS, doc="What lies between two points")

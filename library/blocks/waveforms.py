@@ -1,7 +1,7 @@
 """Functions of time that signal, voltage and current sources share.
 
-Every switch is a condition on `time` alone, so that the run is cut there exactly. Tables are searched by a
-balanced tree of `where` where they are cut, and by halving between the cuts.
+Every switch is a condition on `time` alone: a time event, located exactly. Between events a table is searched by
+bisection; which events a time lies between is decided by a balanced tree of `where`.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ def table(points: Points, offset: Expr, start_time: Expr) -> Expr:
 
 
 def _joined(rows: Sequence[tuple[float, float, float, float]]) -> list[tuple[float, float, float, float]]:
-    """Rows that go on straight as one: a line has a second derivative, a search among equal lines has none."""
+    """Rows on one straight line, joined: a line has a second derivative, a search among equal lines has none."""
     found: list[tuple[float, float, float, float]] = []
     for row in rows:
         before = found[-1] if found else None
@@ -92,7 +92,7 @@ def _joined(rows: Sequence[tuple[float, float, float, float]]) -> list[tuple[flo
 
 
 def _cuts(rows: Sequence[tuple[float, float, float, float]]) -> list[int]:
-    """Rows at which the run is cut by a relation: jumps, and all kinks where these are few."""
+    """Rows at which there is a time event: jumps, and all kinks where these are few."""
     height = max(r[1] for r in rows) - min(r[1] for r in rows) + abs(rows[-1][2]) * (rows[-1][3] - rows[-1][0])
     jumps = []
     for k, (a, b) in enumerate(pairwise(rows), start=1):
