@@ -1,9 +1,9 @@
 """Dry friction that sticks, as a finite state machine: what the friction elements of all mechanical libraries share.
 
-Stuck, the force is whatever keeps the parts together, up to a largest one; sliding, it is given by the speed. Which of
-them holds is decided by guards that depend on accelerations, and these on all other friction elements: a mixed system
-of equations, solved at events. `sa` runs along the characteristic: it is the force while stuck and the acceleration,
-shifted by the largest force, while sliding.
+While stuck, the force is the one that keeps the relative speed at zero, up to a largest force; while sliding, it is a
+function of the speed. The conditions for a change of mode depend on accelerations, and these on all other friction
+elements: a mixed system of equations, solved at events. The path parameter `sa` is the force while stuck; while sliding
+it is the acceleration, shifted by the largest force.
 
 Source: M. Otter, H. Elmqvist, S. E. Mattsson, Hybrid modeling in Modelica based on the synchronous data flow principle,
 CACSD'99, Hawaii (1999); Modelica.Mechanics.Rotational.Interfaces.PartialFriction.

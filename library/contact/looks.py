@@ -1,4 +1,4 @@
-"""How contact scenes look: bodies have their contact shapes, contacts show their force."""
+"""How contact scenes are drawn: bodies by their contact shapes, contacts by an arrow for their force."""
 
 from __future__ import annotations
 

@@ -97,5 +97,5 @@ class PartialCuttingForce(Component):
         return self.torque * tanh(self.omega / self.omega_1)
 
     def thrust_on_axis(self) -> Expr:
-        """What the drill is pushed back with along its axis [N]; more than the feed force where more than edges cut."""
+        """Force along the axis that pushes the drill back [N]; more than the feed force with a chisel edge."""
         return self.F_f

@@ -1,4 +1,4 @@
-"""Where the energy of a drilling scene goes."""
+"""Energy balance of a drilling scene."""
 
 from __future__ import annotations
 

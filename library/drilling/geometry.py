@@ -1,6 +1,6 @@
-"""Where drill and workpiece stand to each other: depth, diameters, rotation. Purely geometric, no force.
+"""Relative position of drill and workpiece: depth, engaged diameters, rotation. Purely geometric, no force.
 
-There are levels of detail with the same connectors: the analytic plate here, any convex body in `geometry_convex.py`.
+Two levels of detail have the same connectors: the analytic plate here, any convex body in `geometry_convex.py`.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ class PartialDrillGeometry(Component):
 
     The depth `s` is measured along the drill axis, not along the normal of the face: the force law needs the first,
     while a penetration depth in the sense of collision detection is the second. A tip beside the workpiece is not in
-    contact, however deep it is: `s` is then not positive. What is cut where the edge of a workpiece lies within the
-    cut is not known here; a run in which that happens notes it.
+    contact, however deep it is: `s` is then not positive. A cut that reaches beyond an edge of the workpiece is a
+    full one while the axis is inside of the edge, and none else; a run in which that happens notes it (AC191).
 
     Source: founding paper, section 2 and Figure 3; the paper computes the same quantities by collision detection.
     """

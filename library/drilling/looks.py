@@ -1,4 +1,4 @@
-"""How drilling looks: the workpiece, the drill, its force and the hole; up is against the feed."""
+"""How drilling is drawn: the workpiece, the drill, its force and the hole; up is against the feed."""
 
 from __future__ import annotations
 

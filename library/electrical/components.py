@@ -10,7 +10,7 @@ from acausal.library.thermal.interfaces import HeatPort
 
 
 class Ground(Component):
-    """Potential 0 V; every circuit needs one."""
+    """Ground: potential 0 V at its pin. Every circuit needs one."""
 
     p: Pin = Pin()
 
@@ -59,7 +59,7 @@ class Inductor(PartialOnePort):
 
 
 class HeatingResistor(PartialOnePort):
-    """Resistor whose resistance depends on the temperature of its heat port, into which it gives its losses."""
+    """Resistor with R = R_ref*(1 + alpha*(T - T_ref)), T the temperature of its heat port, which takes its losses."""
 
     _to_be_connected = ("heatPort",)
 
@@ -67,7 +67,7 @@ class HeatingResistor(PartialOnePort):
     R_ref: Real = parameter(unit="Ohm", doc="Resistance at T_ref")
     T_ref: Real = parameter(default=300.15, unit="K", doc="Reference temperature")
     alpha: Real = parameter(default=0.0, unit="1/K", doc="Relative rise of the resistance with temperature")
-    R_actual: Real = variable(unit="Ohm", doc="Resistance as it is")
+    R_actual: Real = variable(unit="Ohm", doc="Resistance at the temperature of the heat port")
     loss_power: Real = variable(unit="W", doc="Power turned into heat")
 
     def equations(self) -> Equations:
@@ -102,7 +102,7 @@ class SaturatingInductor(PartialOnePort):
 
 
 class IdealTransformer(PartialTwoPort):
-    """Transformer without losses and magnetisation: it transforms direct current, too."""
+    """Ideal transformer: v1 = n*v2, i2 = -n*i1. Without magnetisation it transforms direct current, too."""
 
     n: Real = parameter(unit="1", doc="Turns ratio primary : secondary")
 

@@ -1,4 +1,4 @@
-"""Where electrical power becomes mechanical power. Names and signs as in Modelica.Electrical.Analog.Basic."""
+"""Conversion of electrical into mechanical power. Names and signs as in Modelica.Electrical.Analog.Basic."""
 
 from __future__ import annotations
 

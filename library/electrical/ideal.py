@@ -1,8 +1,8 @@
 """Ideal switches and semiconductors. Names as in Modelica.Electrical.Analog.Ideal.
 
-Each is a broken line in the plane of voltage and current, written with its own path length `s`: conducting, s is the
-current and the voltage Ron*s; blocking, s is the voltage and the current Goff*s. Several of them decide together, in a
-mixed system of equations at events.
+The characteristic of each consists of two straight lines in the plane of voltage and current, with the path parameter
+`s`: conducting, v = Vknee + Ron*s and i = Goff*Vknee + s; blocking, v = Vknee + s and i = Goff*(Vknee + s).
+The modes of connected elements depend on each other: they are a mixed system of equations, solved at events.
 
 Source: C. Clauss, J. Haase, G. Kurth, P. Schwarz, Extended Admittance Description of Nonlinear n-Poles, AEU 40 (1995);
 Modelica.Electrical.Analog.Interfaces.IdealSemiconductor.
@@ -34,7 +34,7 @@ from acausal.library.electrical.interfaces import PartialOnePort
 
 
 class PartialIdealSwitching(PartialOnePort):
-    """Broken line in the plane of voltage and current; a subclass says when it is `off`."""
+    """Element that conducts along one straight line and blocks along another; a subclass says when it is `off`."""
 
     Ron: Real = parameter(default=1e-5, unit="Ohm", min=0.0, doc="Resistance while conducting")
     Goff: Real = parameter(default=1e-5, unit="S", min=0.0, doc="Conductance while blocking")
@@ -58,14 +58,14 @@ class PartialIdealSwitching(PartialOnePort):
 
 
 class IdealDiode(PartialIdealSwitching):
-    """Diode: conducts from p to n above `Vknee`."""
+    """Ideal diode: it conducts from p to n where the voltage reaches `Vknee`, else it blocks."""
 
     def equations(self) -> Equations:
         yield self.off == (self.s < 0.0)
 
 
 class IdealThyristor(PartialIdealSwitching):
-    """Thyristor: begins to conduct when `fire` is true, and goes on until its current ends."""
+    """Ideal thyristor: it begins to conduct when `fire` is true, and conducts until its current falls to zero."""
 
     fire: Real = boolean_input(doc="Lets it begin to conduct")
 
@@ -74,7 +74,7 @@ class IdealThyristor(PartialIdealSwitching):
 
 
 class IdealGTOThyristor(PartialIdealSwitching):
-    """Thyristor that conducts only while `fire` is true."""
+    """Ideal gate turn-off thyristor: it conducts only while `fire` is true."""
 
     fire: Real = boolean_input(doc="Lets it conduct")
 

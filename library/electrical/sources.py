@@ -64,7 +64,7 @@ class SineVoltage(PartialVoltageSource):
 
 
 class SignalVoltage(PartialOnePort):
-    """Signal as a voltage."""
+    """Voltage given by an input signal [V]."""
 
     u: Real = signal_input(unit="V", doc="Voltage")
 
@@ -112,7 +112,7 @@ class SineCurrent(PartialCurrentSource):
 
 
 class SignalCurrent(PartialOnePort):
-    """Signal as a current."""
+    """Current given by an input signal [A]."""
 
     u: Real = signal_input(unit="A", doc="Current from p to n")
 

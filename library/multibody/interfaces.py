@@ -14,7 +14,7 @@ class PartialTwoFrames(Component):
 
 
 class PartialJoint(PartialTwoFrames):
-    """A component that fixes the orientation of one frame against the other, by coordinates of its own or none."""
+    """A joint that determines the orientation of one frame against the other, with or without joint coordinates."""
 
     def ties(self) -> Equations:
         yield branch(self.frame_a, self.frame_b)

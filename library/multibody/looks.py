@@ -1,4 +1,4 @@
-"""How mechanisms look: bodies, joints, springs; up is against gravity."""
+"""How mechanisms are drawn: bodies, joints, springs; up is against gravity."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is measured: motion of a frame, motion between two frames, the force and torque through a cut."""
+"""Ideal sensors: motion of a frame, relative motion of two frames, force and torque through a cut."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class RelativeSensor(PartialRelativeSensor):
 
 
 class PartialCutSensor(PartialJoint):
-    """A cut through which everything passes."""
+    """A cut in a connection: both frames coincide, force and torque pass unchanged."""
 
     def equations(self) -> Equations:
         a, b = self.frame_a, self.frame_b

@@ -23,7 +23,7 @@ class Fixed(Component):
 
 
 class Inertia(PartialTwoFlanges):
-    """Shaft with moment of inertia."""
+    """Rigid shaft with the moment of inertia J about its axis."""
 
     J: Real = parameter(unit="kg.m2", min=0.0, doc="Moment of inertia")
     phi: Real = variable(unit="rad", prefer_state=True, doc="Absolute angle")
@@ -39,7 +39,7 @@ class Inertia(PartialTwoFlanges):
 
 
 class Spring(PartialCompliant):
-    """Linear torsion spring."""
+    """Linear torsion spring: tau = c*(phi_rel - phi_rel0)."""
 
     c: Real = parameter(unit="N.m/rad", min=0.0, doc="Stiffness")
     phi_rel0: Real = parameter(default=0.0, unit="rad", doc="Untwisted angle")
@@ -77,7 +77,7 @@ class SpringDamper(PartialCompliantWithRelativeStates):
 
 
 class ElastoBacklash(PartialCompliantWithRelativeStates):
-    """Spring and damper in series with a play of total width `b`; the flanks only push.
+    """Spring and damper side by side, in series with a play of total width `b`; the flanks push and never pull.
 
     With tau_c = c*(phi_diff -/+ b/2) and tau_d = d*w_rel the torque beyond the play is tau_c + tau_d, with the size
     of tau_d limited to that of tau_c, and 0 where it would pull.

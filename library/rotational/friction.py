@@ -30,7 +30,7 @@ from acausal.library.rotational.interfaces import PartialCompliantWithRelativeSt
 
 
 class PartialFriction(DryFriction):
-    """Friction element; a subclass says what `w_relfric`, `a_relfric`, `tau0`, `tau0_max`, `free` are."""
+    """Element with dry friction; a subclass states `w_relfric`, `a_relfric`, `tau0`, `tau0_max` and `free`."""
 
     w_small: Real = parameter(
         default=1e10,

@@ -11,7 +11,7 @@ from acausal.library.thermal.interfaces import HeatPort
 
 
 class Torque(PartialTorque):
-    """Signal as a torque on the flange; positive accelerates towards positive `phi`."""
+    """Torque on the flange, given by an input signal; a positive one accelerates towards positive `phi`."""
 
     u: Real = signal_input(unit="N.m", doc="Driving torque")
 
@@ -20,7 +20,7 @@ class Torque(PartialTorque):
 
 
 class Torque2(PartialTwoFlanges):
-    """Signal as a torque on `flange_b`, reacting on `flange_a`."""
+    """Torque on `flange_b`, given by an input signal; the opposite torque acts on `flange_a`."""
 
     u: Real = signal_input(unit="N.m", doc="Driving torque")
 
@@ -50,7 +50,7 @@ class PartialSpeedDependentTorque(PartialTorque):
 
 
 class LinearSpeedDependentTorque(PartialSpeedDependentTorque):
-    """Torque proportional to the angular velocity; it changes sign with it."""
+    """Torque proportional to the angular velocity: tau_nominal*w/w_nominal."""
 
     def equations(self) -> Equations:
         yield self.flange.tau == -self.tau_nominal * (self.w / self.w_nominal)
@@ -68,7 +68,7 @@ class QuadraticSpeedDependentTorque(PartialSpeedDependentTorque):
 
 
 class EddyCurrentTorque(PartialTorque):
-    """Brake by eddy currents, excited by a signal; its losses heat the port.
+    """Eddy current brake, excited by an input signal; its losses flow out of the heat port.
 
     `tau = 2*tau_nominal*exc^2*x/(1 + x^2)` with `x = w/w_nominal` at the reference temperature, where the torque is
     largest at w_nominal; a warmer disc resists more, and turns faster for the same torque.
@@ -101,7 +101,7 @@ class EddyCurrentTorque(PartialTorque):
 
 
 class Position(Component):
-    """Flange that follows an angle signal exactly; the signal is differentiated where inertias are attached."""
+    """Flange whose angle is an input signal, exactly; the signal is differentiated where inertias are attached."""
 
     flange: Flange = Flange()
     phi_ref: Real = signal_input(unit="rad", doc="Angle")
@@ -111,7 +111,7 @@ class Position(Component):
 
 
 class Speed(Component):
-    """Flange that follows an angular velocity signal exactly; the start angle is that of `phi`."""
+    """Flange whose angular velocity is an input signal, exactly; the start angle is the start value of `phi`."""
 
     flange: Flange = Flange()
     w_ref: Real = signal_input(unit="rad/s", doc="Angular velocity")
@@ -125,7 +125,7 @@ class Speed(Component):
 
 
 class Accelerate(Component):
-    """Flange that follows an angular acceleration signal exactly; the start is that of `phi` and `w`."""
+    """Flange whose angular acceleration is an input signal, exactly; it starts from the given `phi` and `w`."""
 
     flange: Flange = Flange()
     a_ref: Real = signal_input(unit="rad/s2", doc="Angular acceleration")

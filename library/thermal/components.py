@@ -33,7 +33,7 @@ class ThermalConductor(PartialElement1D):
 
 
 class ThermalResistor(PartialElement1D):
-    """Conduction by its resistance; with R = 0 both temperatures are equal."""
+    """Conduction given by its thermal resistance; with R = 0 both temperatures are equal."""
 
     R: Real = parameter(unit="K/W", min=0.0, doc="Thermal resistance")
 
@@ -42,7 +42,7 @@ class ThermalResistor(PartialElement1D):
 
 
 class Convection(Component):
-    """Heat transfer between a solid and a fluid, with a conductance from outside."""
+    """Heat transfer between a solid and a fluid: Q_flow = Gc*(solid.T - fluid.T), with the conductance Gc as input."""
 
     solid: HeatPort = HeatPort()
     fluid: HeatPort = HeatPort()
@@ -58,7 +58,7 @@ class Convection(Component):
 
 
 class BodyRadiation(PartialElement1D):
-    """Radiation between two bodies: heat flow in proportion to the difference of T^4."""
+    """Radiation between two bodies: Q_flow = Gr*sigma*(port_a.T^4 - port_b.T^4)."""
 
     Gr: Real = parameter(unit="m2", min=0.0, doc="Net radiation conductance: area, emissivities and view factor")
 

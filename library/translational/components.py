@@ -22,14 +22,14 @@ class Fixed(Component):
 
 
 class Rod(PartialRigid):
-    """Rod without mass."""
+    """Rigid rod without mass, of length L."""
 
     def equations(self) -> Equations:
         yield self.flange_a.f + self.flange_b.f == 0.0
 
 
 class Mass(PartialRigid):
-    """Sliding mass with inertia."""
+    """Sliding mass of length L; `s` is the position of its middle."""
 
     m: Real = parameter(unit="kg", min=0.0, doc="Mass")
     v: Real = variable(unit="m/s", prefer_state=True, doc="Absolute velocity")
@@ -42,7 +42,7 @@ class Mass(PartialRigid):
 
 
 class Spring(PartialCompliant):
-    """Linear spring."""
+    """Linear spring: f = c*(s_rel - s_rel0), positive when it pulls."""
 
     c: Real = parameter(unit="N/m", min=0.0, doc="Stiffness")
     s_rel0: Real = parameter(default=0.0, unit="m", doc="Unstretched length")
@@ -80,7 +80,7 @@ class SpringDamper(PartialCompliantWithRelativeStates):
 
 
 class Backlash(PartialCompliantWithRelativeStates):
-    """Spring and damper in series with a play of total width `b`: free inside, pushing at either end of it.
+    """Spring and damper side by side, in series with a play of total width `b`: no force within the play.
 
     The damping force is limited to the size of the spring force, so that the ends never pull.
     """

@@ -31,7 +31,7 @@ from acausal.library.translational.interfaces import PartialRigid
 
 
 class PartialFriction(DryFriction):
-    """Friction element; a subclass says what `v_relfric`, `a_relfric`, `f0`, `f0_max`, `free` are."""
+    """Element with dry friction; a subclass states `v_relfric`, `a_relfric`, `f0`, `f0_max` and `free`."""
 
     v_small: Real = parameter(
         default=1e10,

@@ -10,7 +10,7 @@ from acausal.library.translational.interfaces import Flange, PartialForce, Parti
 
 
 class Force(PartialForce):
-    """Signal as a force on the flange; positive accelerates towards positive `s`."""
+    """Force on the flange, given by an input signal; a positive one accelerates towards positive `s`."""
 
     u: Real = signal_input(unit="N", doc="Driving force")
 
@@ -19,7 +19,7 @@ class Force(PartialForce):
 
 
 class Force2(PartialTwoFlanges):
-    """Signal as a force on `flange_b`, reacting on `flange_a`; positive pushes the flanges apart."""
+    """Force on `flange_b`, given by an input signal; the opposite force acts on `flange_a`. Positive pushes apart."""
 
     u: Real = signal_input(unit="N", doc="Driving force")
 
@@ -49,7 +49,7 @@ class PartialSpeedDependentForce(PartialForce):
 
 
 class LinearSpeedDependentForce(PartialSpeedDependentForce):
-    """Force proportional to the velocity; it changes sign with it."""
+    """Force proportional to the velocity: f_nominal*v/v_nominal."""
 
     def equations(self) -> Equations:
         yield self.flange.f == -self.f_nominal * (self.v / self.v_nominal)
@@ -67,7 +67,7 @@ class QuadraticSpeedDependentForce(PartialSpeedDependentForce):
 
 
 class Position(Component):
-    """Flange that follows a position signal exactly; the signal is differentiated where masses are attached."""
+    """Flange whose position is an input signal, exactly; the signal is differentiated where masses are attached."""
 
     flange: Flange = Flange()
     s_ref: Real = signal_input(unit="m", doc="Position")
@@ -77,7 +77,7 @@ class Position(Component):
 
 
 class Speed(Component):
-    """Flange that follows a velocity signal exactly; the start position is that of `s`."""
+    """Flange whose velocity is an input signal, exactly; the start position is the start value of `s`."""
 
     flange: Flange = Flange()
     v_ref: Real = signal_input(unit="m/s", doc="Velocity")
@@ -91,7 +91,7 @@ class Speed(Component):
 
 
 class Accelerate(Component):
-    """Flange that follows an acceleration signal exactly; the start is that of `s` and `v`."""
+    """Flange whose acceleration is an input signal, exactly; it starts from the start values of `s` and `v`."""
 
     flange: Flange = Flange()
     a_ref: Real = signal_input(unit="m/s2", doc="Acceleration")

@@ -1,4 +1,4 @@
-"""What is asked of shapes before anything is computed with them; errors name the body."""
+"""Checks of shapes before anything is computed with them; errors name the body."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ Ends = tuple[NDArray[np.int_], NDArray[np.int_]]
 
 @dataclass(frozen=True)
 class Dropped:
-    """Why pairs are not in the equations, and how many."""
+    """Number of pairs that are not in the equations for one reason."""
 
     reason: str
     count: int

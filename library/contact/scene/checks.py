@@ -1,4 +1,4 @@
-"""What is asked of shapes, poses and bodies before anything is computed with them; errors name the body."""
+"""Checks of shapes, poses and bodies before anything is computed with them; errors name the body."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A scene of bodies that touch: who can touch whom is found out, not declared."""
+"""A scene of bodies in contact: the pairs that can touch are found, not declared."""
 
 from __future__ import annotations
 
@@ -47,11 +47,11 @@ _SLACK = 1e-6
 
 
 class Untouched(PartialAbsoluteSensor):
-    """What a body feels that nothing touches: no force. It also says so for a body whose contacts come and go."""
+    """Zero force on the frame of a body: it stays connected while no contact of the body is in the equations."""
 
 
 class Apart(Component):
-    """In the place of a contact that cannot come about: no equations. Those behind it keep their names."""
+    """Placeholder without equations for a contact that is left out, so that the contacts after it keep their names."""
 
 
 class ContactScene(Component):

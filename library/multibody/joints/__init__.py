@@ -1,4 +1,4 @@
-"""Joints: what two frames may do against each other."""
+"""Joints: which relative motions of two frames are free."""
 
 from __future__ import annotations
 
