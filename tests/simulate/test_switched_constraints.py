@@ -243,7 +243,7 @@ class Complementary(Component):
     ids=["minimum", "maximum", "Fischer-Burmeister", "smoothed"],
 )
 @pytest.mark.parametrize("solver", ["idas", "rosenbrock"])
-@pytest.mark.filterwarnings("ignore:invalid value")
+@pytest.mark.filterwarnings("error::RuntimeWarning")
 def test_a_string_that_becomes_taut_without_a_branch_is_named(law: Callable[[Any, Any], Any], solver: str) -> None:
     """Free fall until (0.3 + t/2)^2 + (0.2 + 4.905 t^2)^2 = 1, at t = 0.3708: states would go from there on."""
     with pytest.raises(AcausalError) as caught:

@@ -23,14 +23,14 @@ def lowest(times: Vector, g: Vector) -> Vector:
     if len(g) < 3:
         return np.asarray(np.minimum(a, b))
     h = np.diff(times)[:, None]
-    rise = b - a
-    curve = np.diff(rise / h, axis=0) / (h[1:] + h[:-1])
-    left, right = np.vstack([curve[:1], curve]), np.vstack([curve, curve[-1:]])
-    # a + rise*s - depth*s*(1 - s) for s from 0 to 1
-    depth = h * h * (np.maximum(np.maximum(left, right), 0.0) + np.abs(left - right))
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # beyond a pole nothing is known: nan
+        rise = b - a
+        curve = np.diff(rise / h, axis=0) / (h[1:] + h[:-1])
+        left, right = np.vstack([curve[:1], curve]), np.vstack([curve, curve[-1:]])
+        # a + rise*s - depth*s*(1 - s) for s from 0 to 1
+        depth = h * h * (np.maximum(np.maximum(left, right), 0.0) + np.abs(left - right))
         s = np.where(depth > np.abs(rise), 0.5 * (1.0 - rise / depth), np.where(rise > 0, 0.0, 1.0))
-    bound: Vector = np.minimum(a + rise * s - depth * s * (1.0 - s), _meeting(g, h, rise / h))
+        bound: Vector = np.minimum(a + rise * s - depth * s * (1.0 - s), _meeting(g, h, rise / h))
     return bound
 
 

@@ -607,7 +607,10 @@ class Search:
         low = max(seen.here, min(row + 1 - _NEAREST // 2, len(seen.times) - _NEAREST))
         near = slice(low, low + _NEAREST)
         origin = float(seen.times[row])
-        curve = KroghInterpolator(seen.times[near] - origin, seen.values[near, k])
+        if not np.isfinite(seen.values[row + 1, k]):  # a pole: what follows begins where it is still finite
+            return origin
+        known = np.isfinite(seen.values[near, k])
+        curve = KroghInterpolator(seen.times[near][known] - origin, seen.values[near, k][known])
         b = float(seen.times[row + 1]) - origin
         if not curve(0.0) > 0.0 > curve(b):
             return origin
