@@ -39,6 +39,9 @@ _CREEPING = 1e-3
 _LINGERING = 10
 # Events in a row whose guard was never as large as it may be wrong: 20 of a relation, there and back.
 _VAGUE = 40
+# Events in a row whose guard was never as large as by errors of states that had not relaxed, and the share of the run
+# that each of them must have brought it on.
+_SMALL, _RESTLESS = 400, 1e-6
 # Share of the run that is integrated at once at least.
 _SHORTEST = 1e-9
 # Looks of a one-step method in a whole run, and in any stretch.
@@ -84,6 +87,7 @@ class Hybrid:
     _gap: float = np.inf
     _failed: bool = False
     _vague: dict[int, int] = field(default_factory=dict)
+    _small: dict[int, list[float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.guards = Guards(self.problem, self.tolerances, self.span)
@@ -365,6 +369,7 @@ class Hybrid:
 
     def _judge(self, reached: Arrival, moment: Moment) -> None:
         """Say of a guard that it was never as large as it may be wrong; refuse it where no other one is passed."""
+        self._refuse_restless(reached, moment)
         if reached.vague is None:
             self._vague.clear()
             return
@@ -376,6 +381,24 @@ class Hybrid:
         self._vague[relation] = self._vague.get(relation, 0) + 1
         if self._vague[relation] > _VAGUE:
             raise unsettled(self.problem.compiled.name, float(reached.time or 0.0), [text])
+
+    def _refuse_restless(self, reached: Arrival, moment: Moment) -> None:
+        """Refuse a relation that flips without end, hardly in time, among errors of states.
+
+        Near `sqrt(h)` they relax so fast that a guard of 1e-17 is well known, and its events are 1e-7 s apart.
+        """
+        if reached.small is None or reached.time is None:
+            self._small.clear()
+            return
+        relation = moment.regime.owners[reached.small][0]
+        if relation in self.problem.compiled.state_events.watched:
+            return
+        times = self._small.setdefault(relation, [])
+        times.append(reached.time)
+        if len(times) > _SMALL:
+            if times[-1] - times[0] < _SMALL * _RESTLESS * self.span:
+                raise unsettled(self.problem.compiled.name, reached.time, [self.guards.texts[relation]])
+            times.clear()
 
     def _note(self, note: str) -> None:
         if note not in self.notes:

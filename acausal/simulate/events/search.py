@@ -62,13 +62,15 @@ _AGAIN = 1e-3
 class Arrival:
     """Where a stretch has come to: to an event at `time`, or (None) to its end.
 
-    `vague` is the guard that made it where this was never as large as it may be wrong.
+    `vague` is the guard that made it where this was never as large as it may be wrong; `small` is the one that was
+    never as large as by errors of states that had not relaxed.
     """
 
     time: float | None
     x: Vector
     z: Vector
     vague: int | None = None
+    small: int | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -537,7 +539,9 @@ class Search:
         _add(counters, piece.counters)
         way.record(due, Piece(*earlier, counters))
         x = self._whole(way, t, x)
-        return Arrival(t, x, z, which if noise[which] > way.largest[which] else None)
+        widest = self.guards.rates(t, replace(moment, x=x, z=z), between=True)[1]
+        vague, small = (which if n[which] > way.largest[which] else None for n in (noise, widest))
+        return Arrival(t, x, z, vague, small)
 
     def _only(self, asked: Segment, t: float) -> Segment:
         """The same that ends at a time, and delivers nothing before."""
