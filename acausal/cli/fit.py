@@ -147,6 +147,7 @@ def _content(found: Fit) -> dict[str, Any]:
         "noise": found.noise,
         "rows": found.rows,
         "runs": found.runs,
+        "gradients": found.gradients,
         "notes": found.notes,
     }
 
@@ -155,7 +156,7 @@ def _print(found: Fit) -> None:
     sizes = (
         plural(len(found.names), "parameter"),
         f"{plural(found.rows, 'value')} of {plural(len(found.rms), 'signal')}",
-        plural(found.runs, "run"),
+        f"{plural(found.runs, 'run')}, {found.gradients} differentiated",
     )
     say(f"{found.model}: {', '.join(sizes)}")
     rows = [

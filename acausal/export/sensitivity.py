@@ -216,8 +216,12 @@ class Chain:
         y_x, y_p = self.output()
         return y_x @ x + y_p, of_times
 
-    def trajectory(self, times: Vector) -> Vector:
-        """d outputs / d parameters at `times`, shape (times, outputs, parameters); at events just after them."""
+    def trajectory(self, times: Vector, states: Callable[[Vector], Vector] | None = None) -> Vector:
+        """d outputs / d parameters at `times`, shape (times, outputs, parameters); at events just after them.
+
+        `states` are those of the run at some instants, shape (instants, nx): where nothing varies along a stretch, no
+        step is made to know them.
+        """
         found = np.zeros((len(times), len(self.wanted), self.count))
         x = self.start()
         for k, passage in enumerate(self.passages):
@@ -226,21 +230,65 @@ class Chain:
             last = k + 1 == len(self.passages)
             until = np.inf if last else self.passages[k + 1].time
             inside = np.flatnonzero((times >= passage.time) & (times < until))
-            moment = passage.happened.moment
-            found[inside[times[inside] <= passage.time]] = self._shown(moment, passage.time, moment.x, moment.z, x)
-            stretch = self.stretch(k)
-            stops = np.unique(times[inside])
-            for at, w, there in stretch.carry(stops[(stops > passage.time) & (stops < stretch.end)], x):
-                x = there
-                here = inside[times[inside] == at]
-                if len(here):
-                    found[here] = self._shown(moment, at, w[: self.nx], w[self.nx :], x)
+            stretch, at = self.stretch(k), times[inside]
+            w, there = [np.concatenate([stretch.x, stretch.z])], [x]
+            stops = np.unique(at[at > passage.time])
+            if states is not None and self.is_still(stretch.regime, x):
+                w += list(states(stops))
+                there += [x] * len(stops)
+            else:
+                for t, variables, carried in stretch.carry(stops[stops < stretch.end], x):
+                    x = carried
+                    if t in stops:
+                        w.append(variables)
+                        there.append(x)
+            if not len(inside):
+                continue
+            place = np.searchsorted(stops, at, side="right")
+            found[inside] = self._shown(stretch, at, np.array(w)[place], np.array(there)[place])
         return found
 
-    def _shown(self, moment: Any, t: float, x: Vector, z: Vector, variation: Vector) -> Vector:
-        """d outputs / d parameters at one instant."""
-        by_x, by_p, _ = self._shown_by(moment.regime, t, replace(moment, x=x, z=z))
-        return by_x @ variation + by_p
+    def is_still(self, regime: Regime, x: Vector) -> bool:
+        """Whether states without variations `x` have none from the parameters under this regime, either."""
+        slopes = self.variation(regime).slopes
+        return not x.any() and slopes.n == slopes.nx and not (slopes.columns >= slopes.n).any()
+
+    def is_quick(self) -> bool:
+        """Whether a trajectory takes compiled steps, or none: in Python it costs many runs."""
+        still, regimes = not self.start().any(), [passage.happened.moment.regime for passage in self.passages]
+        for passage, regime in zip(self.passages, regimes, strict=True):
+            _, by_p, *_ = self.event(passage)
+            still = still and self.is_still(regime, by_p)
+        return still or all(self.variation(regime).is_compiled(self.native) for regime in regimes)
+
+    def _shown(self, stretch: Stretch, times: Vector, w: Vector, x: Vector) -> Vector:
+        """d outputs / d parameters at k instants of one stretch; `w` are variables, `x` variations, (k, nx, count)."""
+        c, regime, k = self.compiled, stretch.regime, len(times)
+        outputs = tuple(output.name for output in self.wanted)
+        key = "shown", *outputs, tuple(self.chosen), regime.holds, regime.border
+        packed = self._kept(key, lambda: Quick(self._packed(regime)))
+        rows = packed.many(times[:, None], w[:, : self.nx], w[:, self.nx :], self.u, self.p, stretch.m)
+        nz, width = len(c.algebraic), (self.nx, self.count, len(c.algebraic))
+        shapes = [(size, n) for size in (len(outputs), nz) for n in width]
+        ends = np.cumsum([a * b for a, b in shapes])[:-1]
+        parts = [
+            part.reshape(k, n, size).transpose(0, 2, 1)
+            for part, (size, n) in zip(np.split(rows, ends, axis=1), shapes, strict=True)
+        ]
+        by_x, by_p, by_z, implied_x, implied_p, implied_z = parts
+        if nz:
+            inner = by_z @ np.linalg.pinv(implied_z)
+            by_x, by_p = by_x - inner @ implied_x, by_p - inner @ implied_p
+        return np.asarray(by_x @ x + by_p)
+
+    def _packed(self, regime: Regime) -> Any:
+        """Derivatives of the outputs and of the algebraic equations by x, the chosen parameters, and z, in a row."""
+        s = Symbols(self.compiled)
+        pieces = []
+        for value in (self._observed(*s.inputs), regime.compiled.rhs(*s.inputs)[1]):
+            by_p = ca.jacobian(value, s.p)[:, self.chosen]
+            pieces += [ca.jacobian(value, s.x), by_p, ca.jacobian(value, s.z)]
+        return ca.Function("shown", s.inputs, [ca.vertcat(*(ca.vec(ca.densify(piece)) for piece in pieces))])
 
     def _shown_by(self, regime: Regime, t: float, moment: Any) -> tuple[Vector, Vector, Vector]:
         """Derivatives of the outputs by states, parameters and time."""

@@ -59,6 +59,10 @@ class Variation:
             total = total + by_p
         return rows, total
 
+    def is_compiled(self, native: bool | None) -> bool:
+        """Whether steps are those of compiled code."""
+        return self._compiled(native) is not None
+
     def _elements(self, way: Way, temper: Temper) -> Iterator[Element]:
         """The steps in Python."""
         slopes = self.slopes

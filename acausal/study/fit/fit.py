@@ -1,9 +1,11 @@
 """Parameters by least squares on runs, with what the data say about each of them.
 
-Gauss and Newton's method in a trust region (scipy's `least_squares`), on derivatives by differences of runs: these go
-through events, delays and contacts as the runs do. Every signal is weighted by the standard deviation of its noise;
-where that is not known it is estimated from the residuals of a first fit, and the fit is made again (Bates and Watts,
-Nonlinear Regression Analysis and Its Applications, 1988, chapters 2 and 4).
+Gauss and Newton's method in a trust region (scipy's `least_squares`). Derivatives are those of the runs
+(`acausal/export/sensitivity.py`) where compiled steps, or none, lead to them, and differences of runs elsewhere: these
+go through delays, varying inputs and contacts as the runs do. The search ends where a step would be small beside the
+confidence intervals: by the relative offset. Every signal is weighted by the standard deviation of its noise; where
+that is not known it is estimated from the residuals of a first fit, and the fit is made again (Bates and Watts,
+Nonlinear Regression Analysis and Its Applications, 1988, sections 2.2.3 and 4).
 """
 
 from __future__ import annotations
@@ -24,7 +26,7 @@ from acausal.providers import provided
 from acausal.result import Result
 from acausal.study.fit.dataset import Dataset
 from acausal.study.fit.judge import Judgement, Unknowns, judge
-from acausal.study.fit.trial import Trial, trial_of
+from acausal.study.fit.trial import Ran, Trial, trial_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -39,6 +41,13 @@ _TOLERANCE = 1e-8
 _ROUGH = 1e-3
 _FINE = 1e-6
 _MOST = 100
+# The part of the residuals that a step would remove, by the standard deviation: no parameter would then move by a
+# larger part of its own. For the first fit and the last one.
+_OFFSET_ROUGH, _OFFSET = 0.1, 0.01
+# Columns of derivatives that agree so well are differences of rounding.
+_SAME = 1e-3
+# Points whose runs are kept.
+_KEPT = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,8 +67,9 @@ class Fit:
         Shape (n, n).
     rms, noise
         Root mean square of the residuals by signal, in its unit, and the standard deviation they were weighted by.
-    rows, runs
-        Number of values compared, and of simulations made.
+    rows, runs, gradients
+        Number of values compared, of simulations made, and of those that were differentiated by all parameters, which
+        costs less than another one.
     results
         One run with the found parameters for each data set.
     notes
@@ -79,6 +89,7 @@ class Fit:
     noise: Mapping[str, float]
     rows: int
     runs: int
+    gradients: int
     results: tuple[Result, ...]
     trials: tuple[Trial, ...] = field(repr=False)
     notes: tuple[str, ...] = ()
@@ -121,7 +132,7 @@ def fit(
     parameters, inputs, start
         As `simulate` takes them, for all experiments; those of a data set come first.
     tolerance
-        Tolerance of the runs; by default that of the model, but at most 1e-8, for derivatives are differences of runs.
+        Tolerance of the runs; by default that of the model, but at most 1e-8, for derivatives may be differences.
     progress
         Called with a sentence after each step of the search.
 
@@ -183,6 +194,14 @@ def _unfit(compiled: CompiledModel, name: str, known: bool, free: list[str]) -> 
     )
 
 
+class _Arrived(Exception):
+    """The search may end at `q`."""
+
+    def __init__(self, q: Vector) -> None:
+        super().__init__()
+        self.q = q
+
+
 @dataclass
 class _Search:
     """The search while it is under way: parameters in multiples of their scale, residuals of all trials in a row."""
@@ -193,6 +212,10 @@ class _Search:
     runs: int = 0
     noise: Mapping[str, float] = field(default_factory=dict)
     known: dict[bytes, Vector | None] = field(default_factory=dict)
+    kept: dict[bytes, list[Ran]] = field(default_factory=dict)
+    slopes: dict[bytes, Vector] = field(default_factory=dict)
+    gradients: int = 0
+    is_known: bool = False
 
     @property
     def rows(self) -> int:
@@ -201,18 +224,64 @@ class _Search:
 
     def residuals(self, q: Vector) -> Vector | None:
         """Simulated less measured, in SI, shape (rows,); None where a run fails."""
-        if q.tobytes() not in self.known:
-            values = dict(zip(self.unknown.names, (q * self.unknown.scale).tolist(), strict=True))
-            try:
-                found: Vector | None = np.concatenate([t.residuals(values) for t in self.trials])
-            except RunError:
-                found = None
-            self.known[q.tobytes()] = found
-            self.runs += len(self.trials)
-        return self.known[q.tobytes()]
+        key = q.tobytes()
+        if key not in self.known:
+            runs = self._run(q)
+            self.known[key] = (
+                None
+                if runs is None
+                else np.concatenate([t.residuals(r) for t, r in zip(self.trials, runs, strict=True)])
+            )
+            if runs is not None:
+                self.kept[key] = runs
+                while len(self.kept) > _KEPT:
+                    del self.kept[next(iter(self.kept))]
+        return self.known[key]
+
+    def _run(self, q: Vector) -> list[Ran] | None:
+        """One run of each data set; None where one fails."""
+        runs = []
+        try:
+            for trial in self.trials:
+                self.runs += 1
+                runs.append(trial.ran(self.values(q)))
+        except RunError:
+            return None
+        return runs
+
+    def values(self, q: Vector) -> dict[str, float]:
+        """The parameters by name, in SI."""
+        return dict(zip(self.unknown.names, (q * self.unknown.scale).tolist(), strict=True))
+
+    def results(self, q: Vector) -> tuple[Result, ...]:
+        """The runs with these parameters, made again where they are not kept."""
+        runs = self.kept.get(q.tobytes()) or self._run(q) or []
+        return tuple(r.result for r in runs)
 
     def derivatives(self, q: Vector) -> Vector:
-        """Of the residuals by the scaled parameters, shape (rows, n): one run for each."""
+        """Of the residuals by the scaled parameters, shape (rows, n)."""
+        key = q.tobytes()
+        if key not in self.slopes:
+            found = self._differentiated(q)
+            self.slopes = {key: self._differences(q) if found is None else found}
+        return self.slopes[key]
+
+    def _differentiated(self, q: Vector) -> Vector | None:
+        """Derivatives of the runs, where all have some."""
+        self.residuals(q)
+        parts = []
+        for trial, ran in zip(self.trials, self.kept.get(q.tobytes(), []), strict=False):
+            part = trial.derivatives(ran)
+            if part is None:
+                return None
+            parts.append(part)
+        if not parts:
+            return None
+        self.gradients += len(parts)
+        return np.asarray(np.concatenate(parts) * self.unknown.scale)
+
+    def _differences(self, q: Vector) -> Vector:
+        """Differences of runs, one for each parameter."""
         here = self.residuals(q)
         columns = []
         high = self.unknown.high / self.unknown.scale
@@ -221,14 +290,28 @@ class _Search:
             for signed in (step, -step) if q[k] + step <= high[k] else (-step,):
                 moved = q.copy()
                 moved[k] += signed
-                there = self.residuals(moved)
-                if here is not None and there is not None:
+                runs = self._run(moved)
+                if here is not None and runs is not None:
+                    there = np.concatenate([t.residuals(r) for t, r in zip(self.trials, runs, strict=True)])
                     columns.append((there - here) / signed)
                     break
             else:
                 name = self.unknown.names[k]
                 raise UsageError("AC056", f"no run beside {name} = {q[k] * self.unknown.scale[k]:.6g} succeeds")
         return np.column_stack(columns)
+
+    def offset(self, q: Vector, rest: Vector, slope: Vector) -> float:
+        """What a step would remove of the weighted residuals, by their standard deviation; inf at a limit."""
+        size = np.linalg.norm(slope, axis=0)
+        if not size.any() or not np.isfinite(slope).all():
+            return np.inf
+        size[size == 0.0] = 1.0
+        step = np.linalg.lstsq(slope / size, -rest, rcond=_SAME)[0] / size
+        low, high = self.unknown.low / self.unknown.scale, self.unknown.high / self.unknown.scale
+        if not ((q + step > low) & (q + step < high)).all():
+            return np.inf
+        square = 1.0 if self.is_known else float(rest @ rest) / (len(rest) - len(q))
+        return float(np.linalg.norm(slope @ step) / np.sqrt(square)) if square > 0.0 else 0.0
 
     def weights(self) -> Vector:
         """One over the standard deviation of each value's noise."""
@@ -260,23 +343,29 @@ class _Search:
             return np.full(self.rows, np.nan) if found is None else weights * found
 
         def slope(q: Vector) -> Vector:
-            found: Vector = weights[:, None] * self.derivatives(np.asarray(q))
+            q = np.asarray(q)
+            found: Vector = weights[:, None] * self.derivatives(q)
+            if self.offset(q, weights * self._must(q), found) <= (_OFFSET_ROUGH if enough == _ROUGH else _OFFSET):
+                raise _Arrived(q.copy())
             return found
 
         low, high = self.unknown.low / self.unknown.scale, self.unknown.high / self.unknown.scale
         unasked: Any = None
         jac: Any = slope
-        solution = least_squares(
-            weighted,
-            q,
-            jac,
-            bounds=(low, high),
-            x_scale="jac",
-            ftol=enough if enough == _ROUGH else enough / max(1.0, self.rows / 1000.0),
-            xtol=enough,
-            gtol=unasked,
-            max_nfev=_MOST,
-        )
+        try:
+            solution = least_squares(
+                weighted,
+                q,
+                jac,
+                bounds=(low, high),
+                x_scale="jac",
+                ftol=enough if enough == _ROUGH else enough / max(1.0, self.rows / 1000.0),
+                xtol=enough,
+                gtol=unasked,
+                max_nfev=_MOST,
+            )
+        except _Arrived as arrived:
+            return arrived.q
         return np.asarray(solution.x)
 
     def solved(self, compiled: CompiledModel) -> Fit:
@@ -286,7 +375,8 @@ class _Search:
         measured = self.by_signal(np.concatenate([s.values for t in self.trials for s in t.signals]))
         spread = {n: float(np.ptp(v)) or float(np.abs(v).max()) or 1.0 for n, v in measured.items()}
         self.noise = {n: given.get(n, spread[n]) for n in measured}
-        single = len(measured) == 1 or set(measured) <= set(given)
+        self.is_known = set(measured) <= set(given)
+        single = len(measured) == 1 or self.is_known
         q = self.least(q, _FINE if single else _ROUGH)
         for last in () if single else (False, True):
             rms = {n: float(np.sqrt(np.mean(r**2))) for n, r in self.by_signal(self._must(q)).items()}
@@ -299,11 +389,11 @@ class _Search:
             self.weights()[:, None] * self.derivatives(q),
             q,
             self.unknown,
-            set(measured) <= set(given),
+            self.is_known,
             parts,
         )
         unknown = self.unknown
-        found = dict(zip(unknown.names, (q * unknown.scale).tolist(), strict=True))
+        results = self.results(q)
         return Fit(
             compiled.name,
             unknown.names,
@@ -318,7 +408,8 @@ class _Search:
             dict(self.noise),
             self.rows,
             self.runs,
-            tuple(t.run(found) for t in self.trials),
+            self.gradients,
+            results,
             self.trials,
             said.notes,
         )

@@ -10,11 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.errors import UsageError
+from acausal.export.ports import Output
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.started import with_starts
 from acausal.result import Result
 from acausal.simulate.run import simulate
 from acausal.study.fit.dataset import Dataset, Measured, columns_of, drives, measured
+from acausal.study.fit.flight import Flight, at, flight_of, signals_of
 
 Vector = NDArray[np.float64]
 
@@ -27,6 +29,10 @@ class Trial:
     ----------
     signals
         What is compared.
+    first
+        The run with the guessed values.
+    wanted
+        The signals, where runs are differentiated.
     sigma
         Standard deviations of the noise that are known, by name, in SI.
     """
@@ -37,34 +43,53 @@ class Trial:
     sigma: Mapping[str, float]
     parameters: Mapping[str, object]
     options: Mapping[str, Any]
+    first: tuple[Mapping[str, float], Ran]
+    wanted: tuple[Output, ...] | None
 
     def run(self, values: Mapping[str, float]) -> Result:
         """The experiment with these values of the parameters that are sought."""
         return simulate(self.compiled, parameters={**self.parameters, **values}, **self.options)
 
-    def residuals(self, values: Mapping[str, float]) -> Vector:
+    def ran(self, values: Mapping[str, float]) -> Ran:
+        """The same, with its derivatives where there are some; what was run first is not run again."""
+        guess, first = self.first
+        return first if values == guess else _ran(self.compiled, self.parameters, values, self.options, self.wanted)
+
+    def residuals(self, ran: Ran) -> Vector:
         """Simulated less measured values of all signals, in SI."""
-        result = self.run(values)
-        return np.concatenate([_at(result, s.times, s.name) - s.values for s in self.signals])
+        return np.concatenate([at(ran.result, s.times, s.name) - s.values for s in self.signals])
+
+    def derivatives(self, ran: Ran) -> Vector | None:
+        """Of the residuals by the parameters that are sought, shape (rows, n); None where only differences tell."""
+        if ran.flight is None:
+            return None
+        times = np.unique(np.concatenate([s.times for s in self.signals]))
+        found = ran.flight.derivatives(times)
+        if found is None:
+            return None
+        return np.concatenate([found[np.searchsorted(times, s.times), k] for k, s in enumerate(self.signals)])
 
 
-def _at(result: Result, times: Vector, name: str) -> Vector:
-    """Values at times, of rows where these differ from them by rounding: to interpolate costs three runs."""
-    if len(result.time) < 2:
-        return np.asarray(result.at(times, name))
-    tiny = 1e-9 * float(np.ptp(result.time))
-    right = np.clip(np.searchsorted(result.time, times), 1, len(result.time) - 1)
-    nearest = np.where(times - result.time[right - 1] < result.time[right] - times, right - 1, right)
-    near = np.abs(result.time[nearest] - times) <= tiny
-    # at an event two rows have one time: `at` knows which holds
-    apart = np.diff(result.time, prepend=-np.inf, append=np.inf)
-    alone = (apart[:-1] > 2 * tiny) & (apart[1:] > 2 * tiny)
-    near &= alone[nearest]
-    found = np.asarray(result[name])[nearest]
-    if not near.all():
-        found = found.copy()
-        found[~near] = np.asarray(result.at(times[~near], name))
-    return np.asarray(found)
+@dataclass(frozen=True, eq=False)
+class Ran:
+    """A run, and the same as a flight where it can be differentiated."""
+
+    result: Result
+    flight: Flight | None
+
+
+def _ran(
+    compiled: CompiledModel,
+    parameters: Mapping[str, object],
+    values: Mapping[str, float],
+    options: Mapping[str, Any],
+    wanted: tuple[Output, ...] | None,
+) -> Ran:
+    own = {**parameters, **values}
+    flight = None if wanted is None else flight_of(compiled, own, options, tuple(values), wanted)
+    if flight is not None:
+        return Ran(flight.result, flight)
+    return Ran(simulate(compiled, parameters=own, **options), None)
 
 
 def trial_of(
@@ -95,15 +120,19 @@ def trial_of(
     run |= {"inputs": {**common.inputs, **drives(columns, compiled.inputs), **dataset.inputs}, "stop_time": last}
     run["output_interval"] = _interval([c.times for n, c in columns.items() if n not in compiled.inputs], begin)
     started = with_starts(compiled, {**common.start, **dataset.start})
-    trial = Trial(name, started, (), dataset.sigma, {**common.parameters, **dataset.parameters}, run)
+    own = {**common.parameters, **dataset.parameters}
     for path, value in dataset.sigma.items():
         if not value > 0.0:
             raise UsageError("AC055", f"sigma of {path} is {value}: a standard deviation is positive")
-    signals = measured(columns, compiled.inputs, trial.run(guess))
+    wanted = signals_of(started, [n for n in columns if n not in compiled.inputs])
+    ran = _ran(started, own, guess, run, None if wanted is None else tuple(wanted))
+    signals = measured(columns, compiled.inputs, ran.result)
     unknown = [n for n in dataset.sigma if n not in {s.name for s in signals}]
     if unknown:
         raise UsageError("AC055", f"sigma names {unknown[0]}, which is not measured in {name}")
-    return Trial(name, started, signals, dataset.sigma, trial.parameters, run)
+    quick = ran.flight is not None and ran.flight.is_quick
+    kept = ran if quick else Ran(ran.result, None)
+    return Trial(name, started, signals, dataset.sigma, own, run, (guess, kept), tuple(wanted or ()) if quick else None)
 
 
 def _interval(times: list[Vector], begin: float) -> float | None:
