@@ -75,7 +75,7 @@ class Sheet:
                     raise UsageError(
                         "AC045",
                         f"{self.path}:{line}: {self.header[k]} is {what}, no number",
-                        help="leave out rows without a value; units belong into the first row: force [N]",
+                        help="leave out rows without a value; units stand in the first row: force [N]",
                     ) from None
         return found
 

@@ -47,7 +47,7 @@ def animate(
         typer.Option(
             "--model",
             metavar="MODEL",
-            help="What a result file was made with; a shipped model is known by the file's name.",
+            help="The model that the result file was made with; a shipped model is found by the file's name.",
             show_default=False,
             autocompletion=complete_model,
         ),

@@ -36,7 +36,9 @@ if TYPE_CHECKING:
 
 SolversOption = Annotated[
     list[str] | None,
-    typer.Option("--solver", help="Try only this one; repeatable.", show_default=False, autocompletion=complete_solver),
+    typer.Option(
+        "--solver", help="Try only this solver; repeatable.", show_default=False, autocompletion=complete_solver
+    ),
 ]
 TolerancesOption = Annotated[
     list[float] | None,

@@ -59,8 +59,10 @@ def compare(
         ),
     ] = 1e-9,
     signals: SignalsOption = None,
-    count: Annotated[int, typer.Option("--count", help="Number of signals to list, the worst first.")] = 10,
-    plot: Annotated[bool, typer.Option("--plot", help="Draw the worst, to B.png: both, and their difference.")] = False,
+    count: Annotated[
+        int, typer.Option("--count", help="Number of signals to list, the largest differences first.")
+    ] = 10,
+    plot: Annotated[bool, typer.Option("--plot", help="Draw the signals that differ most, to B.png.")] = False,
     plot_file: PlotFileOption = None,
     as_json: JsonOption = False,
     quiet: QuietOption = False,

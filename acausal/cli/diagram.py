@@ -17,11 +17,11 @@ from acausal.cli.settings import prepare
 def diagram(
     model: ComponentArgument,
     settings: SetOption = None,
-    depth: Annotated[int, typer.Option("--depth", min=1, help="Levels of composition that are shown.")] = 1,
+    depth: Annotated[int, typer.Option("--depth", min=1, help="Levels of the component hierarchy to show.")] = 1,
     opened: Annotated[
         list[str] | None,
         typer.Option(
-            "--open", metavar="PATH", help="A block whose inside is shown too; repeatable.", show_default=False
+            "--open", metavar="PATH", help="A component whose parts are shown too; repeatable.", show_default=False
         ),
     ] = None,
     output_file: Annotated[

@@ -35,7 +35,7 @@ class Stage(StrEnum):
 def equations(
     model: ModelArgument,
     stage: Annotated[
-        Stage, typer.Option("--stage", help="flat: as composed; reduced: what remains; blt: as solved.")
+        Stage, typer.Option("--stage", help="flat: all equations; reduced: without aliases; blt: in block order.")
     ] = (Stage.flat),
     settings: SetOption = None,
     as_json: JsonOption = False,

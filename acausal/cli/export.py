@@ -29,7 +29,7 @@ ParametersOption = Annotated[
     typer.Option("--parameters", help="Parameters that p holds. Default: all.", show_default=False),
 ]
 MinimalOption = Annotated[bool, typer.Option("--minimal", help="Write the equations in minimal coordinates.")]
-EventsOption = Annotated[bool, typer.Option("--events", help="Include what happens at events.")]
+EventsOption = Annotated[bool, typer.Option("--events", help="Include discrete equations, `when` clauses and samples.")]
 
 export = typer.Typer(help="Write a model in another form.", no_args_is_help=True)
 

@@ -43,7 +43,7 @@ def info(
         typer.Option(
             "--spy",
             metavar="FILE",
-            help="Draw which unknown stands in which equation, as composed and as solved (.png, .svg, .pdf).",
+            help="Draw the incidence matrix, as composed and in block order (.png, .svg, .pdf).",
         ),
     ] = None,
     as_json: JsonOption = False,

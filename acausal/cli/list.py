@@ -17,7 +17,7 @@ from acausal.errors import UsageError, nearest
 def list_models(
     what: Annotated[
         str,
-        typer.Argument(metavar="[models|library]", help="What to list.", autocompletion=complete_list),
+        typer.Argument(metavar="[models|library]", help="Models or library components.", autocompletion=complete_list),
     ] = "",
     family: Annotated[
         str | None,
@@ -25,7 +25,7 @@ def list_models(
     ] = None,
     search: Annotated[
         str | None,
-        typer.Option("--search", metavar="WORD", help="Models and components with this word in name or text."),
+        typer.Option("--search", metavar="WORD", help="Only those with this word in their name or description."),
     ] = None,
     as_json: JsonOption = False,
     quiet: QuietOption = False,  # nothing but the list is printed anyway

@@ -72,7 +72,7 @@ FreeOption = Annotated[
     typer.Option(
         "--free",
         metavar="PATH",
-        help="Cut what drives this signal input, which becomes an input of the model: force.u; repeatable.",
+        help="Disconnect the source of this signal input, which becomes an input of the model: force.u; repeatable.",
         show_default=False,
     ),
 ]

@@ -28,12 +28,12 @@ def reduce(
     outputs: Annotated[
         list[str] | None,
         typer.Option(
-            "--outputs", metavar="A,B", help="Wanted variables, separated by commas; repeatable.", show_default=False
+            "--outputs", metavar="A,B", help="Variables to keep, separated by commas; repeatable.", show_default=False
         ),
     ] = None,
     more: Annotated[
         list[str] | None,
-        typer.Argument(metavar="NAME", help="More wanted variables: --outputs A B.", show_default=False),
+        typer.Argument(metavar="NAME", help="More variables to keep: --outputs A B.", show_default=False),
     ] = None,
     settings: SetOption = None,
     freeze: Annotated[
@@ -50,7 +50,7 @@ def reduce(
         typer.Option(
             "--quasi-static",
             metavar="NAME",
-            help="States or components to take as settled at every instant, an approximation; repeatable.",
+            help="States or components to put at their quasi-static limit, an approximation; repeatable.",
             show_default=False,
         ),
     ] = None,

@@ -30,7 +30,7 @@ def stability(
     model: ModelArgument,
     settings: SetOption = None,
     inputs: InputsOption = None,
-    points: Annotated[int, typer.Option("--points", help="How many points of the run to linearise at.")] = 20,
+    points: Annotated[int, typer.Option("--points", help="Number of points of the run at which to linearise.")] = 20,
     solver: Annotated[
         str | None,
         typer.Option(

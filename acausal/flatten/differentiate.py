@@ -80,7 +80,7 @@ def _refuse(pool: Pool, op: str) -> int:
     raise DeclarationError(
         "AC128",
         f"the time derivative of {op} is needed and does not exist",
-        help="it jumps, or is true or false: keep it out of der(...) and of prescribed positions",
+        help="it jumps or is Boolean: keep it out of der(...) and of prescribed positions",
     )
 
 

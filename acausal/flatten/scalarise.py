@@ -54,7 +54,7 @@ def _entries(pool: Pool, e: Expr, resolve: Resolve, args: list[Scalars]) -> Scal
             raise DeclarationError(
                 "AC128",
                 f"the time derivative of {e.args[0]} is needed and does not exist",
-                help="it jumps, or is true or false: keep it out of der(...) and of prescribed positions",
+                help="it jumps or is Boolean: keep it out of der(...) and of prescribed positions",
             )
         return tuple(differentiate(pool, a) for a in args[0])
     if op in ("stack", "concatenate"):

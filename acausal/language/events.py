@@ -216,4 +216,4 @@ def assert_(condition: Expr, message: str, *, level: str = "error") -> Assertion
 def _text(what: str, message: str) -> str:
     if isinstance(message, str):
         return message
-    raise DeclarationError("AC149", f"{what} takes a message, not {message!r}", help="say in words what has happened")
+    raise DeclarationError("AC149", f"{what} takes a message, not {message!r}", help="give a text, in quotes")

@@ -230,7 +230,7 @@ class Expr:
         raise DeclarationError(
             "AC104",
             f"`{self}` is symbolic and has no {what}",
-            help="what counts, indexes or sizes is declared with structural(...)"
+            help="declare what counts, indexes or gives a size with structural(...)"
             if what == "int value"
             else "use acausal.sin, acausal.sqrt, acausal.fabs ... instead of the math and numpy functions",
         )

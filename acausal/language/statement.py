@@ -91,7 +91,7 @@ def refuse_lost(where: str, ledger: Ledger) -> None:
         f"{where} makes `{item}`{more} and does not yield it",
         where=[o.span() for _, o in lost[:3]],
         cause="it would be lost: the model knows only what is yielded",
-        help="an action belongs into a `when` that is yielded: yield when(condition, reset(x, value))"
+        help="an action stands in a `when` that is yielded: yield when(condition, reset(x, value))"
         if not isinstance(item, Statement)
         else f"yield it in `equations`: yield {item}"
         if in_build

@@ -201,7 +201,7 @@ def _check_guess(q: Quantities, found: Vector, following: PhaseGuess, ends: list
             f"more happens at the end of phase '{name}' than its event says",
             evidence=[f"{q.x.names[k]} goes on at {x[k]:.6g}, by the clauses at {found[k]:.6g}"],
             cause="events that set off others at the same instant",
-            help="problems with such events are not taken: replace them by one clause in the model",
+            help="problems with such events are refused: combine them in one `when` of the model",
         )
 
 

@@ -123,7 +123,9 @@ class StatedProblem:
             self.guards.append(self.quantities.guard(until))
         label = name or f"phase {number + 1}"
         if any(spec.name == label for spec in self.specs):
-            raise UsageError("AC050", f"there is a phase '{label}' already", where=calling_span(), help="name= another")
+            raise UsageError(
+                "AC050", f"there is a phase '{label}' already", where=calling_span(), help="choose another: name=..."
+            )
         self.specs.append(PhaseSpec(label, shortest, longest, expected, Mesh.uniform(intervals), switch))
         self.durations.append(ca.MX.sym(f"duration of {label}"))
         return Phase(self, number)
@@ -280,7 +282,10 @@ class StatedProblem:
             variable = names[k] if is_name else None
             if any(c.name == text and (c.lower, c.upper) != (lower, upper) for c in self.constraints):
                 raise UsageError(
-                    "AC051", f"there is a constraint '{text}' with other limits", where=where, help="name= another"
+                    "AC051",
+                    f"there is a constraint '{text}' with other limits",
+                    where=where,
+                    help="choose another: name=...",
                 )
             self.constraints.append(
                 Constraint(text, entry, lower, upper, phases if varies else (), variable, scale, where)

@@ -24,7 +24,7 @@ def accumulated(model: str, t: float, count: int, names: Sequence[str]) -> Event
         "AC502",
         f"{count} events follow one another at t = {t:.9g} s in {model} without time passing",
         evidence=[f"relations that take part: {'; '.join(names[:4])}"],
-        cause="events that come ever sooner (Zeno) and whose limit is no state of rest that could be held",
+        cause="events that follow each other ever faster (Zeno behaviour), without a state of rest as their limit",
         help="let the model come to rest below a threshold, or use a compliant contact or a smooth switch",
     )
 
@@ -35,7 +35,7 @@ def unsettled(model: str, t: float, names: Sequence[str]) -> EventError:
         "AC501",
         f"events do not settle at t = {t:.9g} s in {model}: {'; '.join(names)}",
         evidence=[f"changes again and again: {n}" for n in names],
-        cause="each of the two modes leads straight back to the other (chattering)",
+        cause="each of the two modes leads back to the other at once (chattering)",
         help="give the relation a hysteresis, or declare the switch smooth: where(..., smooth=True), no_event(...)",
     )
 
@@ -50,8 +50,8 @@ def undetermined(t: float, error: InitializationError) -> EventError:
         fact,
         where=error.where,
         evidence=error.evidence,
-        cause="the event has made another equation of it: one without a solution, or a constraint on what is known by "
-        "then, which would need the impulse of a force that is not named",
+        cause="after the event the equation has no solution, or it constrains variables that are determined already, "
+        "which would need the impulse of a force that no reset names",
         help="let it change continuously, connect it through a spring and damper or a clutch, "
         "or state the jump yourself: when(..., reset(velocity, value, by=force))",
     )
@@ -64,8 +64,8 @@ def vain(model: str, t: float, clauses: Sequence[Clause]) -> EventError:
         f"{model}: no impulse gives velocities the values that they are reset to at t = {t:.9g} s",
         where=tuple(c.where for c in clauses[:2]),
         evidence=[c.text for c in clauses[:4]],
-        cause="constraints hold the velocity, or several impulses at this instant say the same twice",
-        help="let the force act on what can move; of several impacts at once leave out what the others determine",
+        cause="constraints hold the velocity, or impulses at this instant are redundant",
+        help="let the force act on a part that can move; leave out impacts that follow from others at this instant",
     )
 
 
@@ -91,7 +91,7 @@ def violated(model: str, t: float, broken: Assert) -> EventError:
         f"{model} stopped at t = {t:.9g} s: {broken.message}",
         where=where,
         evidence=[f"an assertion of the model{place} does not hold"],
-        help="the model says itself what it cannot do: look at its parameters and inputs",
+        help="the assertion says where the model is valid: check its parameters and inputs",
     )
 
 

@@ -88,7 +88,7 @@ def off_constraint(
         f"{compiled.name}: no start satisfies the constraint `{condition.text}`: it is off by {off:g}",
         where=condition.where or _model_at(compiled),
         evidence=["with", *(f"  {text}" for text in others)] if others else [],
-        cause="positions or velocities are fixed that the mechanism cannot have together, or it is stretched out there",
+        cause="the fixed positions or velocities are inconsistent, or the mechanism is in a singular position there",
         help="give fixed(...) to no more than the degrees of freedom, and a guess(...) to the rest; or start elsewhere",
     )
 
@@ -191,7 +191,7 @@ def _out_of_reach(
         f"{compiled.name}: no start satisfies `{condition.text}`: it is off by {off:g} where it is nearest",
         where=places(flat, stated[:1]) or condition.where or _model_at(compiled),
         evidence=[f"guesses: {listed(guesses)}", *([f"given: {listed(given, 6)}"] if given else [])],
-        cause="what is given cannot be had together, a loop that does not close; or the guesses lead away from it",
+        cause="the given values are inconsistent (a loop that does not close), or the guesses lead elsewhere",
         help=f"give other values, or better guesses: {', '.join(f'{n}=guess(...)' for n in names[:2])}",
     )
 
@@ -257,7 +257,7 @@ def _contradiction(
             f"{compiled.name}: the start equations {listed(names, 3)} contradict each other",
             where=[s for k in rows[:2] for s in spans[k]] or _model_at(compiled),
             evidence=["together they demand 0 == " + f"{abs(off):g}:", *(f"  {labels[k]}" for k in rows[:6])],
-            cause="start conditions say the same with different numbers",
+            cause="start conditions determine the same quantity with different values",
             help="remove one of them, or replace it by a condition for something else",
         )
     return None
@@ -286,7 +286,7 @@ def _singular(
         f"{compiled.name}: the start conditions do not determine {listed(open_ones, 4)}",
         where=[s for k in rows[:2] for s in spans[k]] or _model_at(compiled),
         evidence=["these depend on each other at the start:", *(f"  {labels[k]}" for k in rows[:6])],
-        cause="two start conditions say the same, perhaps with different numbers",
+        cause="start conditions are redundant, perhaps with different values",
         help=f"replace one of them by a condition for {open_ones[0]}, for example {open_ones[0]}=fixed(...)",
     )
 
