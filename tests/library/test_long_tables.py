@@ -308,6 +308,24 @@ def test_no_tent_of_a_position_is_stepped_over(solver: str, tolerance: float, se
     assert not result.events
 
 
+def test_a_short_row_next_to_a_long_one_does_not_end_the_stops() -> None:
+    """Trapezia of the rows: needles of 9e-4 s between rests of 10 s, in a run of 240 s.
+
+    The rates of the stops fell by 20 000 at an end; idas was taken to hardly come on, and was run again without stops,
+    with the note AC414; another such table ended 151 tolerances off.
+    """
+    t, y = [0.0], [0.0]
+    for k in range(24):
+        foot = t[-1] + (10.0 if k % 2 else 0.3)
+        t += [foot, foot + 4.4e-4, foot + 9.3e-4]
+        y += [0.0, 9.0 * (-1.0) ** k, 0.0]
+    model = Passed(points=tuple(zip(t, y, strict=True)))
+    result = acausal.simulate(model, stop_time=t[-1], solver="idas", tolerance=1e-6)
+    sums = np.cumsum(np.diff(t) * (np.array(y[1:]) + np.array(y[:-1])) / 2.0)
+    assert abs(result.final("area") - sums[-1]) <= 1e-5 * np.abs(sums).max()
+    assert not result.stats["notes"]
+
+
 class Beyond(Component):
     """A relation of a table, over many looks at it."""
 
