@@ -93,8 +93,8 @@ class LimPID(Component):
     Åström and Hägglund, PID Controllers, 1995.
     """
 
-    with_I: bool = structural(default=True, doc="With integral part")
-    with_D: bool = structural(default=True, doc="With derivative part")
+    with_I: bool = structural(default=True, doc="True: with integral part")
+    with_D: bool = structural(default=True, doc="True: with derivative part")
     u_s: Real = signal_input(doc="Set value")
     u_m: Real = signal_input(doc="Measured value")
     y: Real = signal_output(doc="Limited controller output")

@@ -129,13 +129,13 @@ class DiscretePID(PartialDiscrete):
     differences for D, forward for I, tracking time Tt = Ti.
     """
 
-    u_s: Real = signal_input(doc="What the measurement is to be")
+    u_s: Real = signal_input(doc="Set point")
     u_m: Real = signal_input(doc="Measurement")
     y: Real = signal_output(doc="Output of the controller, held between the ticks")
     k: Real = parameter(default=1.0, doc="Gain")
     Ti: Real = parameter(default=1e10, unit="s", min=1e-60, doc="Time constant of the integral")
     Td: Real = parameter(default=0.0, unit="s", min=0.0, doc="Time constant of the derivative")
-    Nd: Real = parameter(default=10.0, unit="1", min=0.0, doc="The derivative is filtered with the time Td/Nd")
+    Nd: Real = parameter(default=10.0, unit="1", min=0.0, doc="Time constant of the derivative filter is Td/Nd")
     wp: Real = parameter(default=1.0, unit="1", doc="Weight of the set point in the proportional part")
     y_max: Real = parameter(default=1e10, doc="Upper limit of the output")
     y_min: Real = parameter(default=lambda self: -self.y_max, doc="Lower limit of the output")

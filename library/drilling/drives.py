@@ -10,7 +10,7 @@ from acausal.library.translational import Flange as TranslationalFlange
 
 
 class Spindle(Component):
-    """Spindle: its inertia and a motor that holds a speed, as far as its torque and its power go.
+    """Spindle: its inertia and a motor that holds a speed within its limits of torque and power.
 
     Goes between nothing and a rotational flange (`Revolute.axis`); it reacts on the ground. A PI controller with
     anti-windup: the integral follows what the limit leaves of the output. Under a cutting torque that is greater
@@ -57,7 +57,7 @@ class Spindle(Component):
 
 
 class FeedDrive(Component):
-    """Feed axis: its mass and a drive that holds a feed rate, as far as its force goes.
+    """Feed axis: its mass and a drive that holds a feed rate within its limit of force.
 
     Goes between nothing and a translational flange (`Prismatic.axis`); it reacts on the ground. The controller is
     that of `Spindle`. `m` is the inertia of motor and screw seen along the feed: 1e-3 kg.m2 behind a screw with 10 mm
@@ -98,7 +98,7 @@ class FeedDrive(Component):
 
 
 class FeedCap(Component):
-    """Feed governor: a brake that acts only above a feed rate, as the hydraulic check unit of a drilling press.
+    """Feed governor: a brake that acts only above a feed rate, like the hydraulic check unit of a drilling press.
 
     The force grows with slope `d` beyond `v_max`, in the direction of the feed only; withdrawing is free.
     """

@@ -61,8 +61,8 @@ class FlankContact(Component):
     direction: Real = variable(unit="1", shape=3, doc="Direction of the axis of the hole, in frame_w")
     engaged: Real = signal_output(unit="m", nominal=1e-2, doc="Length of the flank that is in the hole")
     force: Real = signal_output(unit="N", shape=3, doc="Force of the wall on the drill, in frame_w")
-    energy: Real = signal_output(unit="J", doc="Stored in the wall")
-    power_damping: Real = signal_output(unit="W", doc="Lost in the wall")
+    energy: Real = signal_output(unit="J", doc="Energy stored in the wall")
+    power_damping: Real = signal_output(unit="W", doc="Power lost in the wall")
 
     def equations(self) -> Equations:
         a, w = self.frame_a, self.frame_w

@@ -55,7 +55,7 @@ def feed_rate_under(
 
 
 class ForceControl(Component):
-    """Feed rate that a drill is moved with, from the thrust that is measured.
+    """Controller of the thrust: its output is the set point of the feed rate, its inputs are thrust and position.
 
     - `APPROACH` at `v_approach` until the thrust exceeds `F_touch`;
     - `DRILLING`: a PI controller holds the thrust at `F_set`, the feed rate is not above `v_max` (the feed cap);
@@ -74,15 +74,15 @@ class ForceControl(Component):
     Computer-Integrated Manufacturing 26 (2010) 24-38.
     """
 
-    F_set: Real = parameter(unit="N", min=0.0, nominal=1e3, doc="Thrust to hold")
+    F_set: Real = parameter(unit="N", min=0.0, nominal=1e3, doc="Set point of the thrust")
     v_nominal: Real = parameter(unit="m/s", min=0.0, doc="Feed rate to be expected at full diameter under F_set")
     bandwidth: Real = parameter(default=2 * math.pi * 8.0, unit="rad/s", min=0.0, doc="Bandwidth of the force loop")
     T_filter: Real = parameter(default=5e-3, unit="s", min=0.0, doc="Time constant of the filter of the thrust")
-    F_touch: Real = parameter(default=20.0, unit="N", min=0.0, doc="Thrust that means contact")
+    F_touch: Real = parameter(default=20.0, unit="N", min=0.0, doc="Thrust above which the drill touches the workpiece")
     breakthrough: Real = parameter(
         default=0.5, unit="1", min=0.0, max=1.0, doc="Part of F_set below which the tip is through"
     )
-    v_approach: Real = parameter(default=5e-3, unit="m/s", min=0.0, doc="Feed rate in the air")
+    v_approach: Real = parameter(default=5e-3, unit="m/s", min=0.0, doc="Feed rate before the touch")
     v_max: Real = parameter(default=lambda self: 4 * self.v_nominal, unit="m/s", min=0.0, doc="Feed cap")
     v_exit: Real = parameter(default=lambda self: 2 * self.v_nominal, unit="m/s", min=0.0, doc="Feed rate at the exit")
     v_retract: Real = parameter(default=20e-3, unit="m/s", min=0.0, doc="Rate of the withdrawal")
@@ -91,14 +91,14 @@ class ForceControl(Component):
 
     F: Real = signal_input(unit="N", doc="Measured thrust, positive against the feed")
     s: Real = signal_input(unit="m", doc="Measured position of the feed")
-    v_ref: Real = signal_output(unit="m/s", nominal=1e-3, doc="Wanted feed rate")
+    v_ref: Real = signal_output(unit="m/s", nominal=1e-3, doc="Set point of the feed rate")
 
     F_filtered: Real = variable(unit="N", default=0.0, nominal=1e3, doc="Filtered thrust")
     v_integral: Real = variable(unit="m/s", default=0.0, nominal=1e-3, doc="Integral part")
     phase: Real = discrete(doc="0 approach, 1 drilling, 2 exit, 3 retract, 4 done")
     loaded: Real = discrete(doc="1 once the thrust has been near F_set")
     s_through: Real = discrete(unit="m", doc="Position at the last breakthrough")
-    breakthroughs: Real = discrete(doc="How often the thrust broke down")
+    breakthroughs: Real = discrete(doc="Number of breakthroughs so far")
     breakthrough_time: Real = discrete(unit="s", doc="Time of the last breakthrough")
     process_time: Real = discrete(unit="s", doc="Time from the start to the end of the withdrawal; 0 until then")
 
@@ -120,7 +120,7 @@ class ForceControl(Component):
         yield from self.transitions()
 
     def of_phase(self, *values: Expr | float) -> Expr | float:
-        """The value of the phase that holds."""
+        """The value that belongs to the present phase."""
         chosen = values[-1]
         for k in range(len(values) - 2, -1, -1):
             chosen = where(self.phase < k + 0.5, values[k], chosen)

@@ -1,4 +1,4 @@
-"""What the kinematic and the dynamic drilling force have in common."""
+"""Partial component of the kinematic and of the dynamic drilling force."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from acausal.library.multibody.orientation import Vector
 
 
 class PartialDrillingForce(Component):
-    """A drill and what it does to one plate; a subclass makes the force block.
+    """Force between a drill and one plate; a subclass makes the force block.
 
     `frame_a` belongs to the body of the drill, `frame_w` to the entry face of the workpiece (`Workpiece.frame_b`).
     The dimensions of the plate are bound to those of the workpiece. Tool and material are records that give the

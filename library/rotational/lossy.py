@@ -51,7 +51,7 @@ class LossyGear(PartialTwoFlanges):
     lossTable: Losses = structural(
         doc="Rows (|w_a| [rad/s], eta_mf1, eta_mf2, |tau_bf1| [N.m], |tau_bf2| [N.m]), efficiencies in (0, 1]"
     )
-    w_small: Real = parameter(default=1e10, unit="rad/s", doc="Small only where resets make the speed jump")
+    w_small: Real = parameter(default=1e10, unit="rad/s", doc="Speed beyond which motion reverses without locking")
     phi_a: Real = variable(unit="rad", doc="Angle of flange_a")
     w_a: Real = variable(unit="rad/s", doc="Angular velocity of flange_a")
     a_a: Real = variable(unit="rad/s2", doc="Angular acceleration of flange_a")

@@ -17,7 +17,7 @@ class BouncingMass(PartialRigid):
     m: Real = parameter(unit="kg", min=0.0, doc="Mass")
     e: Real = parameter(default=0.8, unit="1", min=0.0, max=1.0, doc="Coefficient of restitution")
     s_stop: Real = parameter(default=0.0, unit="m", doc="Position of the obstacle")
-    v_rest: Real = parameter(default=1e-6, unit="m/s", min=0.0, doc="Slower rebounds are none")
+    v_rest: Real = parameter(default=1e-6, unit="m/s", min=0.0, doc="Slowest rebound; below it the mass rests")
     v: Real = variable(unit="m/s", prefer_state=True, doc="Absolute velocity")
     a: Real = variable(unit="m/s2", doc="Absolute acceleration")
     f_contact: Real = variable(unit="N", doc="Force of the obstacle at rest; impacts are not part of it")

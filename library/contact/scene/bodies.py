@@ -32,9 +32,9 @@ class ContactBody:
     Parameters
     ----------
     name
-        How reports and errors call it.
+        Name in reports and error messages.
     shape
-        Its surface.
+        Shape of its surface.
     pose
         Place [m] and rotation of the shape in the body's frame; of a body at rest, in world axes.
     at_rest
@@ -54,7 +54,7 @@ class ContactBody:
     group: str | None = None
 
     def contact(self, other: ContactBody, surfaces: Surfaces) -> Component | None:
-        """What acts between this body and another; None leaves the decision to the other, then to the scene."""
+        """Component of the contact with another body; None leaves the decision to the other, then to the scene."""
         return None
 
     def ends(self, made: Component) -> tuple[Frame, Frame]:

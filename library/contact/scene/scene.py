@@ -68,12 +68,12 @@ class ContactScene(Component):
 
     bodies: tuple[ContactBody, ...] = structural(doc="The bodies of the scene")
     surfaces: Surfaces = structural(default=Surfaces(), doc="Laws between surfaces")
-    keep: int = structural(default=12, doc="Up to so many pairs stay in the equations for the whole run")
-    skin: float = structural(default=0.01, doc="By how much boxes are inflated [m]")
+    keep: int = structural(default=12, doc="Largest number of pairs that stay in the equations for the whole run")
+    skin: float = structural(default=0.01, doc="Distance by which bounding boxes are inflated [m]")
 
-    energy: Real = signal_output(unit="J", doc="Stored in all contacts")
-    power_damping: Real = signal_output(unit="W", doc="Lost by the damping of all contacts")
-    power_friction: Real = signal_output(unit="W", doc="Lost by friction in all contacts")
+    energy: Real = signal_output(unit="J", doc="Energy stored in all contacts")
+    power_damping: Real = signal_output(unit="W", doc="Power lost by the damping of all contacts")
+    power_friction: Real = signal_output(unit="W", doc="Power lost by friction in all contacts")
     power_cutting: Real = signal_output(unit="W", doc="Power of all cuts")
 
     frames: list[Frame] = part()

@@ -67,16 +67,16 @@ class SurfaceContact(Component):
     depth: Real = variable(unit="m", nominal=1e-3, doc="Overlap at the deepest point; negative when apart")
     F_N: Real = variable(unit="N", nominal=1e3, doc="Sum of the normal forces of all points")
     f_0: Real = variable(unit="N", shape=3, nominal=1e3, doc="Force on the body at frame_b, in world axes")
-    energy: Real = variable(unit="J", doc="Stored in the compliance")
-    power_damping: Real = variable(unit="W", doc="Taken by the damping of the normal force")
-    power_fading: Real = variable(unit="W", doc="Part of it taken by points of contact that fade: boxes on boxes")
+    energy: Real = variable(unit="J", doc="Energy stored in the contact")
+    power_damping: Real = variable(unit="W", doc="Power lost by the damping of the normal force")
+    power_fading: Real = variable(unit="W", doc="Part of power_damping that changing points of contact take")
     slip: Real = variable(unit="m/s", shape=3, doc="Mean velocity of sliding; with bristles only")
-    power_friction: Real = variable(unit="W", doc="Taken by friction; with bristles, partly stored in them")
+    power_friction: Real = variable(unit="W", doc="Power taken by friction; with bristles, partly stored")
     bristle: Real = variable(
         unit="m", shape=3, nominal=1e-5, doc="Bending of the bristles, in world axes; LuGre, Hybrid"
     )
     mode: Real = integer(default=0, doc="0 stuck, 1 sliding slowly, 2 sliding; Hybrid only")
-    direction: Real = discrete(unit="1", shape=3, doc="Of slow sliding; Hybrid only")
+    direction: Real = discrete(unit="1", shape=3, doc="Direction of slow sliding; Hybrid only")
 
     def build(self) -> None:
         checked_rotation(self.pose_a[1], "pose_a[1]")

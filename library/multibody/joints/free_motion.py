@@ -1,4 +1,4 @@
-"""The joint that constrains nothing: coordinates for a free body."""
+"""The joint without constraints: coordinates of a free body."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ _MASS = "the {} of the joint cannot be determined: does a body with mass move wi
 
 
 class Prismatic(PartialAligned):
-    """Translation of frame_b against frame_a along the axis `n`.
+    """Prismatic joint: frame_b moves against frame_a along the axis `n`, without rotation.
 
     A drive goes to the flange `axis`, against the flange `support`, which is at rest; with nothing connected, the
     joint moves freely. Start values: `s`, `v`.

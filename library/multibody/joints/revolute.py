@@ -12,7 +12,7 @@ _MASS = "the {} of the joint cannot be determined: does a body with inertia abou
 
 
 class Revolute(PartialJoint):
-    """Rotation of frame_b against frame_a about the axis `n`.
+    """Revolute joint: frame_b turns against frame_a about the axis `n`.
 
     A drive goes to the flange `axis`, against the flange `support`, which is at rest; with nothing connected, the
     joint turns freely. Start values: `phi`, `w`.

@@ -1,4 +1,4 @@
-"""The cardan joint."""
+"""The universal (cardan) joint."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from acausal.library.multibody.orientation import Vector, unit_vector
 
 
 class Universal(PartialTwoFrames):
-    """Rotation about `n_a`, fixed in frame_a, then about `n_b`, fixed in frame_b; the two are perpendicular.
+    """Universal joint: rotation about `n_a`, fixed in frame_a, then about `n_b`, fixed in frame_b; both perpendicular.
 
     Start values: `phi_a`, `phi_b`, `w_a`, `w_b`. Drives go to `revolute_a.axis` and `revolute_b.axis`.
     """
