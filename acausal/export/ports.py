@@ -62,7 +62,7 @@ def _unknown(compiled: CompiledModel, name: str, known: list[str]) -> UsageError
     parameters = {*compiled.parameters, *(p.path for p in compiled.flat.parameters)}
     return UsageError(
         "AC010",
-        f"{compiled.name} has no variable '{name}' to be an output",
+        f"{compiled.name} has no variable '{name}'",
         evidence=[f"nearest  {', '.join(close)}"] if close else [],
         help="it is a parameter: read it from p" if name in parameters else None,
     )

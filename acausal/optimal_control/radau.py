@@ -464,7 +464,27 @@ def _demand(program: Program, problem: StatedProblem, constraint: Constraint, si
             _add(program, constraint, number, place[2] * phase.u[place[1], :], float(size_u[place[1]]), points)
             continue
         row = along(program, problem, constraint.expression, phase.inside)
+        _refuse_constant(constraint, phase, row)
         _add(program, constraint, number, row, constraint.scale, phase.shares)
+
+
+def _refuse_constant(constraint: Constraint, phase: PhaseProgram, row: Any) -> None:
+    """Refuse a row of values that is one number all over the phase, and outside of the limits."""
+    points = phase.inside.points
+    asked = next((a for a, s in zip(points.rows, points.symbols, strict=True) if key(s) == key(row)), None)
+    if asked is None or ca.depends_on(asked, points.local):
+        return
+    value = float(ca.evalf(asked)[0])
+    least = 1e-9 * constraint.scale
+    if constraint.lower - least <= value <= constraint.upper + least:
+        return
+    raise UsageError(
+        "AC051",
+        f"nothing that can be chosen changes what {constraint.name} demands in phase {phase.spec.name}: "
+        f"it is {value:g} there",
+        where=constraint.where,
+        help="demand it of the phases in which it varies: phase = problem.phase(...), phase.subject_to(...)",
+    )
 
 
 def _add(

@@ -244,3 +244,13 @@ def test_an_optimum_on_another_branch_than_the_models_is_refused() -> None:
         there(-1.0).solve()
     assert refused.value.code == "AC706"
     assert refused.value.help
+
+
+def test_a_demand_that_no_decision_can_meet_is_refused_before_the_search() -> None:
+    """In air the thrust is the constant 0: ipopt went to its limit of iterations over it (AC703)."""
+    problem = least_time(2)
+    problem.subject_to("thrust", min=100.0)
+    with pytest.raises(AcausalError) as caught:
+        problem.solve()
+    assert caught.value.code == "AC051"
+    assert "in phase air: it is 0 there" in str(caught.value)
