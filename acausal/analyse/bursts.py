@@ -10,7 +10,8 @@ product may be a pulse. Its middle is where
 
 - what it takes an even function of is zero: `w` of exp(-w**2), 1/(1 + w**2), exp(-fabs(w));
 - sine or cosine in it have an extremum;
-- of several of these, as in exp(-x**2 - y**2), and of large powers, the argument itself has one: its rate is zero;
+- of several of these, as in exp(-x**2 - y**2), of large powers, and of exponentials of what goes very far, as
+  exp(1e6*(s - 1)), the argument itself has one: its rate is zero;
 - the argument is zero, where there are several, as in (1 + tanh(a))*(1 - tanh(b)).
 
 One step for itself is no burst: tanh(v/v0) of a friction, w/sqrt(1 + w**2), the exponential of a diode. The error
@@ -38,6 +39,8 @@ _SMOOTH_FUNCTIONS = ("sin", "cos", "exp", "log", "cosh")
 _SMOOTH = _STEPS | LEAVES | frozenset(("add", "sub", "neg", "mul", "div", "pow", "sqrt", *_SMOOTH_FUNCTIONS))
 _LARGE = 8.0
 _LEAST = -300.0
+# The exponential of an argument that ranges over more is awake for a moment only; those of models/ go up to 800.
+_STEEP = 3000.0
 # A denominator of bounded terms that changes by less than this factor wakes nothing.
 _FACTOR = 300.0
 
@@ -98,7 +101,7 @@ class _Bursts:
         """A node that is a burst by itself."""
         op, *operands = self.pool.nodes[number]
         if op == "exp" and self.moves(operands[0]):
-            self._wakes(operands[0])
+            self._wakes(operands[0], power=self._is_steep(operands[0]))
         elif op == "div" and self.moves(operands[1]):
             self._wakes(operands[1], numerator=operands[0])
         elif op == "pow" and self.moves(operands[0]) and not self.moves(operands[1]):
@@ -151,6 +154,12 @@ class _Bursts:
         if op in ("mul", "pow", "neg", "div"):
             return any(self._has_floor(n) for n in operands if self.moves(n))
         return op in ("add", "sub") and any(not self.moves(n) or self._has_floor(n) for n in operands)
+
+    def _is_steep(self, number: int) -> bool:
+        """Whether an argument goes so far that its exponential is awake for a moment only; that of a diode does not."""
+        values = self.points.everywhere(number)
+        values = values[np.isfinite(values)]
+        return bool(values.size and np.ptp(values) > _STEEP)
 
     def _is_wide(self, number: int) -> bool:
         values = np.abs(self.points.everywhere(number))

@@ -141,6 +141,7 @@ class Periodic(Component):
                 "exponential": exp(150.0 * (cos(self.q) - 1.0)),
                 "quotient": 1.0 / (1.0 + 1e8 * cos(self.q) ** 2),
                 "oscillator": self.s**20000,
+                "peak": exp(1e6 * (self.s - 1.0)),
                 "point": exp(-near / 1e-4),
                 "bell": 1.0 / (1.0 + near / 1e-4) ** 2,
             }[self.kind]
@@ -156,6 +157,7 @@ PERIODIC = {
     "exponential": 2 * TURN * float(i0e(150.0)),
     "quotient": 2 * TURN / math.sqrt(1.0 + 1e8),
     "oscillator": 2 * POWER,
+    "peak": 10 * TURN * float(i0e(1e6)),
     "point": 1e-2 * math.sqrt(math.pi) / SPEED,
     "bell": 1e-2 * 0.5 * math.pi / SPEED,
 }
@@ -166,15 +168,15 @@ PERIODIC = {
 def test_periodic_bursts_and_closest_approaches(kind: str, solver: str) -> None:
     """Integrals over a turn: Wallis' for the power, 2 pi exp(-k) I0(k) and 2 pi/sqrt(1 + k) for the next two.
 
-    The oscillator is s = sin t, and its power amplifies what s is off by 20000. A body that goes straight through the
-    point sees a pulse of width 1e-2 over its speed.
+    The oscillator is s = sin t; its power amplifies what s is off by 20000, its exponential by 1e6. A body that goes
+    straight through the point sees a pulse of width 1e-2 over its speed. Of ten peaks idas missed five, cvodes four.
     """
-    stop = 40.0 if kind in ("point", "bell") else 2.0 * TURN + 1.0
+    stop = 40.0 if kind in ("point", "bell") else (10.0 if kind == "peak" else 2.0) * TURN + 1.0
     r = acausal.simulate(Periodic(kind=kind), stop_time=stop, solver=solver, tolerance=1e-8)
     expected = PERIODIC[kind]
     if kind == "exponential":  # half of a third peak, and what begins at the end is none
         expected *= 1.25
-    assert r.final("y") == pytest.approx(expected, rel=1e-2 if kind == "oscillator" else 1e-4)
+    assert r.final("y") == pytest.approx(expected, rel={"oscillator": 1e-2, "peak": 5e-2}.get(kind, 1e-4))
 
 
 class Often(Component):
