@@ -40,7 +40,7 @@ class OperatingPoint:
     states, algebraic, inputs, outputs
         `states` and `inputs` are what `linearize(model, t, x=states, inputs=inputs)` takes.
     notes
-        What is not unique, and was taken as near to the start as possible.
+        Which values are not unique, and were taken as near to the start as possible.
     """
 
     name: str
@@ -74,7 +74,7 @@ def operating_point(
     inputs
         Values of inputs that are given; those not named have their start values.
     outputs
-        Values that variables shall have there; usually as many inputs are free as variables are named.
+        Values that variables have at the point, by name; usually as many inputs are free as variables are named.
     free
         Inputs to find, within their limits.
     guess

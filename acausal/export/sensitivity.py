@@ -107,14 +107,14 @@ def sensitivities(
     Parameters
     ----------
     parameters
-        Names of scalar parameters, free in the compiled model.
+        Names of scalar parameters that are free (no numbers) in the compiled model.
     outputs
         Names of variables, as in a `Result`.
     values
         Values of parameters for this run, by path, in SI.
     method
-        "forward" carries a column per parameter along, "adjoint" a row per output and event back; the numbers are the
-        same, and the time nearly so: both share the steps of `acausal.export.variation`.
+        "forward" integrates a column per parameter, "adjoint" a row per output and event backwards. The results are
+        equal, and the times nearly so: both share the steps of `acausal.export.variation`.
     times
         Instants at which the outputs are differentiated, too.
     native

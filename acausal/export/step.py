@@ -36,19 +36,19 @@ _MOST_UNKNOWNS = 60
 def step_function(
     compiled: CompiledModel, step: float, method: str = "rk4", outputs: Sequence[str] | None = None
 ) -> StepFunction:
-    """Make a function that computes one step of `step` seconds.
+    """Make a function that computes one step of `step` [s] of the states, shape (n,), including its events.
 
     Parameters
     ----------
     method
         "rk2", "rk4", "rosenbrock" or "sdirk".
     outputs
-        What y holds, as in `CompiledModel.casadi`.
+        Names of the variables in y, as in `CompiledModel.casadi`.
 
     Raises
     ------
     UsageError
-        AC034 for an unknown method, AC030 for a step that is none.
+        AC034 for an unknown method, AC030 for a step that is not positive.
     ExportError
         AC605 for a clock that ticks more than once in a step, AC606 for more than 60 unknowns that must be solved for.
     """

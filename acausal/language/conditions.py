@@ -21,10 +21,10 @@ from acausal.language.expression import (
 
 
 def pre(x: Operand) -> Expr:
-    """The value just before the event.
+    """The value just before the event, in the unit of `x`: Modelica's `pre`.
 
-    Of a discrete variable or a condition anywhere; it is what it was when the event began. Of anything else in a `when`
-    only, where it is the value from before the actions.
+    `pre` of a discrete variable or of a condition may stand anywhere; it is the value from when the event began. That
+    of any other expression may stand in a `when` only, where it is the value before the actions.
     """
     return _before(as_expr(x))
 
@@ -65,10 +65,10 @@ def change(x: Expr) -> Expr:
 
 
 def equals(a: Operand, b: Operand) -> Expr:
-    """True where two whole numbers are equal: `equals(self.mode, 1)`; also of two conditions.
+    """True where two whole numbers, or two conditions, are equal: `equals(self.mode, 1)`.
 
-    `==` makes an equation. Of numbers that vary continuously equality is no condition: it would hold at single instants
-    only.
+    It stands for Modelica's `==` between integers, since `==` makes an equation here. Numbers that vary continuously
+    have no such condition: it would hold at single instants only.
 
     Raises
     ------
@@ -89,12 +89,12 @@ def equals(a: Operand, b: Operand) -> Expr:
 
 
 def sample(start: Operand, interval: Operand) -> Expr:
-    """True at the instants `start + k * interval`, k = 0, 1, 2, ...; for the condition of a `when` [s]."""
+    """True at the instants `start + k * interval` [s], k = 0, 1, 2, ...: a clock, for the condition of a `when`."""
     return Operation("sample", (as_expr(start), as_expr(interval)), ())
 
 
 def initial() -> Expr:
-    """True while the start of a run is computed, and never again."""
+    """True while the consistent start of a run is computed, and false from then on."""
     return Operation("initial", (), ())
 
 
@@ -114,7 +114,7 @@ def terminal() -> Expr:
 
 
 def no_event(x: Expr) -> Expr:
-    """A condition, or an expression, decided at every evaluation: where it changes is not located."""
+    """A condition, or an expression of any shape, without events: it is evaluated at every point, not located."""
     e = as_expr(x)
     return Operation("noevent", (e,), e.shape)
 
@@ -122,7 +122,8 @@ def no_event(x: Expr) -> Expr:
 def smooth(order: int, x: Operand) -> Expr:
     """`x` with the promise that it is `order` times continuously differentiable, whatever its conditions do.
 
-    Without kinks (order 1 and more) there is nothing to locate; of order 0 it is continuous, its kinks are located.
+    With order 1 and more there is no kink, and nothing is located; with order 0 `x` is continuous, and its kinks are
+    located.
 
     Raises
     ------

@@ -57,12 +57,12 @@ def _wrong_argument(kind: str, names: list[str], wrong: str) -> DeclarationError
 
 
 def fixed(value: Operand) -> Fixed:
-    """An initial equation: the variable has this value at the start."""
+    """A start value that holds: an initial equation, as Modelica's `start` with `fixed = true`."""
     return Fixed(value)
 
 
 def guess(value: Operand) -> Guess:
-    """A start for the iteration that finds the initial value; never an equation."""
+    """The value from which the search for a consistent start begins; it adds no equation. Modelica's `start`."""
     return Guess(value)
 
 
@@ -218,7 +218,7 @@ def signal_output(
     nominal: float = 1.0,
     monotone_above: float | None = None,
 ) -> Any:
-    """A signal the component computes."""
+    """A signal that the component computes; connect it to a `signal_input`."""
     return _declare(Kind.OUTPUT, unit=unit, doc=doc, shape=shape, nominal=nominal, monotone_above=monotone_above)
 
 

@@ -17,12 +17,11 @@ def delay(x: Operand, delay_time: Operand, max_delay: Operand | None = None) -> 
     Parameters
     ----------
     x
-        What is delayed, of any shape and unit.
+        Signal to delay, of any shape and unit; the result has both.
     delay_time
-        How long ago [s]; at least zero. Without `max_delay` it is made of numbers and parameters.
+        Delay [s], at least zero. Without `max_delay` it is an expression of numbers and parameters.
     max_delay
-        The longest that `delay_time` will be [s], of numbers and parameters. With it the delay may vary; what is older
-        is forgotten.
+        Upper limit of `delay_time` [s], an expression of numbers and parameters. With it the delay may vary.
 
     Raises
     ------

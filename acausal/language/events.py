@@ -142,9 +142,9 @@ def reset(x: Expr, value: Operand, *, by: Expr | None = None) -> Reset:
     x
         One declared scalar variable; with `by`, any scalar made of velocities.
     by
-        A discrete variable that stands in the equations as a force. For an instant it becomes as large as it takes for
-        `x` to have the new value: all that it moves jumps, by the masses of the model, and constraints go on to hold.
-        The variable itself stays what it is, as a rule zero.
+        A discrete variable that stands in the equations as a force. Its impulse gives `x` the new value: all velocities
+        that the force changes jump, as the masses of the model determine, and constraints go on to hold. The value of
+        the variable itself does not change; as a rule it is zero.
 
     Raises
     ------
@@ -194,12 +194,12 @@ def terminate(message: str) -> Terminate:
 
 
 def assert_(condition: Expr, message: str, *, level: str = "error") -> Assertion:
-    """A condition that holds in all of the run; yield it like an equation.
+    """A condition that has to hold during the whole run; yield it like an equation.
 
     Parameters
     ----------
     message
-        What it means when it does not hold, for the user.
+        Text for the user when the condition does not hold.
     level
         `"error"` stops the run where the condition ceases to hold, `"warning"` only notes it.
 

@@ -17,8 +17,8 @@ def free(model: C, *signals: str) -> C:
     ----------
     signals
         Paths of signal inputs inside of the model: `free(ThickBlock(), "force.u", "speed.w_ref")`. What drove them, by
-        `connect`, in a constructor or by an equation of the owner, is cut; the source stays in the model and drives
-        nothing. Units and limits are those that the input declares.
+        `connect`, in a constructor or by an equation of the owner, is left out; the source stays in the model without
+        effect. Units and limits are those that the input declares.
 
     Raises
     ------

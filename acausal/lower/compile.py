@@ -51,7 +51,7 @@ def compile(
     quasi_static: Sequence[str] = (),
     choices: Mapping[str, Choice] | None = None,
 ) -> CompiledModel:
-    """The compiled model of a component.
+    """Compile a component: its equations, reduced, ordered and lowered to CasADi functions.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def compile(
         Parameters, components or patterns whose values become numbers, "zeros" for all that are zero: faster, but they
         cannot be changed without compiling again.
     quasi_static
-        States, or components with all their states, to take as settled at every instant: stiff modes lose their own
+        States, or components with all their states, to put at their quasi-static limit: stiff modes lose their own
         motion. Unlike everything else here this is an approximation; `acausal.reduce` estimates and measures its error.
     choices
         Structures of components that can have several, by path, as in `acausal.flatten`. Without them the model has

@@ -180,7 +180,7 @@ def reduce(
     freeze
         Parameters, components or patterns that become numbers; "zeros" for all parameters that are zero.
     quasi_static
-        States, or components with all their states, that follow all others at once.
+        States, or components with all their states, to put at their quasi-static limit.
     parameters
         Values by path, as in `acausal.compile`.
     compare

@@ -43,12 +43,12 @@ def stability(
     inputs: Mapping[str, float] | None = None,
     check: bool = True,
 ) -> Stability:
-    """Study where methods fail on a model: eigenvalues along a run, largest stable steps, a verdict.
+    """Study which solvers are stable on a model: eigenvalues along a run, largest stable steps, a recommended solver.
 
     Parameters
     ----------
     points
-        How many points of the run to linearise at.
+        Number of points of the run at which to linearise.
     solver
         Solver of that run; None: the model's own, when its steps are not fixed, else `rosenbrock` or `idas`.
     step
