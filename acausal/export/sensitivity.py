@@ -416,7 +416,7 @@ class Chain:
                 "AC615",
                 f"sensitivities do not take {self.compiled.name}: at t = {t:.9g} s a relation is only grazed",
                 where=() if cause.where is None else (cause.where,),
-                evidence=[f"{cause.text}: passed at {rate:.3g} 1/s, which is not known from zero"],
+                evidence=[f"{cause.text}: its rate there, {rate:.3g} in SI units, cannot be told from zero"],
                 help="a tighter tolerance where it is passed by more than the error of a run; else the instant has no "
                 "derivative: choose parameters by which the relation is passed clearly or not at all",
             )
