@@ -68,8 +68,7 @@ class Fit:
     rms, noise
         Root mean square of the residuals by signal, in its unit, and the standard deviation they were weighted by.
     rows, runs, gradients
-        Number of values compared, of simulations made, and of those that were differentiated by all parameters, which
-        costs less than another one.
+        Number of values compared, of simulations made, and of those that were differentiated by all parameters at once.
     results
         One run with the found parameters for each data set.
     notes

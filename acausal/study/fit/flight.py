@@ -1,4 +1,4 @@
-"""A run whose signals can be differentiated by parameters: their derivatives cost less than another run."""
+"""A run whose signals can be differentiated by parameters, all at once and without differences."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Flight:
 
     @property
     def is_quick(self) -> bool:
-        """Whether derivatives cost less than differences."""
+        """Whether derivatives take compiled steps, or none."""
         try:
             return self.chain.is_quick()
         except (AcausalError, RuntimeError, np.linalg.LinAlgError):
