@@ -178,7 +178,13 @@ class Numbered:
             "algebraic",
             "newton",
             residual,
-            {"abstol": 1e-13, "abstolStep": 1e-10, "max_iter": _MOST_ITERATIONS, "error_on_fail": False},
+            {
+                "abstol": 1e-13,
+                "abstolStep": 1e-10,
+                "max_iter": _MOST_ITERATIONS,
+                "error_on_fail": False,
+                "show_eval_warnings": False,  # a step that leads there is tried again, shorter
+            },
         )
 
     def slowed(self, dae: Any, unit: float) -> Any:
