@@ -37,7 +37,7 @@ _LAST_ORDER = 5
 _MOST_STRETCHES = 1e6
 _INSTANT = 4e-12
 # Share of their tolerance that BDF codes get: what is read back adds up, and each stretch begins with order one.
-_BDF_SHARE = 0.1
+_BDF_SHARE, _FINEST = 0.1, 1e-13
 
 
 @dataclass(frozen=True)
@@ -201,7 +201,8 @@ class Memory:
 
         def run(regime: Regime, segment: Segment) -> Piece:
             assert self._recording is not None, "made above"
-            segment = replace(segment, tolerances=segment.tolerances.scaled(share))
+            asked = segment.tolerances
+            segment = replace(segment, tolerances=asked.scaled(share, least=min(_FINEST, asked.relative)))
             piece, panels = self._recording(regime, segment, self._limits)
             self._stay(panels)
             self.history.put([p._replace(coefficients=p.coefficients[:, : self.n]) for p in panels])

@@ -88,10 +88,11 @@ def share_of(compiled: CompiledModel, solver: Solver, tolerance: float, bends: b
     than its local errors, one-step methods do not (measured). Along undamped motions these end ten times as far off as
     without the constraint (a body after 1600 turns 20 tolerances, an oscillator after 1000 periods 2): they get a
     quarter, but for closed loops of joints, whose rounding is as large: runs crawl there. Where a solver `bends` with
-    the rows of a table of time all along, what it loses at each of them adds up as well.
+    the rows of a table of time all along, what it loses at each of them adds up as well; so does what it loses where it
+    starts again at the stretches of a delay, which the delay brings back besides.
     """
     is_stabilised = bool(compiled.solution.structure.invariants)
-    is_long = is_smooth(compiled) or bends or (is_stabilised and solver.multistep)
+    is_long = is_smooth(compiled) or bends or (solver.multistep and (is_stabilised or bool(compiled.delays)))
     share = SMOOTH_SHARE if is_long else TOLERANCE_SHARE
     if is_stabilised and is_smooth(compiled) and not solver.multistep and not compiled.flat.loops:
         share /= 4.0
