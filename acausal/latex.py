@@ -18,7 +18,7 @@ _COMPARED: dict[type[ast.cmpop], str] = {
     ast.GtE: r"\geq",
 }
 # Beyond this many characters a formula is harder to read than the source.
-_LONGEST = 300
+LONGEST = 300
 _FUNCTIONS = {"sin", "cos", "tan", "sinh", "cosh", "tanh", "exp", "log", "min", "max"}
 _RENAMED = {"asin": "arcsin", "acos": "arccos", "atan": "arctan", "minimum": "min", "maximum": "max"}
 # How tightly an operator binds; what binds less goes into brackets.
@@ -33,7 +33,7 @@ def latex(text: str) -> str | None:
     text
         Python, as equations print themselves and stand in sources.
     """
-    if len(text) > _LONGEST:
+    if len(text) > LONGEST:
         return None
     try:
         tree = ast.parse(text, mode="eval").body
@@ -99,6 +99,8 @@ def _written(tree: ast.expr) -> tuple[str, int]:
             return _cases([(tree.body, tree.test)], tree.orelse)
         case ast.Call():
             return _call(tree)
+        case ast.Slice(lower=lower, upper=upper, step=None):
+            return ":".join("" if end is None else _written(end)[0] for end in (lower, upper)), _ATOM
         case ast.Tuple() | ast.List():
             return rf"\left({', '.join(_written(e)[0] for e in tree.elts)}\right)", _ATOM
     raise _Untypeset

@@ -37,12 +37,12 @@ def operations(compiled: Any) -> int:
 def test_operations_per_body_do_not_grow(model: Any) -> None:
     """The articulated-body algorithm costs the same for every body (Featherstone 2008, table 10.1).
 
-    What is next to the ground costs less, so that the share of each still grows a little: from 12 bodies to 36, where a
+    What is next to the ground costs less, so that the share of each still grows a little: from 16 bodies to 48, where a
     mass matrix solved densely would cost nine times as much per body, and Markowitz's order twice as much.
     """
-    few, many = (acausal.compile(model(n=n), cache=False) for n in (12, 36))
+    few, many = (acausal.compile(model(n=n), cache=False) for n in (16, 48))
     assert few.algebraic == many.algebraic == ()
-    assert operations(many) / 36 < 1.3 * operations(few) / 12
+    assert operations(many) / 48 < 1.3 * operations(few) / 16
 
 
 def rates(compiled: Any, x: Vector) -> Vector:
