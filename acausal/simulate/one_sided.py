@@ -39,8 +39,7 @@ def one_sided(
     """The first such equation that turns at this point."""
     structure = compiled.solution.structure
     reduced = structure.reduced
-    of_block = {v: [(e, b.columns) for e in b.rows] for b in structure.blocks for v in b.columns}
-    rows = dict.fromkeys(e for block in structure.blocks for e in block.rows)
+    rows = [e for block in structure.blocks for e in block.rows]
     unknowns = [v for block in structure.blocks for v in block.columns]
     if not 0 < len(unknowns) <= _MOST:
         return None
@@ -60,28 +59,28 @@ def one_sided(
 
     def looked(at_y: Vector) -> tuple[Vector, Any, Any]:
         r, by_y, by_x = of(*at, at_y)
-        return np.array(r).ravel(), by_y, by_x
+        return np.array(r).ravel(), abs(by_y.sparse()).tocsr(), abs(by_x.sparse()).tocsr()
 
-    place, row = {v: k for k, v in enumerate(unknowns)}, {e: k for k, e in enumerate(rows)}
     size = _LARGE * (compiled.nominal(unknowns) + np.abs(here))
     n = compiled.n_dynamic
     could = np.abs(x[:n]) + compiled.nominal_x[:n]
-    for v in unknowns:
-        j = place[v]
-        ends = []
-        for side in (1.0, -1.0):
-            far = here.copy()
-            far[j] = side * size[j]
-            ends.append(looked(far))
-        for (r, by_y, by_x), (_, opposite, _) in (ends, ends[::-1]):
-            for e, columns in of_block[v]:
-                k = row[e]
-                usual = abs(float(opposite[k, j]))
-                slopes = [abs(float(by_y[k, place[w]])) for w in columns]
-                held = np.array(by_x[k, :n]).ravel()
-                if not 0.0 < usual < np.inf or not max(slopes) <= _FLAT * usual or not np.abs(held).max() > 0.0:
-                    continue
-                if abs(r[k]) <= _REACHED * float(np.abs(held) @ could):
-                    names = tuple(compiled.states[i] for i in np.flatnonzero(held).tolist())
-                    return OneSided(reduced.name(v), structure.flat_equation(e), names)
+    first = 0
+    for block in structure.blocks:
+        own = slice(first, first + len(block.columns))  # as many rows as columns
+        first = own.stop
+        for j in range(own.start, own.stop):
+            ends = []
+            for side in (1.0, -1.0):
+                far = here.copy()
+                far[j] = side * size[j]
+                ends.append(looked(far))
+            for (r, by_y, by_x), (_, opposite, _) in (ends, ends[::-1]):
+                usual = opposite[own, j].toarray().ravel()
+                slopes = by_y[own, own].max(axis=1).toarray().ravel()
+                held = by_x[own, :n]
+                moves = held @ could
+                flat = (usual > 0.0) & (usual < np.inf) & (slopes <= _FLAT * usual) & (moves > 0.0)
+                for k in np.flatnonzero(flat & (np.abs(r[own]) <= _REACHED * moves)).tolist():
+                    names = tuple(compiled.states[i] for i in sorted(held[k].indices.tolist()) if held[k, i] != 0.0)
+                    return OneSided(reduced.name(unknowns[j]), structure.flat_equation(rows[own.start + k]), names)
     return None
