@@ -23,6 +23,7 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the models of the examples are among the tests
 
+from accuracy_chart import PICTURE, draw
 from accuracy_msl import FOLDER, MODELS, example
 from accuracy_problems import OWN, SLOPES
 from accuracy_scenes import EXPLICIT, SCENES
@@ -185,6 +186,8 @@ def page(cells: Cells) -> str:
             "",
             "Default above ten, or without a number: " + (", ".join(missed) or "none") + ".",
             "",
+            "![End errors over tolerance of all problems, by tolerance and solver](images/accuracy.png)",
+            "",
             "| problem | unknowns | solver | 1e-4 | 1e-6 | 1e-8 | 1e-10 |",
             "|---|---|---|---|---|---|---|",
             *(line for name, row in cells.items() for line in lines(name, row)),
@@ -205,7 +208,8 @@ def main(arguments: Iterable[str] | None = None) -> None:
     options = parser.parse_args(None if arguments is None else list(arguments))
     cells = fill(options.problems.split(","), options.seconds, options.kept)
     options.output.write_text(page(cells) + "\n")
-    print(f"written: {options.output}")
+    draw(options.output)
+    print(f"written: {options.output}, {PICTURE}")
 
 
 if __name__ == "__main__":
