@@ -204,14 +204,14 @@ def test_an_interrupted_sweep_goes_on_where_it_was(tmp_path: Path) -> None:
     vary = {"k": np.linspace(0.5, 2.0, 8)}
     with pytest.raises(KeyboardInterrupt):
         # one member in a chunk: the first two run before there are chunks
-        decays(vary, file=file, progress=stop, output_interval=4e-6, stop_time=0.5, tolerance=1e-4)
+        decays(vary, file=file, progress=stop, output_interval=1e-6, stop_time=0.5, tolerance=1e-4)
     partial = acausal.load_sweep(file)
     assert partial.status.count("ok") >= 3
     assert "missing" in partial.status
     with pytest.raises(UsageError, match="AC062"):
-        decays(vary, file=file, output_interval=4e-6, stop_time=0.5, tolerance=1e-4)
+        decays(vary, file=file, output_interval=1e-6, stop_time=0.5, tolerance=1e-4)
     seen: list[Progress] = []
-    options: Any = {"output_interval": 4e-6, "stop_time": 0.5, "tolerance": 1e-4}
+    options: Any = {"output_interval": 1e-6, "stop_time": 0.5, "tolerance": 1e-4}
     whole = decays(vary, file=file, resume=True, progress=seen.append, **options)
     assert seen[0].done == partial.status.count("ok") + 1
     assert whole.status == ("ok",) * 8
