@@ -280,7 +280,7 @@ def called(t: Array, k: float) -> Values:
 
 @cache
 def _ladder() -> tuple[Array, Array]:
-    a = np.diag(np.full(50, -2.0)) + np.diag(np.ones(49), 1) + np.diag(np.ones(49), -1)
+    a = np.diag(np.full(150, -2.0)) + np.diag(np.ones(149), 1) + np.diag(np.ones(149), -1)
     a[-1, -1] = -1.0
     values, vectors = np.linalg.eigh(a)
     return values, vectors
@@ -289,7 +289,7 @@ def _ladder() -> tuple[Array, Array]:
 def ladder(t: Array, value: float) -> Values:
     """v' = A v + b with b = e_1, by the eigenvectors of A; all at 1 V in the end."""
     values, vectors = _ladder()
-    v = 1.0 + vectors @ (np.exp(np.outer(values, t)) * (vectors.T @ np.full(50, -1.0))[:, None])
+    v = 1.0 + vectors @ (np.exp(np.outer(values, t)) * (vectors.T @ np.full(150, -1.0))[:, None])
     return {"capacitors[0].v": v[0], "capacitors[2].v": v[2]}
 
 
@@ -387,7 +387,7 @@ FEATURES: tuple[Feature, ...] = (
     Feature("contact scene", models.Bouncing, 0.2, bouncing, "half swings", tolerance=1e-4, cost=2.0),
     Feature("drilling", models.Drilling, 4.0, drilling, "the paper's equations", "v", 1.672e-3, cost=2.0),
     Feature("external", models.Called, 2.0, called, "closed form", "k", 1.0, poles=(-2.0,)),
-    Feature("100 components", models.Ladder, 2.0, ladder, "eigenvectors", cost=2.0),
+    Feature("150 components", models.Ladder, 2.0, ladder, "eigenvectors", cost=2.0),
     Feature("long tables", models.Tables, 1.0, tables, "Simpson's rule on pieces", "k", 1.0, cost=3.0),
     Feature("inputs", models.Driven, 2.0, driven, "closed form", "k", 1.5, inputs={"u": 2.0}, poles=(-1.5,)),
     Feature("assertion holds", models.Watched, 1.0, straight, "closed form", "r", 1.0, poles=(0.0,)),

@@ -328,7 +328,7 @@ class Called(Component):
 
 
 class Ladder(Component):
-    """50 equal sections of 1 Ohm and 1 F behind 1 V."""
+    """150 equal sections of 1 Ohm and 1 F behind 1 V."""
 
     source: ConstantVoltage = ConstantVoltage(V=1.0)
     resistors: list[Resistor] = part()
@@ -336,8 +336,8 @@ class Ladder(Component):
     ground: Ground = Ground()
 
     def build(self) -> None:
-        self.resistors = [Resistor(R=1.0) for _ in range(50)]
-        self.capacitors = [Capacitor(C=1.0, v=fixed(0.0)) for _ in range(50)]
+        self.resistors = [Resistor(R=1.0) for _ in range(150)]
+        self.capacitors = [Capacitor(C=1.0, v=fixed(0.0)) for _ in range(150)]
 
     def equations(self) -> Equations:
         before = self.source.p
