@@ -135,14 +135,7 @@ def sensitivities(
     compiled = model if isinstance(model, CompiledModel) else compile(model, parameters=values)
     wanted = named_outputs(compiled, outputs)
     check(compiled, SENSITIVITIES, wanted)
-    if not parameters:
-        free = ", ".join(compiled.parameters[:6]) or "none"
-        raise UsageError("AC020", "there is no parameter to differentiate for", evidence=[f"parameters: {free}"])
-    for name in parameters:
-        if name not in compiled.parameters:
-            close = nearest(name, list(compiled.parameters))
-            evidence = [f"did you mean {', '.join(close)}?"] if close else []
-            raise UsageError("AC020", f"there is no parameter '{name}'", evidence=evidence)
+    chosen = _places_of(compiled, parameters)
     opts = options(
         compiled.flat.experiment,
         start_time=start_time,
@@ -154,7 +147,6 @@ def sensitivities(
     p = parameter_vector(compiled, (values or {}) if isinstance(model, CompiledModel) else {})
     run = Run(compiled, opts, p, Inputs(input_vector(compiled, inputs or {})), None, traced=True)
     result = run.result()
-    chosen = [compiled.parameters.index(name) for name in parameters]
     chain = Chain(run, chosen, wanted, tolerance)
     asked = np.asarray(times, dtype=float)
     if len(asked) and not (chain.passages[0].time <= asked.min() and asked.max() <= chain.stop):
@@ -176,6 +168,19 @@ def sensitivities(
         asked,
         chain.trajectory(asked) if len(asked) else np.zeros((0, len(wanted), len(parameters))),
     )
+
+
+def _places_of(compiled: CompiledModel, parameters: Sequence[str]) -> list[int]:
+    """Where parameters stand among those of the model; UsageError AC020 for one that is not there, or for none."""
+    if not parameters:
+        free = ", ".join(compiled.parameters[:6]) or "none"
+        raise UsageError("AC020", "there is no parameter to differentiate for", evidence=[f"parameters: {free}"])
+    for name in parameters:
+        if name not in compiled.parameters:
+            close = nearest(name, list(compiled.parameters))
+            evidence = [f"did you mean {', '.join(close)}?"] if close else []
+            raise UsageError("AC020", f"there is no parameter '{name}'", evidence=evidence)
+    return [compiled.parameters.index(name) for name in parameters]
 
 
 class Matrices:
