@@ -168,7 +168,7 @@ class Iteration:
             if applied.any() or not np.array_equal(found.m, moment.m):
                 story.jumps.append(Jump(moment, applied, advances))
             if not np.array_equal(found.x[: self.dynamic], moment.x[: self.dynamic]):
-                x = self._followed(t, moment, found.x, applied)
+                x = self._followed(t, moment, found.x, applied, story.notes)
                 walk = _Walk(np.zeros(count, dtype=int), np.zeros(count))  # other states: no relation leads back yet
             moment = Moment(x, moment.z, found.m, self._released(t, moment, x))
             was, decided, level = found.was, found.decided, float(found.level)
@@ -189,12 +189,21 @@ class Iteration:
                 left.append(hold)
         return regime if len(left) == len(regime.holds) else Regime(regime.free, tuple(left), regime.border)
 
-    def _followed(self, t: float, moment: Moment, x: Vector, applied: Truth) -> Vector:
-        """States after the actions that were applied, on the stabilised constraints."""
+    def _followed(self, t: float, moment: Moment, x: Vector, applied: Truth, notes: list[str]) -> Vector:
+        """States after the actions that were applied, on the stabilised constraints; a note where others jump, too."""
         actions = (place for clause in self.events.clauses for place, _ in clause.actions)
         places = [place for place, acts in zip(actions, applied, strict=True) if acts]
         numbers = moment.z, self.problem.u, self.problem.p, moment.m
-        return followed(self.problem.compiled, t, moment.x, x, places, numbers)
+        found = followed(self.problem.compiled, t, moment.x, x, places, numbers)
+        states = self.problem.compiled.states
+        moved = tuple(states[k] for k in np.flatnonzero(found != x).tolist())
+        if moved and ("reset", *moved) not in self._noted:
+            self._noted.add(("reset", *moved))
+            notes.append(
+                f"t = {t:.9g} s: a `reset` moves {listed(moved)} too, by the constraints that bind them; "
+                "reset(velocity, value, by=force) says which force does it"
+            )
+        return found
 
     def _shared(self, t: float, moment: Moment, notes: list[str]) -> None:
         """Refuse modes that contradict each other, and say which loads nothing determines."""
