@@ -1,18 +1,20 @@
-"""Rates that sleep and wake: kinks one side of which is constant, such as `y' = k * maximum(x - 1, 0)`.
+"""Rates that sleep and wake: kinks in which what is not on bounds no step, such as `y' = k * maximum(x - 1, 0)`.
 
 `minimum`, `maximum`, `fabs` and what is below `no_event` make no events; the error control sees such a kink where a
-step ends behind it. While the constant side is on nothing bounds the step, and a solver may pass the other one without
-a single evaluation there. These kinks are watched: a stretch ends where one is reached, and the next one begins there,
+step ends behind it. While one side is on, nothing of the other bounds the step, and a solver may pass it without a
+single evaluation there. These kinks are watched: a stretch ends where one is reached, and the next one begins there,
 in front of what may wake, without an event.
 
-Kinks that bound a factor, as in `v / maximum(r, r_min)`, do not sleep: the rest of the expression goes on. A kink is
-taken to sleep where it, or a sum that holds it, is zero on one side, or where it is constant there and enters the rate
-of a state linearly.
+Where both sides move, all are watched but those of `fabs` that do not cancel, whose two sides are equally steep. With
+one constant side, kinks that bound a factor, as in `v / maximum(r, r_min)`, do not sleep: the rest of the expression
+goes on. Such a kink is taken to sleep where it, or a sum that holds it, is zero on one side, or where it is constant
+there and enters the rate of a state linearly.
 
 Each that is watched costs a guard, and a stretch whenever it is passed. Bodies that touch have hundreds, of all the
 ways in which their faces may overlap: choices below `no_event` that move a point of contact while the force is on.
 Where there are many, these are left out and handed back, for a message and a bound on the steps. Under that bound only
 rates are watched: the weights of those points, `minimum` and `maximum` in products, would take eight times the work.
+Kinks whose sides both move and that are no rates are not watched then, without a message.
 """
 
 from __future__ import annotations
@@ -68,7 +70,7 @@ def sleeping(solution: Solution, located: Iterable[int], discrete: frozenset[int
     pool, points = graph.pool, graph.points
     taken = {_shape(points.everywhere(pool.sub(*pool.nodes[n][1:]))) for n in known}
     found: list[int] = []
-    choices, rates = set[int](), set[int]()
+    choices, rates, others = set[int](), set[int](), set[int]()
     for number, a, b, sides in _kinks(graph, known):
         distance = points.everywhere(pool.sub(a, b))
         if not np.isfinite(distance).all() or np.count_nonzero(np.abs(distance) <= _ZERO * np.abs(distance).max()) > 1:
@@ -76,16 +78,21 @@ def sleeping(solution: Solution, located: Iterable[int], discrete: frozenset[int
         shape = _shape(distance)
         if shape in taken:
             continue
-        if any(graph.vanishes(number, side * distance > 0.0) for side in sides) or graph.is_rate(number):
+        asleep = not sides or any(graph.vanishes(number, side * distance > 0.0) for side in sides)
+        if asleep or graph.is_rate(number):
             taken.add(shape)
             # operands below `no_event` make it another node than a relation of the equations
             found.append(pool.make("gt", pool.make("noevent", a), pool.make("noevent", b)))
             if graph.is_rate(number):
                 rates.add(found[-1])
+            elif not sides:
+                others.add(found[-1])
             elif pool.nodes[number][0] == "where":
                 choices.add(found[-1])
     middles = _relations(graph, bursts(solution, graph.unknowns, graph.reachable, graph.moves), taken)
     middles, more = middles[:MOST_BURSTS], middles[MOST_BURSTS:]
+    if len(found) > MOST:
+        found = [n for n in found if n not in others]
     if len(found) <= MOST:
         return Sleeping(tuple(found), middles, more)
     kept = [n for n in found if n in rates or not choices][:MOST_PLAIN]
@@ -105,25 +112,24 @@ def _relations(graph: _Graph, middles: Iterable[int], taken: set[bytes]) -> tupl
 
 
 def _kinks(graph: _Graph, located: set[int]) -> Iterator[tuple[int, int, int, tuple[float, ...]]]:
-    """Kinks with a constant side: node, both sides of what decides it, the signs of their difference where it is on."""
+    """Kinks: node, both sides of what decides it, the signs of their difference where a constant side is on."""
     nodes, moving = graph.pool.nodes, graph.moving
     for number in graph.reachable:
         op, *operands = nodes[number]
-        if op in ("min", "max"):
+        if op in ("min", "max") and any(moving[n] for n in operands):
             a, b = operands
             larger = 1.0 if op == "max" else -1.0
-            sides = tuple(s for n, s in ((a, larger), (b, -larger)) if not moving[n])
-            if len(sides) == 1:
-                yield number, a, b, sides
+            yield number, a, b, tuple(s for n, s in ((a, larger), (b, -larger)) if not moving[n])
         elif op == "fabs" and moving[operands[0]]:
             sides = tuple(s for s in (1.0, -1.0) if graph.cancels(number, s))
             if sides:
                 yield number, operands[0], graph.pool.zero, sides
-        elif op == "where" and not all(moving[n] for n in operands[1:]):
+        elif op == "where":
+            sides = () if all(moving[n] for n in operands[1:]) else (1.0, -1.0)
             for relation in graph.pool.reachable([operands[0]]):
                 kind, *both = nodes[relation]
                 if kind in RELATIONS and relation not in located and moving[relation]:
-                    yield number, both[0], both[1], (1.0, -1.0)
+                    yield number, both[0], both[1], sides
 
 
 class _Graph:

@@ -15,9 +15,12 @@ from acausal import (
     Equations,
     Expr,
     Real,
+    clamp,
+    cos,
     der,
     fabs,
     fixed,
+    log,
     maximum,
     minimum,
     no_event,
@@ -207,3 +210,51 @@ def test_the_drill_of_one_axis_is_not_held_at_its_touch(solver: str) -> None:
     touch = 1.0 + (6.0 * 5.0 * 1e-3 / 2000.0) ** (1.0 / 3.0)
     assert result.at(touch, "s") == pytest.approx(0.0, abs=2e-6)
     assert result["s"].max() < 1e-3
+
+
+Pair = Callable[[Any, Any], Expr]
+BOTH_MOVE: dict[str, Pair] = {
+    "maximum": lambda a, b: maximum(a, b) - a,
+    "minimum": lambda a, b: b - minimum(a, b),
+    "logarithm": lambda a, b: log(maximum(a, b) / a) * a,
+    "limits that move": lambda a, b: clamp(b, a, a + 1.0) - a,
+    "nested": lambda a, b: maximum(minimum(a, b + 5.0), b) - a,
+    "fabs": lambda a, b: 0.5 * fabs(b - a) + 0.5 * b - 0.5 * a,
+    "no_event": lambda a, b: where(no_event(b > a), b, a) - a,
+    "product": lambda a, b: maximum(a, b) * maximum(a, b) / (2.0 * a) - 0.5 * a,
+}
+
+
+class Overtaken(Component):
+    """b = a + x - c overtakes a while x = sin(t) > c: y' is (x - c)+, up to a hundred-thousandth of itself."""
+
+    rate: Pair = structural(default=BOTH_MOVE["maximum"])
+    iterated: bool = structural(default=False)
+    c: Real = parameter(default=0.99999)
+    x: Real = variable(default=fixed(0.0))
+    v: Real = variable(default=fixed(1.0))
+    p: Real = variable(default=fixed(0.3))
+    a: Real = variable()
+    y: Real = variable(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        h = math.acos(0.99999)
+        yield der(self.x) == self.v
+        yield der(self.v) == -self.x
+        yield der(self.p) == 0.3 * cos(0.6 * time)
+        yield self.a == 10.0 + self.p if not self.iterated else self.a + 0.1 * self.a**3 == 10.0 + self.p
+        yield der(self.y) == self.rate(self.a, self.a + self.x - self.c) / (2.0 * (math.sin(h) - h * 0.99999))
+
+
+@pytest.mark.parametrize("rate", BOTH_MOVE.values(), ids=BOTH_MOVE)
+@pytest.mark.parametrize("solver", ["idas", "erk"])
+def test_kinks_whose_sides_both_move(solver: str, rate: Pair) -> None:
+    r = acausal.simulate(Overtaken(rate=rate), stop_time=9.0, solver=solver, output_interval=9.0, tolerance=1e-8)
+    assert r.final("y") == pytest.approx(2.0, abs=1e-2)
+    assert not r.events
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_kinks_whose_sides_both_move_and_are_iterated(solver: str) -> None:
+    r = acausal.simulate(Overtaken(iterated=True), stop_time=9.0, solver=solver, tolerance=1e-8)
+    assert r.final("y") == pytest.approx(2.0, abs=1e-2)
