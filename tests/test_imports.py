@@ -31,6 +31,8 @@ ALLOWED: dict[str, set[str]] = {
     "panel": set(),
     # files that are trusted later on
     "private": set(),
+    # Python's own collector
+    "collector": set(),
     "language": {"panel"},
     "flatten": {"language"},
     "structure": set(),
@@ -65,7 +67,7 @@ ALLOWED: dict[str, set[str]] = {
     # acausal/__init__.py hands out the names of every stage.
     "public": {*COMPILER, "animate", "diagram", "explore", "export", "panel", "plot", "result", "simulate", "study"},
 }
-EVERYBODY_MAY = {"errors", "units", "providers", "private"}
+EVERYBODY_MAY = {"errors", "units", "providers", "private", "collector"}
 # Modules directly under acausal/ that are one concept in several files. `panel` is the description of a figure, which
 # a model carries, without the drawing.
 MEMBER_OF = {

@@ -7,9 +7,12 @@ their rates as known derivatives, so that frames cost no unknowns.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from array import array
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
+
+import numpy as np
 
 from acausal.diagnose.causes import contradiction
 from acausal.flatten.flat import FlatSystem
@@ -43,9 +46,11 @@ class _Aliases:
     def __init__(self, flat: FlatSystem, instead: Mapping[int, int]) -> None:
         self.flat = flat
         self.pool = flat.pool
-        self.residual = {k: self.pool.sub(e.left, e.right) for k, e in enumerate(flat.equations)} | dict(instead)
+        sub = self.pool.sub
+        self.residual = {k: sub(left, right) for k, (left, right, *_) in enumerate(flat.equations)}
+        self.residual.update(instead)
         self.dirty = list(self.residual)  # equations whose variables have changed since they were looked at
-        self.users: dict[int, list[int]] = {}  # variable -> equations it has been seen in
+        self.users = _Users()
         self.relations: list[tuple[int, int, int]] = []
         self.relation_source: list[int] = []
         self.constant: dict[int, tuple[int, int]] = {}  # representative -> (node without variables, equation)
@@ -106,6 +111,8 @@ class _Aliases:
 
     def _definitions(self) -> None:
         """Explicit equations of overconstrained variables become substitutions."""
+        if not self.pool.slope:
+            return
         for k, equation in enumerate(self.flat.equations):
             left = self.pool.nodes[equation.left]
             if left[0] == "var" and left[1] in self.pool.slope and left[1] not in self.definition:
@@ -166,8 +173,7 @@ class _Aliases:
             del residual[k]
         for k in self.dirty:  # what became an alias is never looked at again
             if k in residual:
-                for v in self.pool.variables_in(residual[k]):
-                    self.users.setdefault(v, []).append(k)
+                self.users.add(k, self.pool.entries(residual[k]))
         if not found:
             found = [k for k in self.linkable() if self._link(k, nodes[residual[k]], touched)]
             for k in found:
@@ -178,12 +184,9 @@ class _Aliases:
         if len(self.relations) > relations or any(x in self.link or x in self.integral for x in touched):
             self._classes()
         self.done = {}
-        changed = set(self.dirty)
-        for v in touched:
-            derivative = self.pool.derivative_of.get(v)
-            changed.update(self.users.pop(v, ()))
-            if derivative is not None:
-                changed.update(self.users.pop(derivative, ()))
+        derivative_of = self.pool.derivative_of
+        touched.update([derivative_of[v] for v in touched if v in derivative_of])
+        changed = {*self.dirty, *self.users.taken(touched, self.pool.n_variables)}
         self.dirty = sorted(changed & residual.keys())
         return True
 
@@ -199,8 +202,8 @@ class _Aliases:
 
     def linkable(self) -> list[int]:
         """Equations that mention a derivative, where links are looked for when no alias is left."""
-        integral = self.pool.integral_of
-        return sorted({k for v, users in self.users.items() if v in integral for k in users if k in self.residual})
+        found = self.users.of(self.pool.integral_of, self.pool.n_variables)
+        return sorted({k for k in found if k in self.residual})
 
     def _alias(self, k: int, node: tuple[Any, ...], touched: set[int]) -> bool:
         """Use a residual as alias or constant; False when it must stay."""
@@ -295,6 +298,7 @@ class _Aliases:
 
     def finish(self) -> ReducedSystem:
         """Translate what is left into a pool with numbers of its own."""
+        self.users = _Users()  # the largest moment of compiling
         pool = Pool()
         number: dict[int, int] = {}
         old = self.pool
@@ -374,6 +378,37 @@ class _Aliases:
                 self.pool.rewrite([slope], self.leaf, self.done)
                 pairs.append((self._defined(variable), self.done[slope]))
         return pairs
+
+
+class _Users:
+    """Which equations a variable has been seen in: pairs of numbers, looked up for many variables at a time."""
+
+    def __init__(self) -> None:
+        self.variable, self.equation = array("q"), array("q")
+
+    def add(self, equation: int, variables: Sequence[int]) -> None:
+        """Enter an equation for each of its variables."""
+        self.variable.extend(variables)
+        self.equation.extend([equation] * len(variables))
+
+    def _hit(self, variables: Collection[int], count: int) -> Any:
+        """Which pairs are of one of `variables`, all of them below `count`."""
+        marks = np.zeros(count, dtype=bool)
+        marks[np.fromiter(variables, dtype=np.int64, count=len(variables))] = True
+        return marks[np.frombuffer(self.variable, dtype=np.int64)]
+
+    def of(self, variables: Collection[int], count: int) -> list[int]:
+        """The equations of `variables`; some may come twice."""
+        found: list[int] = np.frombuffer(self.equation, dtype=np.int64)[self._hit(variables, count)].tolist()
+        return found
+
+    def taken(self, variables: Collection[int], count: int) -> list[int]:
+        """The same, and they are forgotten."""
+        hit = self._hit(variables, count)
+        variable, equation = (np.frombuffer(a, dtype=np.int64) for a in (self.variable, self.equation))
+        found: list[int] = equation[hit].tolist()
+        self.variable, self.equation = (array("q", a[~hit].tobytes()) for a in (variable, equation))
+        return found
 
 
 @dataclass(frozen=True)

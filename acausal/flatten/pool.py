@@ -56,7 +56,9 @@ RELATIONS = frozenset(("lt", "le", "gt", "ge"))
 IMPULSE = "impulse"
 """Of a velocity and its value after an impact: what a `when` gives to the force whose impulse it is."""
 _KEPT = frozenset(("sample", "pre", "initial", "infinitesimal", "terminal", IMPULSE))  # what they are is the run's
+_SUMS = frozenset(("add", "sub", "neg", "mul"))  # a product with a number is one term several times
 _FEW = 32  # variables of a node that are remembered
+_SMALL = 50  # nodes of an expression that is walked without asking what has been seen
 _MANY = 16  # roots are many when there are more than one in so many nodes
 
 
@@ -288,6 +290,11 @@ class Pool:
     def _repeats(self, root: int) -> bool:
         """Whether a term of a sum occurs twice; asked of every equation, and nearly always answered by no."""
         nodes = self.nodes
+        node = nodes[root]
+        if node[0] not in _SUMS:
+            return False
+        if len(node) == 3 and node[1] != node[2] and nodes[node[1]][0] not in _SUMS and nodes[node[2]][0] not in _SUMS:
+            return False
         seen: set[int] = set()
         stack = [root]
         while stack:
@@ -349,6 +356,21 @@ class Pool:
             if len(found) <= _FEW:  # nested sums of many would take memory with the square of their number
                 self._variables[roots[0]] = found
         return found
+
+    def entries(self, root: int) -> list[int]:
+        """Variables that a node depends on, in no order, perhaps more than once; nothing is remembered."""
+        nodes, stack = self.nodes, [root]
+        found: list[int] = []
+        for _ in range(_SMALL):
+            if not stack:
+                return found
+            node = nodes[stack.pop()]
+            op = node[0]
+            if op == "var":
+                found.append(node[1])
+            elif op not in LEAVES:
+                stack += node[1:]
+        return list(self.variables_behind((root,), {}))  # what is large may share so much that it has no end of paths
 
     def variables_behind(self, roots: Iterable[int], definitions: Mapping[int, int]) -> set[int]:
         """The same through variables that are defined by nodes; each node is visited once."""

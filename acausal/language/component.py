@@ -12,6 +12,7 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Self, dataclass_transform
 
+from acausal.collector import collector_paused
 from acausal.errors import DeclarationError, UnknownFieldError, calling_span, nearest
 from acausal.language.declaration import Declaration, Kind, Owner
 from acausal.language.declare import Real, checked_shape, checked_value, parameter, structural
@@ -110,6 +111,7 @@ class Component(Owner):
         for name in annotated.keys() & declarations.keys():
             declarations[name].belongs_to(cls, name)
         cls._declarations = declarations
+        cls._is_sized = any(d.sized is not None for d in declarations.values())
         cls._prototypes = prototypes
         cls._outers = outers
 
@@ -136,7 +138,7 @@ class Component(Owner):
                 raise _unknown_field(cls, name)
         for name, around in self._outers.items():
             own[name] = around.cls._stand_in(self, name)
-        if any(d.sized is not None for d in cls._declarations.values()):
+        if cls._is_sized:
             own["_declarations"] = self._sized()
         for name, declaration in self._declarations.items():
             if name in given:
@@ -219,7 +221,7 @@ class Component(Owner):
             return
         where = f"{cls.__name__}.build"
         try:
-            with recorded(ledger):
+            with recorded(ledger), collector_paused():
                 returned = called(where, "def build(self) -> None", build)
             refuse_unheard(cls, where, build)
             if inspect.isgenerator(returned):
@@ -268,6 +270,8 @@ class Component(Owner):
         if isinstance(value, list | tuple):
             value = list(value)
         members = value if isinstance(value, list) else [value]
+        prototype, wanted = self._prototypes.get(name), declared_class(type(self), name)
+        is_one = wanted is not None and members is value and _annotation_of(type(self), name)[0] != "["
         for k, member in enumerate(members):
             if not isinstance(member, Component):
                 raise DeclarationError(
@@ -283,7 +287,6 @@ class Component(Owner):
                     members[k] = member
                 else:
                     value = member
-            prototype = self._prototypes.get(name)
             if isinstance(prototype, Connector) and type(member) is not type(prototype):
                 raise DeclarationError(
                     "AC116",
@@ -291,8 +294,7 @@ class Component(Owner):
                     f"not a {type(member).__name__}",
                     help="a connector is declared in the class; it need not be given",
                 )
-            wanted = declared_class(type(self), name)
-            if wanted is not None and members is value and _annotation_of(type(self), name)[0] != "[":
+            if wanted is not None and is_one:
                 raise DeclarationError(
                     "AC116",
                     f"{type(self).__name__}: part '{name}' is one {wanted.__name__}, not a list",
@@ -548,9 +550,7 @@ def _is_parts(value: Any) -> bool:
 
 
 def _shown(value: Any) -> str:
-    if isinstance(value, Symbol):
-        return str(value)
-    return repr(value)
+    return str(value) if isinstance(value, Symbol) else repr(value)
 
 
 def _check_name(cls: type[Component], name: str, value: Declaration | Component | Outer[Component]) -> None:

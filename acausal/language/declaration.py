@@ -98,6 +98,7 @@ class Owner:
     _declarations: ClassVar[dict[str, Declaration]] = {}
     _classes: ClassVar[dict[str, type[Owner] | None]]
     _is_named_right: ClassVar[bool]
+    _is_sized: ClassVar[bool] = False
 
     def _path_to(self, name: str) -> str:
         """Path of a field as seen from the outermost owner, for messages."""

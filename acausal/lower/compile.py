@@ -19,6 +19,7 @@ from acausal.analyse.sleeping import Sleeping
 from acausal.analyse.start import Reach, start_problem
 from acausal.analyse.state_events import discrete_variables, find_state_events
 from acausal.analyse.time_events import TimeEvents, find_time_events
+from acausal.collector import collector_paused
 from acausal.errors import InternalError, StructureError, UsageError
 from acausal.flatten.flat import FlatSystem
 from acausal.flatten.flatten import flatten
@@ -26,7 +27,6 @@ from acausal.language.choices import Choice
 from acausal.language.component import Component
 from acausal.lower.build import Builder
 from acausal.lower.cache import recall, remember, signature
-from acausal.lower.collector import collector_paused
 from acausal.lower.compiled import CompiledModel, _column
 from acausal.lower.impulses import impulses_of
 from acausal.lower.lowered import Recipe

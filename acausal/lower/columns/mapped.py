@@ -17,8 +17,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from acausal.collector import collector_paused
 from acausal.lower.build import BUILD
-from acausal.lower.collector import collector_paused
 from acausal.lower.columns.patterns import CONSTANT, Column, Patterns, Stage, patterns
 from acausal.lower.lowered import Lowered
 from acausal.lower.symbols import Symbols
