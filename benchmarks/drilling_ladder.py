@@ -37,7 +37,7 @@ from acausal.library.translational import Force
 from acausal.library.translational import Speed as TranslationalSpeed
 from acausal.models.drilling_dynamic import FORCE, SPEED, ThickBlock
 from acausal.models.drilling_one_axis import OneAxisDrilling
-from acausal.result import Result
+from acausal.result.result import Result
 
 CLOSE = 1.1  # the reduced 3D scene may cost so many times the one written by hand
 LOW, HIGH = 1.6, 40.0  # thrust is compared between these times: the drill bounces when it first touches

@@ -134,7 +134,7 @@ def by_hand(family: str, n: int, compiled: Any) -> Callable[[], float] | None:
     import casadi as ca
     import numpy as np
 
-    from acausal.simulate.equations.direct import called
+    from acausal.simulate.equations.calls.direct import called
     from acausal.simulate.options import options
     from acausal.simulate.solvers.base import SMOOTH_SHARE
 

@@ -18,7 +18,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 import acausal
-from acausal.cli.shipped import shipped_models
+from acausal.cli.arguments.shipped import shipped_models
 from acausal.errors import AcausalError
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -18,8 +18,8 @@ from typing import Any
 from measure import report, rounded
 
 import acausal
-from acausal.export.real_time import real_time
-from acausal.export.step import step_function
+from acausal.export.step.real_time import real_time
+from acausal.export.step.step import step_function
 from acausal.models.drilling_kinematic import ThinPlate
 from acausal.study.bench.measure import processor_clock
 

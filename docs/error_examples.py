@@ -14,9 +14,9 @@ from types import ModuleType
 from typer.testing import CliRunner
 
 import acausal
+from acausal.cli.arguments.reference import find_model
+from acausal.cli.arguments.shipped import shipped_models
 from acausal.cli.main import app
-from acausal.cli.reference import find_model
-from acausal.cli.shipped import shipped_models
 
 FILE = Path(__file__).with_name("error-examples.txt")
 

@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Any
 
 import acausal
-from acausal.cli.catalogue import PACKAGE, Part, library_parts, named_by, used_in
-from acausal.cli.reference import find_model
-from acausal.cli.shipped import shipped_models
-from acausal.plot import figure, plot
+from acausal.cli.arguments.catalogue import PACKAGE, Part, library_parts, named_by, used_in
+from acausal.cli.arguments.reference import find_model
+from acausal.cli.arguments.shipped import shipped_models
+from acausal.plot.plot import figure, plot
 
 # Models whose runs take longer than a page may.
 _SLOW = frozenset({"ClutchChain", "FeketePoints", "PendulumDrift", "TransistorAmplifier", "StackedPlates", "BoxStack"})

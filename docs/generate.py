@@ -18,11 +18,11 @@ from error_examples import examples as error_examples
 from examples import example
 
 import acausal
-from acausal.cli.catalogue import Part, families, library_parts
-from acausal.cli.component import described
+from acausal.cli.arguments.catalogue import Part, families, library_parts
 from acausal.cli.main import app
+from acausal.cli.models.component import described
 from acausal.diagram.symbols import symbol_of
-from acausal.latex import latex
+from acausal.notebook.latex import latex
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from acausal.errors import Span, UsageError
-from acausal.files import atomic
-from acausal.result import Event, Result, Signal, load
-from acausal.series import read_series
+from acausal.result.files import atomic
+from acausal.result.result import Event, Result, Signal, load
+from acausal.result.series import read_series
 
 TIME = np.array([0.0, 0.1, 0.2, 0.2, 1.0 / 3.0])
 # Numbers that a short decimal form would change.

@@ -28,6 +28,7 @@ ALLOWED: dict[str, set[str]] = {
     "units": set(),
     # who does what for the packages below
     "providers": set(),
+    # the description of a figure, which a model carries, without the drawing
     "panel": set(),
     # files that are trusted later on
     "private": set(),
@@ -68,21 +69,6 @@ ALLOWED: dict[str, set[str]] = {
     "public": {*COMPILER, "animate", "diagram", "explore", "export", "panel", "plot", "result", "simulate", "study"},
 }
 EVERYBODY_MAY = {"errors", "units", "providers", "private", "collector"}
-# Modules directly under acausal/ that are one concept in several files. `panel` is the description of a figure, which
-# a model carries, without the drawing.
-MEMBER_OF = {
-    "result": "result",
-    "signals": "result",
-    "files": "result",
-    "matfile": "result",
-    "csvfile": "result",
-    "parquetfile": "result",
-    "series": "result",
-    "scale": "plot",
-    "latex": "notebook",
-    "plot_structure": "plot",
-    "plot_compare": "plot",
-}
 # An edge outside the table, by module, with its reason.
 EXCEPTIONS = {
     **{
@@ -130,8 +116,7 @@ def group(module: str) -> str:
     """The row of the table a module belongs to."""
     if module == "acausal":
         return "public"
-    head = module.split(".")[1]
-    return MEMBER_OF.get(head, head)
+    return module.split(".")[1]
 
 
 @cache

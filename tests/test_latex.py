@@ -8,10 +8,10 @@ from importlib import import_module
 import pytest
 from matplotlib.mathtext import MathTextParser
 
-from acausal.cli.catalogue import library_parts
-from acausal.cli.component import described
-from acausal.latex import LONGEST, latex
+from acausal.cli.arguments.catalogue import library_parts
+from acausal.cli.models.component import described
 from acausal.library.electrical import Resistor
+from acausal.notebook.latex import LONGEST, latex
 
 
 @pytest.mark.parametrize(

@@ -15,10 +15,10 @@ import pytest
 
 import acausal
 from acausal.errors import AcausalError
-from acausal.export.casadi_file import _checksum
-from acausal.matfile import _CHECKSUM
+from acausal.export.casadi.casadi_file import _checksum
 from acausal.models.oscillator import Oscillator
-from acausal.result import load
+from acausal.result.matfile import _CHECKSUM
+from acausal.result.result import load
 from acausal.simulate.native.cache import compiler
 
 COUNTS = pytest.mark.parametrize("count", [100, pytest.param(1000, marks=pytest.mark.slow)])

@@ -10,8 +10,8 @@ import pytest
 import acausal
 from acausal.library.electrical import Resistor
 from acausal.models.oscillator import Oscillator
-from acausal.result import Result
-from acausal.signals import Signal
+from acausal.result.result import Result
+from acausal.result.signals import Signal
 
 
 class Reader(HTMLParser):

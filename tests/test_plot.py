@@ -13,10 +13,10 @@ from matplotlib.collections import LineCollection
 
 from acausal.errors import UnitError, UsageError
 from acausal.panel import Panel
-from acausal.plot import figure, plot, show
-from acausal.plot_compare import compared
-from acausal.result import Event, Result, Signal
-from acausal.scale import Scale, readable, to_unit
+from acausal.plot.compare import compared
+from acausal.plot.plot import figure, plot, show
+from acausal.plot.scale import Scale, readable, to_unit
+from acausal.result.result import Event, Result, Signal
 
 TIME = np.linspace(0.0, 4.0, 9)
 SIGNALS = (
@@ -249,7 +249,7 @@ def test_no_window_without_a_display(result: Result) -> None:
 
 
 def test_plotting_to_a_file_does_not_load_pyplot() -> None:
-    code = "import sys, acausal.plot; print('matplotlib.pyplot' in sys.modules)"
+    code = "import sys, acausal.plot.plot; print('matplotlib.pyplot' in sys.modules)"
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
     assert out.strip() == "False"
 

@@ -15,7 +15,7 @@ from acausal.errors import UsageError
 from acausal.lower.compiled import CompiledModel
 from acausal.models.pendulum_chain import PendulumChain
 from acausal.models.rc_ladder import RCLadder
-from acausal.plot_structure import pattern, spy
+from acausal.plot.structure import pattern, spy
 
 
 @pytest.fixture(scope="module")

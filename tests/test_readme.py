@@ -105,7 +105,7 @@ def assert_moves(result: Any, origin: str) -> None:
 def test_readme_runs_and_moves(
     page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, verbs: frozenset[str] | None
 ) -> None:
-    from acausal.result import Result, load
+    from acausal.result.result import Result, load
 
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(str(tmp_path))

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 import acausal
 from acausal.errors import InternalError, UsageError
 from acausal.models.bouncing_ball import BouncingBall
-from acausal.result import Event, Result, Signal
-from acausal.signals import Array
+from acausal.result.result import Event, Result, Signal
+from acausal.result.signals import Array
 
 TIME = np.array([0.0, 0.5, 1.0, 1.5, 2.0, 2.0, 3.0, 4.0])
 AFTER = np.arange(8) > 4
@@ -212,7 +212,8 @@ def test_inconsistent_runs_are_a_defect_of_acausal(changes: dict[str, object]) -
 
 
 def test_reading_results_loads_neither_scipy_nor_matplotlib() -> None:
-    code = "import sys, acausal.result, acausal.files, acausal.panel; print(*{m.split('.')[0] for m in sys.modules})"
+    loading = "import sys, acausal.result.result, acausal.result.files, acausal.panel"
+    code = f"{loading}; print(*{{m.split('.')[0] for m in sys.modules}})"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
     assert not {"scipy", "matplotlib", "casadi", "pandas"} & set(loaded)
 

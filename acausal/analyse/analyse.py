@@ -12,9 +12,9 @@ from acausal.diagnose.balance import balance
 from acausal.diagnose.differentiated import differentiated_input, refuse_if_singular, undetermined
 from acausal.diagnose.loops import redundant_constraints
 from acausal.diagnose.modes import refuse_changing_structure
-from acausal.flatten.connections import UnionFind
-from acausal.flatten.differentiate import differentiate
+from acausal.flatten.connections.connections import UnionFind
 from acausal.flatten.reduced import ReducedSystem
+from acausal.flatten.scalars.differentiate import differentiate
 from acausal.numeric.evaluate import Samples, gradients
 from acausal.numeric.samples import COUNT, FAR, SamplePoints, Visited
 from acausal.structure import Block, Choice, Incidence, blocks, match, pantelides, select_dummies

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from acausal.analyse.blocks.solve import Solution
 from acausal.errors import Span, UsageError
 from acausal.flatten.flat import FlatSystem
-from acausal.language.delay import Delayed
+from acausal.language.expressions.delay import Delayed
 
 DEGREE = 24
 """Degree of the polynomial of one delayed signal over one stretch."""

@@ -11,9 +11,9 @@ from acausal.animate.glb import to_glb
 from acausal.animate.looks import Look
 from acausal.animate.page import to_page
 from acausal.animate.scene import Scene, scene_of
-from acausal.files import atomic, check_suffix
 from acausal.language.component import Component
-from acausal.result import Result
+from acausal.result.files import atomic, check_suffix
+from acausal.result.result import Result
 
 FORMATS = (".html", ".glb", ".gif")
 

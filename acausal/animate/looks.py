@@ -19,7 +19,7 @@ import numpy as np
 
 from acausal.animate.meshes import Array, Mesh
 from acausal.language.component import Component
-from acausal.result import Result
+from acausal.result.result import Result
 
 STEEL, BLUE, ORANGE, DARK, GREEN, RED, GROUND = (
     "#9aa4b0",

@@ -13,8 +13,8 @@ from acausal.animate.scene import Scene, corners, worth_seeing
 from acausal.browser.page import packed, page
 from acausal.errors import AcausalError
 from acausal.panel import Panel
-from acausal.result import Result
-from acausal.scale import to_unit
+from acausal.plot.scale import to_unit
+from acausal.result.result import Result
 
 _BODY = """\
 <header><h1></h1><span class="note"></span></header>

@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from acausal.cli.failure import FAILED
-from acausal.cli.options import JsonOption, QuietOption
-from acausal.cli.report import record
+from acausal.cli.arguments.options import JsonOption, QuietOption
+from acausal.cli.output.failure import FAILED
+from acausal.cli.output.report import record
 
 if TYPE_CHECKING:
     from acausal.lower.compiled import CompiledModel

@@ -1,4 +1,4 @@
-"""The command `acausal`: one verb per file beside this one.
+"""The command `acausal`: one verb per file of the folders beside this one.
 
 Nothing heavy is imported here or at the top of a verb, so that help and errors come at once.
 """
@@ -11,28 +11,28 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from acausal.cli import clock as _clock  # noqa: F401  (the clock starts when it is loaded)
-from acausal.cli.animate import animate
-from acausal.cli.bench import bench
-from acausal.cli.check import check
-from acausal.cli.compare import compare
-from acausal.cli.diagram import diagram
 from acausal.cli.doctor import doctor
-from acausal.cli.equations import equations
-from acausal.cli.explore import explore
-from acausal.cli.export import export
-from acausal.cli.failure import as_error, exit_code, heed_termination, interrupted_code, interruption
-from acausal.cli.fit import fit
-from acausal.cli.info import info
-from acausal.cli.linearize import linearize
-from acausal.cli.list import list_models
-from acausal.cli.new import new
-from acausal.cli.plot import plot
-from acausal.cli.reduce import reduce
-from acausal.cli.report import record_error, say, show_error
-from acausal.cli.simulate import simulate
-from acausal.cli.stability import stability
-from acausal.cli.sweep import sweep
+from acausal.cli.models.check import check
+from acausal.cli.models.diagram import diagram
+from acausal.cli.models.equations import equations
+from acausal.cli.models.info import info
+from acausal.cli.models.list import list_models
+from acausal.cli.models.new import new
+from acausal.cli.output.failure import as_error, exit_code, heed_termination, interrupted_code, interruption
+from acausal.cli.output.report import record_error, say, show_error
+from acausal.cli.results.animate import animate
+from acausal.cli.results.compare import compare
+from acausal.cli.results.explore import explore
+from acausal.cli.results.plot import plot
+from acausal.cli.run import clock as _clock  # noqa: F401  (the clock starts when it is loaded)
+from acausal.cli.run.simulate import simulate
+from acausal.cli.study.bench import bench
+from acausal.cli.study.export import export
+from acausal.cli.study.fit import fit
+from acausal.cli.study.linearize import linearize
+from acausal.cli.study.reduce import reduce
+from acausal.cli.study.stability import stability
+from acausal.cli.study.sweep import sweep
 from acausal.errors import UsageError
 from acausal.simulate.interrupt import Interruptible
 

@@ -24,7 +24,7 @@ from acausal.diagnose.words import (
 )
 from acausal.errors import StructureError
 from acausal.flatten.flat import FlatEquation, FlatSystem, FlatVariable
-from acausal.language.declaration import Kind
+from acausal.language.declarations.declaration import Kind
 
 
 @dataclass

@@ -11,7 +11,7 @@ from acausal.diagnose.words import component_of, connector_of, hint, lines, list
 from acausal.errors import StructureError
 from acausal.flatten.flat import FlatEquation, FlatSystem
 from acausal.language.component import Component
-from acausal.language.declaration import Kind
+from acausal.language.declarations.declaration import Kind
 
 
 def constrained_loop(numbers: Pencil) -> StructureError | None:

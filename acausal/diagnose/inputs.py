@@ -5,7 +5,7 @@ from __future__ import annotations
 from acausal.diagnose.words import component_of, listed, made_at, short, stated_at
 from acausal.errors import StructureError
 from acausal.flatten.flat import FlatSystem, FlatVariable
-from acausal.language.declaration import Kind
+from acausal.language.declarations.declaration import Kind
 
 
 def open_inputs(flat: FlatSystem) -> StructureError | None:

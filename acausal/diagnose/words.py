@@ -8,8 +8,8 @@ from pathlib import Path
 from acausal.errors import Span
 from acausal.flatten.flat import FlatEquation, FlatSystem, suffix
 from acausal.language.component import Component
-from acausal.language.declaration import Declaration
-from acausal.language.misuse import declared_at
+from acausal.language.declarations.declaration import Declaration
+from acausal.language.declarations.misuse import declared_at
 
 _WIDTH = 110
 _LOOSE = " is zero: not connected"

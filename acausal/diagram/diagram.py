@@ -10,8 +10,8 @@ from acausal.diagram.graph import Graph, graph_of
 from acausal.diagram.layout import to_svg
 from acausal.diagram.page import to_page
 from acausal.errors import UsageError, nearest
-from acausal.files import atomic, check_suffix
 from acausal.language.component import Component
+from acausal.result.files import atomic, check_suffix
 
 FORMATS = (".svg", ".html")
 

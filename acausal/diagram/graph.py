@@ -6,12 +6,12 @@ from collections.abc import Iterator
 from typing import Any
 
 from acausal.diagram.symbols import family_of, sides_of, symbol_of
-from acausal.flatten.composition import Composition, compose
-from acausal.flatten.instances import Instance
+from acausal.flatten.instances.composition import Composition, compose
+from acausal.flatten.instances.instances import Instance
 from acausal.language.component import Component, Connector
-from acausal.language.connect import Connection, is_element, signal_of
-from acausal.language.declaration import Declaration, Kind
-from acausal.language.expression import Expr, Symbol
+from acausal.language.connections.connect import Connection, is_element, signal_of
+from acausal.language.declarations.declaration import Declaration, Kind
+from acausal.language.expressions.expression import Expr, Symbol
 
 Graph = dict[str, Any]
 """A block: `path`, `name`, `cls`, `doc`, `values`, `symbol`, `ports`, `blocks` and `edges`, ready for JSON."""

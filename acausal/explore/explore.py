@@ -14,9 +14,9 @@ import numpy as np
 from acausal.browser.page import packed, page
 from acausal.errors import UsageError
 from acausal.explore.units import choices
-from acausal.files import atomic, check_suffix
-from acausal.result import Result
-from acausal.scale import same_unit
+from acausal.plot.scale import same_unit
+from acausal.result.files import atomic, check_suffix
+from acausal.result.result import Result
 
 _BODY = """\
 <aside>

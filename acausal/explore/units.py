@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import cache
 
-from acausal.scale import to_unit
+from acausal.plot.scale import to_unit
 from acausal.units import parse
 
 _COMMON = (

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.errors import ExportError, InitializationError
-from acausal.export.parts import NEWTON
+from acausal.export.casadi.parts import NEWTON
 from acausal.lower.compiled import CompiledModel
 from acausal.numeric.evaluate import values
 from acausal.simulate.start.initialize import initialize

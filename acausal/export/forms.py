@@ -9,11 +9,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from acausal.analyse.delays import PADE, refuse_delays
-from acausal.analyse.state_events import Assignment, Clause, switched_dependents
+from acausal.analyse.events.state_events import Assignment, Clause, switched_dependents
 from acausal.errors import ExportError
 from acausal.export.ports import Output
 from acausal.lower.compiled import CompiledModel
-from acausal.simulate.events.constrained import bound
+from acausal.simulate.events.resets.constrained import bound
 
 
 @dataclass(frozen=True)

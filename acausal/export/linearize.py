@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from acausal.errors import ExportError, UsageError, nearest
 from acausal.export.begin import input_start
 from acausal.export.forms import LINEAR, check
-from acausal.export.manifold import minimal, on_constraints
+from acausal.export.minimal.manifold import minimal, on_constraints
 from acausal.export.observed import dae_function
 from acausal.export.ports import Output, named_outputs
 from acausal.language.component import Component
 from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
-from acausal.result import Result
+from acausal.result.result import Result
 from acausal.simulate.arguments import input_vector, parameter_vector
 from acausal.simulate.start.initialize import Start, consistent, initialize
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import casadi as ca
 
-from acausal.export.finite import finite
+from acausal.export.casadi.finite import finite
 from acausal.export.ports import Output
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.symbols import Symbols

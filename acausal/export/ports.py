@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from acausal.errors import UsageError, nearest
 from acausal.flatten.flat import FlatVariable, suffixes
-from acausal.language.declaration import Declaration, Kind
+from acausal.language.declarations.declaration import Declaration, Kind
 from acausal.lower.casadi_model import Port, Ports
 from acausal.lower.compiled import CompiledModel
 from acausal.units import divide, format_dimension, parse

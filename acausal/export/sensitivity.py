@@ -31,14 +31,14 @@ from acausal.language.component import Component
 from acausal.lower.build import Builder
 from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
-from acausal.lower.impulses import impulses
+from acausal.lower.events.impulses import impulses
 from acausal.lower.symbols import Symbols
-from acausal.result import Result
+from acausal.result.result import Result
 from acausal.simulate.arguments import input_vector, parameter_vector
 from acausal.simulate.driver.hybrid import Passage
 from acausal.simulate.driver.run import Run
+from acausal.simulate.equations.calls.quick import Quick
 from acausal.simulate.equations.kept import kept
-from acausal.simulate.equations.quick import Quick
 from acausal.simulate.events.regime import Regime
 from acausal.simulate.events.sampling import due
 from acausal.simulate.inputs.given import Inputs

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from acausal.errors import DeclarationError
 from acausal.flatten.flat import FlatAssert, FlatAssignment, FlatDelay, FlatEquation, FlatWhen
 from acausal.flatten.pool import Pool
-from acausal.language.delay import Delayed
+from acausal.language.expressions.delay import Delayed
 from acausal.language.origin import Origin
 
 _Holder = tuple[tuple[int, ...], Origin | None, str]

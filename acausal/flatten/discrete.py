@@ -6,14 +6,14 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from acausal.errors import DeclarationError
 from acausal.flatten.flat import FlatAssert, FlatAssignment, FlatEquation, FlatStart, FlatWhen, suffix, suffixes
-from acausal.flatten.instances import Instance
+from acausal.flatten.instances.instances import Instance
+from acausal.flatten.instances.statements import Statement
+from acausal.flatten.instances.templates import sides
 from acausal.flatten.pool import Pool
-from acausal.flatten.scalarise import Resolve, Scalars, scalars
-from acausal.flatten.statements import Statement
-from acausal.flatten.templates import sides
-from acausal.language.declaration import Declaration, Kind
+from acausal.flatten.scalars.scalarise import Resolve, Scalars, scalars
+from acausal.language.declarations.declaration import Declaration, Kind
 from acausal.language.events import Assertion
-from acausal.language.expression import Equation, assigned
+from acausal.language.expressions.expression import Equation, assigned
 from acausal.language.origin import Origin
 
 Place = tuple[Instance, str, Declaration, int]

@@ -11,13 +11,13 @@ from typing import NamedTuple
 
 from acausal.errors import Span
 from acausal.flatten.pool import Pool
-from acausal.language.arrays import one_of
 from acausal.language.component import Component, Connector
-from acausal.language.declaration import Declaration
+from acausal.language.declarations.declaration import Declaration
+from acausal.language.declarations.experiment import Experiment
+from acausal.language.declarations.misuse import Declared
 from acausal.language.events import Assertion, When
-from acausal.language.experiment import Experiment
-from acausal.language.expression import Equation, Symbol, equation_text
-from acausal.language.misuse import Declared
+from acausal.language.expressions.arrays import one_of
+from acausal.language.expressions.expression import Equation, Symbol, equation_text
 from acausal.language.origin import Origin
 
 

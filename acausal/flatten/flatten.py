@@ -7,13 +7,28 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 
 from acausal.errors import DeclarationError
-from acausal.flatten.allocate import allocate
-from acausal.flatten.around import placed
-from acausal.flatten.bound_units import check_bound
-from acausal.flatten.connections import FlowSet, Joint, SignalJoint, check_signals, flow_sets, joints, refuse_open
+from acausal.flatten.connections.connections import (
+    FlowSet,
+    Joint,
+    SignalJoint,
+    check_signals,
+    flow_sets,
+    joints,
+    refuse_open,
+)
+from acausal.flatten.connections.elements import ElementJoint, Entry, element_equations, element_joints
+from acausal.flatten.connections.freeing import (
+    Signal,
+    cut_elements,
+    cut_equations,
+    cut_joints,
+    freed,
+    input_scalars,
+    open_inputs,
+)
+from acausal.flatten.connections.orientation import spanning_tree
 from acausal.flatten.delays import delays
 from acausal.flatten.discrete import asserts, assignments, check_assigned, constancy, fill_starts, places
-from acausal.flatten.elements import ElementJoint, Entry, element_equations, element_joints
 from acausal.flatten.flat import (
     FlatAssert,
     FlatAssignment,
@@ -23,20 +38,20 @@ from acausal.flatten.flat import (
     FlatSystem,
     FlatWhen,
 )
-from acausal.flatten.freeing import Signal, cut_elements, cut_equations, cut_joints, freed, input_scalars, open_inputs
-from acausal.flatten.instances import Instance, numbers
-from acausal.flatten.orientation import spanning_tree
-from acausal.flatten.parameters import ParameterTable, check_overrides, check_values, foreign, refuse_time
+from acausal.flatten.instances.around import placed
+from acausal.flatten.instances.instances import Instance, numbers
+from acausal.flatten.instances.statements import Statement, refuse_unstated, run, statements
+from acausal.flatten.instances.templates import Template, make_template, replay, sides, template_key
+from acausal.flatten.parameters import ParameterTable, check_bound, check_overrides, check_values, foreign, refuse_time
 from acausal.flatten.pool import IMPULSE, Pool
-from acausal.flatten.scalarise import Scalars, scalars
-from acausal.flatten.statements import Statement, refuse_unstated, run, statements
-from acausal.flatten.templates import Template, make_template, replay, sides, template_key
+from acausal.flatten.scalars.allocate import allocate
+from acausal.flatten.scalars.scalarise import Scalars, scalars
 from acausal.language.choices import Choice
 from acausal.language.component import Component, Connector
-from acausal.language.connect import Connection
-from acausal.language.declaration import Fixed, Guess, Kind
+from acausal.language.connections.connect import Connection
+from acausal.language.declarations.declaration import Fixed, Guess, Kind
 from acausal.language.events import Reset, When
-from acausal.language.expression import Equation, Expr, Symbol, assigned
+from acausal.language.expressions.expression import Equation, Expr, Symbol, assigned
 from acausal.language.origin import Origin
 
 

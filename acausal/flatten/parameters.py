@@ -8,15 +8,15 @@ from functools import partial
 from typing import Any
 
 from acausal.errors import DeclarationError, Span, UnitError, UsageError, nearest
-from acausal.flatten.bound_units import check_bound
 from acausal.flatten.flat import FlatAssert, FlatParameter, FlatSystem, suffix, suffixes
-from acausal.flatten.instances import Instance
+from acausal.flatten.instances.instances import Instance
 from acausal.flatten.pool import Pool
-from acausal.flatten.scalarise import Scalars, scalars
+from acausal.flatten.scalars.scalarise import Scalars, scalars
 from acausal.language.component import Component
-from acausal.language.declaration import Declaration, Kind
-from acausal.language.expression import Expr, Shape, Symbol
-from acausal.language.misuse import Declared, declared_at
+from acausal.language.declarations.declaration import Declaration, Kind
+from acausal.language.declarations.misuse import Declared, declared_at
+from acausal.language.expressions.dimensions import check_dimensions
+from acausal.language.expressions.expression import Equation, Expr, Shape, Symbol
 from acausal.language.origin import Origin
 from acausal.units import convert
 
@@ -334,3 +334,13 @@ def foreign(symbol: Symbol) -> DeclarationError:
         where=(owner.__dict__["_origin"].span(),),
         help="declare it with part(), set it in `build`, and write self.<part>",
     )
+
+
+def check_bound(instance: Instance, name: str, value: Expr) -> None:
+    """Raise UnitError (AC155) when `value` has not the dimension of the field, where both are known."""
+    if value.op == "const":
+        return
+    field: Symbol = getattr(instance.component, name)
+    if isinstance(value, Symbol) and value.declaration.unit == field.declaration.unit:
+        return
+    check_dimensions(Equation(field, value), (instance.origin.span(),))

@@ -13,8 +13,8 @@ from collections.abc import Callable, Collection, Container, Iterable, Mapping, 
 from itertools import compress
 from typing import Any
 
-from acausal.language.delay import Delayed
-from acausal.language.external import Call
+from acausal.language.expressions.delay import Delayed
+from acausal.language.expressions.external import Call
 
 Node = tuple[Any, ...]
 

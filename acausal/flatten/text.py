@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from acausal.flatten.pool import Node, Pool
-from acausal.language.delay import Delayed
+from acausal.language.expressions.delay import Delayed
 
 NameOf = Callable[[str, int], str]
 """Name of a leaf: ("var", number) or ("par", number)."""

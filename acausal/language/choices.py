@@ -38,7 +38,7 @@ class Choice(Protocol):
         """What decides the equations: equal where these are. What is remembered for later choices may differ."""
         ...
 
-    # While a model runs: acausal/simulate/restructure.py.
+    # While a model runs: acausal/simulate/restructure/restructure.py.
 
     def watched(self) -> Sequence[str]:
         """Signals that `following` and `moved` look at."""

@@ -14,11 +14,10 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self, dataclass_transform
 
 from acausal.collector import collector_paused
 from acausal.errors import DeclarationError, UnknownFieldError, calling_span, nearest
-from acausal.language.declaration import Declaration, Kind, Owner
-from acausal.language.declare import Real, checked_shape, checked_value, parameter, structural
-from acausal.language.experiment import Experiment
-from acausal.language.expression import Expr, Symbol
-from acausal.language.misuse import (
+from acausal.language.declarations.declaration import Declaration, Kind, Owner
+from acausal.language.declarations.declare import Real, checked_shape, checked_value, parameter, structural
+from acausal.language.declarations.experiment import Experiment
+from acausal.language.declarations.misuse import (
     assignment,
     called,
     checked_structural,
@@ -30,9 +29,10 @@ from acausal.language.misuse import (
     refuse_hiding,
     refuse_undeclared,
 )
+from acausal.language.declarations.outer import Outer, outer
+from acausal.language.declarations.parts import Parts
+from acausal.language.expressions.expression import Expr, Symbol
 from acausal.language.origin import Origin
-from acausal.language.outer import Outer, outer
-from acausal.language.parts import Parts
 from acausal.language.statement import Ledger, Statement, recorded, refuse_lost, refuse_unheard
 from acausal.providers import Diagram, provided
 

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from acausal.errors import DeclarationError
-from acausal.language.declare import check_discrete
-from acausal.language.expression import Expr, Operand, Symbol, as_expr, checked_condition, is_discrete
+from acausal.language.declarations.declare import check_discrete
+from acausal.language.expressions.expression import Expr, Operand, Symbol, as_expr, checked_condition, is_discrete
 from acausal.language.statement import Statement, made, used
 
 

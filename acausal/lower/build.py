@@ -13,9 +13,9 @@ from typing import Any
 import casadi as ca
 
 from acausal.flatten.pool import IMPULSE, LEAVES, Pool
-from acausal.language.delay import Delayed
-from acausal.language.external import Call, External
-from acausal.language.functions import UNARY
+from acausal.language.expressions.delay import Delayed
+from acausal.language.expressions.external import Call, External
+from acausal.language.expressions.functions import UNARY
 from acausal.lower.chebyshev import polynomial
 from acausal.numeric.external import call
 

@@ -108,7 +108,7 @@ class CasadiEvents:
     clocks
         `(p) -> (first, interval)`, shape (clocks,): clock k ticks at first[k], first[k] + interval[k], ...
     round
-        One round of that iteration, for loops of one's own: `acausal.lower.event_round.Round`.
+        One round of that iteration, for loops of one's own: `acausal.lower.events.round.Round`.
     m
         Names of the modes; start is their value after the events of the start.
     """
@@ -128,7 +128,7 @@ class CasadiModel:
     Vectors are columns; `x` states, `z` algebraic variables, `u` the model's own inputs, `p` parameters, `y` outputs.
     They are described, in order, by the attributes of the same names. No function has the argument `t` where nothing
     in the model depends on the time. First and second derivatives are finite wherever the values are, see
-    `acausal.export.finite`. docs/casadi.md shows each function in use.
+    `acausal.export.casadi.finite`. docs/casadi.md shows each function in use.
 
     Attributes
     ----------
@@ -214,7 +214,7 @@ class CasadiModel:
         return texts
 
     def save(self, path: str | Path) -> None:
-        """Write functions and description to one file, completely or not at all; see `acausal.export.casadi_file`.
+        """Write functions and description to one file, completely or not at all; see `export/casadi/casadi_file.py`.
 
         Raises
         ------

@@ -13,12 +13,12 @@ from acausal.analyse.aliases import reduce
 from acausal.analyse.analyse import analyse
 from acausal.analyse.blocks.solve import Solution, solve
 from acausal.analyse.delays import find_delays, refuse_delays
+from acausal.analyse.events.sleeping import Sleeping
+from acausal.analyse.events.state_events import discrete_variables, find_state_events
+from acausal.analyse.events.time_events import TimeEvents, find_time_events
 from acausal.analyse.hidden import HiddenCombination, HiddenConstraint
 from acausal.analyse.invariants import use_invariants
-from acausal.analyse.sleeping import Sleeping
 from acausal.analyse.start import Reach, start_problem
-from acausal.analyse.state_events import discrete_variables, find_state_events
-from acausal.analyse.time_events import TimeEvents, find_time_events
 from acausal.collector import collector_paused
 from acausal.errors import InternalError, StructureError, UsageError
 from acausal.flatten.flat import FlatSystem
@@ -26,9 +26,9 @@ from acausal.flatten.flatten import flatten
 from acausal.language.choices import Choice
 from acausal.language.component import Component
 from acausal.lower.build import Builder
-from acausal.lower.cache import recall, remember, signature
+from acausal.lower.cache.cache import recall, remember, signature
 from acausal.lower.compiled import CompiledModel, _column
-from acausal.lower.impulses import impulses_of
+from acausal.lower.events.impulses import impulses_of
 from acausal.lower.lowered import Recipe
 from acausal.lower.symbols import Symbols
 from acausal.numeric.samples import Visited

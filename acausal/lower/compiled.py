@@ -14,7 +14,7 @@ from acausal.analyse.delays import PADE, refuse_delays
 from acausal.lower.build import Builder
 from acausal.lower.casadi_model import CasadiModel
 from acausal.lower.columns.mapped import Mapped, mapped
-from acausal.lower.event_functions import EventFunctions
+from acausal.lower.events.functions import EventFunctions
 from acausal.lower.lowered import Lowered
 from acausal.lower.symbols import Symbols
 from acausal.providers import provided
@@ -228,7 +228,7 @@ class CompiledModel(Lowered):
 
         `outputs` names what y holds; None means what is declared in the model's own class. `parameters` names what p
         holds; None means all. `minimal` asks for as many states as degrees of freedom, `events` for what happens at
-        events. See `acausal.export.functions.casadi_model` and docs/casadi.md.
+        events. See `acausal.export.casadi.functions.casadi_model` and docs/casadi.md.
         """
         made: CasadiModel = provided("casadi_model")(
             self, outputs, parameters=parameters, minimal=minimal, events=events

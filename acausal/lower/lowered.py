@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from acausal.analyse.blocks.solve import Solution
 from acausal.analyse.delays import Delays
+from acausal.analyse.events.state_events import StateEvents
+from acausal.analyse.events.time_events import TimeEvents
 from acausal.analyse.start import StartProblem
-from acausal.analyse.state_events import StateEvents
-from acausal.analyse.time_events import TimeEvents
 from acausal.flatten.flat import FlatSystem
 from acausal.flatten.reduced import nominal
 from acausal.language.component import Component
@@ -61,7 +61,7 @@ class Lowered:
         Seconds per stage of the compilation.
     driven
         Places in u of the inputs that are functions of time: polynomials in each stretch of a run, whose numbers are
-        modes. What u holds there is not used (`acausal.lower.driven`).
+        modes. What u holds there is not used (`acausal.lower.variants.driven`).
     recipe
         What `simulate` compiles again and again while the structure of the model changes; None where it never does.
     varied

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from acausal.flatten.pool import IMPULSE, LEAVES, Pool
 from acausal.flatten.terms import SUMS, is_long, terms
-from acausal.language.delay import Delayed
-from acausal.language.external import Call, External
+from acausal.language.expressions.delay import Delayed
+from acausal.language.expressions.external import Call, External
 
 Samples = NDArray[np.float64]
 Gradient = dict[int, Any]

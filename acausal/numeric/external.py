@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.errors import DeclarationError
-from acausal.language.expression import Shape, shape_text
-from acausal.language.external import External
-from acausal.language.lookup import Lookup
+from acausal.language.expressions.expression import Shape, shape_text
+from acausal.language.expressions.external import External
+from acausal.language.expressions.lookup import Lookup
 
 _made: WeakKeyDictionary[External, Any] = WeakKeyDictionary()
 

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from acausal.flatten.pool import LEAVES, Pool
-from acausal.language.external import Call
+from acausal.language.expressions.external import Call
 from acausal.numeric.evaluate import PARTIALS, Samples, operation
 
 CERTAIN = 1e-10

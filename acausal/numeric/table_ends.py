@@ -8,7 +8,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from acausal.language.lookup import Lookup
+from acausal.language.expressions.lookup import Lookup
 from acausal.numeric.stretches import stretches, variation
 
 Vector = NDArray[np.float64]

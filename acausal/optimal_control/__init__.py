@@ -10,12 +10,12 @@
 docs/optimal-control.md goes through it.
 """
 
-from acausal.optimal_control.closed_loop import ClosedLoop as ClosedLoop
-from acausal.optimal_control.closed_loop import closed_loop as closed_loop
-from acausal.optimal_control.controller import Controller as Controller
-from acausal.optimal_control.estimator import Estimate as Estimate
-from acausal.optimal_control.estimator import Estimator as Estimator
-from acausal.optimal_control.optimum import Multiplier as Multiplier
-from acausal.optimal_control.optimum import Optimum as Optimum
+from acausal.optimal_control.optimum.optimum import Multiplier as Multiplier
+from acausal.optimal_control.optimum.optimum import Optimum as Optimum
 from acausal.optimal_control.problem import Phase as Phase
+from acausal.optimal_control.receding.closed_loop import ClosedLoop as ClosedLoop
+from acausal.optimal_control.receding.closed_loop import closed_loop as closed_loop
+from acausal.optimal_control.receding.controller import Controller as Controller
+from acausal.optimal_control.receding.estimator import Estimate as Estimate
+from acausal.optimal_control.receding.estimator import Estimator as Estimator
 from acausal.optimal_control.solvable import Problem as Problem

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from acausal.errors import OptimizationError
 from acausal.optimal_control.declare import PhaseSpec
 from acausal.optimal_control.problem import StatedProblem
-from acausal.result import Result
+from acausal.result.result import Result
 from acausal.simulate.run import simulate
 
 Vector = NDArray[np.float64]

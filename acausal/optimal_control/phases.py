@@ -13,14 +13,14 @@ from acausal.analyse.delays import PADE, refuse_delays
 from acausal.errors import OptimizationError
 from acausal.export.forms import Form, check
 from acausal.lower.compiled import CompiledModel
-from acausal.lower.impulses import impulses
+from acausal.lower.events.impulses import impulses
 from acausal.lower.symbols import Symbols
 from acausal.optimal_control.branches import Widths, branched, crossed, freed
 from acausal.optimal_control.guess import PhaseGuess
+from acausal.optimal_control.optimum.trajectory import PhaseTrajectory, Trajectory
 from acausal.optimal_control.problem import StatedProblem
+from acausal.optimal_control.program.radau import Dynamics
 from acausal.optimal_control.quantities import Quantities
-from acausal.optimal_control.radau import Dynamics
-from acausal.optimal_control.trajectory import PhaseTrajectory, Trajectory
 
 Vector = NDArray[np.float64]
 

@@ -15,7 +15,7 @@ from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
 from acausal.optimal_control.declare import Constraint, Guard, Mesh, PhaseSpec, Value
 from acausal.optimal_control.quantities import Quantities
-from acausal.result import Result
+from acausal.result.result import Result
 
 _RELATIONS = {ca.OP_LE: 1, ca.OP_LT: 1, ca.OP_EQ: 0}
 

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 from acausal.errors import UsageError, calling_span, nearest
 from acausal.export.begin import Begin, begin_of, init_function
-from acausal.export.coordinates import coordinates_of
+from acausal.export.minimal.coordinates import coordinates_of
 from acausal.export.observed import dae_function
 from acausal.export.ports import Output, named_outputs, parameter_ports, variable_ports
 from acausal.lower.casadi_model import Ports
 from acausal.lower.compiled import CompiledModel
 from acausal.optimal_control.declare import Guard
-from acausal.optimal_control.points import key, symbols_in
+from acausal.optimal_control.program.points import key, symbols_in
 from acausal.simulate.arguments import parameter_vector
 
 Vector = NDArray[np.float64]

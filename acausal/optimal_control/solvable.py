@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from acausal.optimal_control.controller import Controller
-from acausal.optimal_control.estimator import Estimator
-from acausal.optimal_control.optimum import Optimum
+from acausal.optimal_control.optimum.optimum import Optimum
 from acausal.optimal_control.problem import StatedProblem
-from acausal.optimal_control.shooting import Steps
+from acausal.optimal_control.program.shooting import Steps
+from acausal.optimal_control.receding.controller import Controller
+from acausal.optimal_control.receding.estimator import Estimator
 from acausal.optimal_control.solve import Choices, solved
 
 

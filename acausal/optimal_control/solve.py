@@ -13,17 +13,17 @@ from numpy.typing import NDArray
 
 from acausal.errors import OptimizationError, UsageError
 from acausal.optimal_control.branches import Widths
-from acausal.optimal_control.error import interval_errors
 from acausal.optimal_control.guess import guessed
-from acausal.optimal_control.nlp import Solution, minimized
-from acausal.optimal_control.optimum import Optimum, optimum_of
+from acausal.optimal_control.optimum.error import interval_errors
+from acausal.optimal_control.optimum.optimum import Optimum, optimum_of
+from acausal.optimal_control.optimum.trajectory import Trajectory, trajectory_of
 from acausal.optimal_control.phases import bias, dynamics_of, kinks, verified
-from acausal.optimal_control.polynomials import Basis
 from acausal.optimal_control.problem import StatedProblem
-from acausal.optimal_control.radau import Program, transcribed
-from acausal.optimal_control.shooting import Steps
+from acausal.optimal_control.program.nlp import Solution, minimized
+from acausal.optimal_control.program.polynomials import Basis
+from acausal.optimal_control.program.radau import Program, transcribed
+from acausal.optimal_control.program.shooting import Steps
 from acausal.optimal_control.switching import switching_errors, tightened
-from acausal.optimal_control.trajectory import Trajectory, trajectory_of
 
 Vector = NDArray[np.float64]
 

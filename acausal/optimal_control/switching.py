@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.errors import AcausalError
-from acausal.optimal_control.nlp import Solution, minimized
-from acausal.optimal_control.optimum import optimum_of
+from acausal.optimal_control.optimum.optimum import optimum_of
+from acausal.optimal_control.optimum.trajectory import Trajectory
 from acausal.optimal_control.problem import StatedProblem
-from acausal.optimal_control.radau import PhaseProgram, Program
-from acausal.optimal_control.trajectory import Trajectory
+from acausal.optimal_control.program.nlp import Solution, minimized
+from acausal.optimal_control.program.radau import PhaseProgram, Program
 
 Vector = NDArray[np.float64]
 

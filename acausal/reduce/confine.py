@@ -17,7 +17,7 @@ import numpy as np
 
 from acausal.analyse.blocks.solve import Solution
 from acausal.errors import UsageError
-from acausal.flatten.instances import components
+from acausal.flatten.instances.instances import components
 from acausal.language.choices import Changing, Choice, is_changing
 from acausal.language.component import Component
 from acausal.reduce.motionless import bounds

@@ -16,7 +16,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from acausal.analyse.state_events import switched_dependents
+from acausal.analyse.events.state_events import switched_dependents
 from acausal.diagnose.words import component_of, listed, made_at
 from acausal.errors import EventError, UsageError
 from acausal.flatten.reduced import nominal

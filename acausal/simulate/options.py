@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.errors import UsageError
-from acausal.language.experiment import Experiment
+from acausal.language.declarations.experiment import Experiment
 from acausal.simulate.tolerances import Tolerances
 
 # Below this the rounding of sixteen digits is larger than what a step may be wrong by: no step is ever accepted.

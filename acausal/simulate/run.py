@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 
 from acausal.errors import IntegrationError, UsageError
 from acausal.language.component import Component
-from acausal.lower.cache import choices_stand_for
+from acausal.lower.cache.cache import choices_stand_for
 from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
-from acausal.lower.driven import with_driven
 from acausal.lower.lowered import Recipe
-from acausal.lower.started import with_starts
+from acausal.lower.variants.driven import with_driven
+from acausal.lower.variants.started import with_starts
 from acausal.providers import provided
 from acausal.reduce.confine import changing
-from acausal.result import Result
+from acausal.result.result import Result
 from acausal.simulate.arguments import parameter_vector
 from acausal.simulate.driver.agenda import Source
 from acausal.simulate.driver.run import Progress, Run
@@ -28,7 +28,7 @@ from acausal.simulate.inputs.given import Inputs, given_inputs
 from acausal.simulate.interrupt import interruptible
 from acausal.simulate.options import Options, options
 from acausal.simulate.record.pivots import without_lost_pivots
-from acausal.simulate.restructure import Pieces, RunPiece
+from acausal.simulate.restructure.restructure import Pieces, RunPiece
 from acausal.simulate.start.initialize import Start
 
 Vector = NDArray[np.float64]

@@ -22,7 +22,7 @@ from acausal.errors import AcausalError
 from acausal.export.forms import SENSITIVITIES, check
 from acausal.export.sensitivity import Chain
 from acausal.lower.compiled import CompiledModel
-from acausal.result import Result
+from acausal.result.result import Result
 from acausal.simulate.arguments import input_vector, parameter_vector
 from acausal.simulate.driver.run import Run
 from acausal.simulate.inputs.given import Inputs

@@ -13,7 +13,7 @@ from acausal.library.drilling import EnergyBalance
 from acausal.models.drilling_breakthrough import BreakthroughSurge
 from acausal.models.drilling_control import ForceControlledDrilling
 from acausal.models.drilling_spindle import SpindleStall
-from acausal.result import Result
+from acausal.result.result import Result
 from tests.accuracy.drilling_beyond_scenes import BalancedThickBlock, BalancedThinPlate, SlidingDrill, SoftMachine
 
 

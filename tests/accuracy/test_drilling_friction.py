@@ -10,7 +10,7 @@ import pytest
 import acausal
 from acausal.library.drilling import DrillingForce
 from acausal.models.drilling_dynamic import ThickBlock
-from acausal.result import Result
+from acausal.result.result import Result
 from tests.accuracy.drilling_beyond_scenes import DrivenDrill, SlidingDrill
 from tests.accuracy.drilling_reference import PlainDrilling
 

@@ -13,7 +13,7 @@ import pytest
 import acausal
 from acausal.models.drilling_dynamic import FORCE, SPEED, ThickBlock
 from acausal.models.drilling_kinematic import ThinPlate
-from acausal.result import Result
+from acausal.result.result import Result
 from tests.accuracy.drilling_reference import PlainDrilling
 
 SIN_SIGMA = math.sin(math.radians(118.0))

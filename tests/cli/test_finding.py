@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from acausal.cli.catalogue import families, find_part, library_parts, used_in
+from acausal.cli.arguments.catalogue import families, find_part, library_parts, used_in
 from acausal.cli.main import app
 from acausal.language.component import Component, Connector
-from acausal.result import load
+from acausal.result.result import load
 from tests.cli.running import run
 
 
@@ -109,7 +109,7 @@ def test_a_joint_is_seen_from_its_first_frame() -> None:
 
 def test_every_component_has_a_page() -> None:
     """Also those whose arguments have no default, and those whose equations ask for their place among the frames."""
-    from acausal.cli.component import _connectors, _declared, _equations
+    from acausal.cli.models.component import _connectors, _declared, _equations
 
     for part in library_parts():
         if part.kind == "component" and part.family in ("multibody", "drilling", "rotational"):

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-import acausal.result
+import acausal.result.result
 from tests.cli.running import run
 
 CART = '''
@@ -44,7 +44,7 @@ def test_a_force_in_any_unit(force: str) -> None:
         "simulate", "cart.py", "--input", f"f={force}", "--input", "share=1", "--stop-time", "1", "-o", "c.mat"
     )
     assert outcome.code == 0, outcome.err
-    assert acausal.result.load("c.mat").final("mass.v") == pytest.approx(1500.0, rel=1e-6)
+    assert acausal.result.result.load("c.mat").final("mass.v") == pytest.approx(1500.0, rel=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -71,19 +71,19 @@ def test_a_force_from_a_file_and_a_start(folder: Path) -> None:
     words = "simulate cart.py --input f=f.csv:force --input share=1 --start mass.v=100cm/s --stop-time 1 -o c.mat"
     outcome = run(*words.split())
     assert outcome.code == 0, outcome.err
-    assert acausal.result.load("c.mat").final("mass.v") == pytest.approx(376.0, rel=1e-6)
+    assert acausal.result.result.load("c.mat").final("mass.v") == pytest.approx(376.0, rel=1e-6)
     again = run(
         *["simulate", "cart.py", "--input", "f=c.mat:f", "--input", "share=1", "--stop-time", "1", "-o", "d.mat"]
     )
     assert again.code == 0, again.err
-    assert acausal.result.load("d.mat").final("mass.v") == pytest.approx(375.0, rel=1e-5)
+    assert acausal.result.result.load("d.mat").final("mass.v") == pytest.approx(375.0, rel=1e-5)
 
 
 def test_a_source_is_freed() -> None:
     words = "simulate cart.py --free force.u --input f=0 --input share=0 --input force.u=3kN --stop-time 1 -o c.mat"
     outcome = run(*words.split())
     assert outcome.code == 0, outcome.err
-    assert acausal.result.load("c.mat").final("mass.v") == pytest.approx(1500.0, rel=1e-6)
+    assert acausal.result.result.load("c.mat").final("mass.v") == pytest.approx(1500.0, rel=1e-6)
 
 
 @pytest.mark.parametrize(

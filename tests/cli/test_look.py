@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from acausal.cli.shipped import shipped_models
+from acausal.cli.arguments.shipped import shipped_models
 from tests.cli.running import run
 
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from acausal.result import load
+from acausal.result.result import load
 from tests.cli.running import ROOT, spawn, start
 
 ENDLESS = '''from __future__ import annotations

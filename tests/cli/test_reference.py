@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from acausal.cli.reference import find_model
-from acausal.cli.settings import prepare
+from acausal.cli.arguments.reference import find_model
+from acausal.cli.arguments.settings import prepare
 from acausal.errors import AcausalError, UsageError
 from acausal.models.drilling_dynamic import ThickBlock
 from acausal.models.oscillator import Oscillator

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acausal.result import Result
-from acausal.signals import Signal
+from acausal.result.result import Result
+from acausal.result.signals import Signal
 from tests.cli.running import run
 
 
@@ -91,7 +91,7 @@ def test_results_with_nothing_in_common_are_refused() -> None:
 
 def test_exported_functions_can_be_loaded_and_called() -> None:
     """ode of the oscillator at rest, displaced by 0.1 m: acceleration -c*s/m = -10 m/s2."""
-    from acausal.export.casadi_file import load_casadi
+    from acausal.export.casadi.casadi_file import load_casadi
 
     outcome = run("export", "casadi", "Oscillator", "-o", "o.casadi", "--outputs", "mass.a")
     assert outcome.code == 0, outcome.err

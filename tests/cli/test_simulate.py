@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acausal.result import load
+from acausal.result.result import load
 from tests.cli.running import run
 
 

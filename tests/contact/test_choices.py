@@ -10,7 +10,7 @@ import pytest
 
 import acausal
 from acausal.errors import AcausalError, UsageError
-from acausal.flatten.instances import instances
+from acausal.flatten.instances.instances import instances
 from acausal.library.contact import ContactBody, ContactScene, HalfSpace, HuntCrossley, Sphere, Surfaces
 from acausal.models.contact_scenes import HolesSideBySide
 from tests.contact.test_scene import ThrownBall

@@ -8,7 +8,7 @@ import pytest
 
 import acausal
 from acausal import Component, Equations, Real, as_expr, der, dot, fixed, identity, maximum, parameter, variable, zeros
-from acausal.export.functions import casadi_model
+from acausal.export.casadi.functions import casadi_model
 from acausal.library.contact.collide.penetration import penetration
 from acausal.library.contact.collide.shapes import Box, Sphere
 

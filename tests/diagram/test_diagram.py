@@ -187,7 +187,7 @@ def test_values_that_were_given_are_shown() -> None:
 def test_every_symbol_belongs_to_a_class_and_is_svg() -> None:
     import xml.etree.ElementTree as ET
 
-    from acausal.cli.catalogue import library_parts
+    from acausal.cli.arguments.catalogue import library_parts
     from acausal.diagram.symbols import _symbols, family_of
 
     classes = [getattr(importlib.import_module(p.module), p.name) for p in library_parts()]
@@ -199,7 +199,7 @@ def test_every_symbol_belongs_to_a_class_and_is_svg() -> None:
 
 
 def test_every_shipped_model_has_a_graph() -> None:
-    from acausal.cli.shipped import shipped_models
+    from acausal.cli.arguments.shipped import shipped_models
 
     for shipped in shipped_models():
         model = getattr(importlib.import_module(shipped.module), shipped.name)()

@@ -13,8 +13,8 @@ from acausal.errors import UsageError
 from acausal.explore.units import choices
 from acausal.models.bouncing_ball import BouncingBall
 from acausal.models.oscillator import Oscillator
-from acausal.result import Result
-from acausal.signals import Event, Signal
+from acausal.result.result import Result
+from acausal.result.signals import Event, Signal
 from tests.browser.chromium import probe
 
 

@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 import acausal
-from acausal.cli.shipped import shipped_models
+from acausal.cli.arguments.shipped import shipped_models
 from acausal.errors import AcausalError
 from acausal.lower.casadi_model import CasadiModel
 from acausal.lower.compiled import CompiledModel

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from acausal.export.finite import finite
+from acausal.export.casadi.finite import finite
 
 # Of x, p and q; and parameters with which the base is zero for x = 0.
 VANISHING: dict[str, tuple[Callable[[Any, Any, Any], Any], tuple[float, float]]] = {

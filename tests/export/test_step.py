@@ -13,8 +13,8 @@ import pytest
 import acausal
 from acausal import Component, Equations, Experiment, Real, der, fixed, parameter, signal_input, time, variable, where
 from acausal.errors import ExportError, UsageError
-from acausal.export.real_time import real_time
-from acausal.export.step import step_function
+from acausal.export.step.real_time import real_time
+from acausal.export.step.step import step_function
 from acausal.models.drilling_dynamic import ThickBlock
 from acausal.models.pendulum import Pendulum
 from acausal.models.rc_ladder import RCLadder

@@ -37,9 +37,9 @@ from acausal import (
     where,
 )
 from acausal.errors import ExportError, UsageError
-from acausal.export.real_time import real_time
-from acausal.export.step import step_function
-from acausal.export.step_source import StepFunction
+from acausal.export.step.real_time import real_time
+from acausal.export.step.source import StepFunction
+from acausal.export.step.step import step_function
 from acausal.library.blocks import Constant
 from acausal.library.rotational import Clutch, Inertia
 from acausal.models.bouncing_ball import BouncingBall

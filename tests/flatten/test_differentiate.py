@@ -7,8 +7,8 @@ from collections.abc import Callable
 
 import pytest
 
-from acausal.flatten.differentiate import differentiate
 from acausal.flatten.pool import Pool
+from acausal.flatten.scalars.differentiate import differentiate
 from acausal.numeric.evaluate import values
 
 # Curves x(t) with their derivatives; within every domain that follows.

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from acausal import Component, Real, cross, der, dot, identity, norm, skew, time, variable, where, zeros
 from acausal.flatten.flat import suffix, suffixes
 from acausal.flatten.pool import Pool
-from acausal.flatten.scalarise import Scalars, scalars
-from acausal.language.expression import Expr, Symbol, as_expr
+from acausal.flatten.scalars.scalarise import Scalars, scalars
+from acausal.language.expressions.expression import Expr, Symbol, as_expr
 from acausal.numeric.evaluate import values
 
 Array = NDArray[np.float64]

@@ -9,8 +9,8 @@ import pytest
 import acausal
 from acausal import Component, Connector, Equations, Real, connect, der, fixed, flow, part, pre, reset, variable, when
 from acausal.errors import AcausalError
-from acausal.flatten.statements import statements
-from acausal.language.expression import Equation
+from acausal.flatten.instances.statements import statements
+from acausal.language.expressions.expression import Equation
 
 
 class Pin(Connector):

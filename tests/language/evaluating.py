@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 from acausal import Expr
 from acausal.flatten.pool import Pool
-from acausal.flatten.scalarise import scalars
-from acausal.language.expression import Symbol, symbols_in
+from acausal.flatten.scalars.scalarise import scalars
+from acausal.language.expressions.expression import Symbol, symbols_in
 from acausal.numeric.evaluate import values
 
 

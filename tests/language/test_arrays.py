@@ -28,9 +28,9 @@ from acausal import (
 )
 from acausal.errors import AcausalError, DeclarationError, UnitError
 from acausal.flatten.pool import Pool
-from acausal.flatten.scalarise import scalars
-from acausal.language.arrays import element
-from acausal.language.expression import Symbol, symbols_in
+from acausal.flatten.scalars.scalarise import scalars
+from acausal.language.expressions.arrays import element
+from acausal.language.expressions.expression import Symbol, symbols_in
 from acausal.numeric.evaluate import values
 
 

@@ -33,9 +33,9 @@ from acausal import (
     where,
 )
 from acausal.flatten.pool import Pool
-from acausal.flatten.scalarise import scalars
+from acausal.flatten.scalars.scalarise import scalars
 from acausal.flatten.text import to_text
-from acausal.language.expression import is_condition, is_discrete
+from acausal.language.expressions.expression import is_condition, is_discrete
 from tests.language.evaluating import value
 
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from acausal import Component, Equations, Real, der, fixed, guess, parameter, structural, variable
 from acausal.errors import DeclarationError
 from acausal.flatten.flatten import flatten
-from acausal.language.declaration import Fixed, Guess
+from acausal.language.declarations.declaration import Fixed, Guess
 
 
 class Lag(Component):

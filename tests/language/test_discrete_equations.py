@@ -139,7 +139,7 @@ def test_free_inputs_of_the_model_have_neither_equation_nor_rate() -> None:
 
 def test_equal_structure_is_compiled_once_and_other_logic_is_not() -> None:
     """The signature of the cache sees discrete equations."""
-    from acausal.lower.cache import signature
+    from acausal.lower.cache.cache import signature
 
     class Same(Component):
         u: Real = boolean_input()

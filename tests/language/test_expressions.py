@@ -30,8 +30,8 @@ from acausal import (
 )
 from acausal.errors import DeclarationError
 from acausal.flatten.pool import Pool
-from acausal.flatten.scalarise import scalars
-from acausal.language.expression import Symbol, symbols_in
+from acausal.flatten.scalars.scalarise import scalars
+from acausal.language.expressions.expression import Symbol, symbols_in
 from acausal.numeric.evaluate import values
 from tests.language.evaluating import value
 

@@ -11,11 +11,11 @@ import pytest
 import acausal
 from acausal import Component, Equations, External, Real, der, fixed, parameter, variable
 from acausal.errors import DeclarationError, UnitError
-from acausal.export.functions import casadi_model
-from acausal.flatten.differentiate import differentiate
+from acausal.export.casadi.functions import casadi_model
 from acausal.flatten.pool import Pool
-from acausal.language.expression import Expr
-from acausal.language.external import Call
+from acausal.flatten.scalars.differentiate import differentiate
+from acausal.language.expressions.expression import Expr
+from acausal.language.expressions.external import Call
 from acausal.lower.build import Builder
 from acausal.numeric.evaluate import gradients, values
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from acausal import Component, Equations, Real, der, parameter, part, structural, variable
 from acausal.errors import DeclarationError
 from acausal.flatten.flatten import flatten
-from acausal.flatten.statements import statements
+from acausal.flatten.instances.statements import statements
 
 
 def make(name: str, bases: tuple[type[Component], ...], fields: tuple[str, ...] = ()) -> type[Component]:

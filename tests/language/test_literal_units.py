@@ -33,8 +33,8 @@ from acausal import (
     where,
 )
 from acausal.errors import DeclarationError, UnitError
-from acausal.flatten.statements import statements
-from acausal.language.expression import Equation
+from acausal.flatten.instances.statements import statements
+from acausal.language.expressions.expression import Equation
 
 
 class Quantities(Component):

@@ -8,7 +8,7 @@ import pytest
 
 import acausal
 from acausal import Component, Equations, Real, der, fixed, flatten, outer, parameter, part, structural, variable
-from acausal.cli.settings import _values
+from acausal.cli.arguments.settings import _values
 from acausal.errors import DeclarationError
 from acausal.library.multibody import (
     Body,

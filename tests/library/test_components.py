@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 
 from acausal import Component, Connector
-from acausal.language.declaration import Kind
-from acausal.language.dimensions import check_dimensions
-from acausal.language.expression import Equation, assigned
+from acausal.language.declarations.declaration import Kind
+from acausal.language.expressions.dimensions import check_dimensions
+from acausal.language.expressions.expression import Equation, assigned
 from acausal.library import blocks, electrical, rotational, thermal, translational
 
 TABLES: dict[str, Any] = {

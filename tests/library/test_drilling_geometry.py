@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 import acausal
 from acausal.models.drilling_kinematic import ThinPlate
-from acausal.result import Result
+from acausal.result.result import Result
 from tests.accuracy.drilling_scenes import TiltedDrill
 
 SLOPE = 2 * math.tan(math.radians(59.0))

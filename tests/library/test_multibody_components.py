@@ -11,10 +11,10 @@ import pytest
 
 from acausal import Component, Connector, flatten
 from acausal.errors import DeclarationError
-from acausal.language.declaration import Kind
-from acausal.language.dimensions import check_dimensions
+from acausal.language.connections.overconstrained import Branch, Root
+from acausal.language.declarations.declaration import Kind
 from acausal.language.events import Assertion
-from acausal.language.overconstrained import Branch, Root
+from acausal.language.expressions.dimensions import check_dimensions
 from acausal.library import multibody
 from acausal.library.multibody import Frame, Prismatic, Revolute
 from acausal.models.double_pendulum import DoublePendulum

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from acausal import Expr, variable
 from acausal.errors import DeclarationError
-from acausal.language.declaration import Declaration
-from acausal.language.expression import Symbol
+from acausal.language.declarations.declaration import Declaration
+from acausal.language.expressions.expression import Symbol
 from acausal.library.multibody.orientation import (
     IDENTITY,
     across,

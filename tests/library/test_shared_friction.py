@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 
 import acausal
 from acausal import AcausalError, Component, Equations, Real, connect, fixed, part, signal_input, sin, time, where
-from acausal.export.step import step_function
+from acausal.export.step.step import step_function
 from acausal.library import rotational, translational
 
 

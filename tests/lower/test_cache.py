@@ -11,7 +11,7 @@ import pytest
 import acausal
 from acausal import Component, Equations, Real, cos, der, fixed, parameter, structural, variable
 from acausal.errors import AcausalError, UsageError
-from acausal.lower import cache
+from acausal.lower.cache import cache
 from acausal.lower.compiled import CompiledModel
 from acausal.models.pendulum_chain import PendulumChain
 from acausal.models.rc_circuit import RCCircuit

@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 
 import acausal
 from acausal import Component, Real, minimum, variable, where
-from acausal.flatten.differentiate import differentiate
 from acausal.flatten.pool import Pool
-from acausal.flatten.scalarise import Scalars, scalars
-from acausal.language.expression import Expr
+from acausal.flatten.scalars.differentiate import differentiate
+from acausal.flatten.scalars.scalarise import Scalars, scalars
+from acausal.language.expressions.expression import Expr
 from acausal.lower.build import Builder
 from acausal.numeric.evaluate import gradients, values
 

@@ -9,7 +9,7 @@ import pytest
 import acausal
 from acausal import Component, Equations, Real, atan, der, fixed, guess, homotopy, parameter, sin, variable
 from acausal.errors import InitializationError
-from acausal.result import Result
+from acausal.result.result import Result
 
 
 def start(model: Component, **parameters: float) -> Result:

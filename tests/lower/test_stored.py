@@ -13,8 +13,8 @@ import pytest
 
 import acausal
 from acausal import Component, private
-from acausal.language.external import Call, External
-from acausal.lower import cache, stored
+from acausal.language.expressions.external import Call, External
+from acausal.lower.cache import cache, stored
 from acausal.models.drilling_dynamic import ThickBlock
 
 

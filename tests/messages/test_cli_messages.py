@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from acausal.result import load
+from acausal.result.result import load
 from tests.cli.running import Outcome, run
 
 HEAD = """from __future__ import annotations
@@ -213,7 +213,7 @@ def test_a_failed_run_keeps_what_it_had(folder: Path) -> None:
 
 def test_an_interrupted_run_keeps_what_it_had(monkeypatch: pytest.MonkeyPatch) -> None:
     """Ctrl-C while the first part is reported as done."""
-    from acausal.cli.progress import ProgressBar
+    from acausal.cli.run.progress import ProgressBar
 
     calls: list[float] = []
 

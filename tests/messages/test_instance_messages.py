@@ -8,7 +8,7 @@ import pytest
 
 from acausal import Component, Equations, Real, connect, parameter, part, structural, variable
 from acausal.flatten.flatten import flatten
-from acausal.language.overconstrained import rooted
+from acausal.language.connections.overconstrained import rooted
 from acausal.library import electrical, multibody, translational
 from acausal.library.translational import Mass
 from tests.messages.cases import Case, Corpus

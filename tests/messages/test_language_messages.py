@@ -28,7 +28,7 @@ from acausal import (
     when,
     where,
 )
-from acausal.language.expression import as_expr
+from acausal.language.expressions.expression import as_expr
 from tests.messages.cases import Case, Corpus
 
 corpus = Corpus()

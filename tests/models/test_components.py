@@ -14,8 +14,8 @@ import pytest
 
 import acausal
 from acausal import Result
-from acausal.cli.catalogue import library_parts
-from acausal.cli.shipped import shipped_models
+from acausal.cli.arguments.catalogue import library_parts
+from acausal.cli.arguments.shipped import shipped_models
 
 CHECKS: dict[str, Callable[[Result], None]] = {}
 MODELS = {m.name: m for m in shipped_models() if m.module.startswith("acausal.models.components.")}

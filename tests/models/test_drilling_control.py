@@ -13,7 +13,7 @@ from acausal.errors import AcausalError
 from acausal.models.drilling_breakthrough import BreakthroughSurge
 from acausal.models.drilling_control import ForceControlledDrilling
 from acausal.models.drilling_spindle import SpindleStall
-from acausal.result import Result
+from acausal.result.result import Result
 
 D = 0.016
 SIN_KAPPA = math.sin(math.radians(59.0))

@@ -25,7 +25,7 @@ from acausal.library.multibody import (
     Universal,
     World,
 )
-from acausal.result import Result
+from acausal.result.result import Result
 from tests.multibody.maximal import GROUND, Mechanism, Pose, Primitive, quaternion
 
 Vector = NDArray[np.float64]

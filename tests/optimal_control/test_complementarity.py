@@ -9,7 +9,7 @@ from scipy.optimize import minimize_scalar
 from acausal import Component, Equations, Real, der, fixed, parameter, quantity, signal_input, variable, where
 from acausal.errors import OptimizationError, UsageError
 from acausal.optimal_control import Problem
-from acausal.optimal_control.optimum import Optimum
+from acausal.optimal_control.optimum.optimum import Optimum
 from tests.optimal_control.test_rounding import Rubbing, back
 
 

@@ -8,7 +8,7 @@ import pytest
 import acausal
 from acausal import Component, Equations, Real, der, fixed, quantity, signal_input, time, variable
 from acausal.errors import UsageError
-from acausal.lower.started import with_starts
+from acausal.lower.variants.started import with_starts
 from acausal.models.optimal_control.feed_drilling import FeedDrilling, Hardness, horizon
 from acausal.optimal_control import Problem, closed_loop
 from tests.export.scenes import Slider

@@ -11,12 +11,12 @@ import pytest
 from acausal import Component, Equations, Real, cos, der, fixed, parameter, signal_input, signal_output, sin, variable
 from acausal.models.optimal_control.plate_drilling import least_time
 from acausal.optimal_control import Problem
-from acausal.optimal_control.derivatives import derivatives
 from acausal.optimal_control.guess import guessed
 from acausal.optimal_control.phases import dynamics_of
-from acausal.optimal_control.polynomials import Basis
-from acausal.optimal_control.radau import transcribed
-from acausal.optimal_control.shooting import Steps
+from acausal.optimal_control.program.derivatives import derivatives
+from acausal.optimal_control.program.polynomials import Basis
+from acausal.optimal_control.program.radau import transcribed
+from acausal.optimal_control.program.shooting import Steps
 
 
 class Boat(Component):

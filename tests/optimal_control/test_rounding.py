@@ -7,7 +7,7 @@ import pytest
 from acausal import Component, Equations, Real, der, fixed, maximum, parameter, quantity, signal_input, variable, where
 from acausal.errors import AcausalError
 from acausal.optimal_control import Problem
-from acausal.optimal_control.optimum import Optimum
+from acausal.optimal_control.optimum.optimum import Optimum
 
 
 def bias(best: Optimum) -> float:

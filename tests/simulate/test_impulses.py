@@ -37,7 +37,7 @@ from acausal import (
     where,
 )
 from acausal.errors import AcausalError
-from acausal.simulate.events.balance import reciprocity
+from acausal.simulate.events.resets.balance import reciprocity
 
 Vector = NDArray[np.float64]
 SOLVERS = ["idas", "rosenbrock", "cvodes", "erk"]

@@ -20,7 +20,7 @@ import acausal
 from acausal import Component, Equations, Real, der, fixed, guess, parameter, variable, where
 from acausal.lower.symbols import Symbols
 from acausal.models.drilling_dynamic import ThickBlock
-from acausal.simulate.equations.quick import Quick
+from acausal.simulate.equations.calls.quick import Quick
 
 
 class Circle(Component):

@@ -13,8 +13,8 @@ import pytest
 import acausal
 from acausal import Component, Equations, Real, der, fixed, parameter, quantity, variable, where
 from acausal.models.drilling_dynamic import ThickBlock
-from acausal.simulate.events.between import between
-from acausal.simulate.events.looks import growing
+from acausal.simulate.events.location.between import between
+from acausal.simulate.events.location.looks import growing
 
 
 @pytest.fixture

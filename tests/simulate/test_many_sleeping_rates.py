@@ -20,7 +20,7 @@ from acausal import (
     variable,
     where,
 )
-from acausal.analyse.sleeping import MOST
+from acausal.analyse.events.sleeping import MOST
 
 HALF = 1e-5
 

@@ -15,7 +15,7 @@ from acausal.models.drilling_dynamic import ThickBlock
 from acausal.models.drilling_kinematic import ThinPlate
 from acausal.models.pendulum import Pendulum
 from acausal.models.rc_ladder import RCLadder
-from acausal.simulate.equations.quick import Narrow
+from acausal.simulate.equations.calls.quick import Narrow
 from acausal.simulate.record import record
 
 MODELS: dict[str, Callable[[], Component]] = {

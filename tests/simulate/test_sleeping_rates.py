@@ -31,8 +31,8 @@ from acausal import (
     variable,
     where,
 )
-from acausal.analyse.sleeping import Sleeping
-from acausal.lower.watched import with_watched
+from acausal.analyse.events.sleeping import Sleeping
+from acausal.lower.variants.watched import with_watched
 
 SOLVERS = ["idas", "cvodes", "rosenbrock", "erk"]
 Rate = Callable[[Any], Expr]
@@ -170,7 +170,7 @@ def test_kinks_that_cannot_be_watched_do_not_end_a_run(solver: str, monkeypatch:
     Where `sleeping` takes one all the same, the run is made without watching, and says so. With x' = 1 from 0 and
     y' = (x - 1)+, y(3) is 2.
     """
-    from acausal.lower import watched
+    from acausal.lower.variants import watched
 
     class Resting(Component):
         x: Real = variable(default=fixed(0.0))

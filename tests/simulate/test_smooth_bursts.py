@@ -31,7 +31,7 @@ from acausal import (
     variable,
 )
 from acausal.lower.compiled import CompiledModel
-from acausal.lower.watched import with_watched
+from acausal.lower.variants.watched import with_watched
 
 SOLVERS = ["idas", "cvodes", "rosenbrock", "erk"]
 SPAN = 100.0

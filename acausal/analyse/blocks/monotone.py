@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.analyse.blocks.linear import LinearForm
-from acausal.flatten.differentiate import partial
 from acausal.flatten.pool import Pool
 from acausal.flatten.reduced import nominal
+from acausal.flatten.scalars.differentiate import partial
 from acausal.numeric.evaluate import values
 from acausal.numeric.samples import SamplePoints
 

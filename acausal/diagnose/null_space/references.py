@@ -19,7 +19,7 @@ from acausal.diagnose.words import (
 )
 from acausal.errors import StructureError
 from acausal.flatten.flat import FlatEquation, FlatSystem
-from acausal.language.declaration import Kind
+from acausal.language.declarations.declaration import Kind
 
 
 def without_reference(numbers: Pencil) -> StructureError | None:

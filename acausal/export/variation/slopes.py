@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.lower.compiled import CompiledModel
-from acausal.simulate.equations.quick import Quick
+from acausal.simulate.equations.calls.quick import Quick
 
 Vector = NDArray[np.float64]
 _DENSE = 30  # variables up to which small dense matrices are faster than sparse ones

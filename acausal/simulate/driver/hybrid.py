@@ -16,10 +16,10 @@ from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.errors import RestlessKink, accumulated, unsettled
 from acausal.simulate.events.guards import INSTANT, Cause, Guards, Moment, Truth, resting_band
 from acausal.simulate.events.iteration import Happened, Iteration, Jump
+from acausal.simulate.events.location.search import Arrival, Search
+from acausal.simulate.events.location.stopping import Lingering, Stop, compiled_program, integrate_to_event
 from acausal.simulate.events.regime import Regime
 from acausal.simulate.events.rest import Bounces
-from acausal.simulate.events.search import Arrival, Search
-from acausal.simulate.events.stopping import Lingering, Stop, compiled_program, integrate_to_event
 from acausal.simulate.interrupt import Interrupted
 from acausal.simulate.native.flight import FlightProgram
 from acausal.simulate.native.policy import Library

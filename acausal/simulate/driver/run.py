@@ -16,9 +16,9 @@ from acausal.analyse.delays import refuse_delays
 from acausal.errors import IntegrationError, RunError
 from acausal.flatten.parameters import doubtful_values
 from acausal.lower.compiled import CompiledModel
-from acausal.lower.watched import UNWATCHED_STEPS, unwatched, with_watched
+from acausal.lower.variants.watched import UNWATCHED_STEPS, unwatched, with_watched
 from acausal.numeric.samples import STABILISATION_RATE
-from acausal.result import Result
+from acausal.result.result import Result
 from acausal.simulate.delay.memory import Memory, check_undelayed
 from acausal.simulate.delay.start import begin, opened
 from acausal.simulate.driver.agenda import Agenda, Source, known_instants, schedule

@@ -11,10 +11,10 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from acausal.analyse.time_tables import TimeTable, time_tables
+from acausal.analyse.events.time_tables import TimeTable, time_tables
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.symbols import DefiningBuilder, Symbols
-from acausal.simulate.equations.quick import Narrow, Quick
+from acausal.simulate.equations.calls.quick import Narrow, Quick
 from acausal.simulate.equations.shares import Shares
 from acausal.simulate.native.equations import parametric
 from acausal.simulate.start.newton import Newton
@@ -97,7 +97,7 @@ class Kept:
 
     @cached_property
     def round(self) -> Quick:
-        """See `acausal.lower.event_round.Round`."""
+        """See `acausal.lower.events.round.Round`."""
         return Quick(self.compiled.events.round)
 
     @cached_property

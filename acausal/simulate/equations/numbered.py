@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.lower.compiled import CompiledModel
+from acausal.simulate.equations.calls.quick import Quick
 from acausal.simulate.equations.factorisation import FEW, Factorisation, factorisation
-from acausal.simulate.equations.quick import Quick
 from acausal.simulate.native.equations import equations
 
 Vector = NDArray[np.float64]

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.symbols import Symbols
-from acausal.simulate.equations.quick import Quick
+from acausal.simulate.equations.calls.quick import Quick
 
 Vector = NDArray[np.float64]
 # Singular values, by the largest one, that are zero; what is left of a bordered slope at least.

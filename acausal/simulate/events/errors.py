@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from acausal.analyse.state_events import Assert, Clause
+from acausal.analyse.events.state_events import Assert, Clause
 from acausal.errors import EventError, InitializationError, Span
 
 

@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.lower.compiled import CompiledModel
-from acausal.lower.event_functions import guard_rates
+from acausal.lower.events.functions import guard_rates
 from acausal.lower.symbols import Symbols
+from acausal.simulate.equations.calls.quick import Quick
 from acausal.simulate.equations.kept import kept
-from acausal.simulate.equations.quick import Quick
 from acausal.simulate.equations.shares import Border
 
 Vector = NDArray[np.float64]

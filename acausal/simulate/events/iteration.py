@@ -1,6 +1,6 @@
 """What happens at an event: rounds of the compiled event iteration, and relations that flip between them.
 
-A round (`acausal.lower.event_round`) is the meaning of discrete equations, `when` and `pre`. Between its calls
+A round (`acausal.lower.events.round`) is the meaning of discrete equations, `when` and `pre`. Between its calls
 algebraic variables are solved for and relations that do not hold are flipped: all at once at first; a loop of modes
 that does not settle so is walked one relation at a time, the one of lowest number first, which ends for every P-matrix,
 that is for passive circuits and for friction (K. G. Murty, Note on a Bard-type scheme for solving the complementarity
@@ -14,19 +14,19 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from acausal.analyse.state_events import Clause
+from acausal.analyse.events.state_events import Clause
 from acausal.diagnose.words import listed
 from acausal.errors import InitializationError
-from acausal.lower.event_round import Round
-from acausal.lower.impulses import impulses
+from acausal.lower.events.impulses import impulses
+from acausal.lower.events.round import Round
 from acausal.simulate.equations.kept import kept
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.equations.shares import Border
-from acausal.simulate.events.constrained import followed
 from acausal.simulate.events.errors import contradicting, overloaded, undetermined, unsettled, vain, violated
 from acausal.simulate.events.guards import INSTANT, LOCATED, Cause, Guards, Moment, Truth
 from acausal.simulate.events.held import Hold
 from acausal.simulate.events.regime import Regime
+from acausal.simulate.events.resets.constrained import followed
 from acausal.simulate.start.initialize import Start, consistent
 
 Vector = NDArray[np.float64]

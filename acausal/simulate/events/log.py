@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.errors import Span
-from acausal.result import Event
+from acausal.result.result import Event
 from acausal.simulate.events.guards import Cause
 from acausal.simulate.inputs.given import Inputs
 

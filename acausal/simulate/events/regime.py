@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.lower.compiled import CompiledModel
+from acausal.simulate.equations.calls.quick import Quick
 from acausal.simulate.equations.problem import Problem
-from acausal.simulate.equations.quick import Quick
 from acausal.simulate.equations.shares import Border
 from acausal.simulate.events.held import TOGETHER, Held, Hold, held
 from acausal.simulate.native.policy import Library

@@ -15,8 +15,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from acausal.analyse.state_events import Clause
-from acausal.lower.impulses import impulses
+from acausal.analyse.events.state_events import Clause
+from acausal.lower.events.impulses import impulses
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.errors import accumulated
 from acausal.simulate.events.guards import INSTANT, Cause, Guards, Moment

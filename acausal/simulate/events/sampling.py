@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from acausal.analyse.state_events import Clause
+from acausal.analyse.events.state_events import Clause
 from acausal.flatten.pool import LEAVES
 from acausal.lower.compiled import CompiledModel
 from acausal.numeric.evaluate import values

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from acausal.errors import AcausalError, UsageError
 from acausal.flatten.parameters import check_limit
-from acausal.language.declaration import Declaration
+from acausal.language.declarations.declaration import Declaration
 from acausal.lower.chebyshev import INPUT_WIDTH
 from acausal.lower.compiled import CompiledModel
 from acausal.numeric.stretches import variation
-from acausal.result import Result
-from acausal.series import TimeSeries, read_series
+from acausal.result.result import Result
+from acausal.result.series import TimeSeries, read_series
 from acausal.simulate.arguments import input_vector
 from acausal.simulate.inputs.pieces import Pieces, held, sampled, straight
 from acausal.simulate.tolerances import Tolerances

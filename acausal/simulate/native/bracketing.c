@@ -1,4 +1,4 @@
-/* Where a guard may be passed between two points of a solution (simulate/events/bracketing.py). */
+/* Where a guard may be passed between two points of a solution (simulate/events/location/bracketing.py). */
 
 #include <string.h>
 

@@ -1,6 +1,6 @@
 /* Stretches and ordinary events of a run in one call.
 
-   What an event means is the function `event_round`, made by the compiler (acausal/lower/event_round.py); around it this
+   What an event means is the function `event_round`, made by the compiler (acausal/lower/events/round.py); around it this
    does what simulate/driver/hybrid.py, events/iteration.py and rest.py do, as far as it is ordinary. Whatever is not (a
    relation that flips three times, a guard that lingers on zero, rest, an end, a broken assertion, a crossing that the
    integrator has missed, anything not finite) is not decided here: the run is put back to the start of the stretch, or

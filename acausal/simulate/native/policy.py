@@ -27,8 +27,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.lower.compiled import CompiledModel
+from acausal.simulate.equations.calls.quick import Quick
 from acausal.simulate.equations.numbered import UNIT, measured
-from acausal.simulate.equations.quick import Quick
 from acausal.simulate.native import cache, source
 from acausal.simulate.native.equations import CONSTANTS, by_patterns, equations
 from acausal.simulate.native.flight import FlightProgram
@@ -145,7 +145,7 @@ class Native:
         nx: int,
         instructions: Callable[[], int],
     ) -> Library[FlightProgram] | None:
-        """A whole integrator that stops at events (`simulate/events/stopping.py`).
+        """A whole integrator that stops at events (`simulate/events/location/stopping.py`).
 
         `equations` makes what it integrates, `nx` states; `instructions` is the size of its event functions.
         """

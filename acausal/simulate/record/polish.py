@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.lower.compiled import CompiledModel
-from acausal.simulate.equations.direct import rows
+from acausal.simulate.equations.calls.direct import rows
 from acausal.simulate.equations.kept import kept
 from acausal.simulate.tolerances import Tolerances
 

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from acausal.flatten.flat import suffixes
 from acausal.lower.compiled import CompiledModel
-from acausal.result import Event, Result, Signal
-from acausal.simulate.equations.columns import MOST_OPERATIONS
-from acausal.simulate.equations.direct import rows
+from acausal.result.result import Event, Result, Signal
+from acausal.simulate.equations.calls.columns import MOST_OPERATIONS
+from acausal.simulate.equations.calls.direct import rows
 from acausal.simulate.equations.kept import kept
 from acausal.simulate.events.guards import Cause
 from acausal.simulate.record.project import off_constraints, projection

@@ -26,7 +26,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from acausal.simulate.equations.direct import called
+from acausal.simulate.equations.calls.direct import called
 from acausal.simulate.equations.factorisation import Factorisation
 from acausal.simulate.equations.kept import kept
 from acausal.simulate.equations.kinks import time_ends

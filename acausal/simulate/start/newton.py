@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.symbols import Symbols
-from acausal.simulate.equations.quick import Quick
+from acausal.simulate.equations.calls.quick import Quick
 
 Vector = NDArray[np.float64]
 # Steps, relative to the unknowns, and residuals, relative to those at the guesses, that end the search.

@@ -20,12 +20,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.analyse.analyse import preference
-from acausal.analyse.state_events import discrete_variables
+from acausal.analyse.events.state_events import discrete_variables
 from acausal.flatten.reduced import ReducedSystem, nominal
 from acausal.lower.build import Builder
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.symbols import Symbols
-from acausal.simulate.equations.quick import Quick
+from acausal.simulate.equations.calls.quick import Quick
 from acausal.simulate.start.nearest import shortest
 
 Vector = NDArray[np.float64]

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.errors import IntegrationError
-from acausal.result import Result
+from acausal.result.result import Result
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.options import Options
 from acausal.simulate.record.record import Recorder

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.symbols import Symbols
-from acausal.simulate.equations.direct import rows
+from acausal.simulate.equations.calls.direct import rows
 
 Vector = NDArray[np.float64]
 Complex = NDArray[np.complex128]

@@ -10,7 +10,7 @@ from typing import Any
 
 from acausal.errors import UsageError
 from acausal.lower.compiled import CompiledModel
-from acausal.result import Result
+from acausal.result.result import Result
 from acausal.simulate.run import simulate
 from acausal.study.bench.bench import bench_compiled
 from acausal.study.bench.case import ADAPTIVE, IMPLICIT

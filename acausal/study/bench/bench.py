@@ -24,15 +24,15 @@ from acausal.simulate.arguments import input_vector
 from acausal.simulate.options import options as run_options
 from acausal.simulate.solvers import solver_named
 from acausal.study.bench import case as defaults
-from acausal.study.bench import reference as references
+from acausal.study.bench.accuracy import reference as references
+from acausal.study.bench.accuracy.distance import distance
+from acausal.study.bench.accuracy.reference import Reference
+from acausal.study.bench.accuracy.trajectory import components
 from acausal.study.bench.case import Case, cases
-from acausal.study.bench.distance import distance
 from acausal.study.bench.isolated import isolated
 from acausal.study.bench.measure import Measured, Task, measured
-from acausal.study.bench.reference import Reference
 from acausal.study.bench.report import Bench
 from acausal.study.bench.run import Run
-from acausal.study.bench.trajectory import components
 
 Vector = NDArray[np.float64]
 Say = Callable[[str], None]

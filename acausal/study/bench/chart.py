@@ -15,8 +15,8 @@ from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
-from acausal.files import atomic
-from acausal.plot import Drawing, check_picture
+from acausal.plot.plot import Drawing, check_picture
+from acausal.result.files import atomic
 from acausal.study.bench.report import Bench
 from acausal.study.bench.run import Run, generic
 

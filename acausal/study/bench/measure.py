@@ -10,10 +10,10 @@ from types import SimpleNamespace
 from typing import Any
 
 from acausal.lower.compiled import CompiledModel
-from acausal.result import Result
+from acausal.result.result import Result
+from acausal.study.bench.accuracy.trajectory import POINTS, Trajectory, sampled
 from acausal.study.bench.case import ONLY_FIXED, Case
 from acausal.study.bench.isolated import Outcome, isolated
-from acausal.study.bench.trajectory import POINTS, Trajectory, sampled
 
 FINE = 10
 """Points of the reference for each of the grid: phases are looked for between grid points."""

@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from acausal.study.bench.accuracy.distance import Distance
 from acausal.study.bench.case import Case
-from acausal.study.bench.distance import Distance
 
 
 @dataclass(frozen=True)

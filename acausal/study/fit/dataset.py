@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from acausal.csvfile import named
 from acausal.errors import UsageError, nearest
-from acausal.result import Result
-from acausal.series import TimeSeries, read_all
+from acausal.result.csvfile import named
+from acausal.result.result import Result
+from acausal.result.series import TimeSeries, read_all
 from acausal.units import format_dimension, in_si, parse
 
 Vector = NDArray[np.float64]
@@ -65,7 +65,7 @@ def columns_of(dataset: Dataset) -> dict[str, TimeSeries]:
     data = dataset.data
     if isinstance(data, str | Path):
         if Path(data).suffix.lower() != ".csv":
-            from acausal.files import read
+            from acausal.result.files import read
 
             return _of_result(Result(**vars(read(Path(data)))))
         return read_all(data)

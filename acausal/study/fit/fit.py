@@ -23,7 +23,7 @@ from acausal.language.component import Component
 from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
 from acausal.providers import provided
-from acausal.result import Result
+from acausal.result.result import Result
 from acausal.study.fit.dataset import Dataset
 from acausal.study.fit.judge import Judgement, Unknowns, judge
 from acausal.study.fit.trial import Ran, Trial, trial_of

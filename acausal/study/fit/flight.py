@@ -13,9 +13,9 @@ from acausal.errors import AcausalError, RunError
 from acausal.export.forms import SENSITIVITIES, check
 from acausal.export.ports import Output, named_outputs
 from acausal.export.sensitivity import Chain
-from acausal.lower.cache import choices_stand_for
+from acausal.lower.cache.cache import choices_stand_for
 from acausal.lower.compiled import CompiledModel
-from acausal.result import Result
+from acausal.result.result import Result
 from acausal.simulate.arguments import parameter_vector
 from acausal.simulate.driver.run import Run
 from acausal.simulate.inputs.given import given_inputs

@@ -11,8 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from acausal.errors import UsageError
-from acausal.plot import COLORS, STYLE, Drawing, check_picture, save
-from acausal.scale import readable
+from acausal.plot.plot import COLORS, STYLE, Drawing, check_picture, save
+from acausal.plot.scale import readable
 from acausal.study.fit.fit import Fit
 
 _MOST = 6

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from acausal.errors import UsageError
 from acausal.export.ports import Output
 from acausal.lower.compiled import CompiledModel
-from acausal.lower.started import with_starts
-from acausal.result import Result
+from acausal.lower.variants.started import with_starts
+from acausal.result.result import Result
 from acausal.simulate.run import simulate
 from acausal.study.fit.dataset import Dataset, Measured, columns_of, drives, measured
 from acausal.study.fit.flight import Flight, at, flight_of, signals_of

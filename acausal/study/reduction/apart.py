@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from acausal.flatten.connections import UnionFind
+from acausal.flatten.connections.connections import UnionFind
 from acausal.lower.compile import lower
 from acausal.lower.compiled import CompiledModel
 from acausal.reduce.cone import dependence, restrict
 from acausal.reduce.outputs import output_scalars
-from acausal.result import Result, Signal
+from acausal.result.result import Result, Signal
 from acausal.simulate.run import simulate
 
 Vector = NDArray[np.float64]

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from acausal.errors import AcausalError
 from acausal.lower.compiled import CompiledModel
-from acausal.result import Result
+from acausal.result.result import Result
 from acausal.simulate.run import simulate
 from acausal.study.reduction.lag import lag
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.symbols import Symbols
-from acausal.result import Result
+from acausal.result.result import Result
 
 Vector = NDArray[np.float64]
 _MOST_POINTS = 400

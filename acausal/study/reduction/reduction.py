@@ -17,9 +17,9 @@ from acausal.reduce.confine import changing
 from acausal.reduce.freeze import ZEROS
 from acausal.reduce.motionless import event_nodes
 from acausal.reduce.select import KINDS, Left
-from acausal.result import Result
-from acausal.simulate.joined import renamed
-from acausal.simulate.restructure import lasting_names
+from acausal.result.result import Result
+from acausal.simulate.restructure.joined import renamed
+from acausal.simulate.restructure.restructure import lasting_names
 from acausal.simulate.run import simulate
 from acausal.study.reduction.apart import Island, islands, simulate_apart
 from acausal.study.reduction.comparison import Comparison, compared

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.simulate.step_limit.amplification import METHODS, Method
-from acausal.study.stability.modes import Local, Mode, mode
+from acausal.study.stability.modes.modes import Local, Mode, mode
 from acausal.study.stability.trajectory import Trajectory
 
 Complex = NDArray[np.complex128]

@@ -11,7 +11,7 @@ import numpy as np
 
 from acausal.diagnose.words import counted
 from acausal.study.growth import Growth
-from acausal.study.stability.modes import Local
+from acausal.study.stability.modes.modes import Local
 from acausal.study.stability.structure import Facts
 from acausal.study.stability.trajectory import Trajectory
 

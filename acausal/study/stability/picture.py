@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from acausal.plot import Drawing, check_picture, save
+from acausal.plot.plot import Drawing, check_picture, save
 from acausal.simulate.step_limit.amplification import METHODS
 from acausal.study.stability.report import Stability
 

@@ -10,10 +10,10 @@ from pathlib import Path
 from acausal.diagnose.words import counted
 from acausal.providers import provided
 from acausal.study.growth import Growth
-from acausal.study.stability.bdf import BdfEffect
 from acausal.study.stability.character import Character
-from acausal.study.stability.limits import Limit
-from acausal.study.stability.modes import Local, Mode
+from acausal.study.stability.modes.bdf import BdfEffect
+from acausal.study.stability.modes.limits import Limit
+from acausal.study.stability.modes.modes import Local, Mode
 from acausal.study.stability.structure import Facts
 from acausal.study.stability.verdict import Verdict
 

@@ -14,11 +14,11 @@ from acausal.lower.compiled import CompiledModel
 from acausal.simulate.solvers import share_of, solver_named
 from acausal.study.bench.isolated import isolated
 from acausal.study.growth import Growth, growth
-from acausal.study.stability.bdf import BdfEffect, bdf_effects
 from acausal.study.stability.character import Character, character
 from acausal.study.stability.findings import findings
-from acausal.study.stability.limits import Limit, limits
-from acausal.study.stability.modes import Local, Mode, along, mode
+from acausal.study.stability.modes.bdf import BdfEffect, bdf_effects
+from acausal.study.stability.modes.limits import Limit, limits
+from acausal.study.stability.modes.modes import Local, Mode, along, mode
 from acausal.study.stability.report import Stability
 from acausal.study.stability.structure import facts
 from acausal.study.stability.trajectory import Trajectory, trajectory

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from acausal.errors import AcausalError, InitializationError, IntegrationError
 from acausal.lower.compiled import CompiledModel
-from acausal.result import Result
+from acausal.result.result import Result
 from acausal.simulate.arguments import input_vector, parameter_vector
 from acausal.simulate.driver.run import Run
 from acausal.simulate.inputs.given import Inputs

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from acausal.simulate.step_limit.amplification import METHODS
-from acausal.study.stability.bdf import BdfEffect
 from acausal.study.stability.character import Character
 from acausal.study.stability.findings import Finding
-from acausal.study.stability.limits import Limit
+from acausal.study.stability.modes.bdf import BdfEffect
+from acausal.study.stability.modes.limits import Limit
 from acausal.study.stability.structure import Facts
 
 # Steps that stability may ask of an explicit method for each step that an implicit one takes: it saves the matrices.

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from acausal.errors import UsageError, nearest
 from acausal.providers import provided
-from acausal.signals import Signal
+from acausal.result.signals import Signal
 from acausal.study.sweep.store import Store
 
 if TYPE_CHECKING:

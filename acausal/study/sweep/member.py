@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from acausal.errors import AcausalError, InternalError, UsageError
 from acausal.language.component import Component
 from acausal.lower.compiled import CompiledModel
-from acausal.result import Result
+from acausal.result.result import Result
 from acausal.simulate.native.policy import expect
 from acausal.simulate.run import simulate
 

@@ -16,8 +16,8 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from acausal.errors import UsageError
-from acausal.plot import STYLE, check_picture, save
-from acausal.scale import readable
+from acausal.plot.plot import STYLE, check_picture, save
+from acausal.plot.scale import readable
 from acausal.study.sweep.family import Sweep
 
 Vector = NDArray[np.float64]

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.errors import UsageError
-from acausal.signals import Signal
+from acausal.result.signals import Signal
 from acausal.study.sweep.member import Outcome
 
 Vector = NDArray[np.float64]

@@ -22,8 +22,8 @@ from acausal.language.component import Component
 from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
 from acausal.reduce.outputs import fitting
-from acausal.result import Result
-from acausal.signals import Signal
+from acausal.result.result import Result
+from acausal.result.signals import Signal
 from acausal.simulate.arguments import parameter_vector
 from acausal.simulate.native.policy import expect
 from acausal.simulate.options import options as run_options

@@ -13,7 +13,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from acausal.errors import UsageError
-from acausal.files import atomic, check_suffix
+from acausal.result.files import atomic, check_suffix
 from acausal.study.sweep.family import Sweep
 
 

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from acausal.study.bench.distance import Distance, distance, floors
-from acausal.study.bench.trajectory import Trajectory
+from acausal.study.bench.accuracy.distance import Distance, distance, floors
+from acausal.study.bench.accuracy.trajectory import Trajectory
 
 SPAN, COARSE, FINE = 10.0, 200, 2000
 

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 import acausal
 from acausal import Component, Equations, Experiment, Real, der, fixed, parameter, sign, variable
 from acausal.models.ivp.answers import PROBLEMS
-from acausal.study.bench.reference import _refinement
+from acausal.study.bench.accuracy.reference import _refinement
+from acausal.study.bench.accuracy.trajectory import Trajectory
 from acausal.study.bench.report import Bench
-from acausal.study.bench.trajectory import Trajectory
 from acausal.study.growth import Growth, growth
 from benchmarks.accuracy_problems import Kepler
 

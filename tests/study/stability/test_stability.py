@@ -31,7 +31,7 @@ from acausal import (
 )
 from acausal.cli.main import app
 from acausal.errors import IntegrationError, UsageError
-from acausal.study.stability.bdf import bdf_effects
+from acausal.study.stability.modes.bdf import bdf_effects
 
 
 class Contact(Component):

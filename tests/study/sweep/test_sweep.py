@@ -17,9 +17,9 @@ import pytest
 
 import acausal
 from acausal import Range
-from acausal.cli.reference import find_model
+from acausal.cli.arguments.reference import find_model
 from acausal.errors import InitializationError, RunError, UsageError
-from acausal.lower import cache
+from acausal.lower.cache import cache
 from acausal.simulate.native import cache as cache_of_c
 from acausal.simulate.native import policy
 from acausal.study.sweep import crew

@@ -1,0 +1,248 @@
+"""Rates that sleep and wake: kinks in which what is not on bounds no step, such as `y' = k * maximum(x - 1, 0)`.
+
+`minimum`, `maximum`, `fabs` and what is below `no_event` make no events; the error control sees such a kink where a
+step ends behind it. While one side is on, nothing of the other bounds the step, and a solver may pass it without a
+single evaluation there. These kinks are watched: a stretch ends where one is reached, and the next one begins there,
+in front of what may wake, without an event.
+
+Where both sides move, all are watched but those of `fabs` that do not cancel, whose two sides are equally steep. With
+one constant side, kinks that bound a factor, as in `v / maximum(r, r_min)`, do not sleep: the rest of the expression
+goes on. Such a kink is taken to sleep where it, or a sum that holds it, is zero on one side, or where it is constant
+there and enters the rate of a state linearly.
+
+Each that is watched costs a guard, and a stretch whenever it is passed. Bodies that touch have hundreds, of all the
+ways in which their faces may overlap: choices below `no_event` that move a point of contact while the force is on.
+Where there are many, these are left out and handed back, for a message and a bound on the steps. Under that bound only
+rates are watched: the weights of those points, `minimum` and `maximum` in products, would take eight times the work.
+Kinks whose sides both move and that are no rates are not watched then, without a message.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.analyse.blocks.solve import Solution
+from acausal.analyse.events.bursts import MOST as MOST_BURSTS
+from acausal.analyse.events.bursts import bursts
+from acausal.flatten.pool import LEAVES, RELATIONS, Pool
+from acausal.numeric.evaluate import Samples
+from acausal.numeric.samples import SamplePoints
+
+Truth = NDArray[np.bool_]
+MOST = 120
+"""Kinks that are watched of whatever kind; with more, no choices, and with choices among them only rates."""
+MOST_PLAIN = 1000
+"""Kinks that are watched at all."""
+
+_LINEAR = frozenset(("add", "sub", "neg", "mul", "div"))
+_PIECEWISE = frozenset(("min", "max", "where", "noevent"))
+# Two distances are one when they are multiples of each other in so many digits at all points.
+_DIGITS = 9
+_SAME = 1e-9
+# A sum is zero when it is this small beside its terms.
+_ZERO = 1e-12
+
+
+@dataclass(frozen=True)
+class Sleeping:
+    """Relations that tell which side of a sleeping kink is on.
+
+    Nodes of their own, which stand in no equation: what they tell is looked at, and replaces nothing.
+    """
+
+    watched: tuple[int, ...] = ()
+    middles: tuple[int, ...] = ()
+    """Relations that change in the middle of a burst (`acausal.analyse.events.bursts`)."""
+    left: tuple[int, ...] = ()
+    """Those that are too many to be watched."""
+    numbers: tuple[int, ...] = ()
+    """Numbers of the stretches of long tables, whose relations are watched (`acausal.analyse.events.table_stops`)."""
+
+
+def sleeping(solution: Solution, located: Iterable[int], discrete: frozenset[int]) -> Sleeping:
+    """The kinks that sleep, but those at the place of a `located` relation, and of operands that rest at the kink."""
+    known = set(located)
+    graph = _Graph(solution, discrete)
+    pool, points = graph.pool, graph.points
+    taken = {_shape(points.everywhere(pool.sub(*pool.nodes[n][1:]))) for n in known}
+    found: list[int] = []
+    choices, rates, others = set[int](), set[int](), set[int]()
+    for number, a, b, sides in _kinks(graph, known):
+        distance = points.everywhere(pool.sub(a, b))
+        if not np.isfinite(distance).all() or np.count_nonzero(np.abs(distance) <= _ZERO * np.abs(distance).max()) > 1:
+            continue  # it rests at its kink, and what wakes it is elsewhere: maximum(f(maximum(u, 0)), 0)
+        shape = _shape(distance)
+        if shape in taken:
+            continue
+        asleep = not sides or any(graph.vanishes(number, side * distance > 0.0) for side in sides)
+        if asleep or graph.is_rate(number):
+            taken.add(shape)
+            # operands below `no_event` make it another node than a relation of the equations
+            found.append(pool.make("gt", pool.make("noevent", a), pool.make("noevent", b)))
+            if graph.is_rate(number):
+                rates.add(found[-1])
+            elif not sides:
+                others.add(found[-1])
+            elif pool.nodes[number][0] == "where":
+                choices.add(found[-1])
+    middles = _relations(graph, bursts(solution, graph.unknowns, graph.reachable, graph.moves), taken)
+    middles, more = middles[:MOST_BURSTS], middles[MOST_BURSTS:]
+    if len(found) > MOST:
+        found = [n for n in found if n not in others]
+    if len(found) <= MOST:
+        return Sleeping(tuple(found), middles, more)
+    kept = [n for n in found if n in rates or not choices][:MOST_PLAIN]
+    return Sleeping(tuple(kept), middles, (*(n for n in found if n not in set(kept)), *more))
+
+
+def _relations(graph: _Graph, middles: Iterable[int], taken: set[bytes]) -> tuple[int, ...]:
+    """Relations that change at the middles of bursts, each place once."""
+    found: list[int] = []
+    for number in middles:
+        values = graph.points.everywhere(number)
+        shape = _shape(values)
+        if shape not in taken and np.isfinite(values).any() and values.any():
+            taken.add(shape)
+            found.append(graph.pool.make("gt", graph.pool.make("noevent", number), graph.pool.zero))
+    return tuple(found)
+
+
+def _kinks(graph: _Graph, located: set[int]) -> Iterator[tuple[int, int, int, tuple[float, ...]]]:
+    """Kinks: node, both sides of what decides it, the signs of their difference where a constant side is on."""
+    nodes, moving = graph.pool.nodes, graph.moving
+    for number in graph.reachable:
+        op, *operands = nodes[number]
+        if op in ("min", "max") and any(moving[n] for n in operands):
+            a, b = operands
+            larger = 1.0 if op == "max" else -1.0
+            yield number, a, b, tuple(s for n, s in ((a, larger), (b, -larger)) if not moving[n])
+        elif op == "fabs" and moving[operands[0]]:
+            sides = tuple(s for s in (1.0, -1.0) if graph.cancels(number, s))
+            if sides:
+                yield number, operands[0], graph.pool.zero, sides
+        elif op == "where":
+            sides = () if all(moving[n] for n in operands[1:]) else (1.0, -1.0)
+            for relation in graph.pool.reachable([operands[0]]):
+                kind, *both = nodes[relation]
+                if kind in RELATIONS and relation not in located and moving[relation]:
+                    yield number, both[0], both[1], sides
+
+
+class _Graph:
+    """The equations that rates depend on, as they were written, and what stands above each of their nodes."""
+
+    def __init__(self, solution: Solution, discrete: frozenset[int]) -> None:
+        structure = solution.structure
+        self.pool: Pool = structure.reduced.pool
+        self.points: SamplePoints = structure.points
+        self.discrete = discrete
+        self.rates = {structure.derivative(x) for x in structure.states}
+        wanted = {*solution.needed, *solution.algebraic, *self.rates}
+        blocks = [b for b in structure.blocks if not wanted.isdisjoint(b.columns)]
+        self.unknowns = {structure.residuals[e]: b.columns for b in blocks for e in b.rows}
+        self.reachable = self.pool.reachable(self.unknowns)
+        self.above: dict[int, list[int]] = {}
+        self.moving: dict[int, bool] = {}
+        for number in self.reachable:
+            op, *rest = self.pool.nodes[number]
+            self.moving[number] = (op == "var" and rest[0] not in discrete) or op == "time"
+            if op not in LEAVES:
+                self.moving[number] = any(self.moving[c] for c in rest)
+                for child in rest:
+                    self.above.setdefault(child, []).append(number)
+
+    def moves(self, number: int) -> bool:
+        """Whether a node changes between events, also one that was made of these."""
+        for n in self.pool.reachable([number], self.moving):
+            op, *rest = self.pool.nodes[n]
+            moving = (op == "var" and rest[0] not in self.discrete) or op == "time"
+            self.moving[n] = moving or (op not in LEAVES and any(self.moving[c] for c in rest))
+        return self.moving[number]
+
+    def vanishes(self, number: int, asleep: Truth) -> bool:
+        """Whether a node, or a sum that holds it, is zero at those points."""
+        if self.pool.nodes[number][0] == "fabs":
+            return True  # what is a kink of it at all cancels
+        branches = [n for n in self.pool.nodes[number][1:] if not self.moving.get(n, True)]
+        if any(not self.points.everywhere(n).any() for n in branches):
+            return True
+        for here in self._climbed(number, frozenset(("add", "sub", "neg"))):
+            value = self.points.everywhere(here)[asleep]
+            size = max(float(np.abs(self.points.everywhere(number)).max(initial=0.0)), 1e-300)
+            if value.size > 1 and np.isfinite(value).all() and np.abs(value).max() <= _ZERO * size:
+                return True
+        return False
+
+    def is_rate(self, number: int) -> bool:
+        """Whether a node enters the rate of a state linearly, between kinks."""
+        seen, stack = set[int](), [number]
+        while stack:
+            for here in self._climbed(stack.pop(), _LINEAR | _PIECEWISE):
+                for v in self.unknowns.get(here, ()):
+                    if v in self.rates:
+                        return True
+                    if v not in seen:
+                        seen.add(v)
+                        stack.append(self.pool.var(v))
+        return False
+
+    def cancels(self, number: int, sign: float) -> bool:
+        """Whether a sum that holds `fabs` of an operand of this sign holds the operand too, so that both vanish."""
+        operand = self._terms(self.pool.nodes[number][1])
+        for top in self._climbed(number, _LINEAR):
+            whole = self._terms(top)
+            factor = whole.get(number, 0.0)
+            wanted = {n: -sign * factor * times for n, times in operand.items()}
+            if factor and wanted and all(abs(whole.get(n, 0.0) - w) <= _SAME * abs(w) for n, w in wanted.items()):
+                return True
+        return False
+
+    def _climbed(self, number: int, through: frozenset[str]) -> Iterator[int]:
+        """A node and all that hold it, through these operations; a product or quotient by what is constant only."""
+        seen, stack = {number}, [number]
+        while stack:
+            here = stack.pop()
+            yield here
+            for n in self.above.get(here, ()):
+                op, *operands = self.pool.nodes[n]
+                if n in seen or op not in through:
+                    continue
+                others = operands[1:] if op == "div" else [c for c in operands if c != here]
+                if op in ("mul", "div") and (not others or any(self.moving[c] for c in others)):
+                    continue
+                seen.add(n)
+                stack.append(n)
+
+    def _terms(self, root: int) -> Mapping[int, float]:
+        """An expression as a sum: what varies, with its factors; a constant is left out."""
+        points, found = self.points, dict[int, float]()
+        stack = [(root, 1.0)]
+        while stack:
+            number, factor = stack.pop()
+            op, *operands = self.pool.nodes[number]
+            if not points.varies(number):
+                continue
+            constant = [not points.varies(n) for n in operands] if op in ("mul", "div") else []
+            if op in ("add", "sub"):
+                stack += [(operands[0], factor), (operands[1], factor if op == "add" else -factor)]
+            elif op == "neg":
+                stack.append((operands[0], -factor))
+            elif op == "mul" and any(constant):
+                k = constant.index(True)
+                stack.append((operands[1 - k], factor * float(points.of(operands[k])[0])))
+            elif op == "div" and constant[1]:
+                stack.append((operands[0], factor / float(points.of(operands[1])[0])))
+            else:
+                found[number] = found.get(number, 0.0) + factor
+        return found
+
+
+def _shape(distance: Samples) -> bytes:
+    """The same for distances that are multiples of each other, but for rounding."""
+    finite = np.where(np.isfinite(distance), distance, 0.0)
+    largest = finite[int(np.argmax(np.abs(finite)))]
+    return np.round(finite / largest if largest else finite, _DIGITS).tobytes()

@@ -1,0 +1,406 @@
+"""Relations of variables, samples, `when` clauses and discrete equations: what makes an instant an event.
+
+Every relation on which an integrated quantity depends is a mode, constant between events, so that the right-hand side
+is smooth in each mode; `no_event` and `where(..., smooth=True)` exempt a relation. `sign`, `floor` and `ceil` of a
+variable become relations too: they jump. `minimum`, `maximum` and `fabs` have kinks only and are left to the error
+control, as in Modelica (3.6, section 3.7.2). Relations of time only are known in advance and live in `time_events`;
+relations of discrete variables change at events only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+from acausal.analyse.blocks.solve import Solution
+from acausal.analyse.delays import Delays
+from acausal.analyse.events.bursts import without_traces
+from acausal.analyse.events.domains import guarded
+from acausal.analyse.events.sleeping import Sleeping
+from acausal.analyse.events.time_events import TimeEvents
+from acausal.errors import Span, StructureError
+from acausal.flatten.pool import IMPULSE, LEAVES, RELATIONS, Pool
+from acausal.flatten.reduced import ReducedSystem
+
+
+@dataclass(frozen=True)
+class Clause:
+    """One `when` or `elsewhen`: it acts when one of `conditions` becomes true and none of `earlier` does.
+
+    New values as `(position in the state vector, node)`, words and place; of an impulse the position of the force.
+    """
+
+    conditions: tuple[int, ...]
+    earlier: tuple[int, ...]
+    actions: tuple[tuple[int, int], ...]
+    terminate: str | None
+    text: str
+    component: str
+    where: Span
+
+
+@dataclass(frozen=True)
+class Assignment:
+    """A discrete equation: the state at `position` takes the value of `node` at every event."""
+
+    position: int
+    node: int
+    text: str
+
+
+@dataclass(frozen=True)
+class Assert:
+    """A condition that must hold, and what to say when it does not."""
+
+    condition: int
+    message: str
+    level: str
+    component: str
+    where: Span
+
+
+@dataclass(frozen=True)
+class StateEvents:
+    """What can happen between the time events, as nodes of the reduced pool.
+
+    Attributes
+    ----------
+    samples
+        `sample(start, interval)`: true at instants only.
+    memories
+        `pre(...)`: the value in the event iteration before.
+    flags
+        `initial()`, `infinitesimal()` and `terminal()`, where the model asks for them.
+    relations
+        Relations of variables, located.
+    rewritten
+        `sign`, `floor` and `ceil` of variables, by branches on such relations; branches that would leave the domain of
+        what they compute, extended (`acausal.analyse.events.domains`).
+    clauses, assignments, asserts
+        What acts, in the order of the source.
+    watched
+        Those of `relations`, by number, that make no event: rates wake there (`sleeping.py`), or a table
+        may bend (`table_stops.py`).
+    middles
+        Those of `watched` that change in the middle of a burst (`acausal.analyse.events.bursts`).
+    """
+
+    samples: tuple[int, ...] = ()
+    memories: tuple[int, ...] = ()
+    flags: tuple[int, ...] = ()
+    relations: tuple[int, ...] = ()
+    rewritten: dict[int, int] = field(default_factory=dict)
+    clauses: tuple[Clause, ...] = ()
+    assignments: tuple[Assignment, ...] = ()
+    asserts: tuple[Assert, ...] = ()
+    watched: frozenset[int] = frozenset()
+    middles: frozenset[int] = frozenset()
+
+    @property
+    def conditions(self) -> tuple[int, ...]:
+        """The conditions of all clauses, each once."""
+        return tuple(dict.fromkeys(n for c in self.clauses for n in (*c.conditions, *c.earlier)))
+
+    @property
+    def are_silent(self) -> bool:
+        """Whether nothing of it makes an event."""
+        return len(self.relations) == len(self.watched) and not (self.clauses or self.assignments or self.asserts)
+
+    def __bool__(self) -> bool:
+        return bool(self.relations or self.clauses or self.assignments or self.asserts)
+
+
+def find_state_events(
+    solution: Solution, states: tuple[int, ...], time_events: TimeEvents, asleep: Sleeping
+) -> StateEvents:
+    """Everything that can happen between the time events, and the relations of `sleeping.py`.
+
+    Raises
+    ------
+    StructureError
+        AC210 when a variable is reset that is neither integrated nor discrete.
+    """
+    reduced = solution.structure.reduced
+    pool = reduced.pool
+    clauses = tuple(_clauses(reduced, states))
+    assignments = tuple(_assignments(reduced, states))
+    asserts = tuple(_asserts(reduced))
+    own = [n for c in clauses for n in (*c.conditions, *c.earlier, *(v for _, v in c.actions))]
+    own += [a.node for a in assignments] + [a.condition for a in asserts] + [n for d in reduced.delays for n in d[:2]]
+    own += [pool.var(v) for v in switched_dependents(solution)]
+    own += asleep.numbers
+    inside = [*solution.residuals, *_definitions(solution, own)]
+    roots = [*own, *inside]
+    rewritten = dict(time_events.rewritten)
+    discrete = discrete_variables(reduced)
+    # what a `when` computes is computed at its instants only: a quantiser with a clock is no event at each of its steps
+    values = {v for c in clauses for _, v in c.actions}
+    steps = set(_visible(pool, [*(n for n in own if n not in values), *inside]))
+    branches = _jumps(pool, _visible(pool, roots), steps, discrete, rewritten)
+    done = {**rewritten, **branches}
+    branches |= guarded(pool, roots, done, _assigned(reduced), solution.definitions)
+    done = {**rewritten, **branches}
+    if asleep.middles:
+        branches |= without_traces(pool, roots, done)
+    pool.rewrite(roots, pool.var, done)
+    found = _conditions(pool, [done[r] for r in roots], set(time_events.relations), discrete)
+    found["pre"] |= _before_impulses(pool, states, clauses, assignments)
+    relations = tuple(sorted(found["relation"]))
+    middle = len(relations) + len(asleep.watched)
+    silent = set(pool.reachable([done[n] for n in asleep.numbers]))
+    bends = (k for k, n in enumerate(relations) if n in silent)
+    return StateEvents(
+        tuple(sorted(found["sample"])),
+        tuple(sorted(found["pre"])),
+        tuple(sorted(found["flag"])),
+        (*relations, *asleep.watched, *asleep.middles),
+        branches,
+        clauses,
+        assignments,
+        asserts,
+        frozenset((*bends, *range(len(relations), middle + len(asleep.middles)))),
+        frozenset(range(middle, middle + len(asleep.middles))),
+    )
+
+
+def _before_impulses(
+    pool: Pool, states: tuple[int, ...], clauses: Iterable[Clause], assignments: Iterable[Assignment]
+) -> set[int]:
+    """`pre` of all discrete variables where there are impulses, which act under the equations from before the event."""
+    actions = [action for clause in clauses for action in clause.actions]
+    if not any(pool.nodes[node][0] == IMPULSE for _, node in actions):
+        return set()
+    discrete = [k for k, node in actions if pool.nodes[node][0] != IMPULSE] + [a.position for a in assignments]
+    return {pool.make("pre", pool.var(states[k])) for k in discrete}
+
+
+def discrete_variables(reduced: ReducedSystem) -> frozenset[int]:
+    """Variables that change at events only."""
+    flat = reduced.flat
+    declared = {v.first + k for v in flat.variables if v.declaration.discrete for k in range(v.size)}
+    return frozenset(v for v, scalars in reduced.aliases.items() if any(s in declared for s in scalars))
+
+
+def switched_dependents(solution: Solution, prescribed: bool = False) -> list[int]:
+    """Variables that are differentiated, are no states and follow from states in ways that depend on modes.
+
+    They must not jump while the states do not, whether anything that is integrated depends on them or not. Those that
+    are `prescribed` follow from time instead.
+    """
+    reduced = solution.structure.reduced
+    pool = reduced.pool
+    known = {*solution.structure.states, *reduced.inputs}
+    if not pool.derivative_of.keys() - known:
+        return []
+    discrete = discrete_variables(reduced)
+    ops = {pool.nodes[n][0] for n in pool.reachable(solution.residuals)}
+    switched = dict.fromkeys(solution.algebraic, bool(ops & RELATIONS))
+    moved = dict.fromkeys(solution.algebraic, True)
+    found_of: dict[int, tuple[bool, bool]] = {}  # of nodes: what definitions share is looked at once
+    for v, node in solution.definitions:  # in the order of evaluation
+        for n in pool.reachable([node], found_of):
+            op, *rest = pool.nodes[n]
+            if op == "var":
+                w = rest[0]
+                found_of[n] = switched.get(w, w in discrete), moved.get(w, w not in discrete)
+            else:
+                inside = [found_of[k] for k in rest] if op not in LEAVES else []
+                found_of[n] = op in RELATIONS or any(a for a, _ in inside), any(b for _, b in inside)
+        switched[v], moved[v] = found_of[node]
+    found = [v for v in switched if v in pool.derivative_of and switched[v] and moved[v] != prescribed]
+    if prescribed:  # what is shown only, as the acceleration of a joint that moves nothing, needs no impulse
+        used = {w for _, node in solution.definitions for w in pool.variables_in(node)}
+        found = [v for v in found if pool.derivative_of[v] in used]
+    return found
+
+
+def _assigned(reduced: ReducedSystem) -> dict[int, int]:
+    """The nodes that discrete variables are equal to, by variable."""
+    images = (
+        (reduced.pool.nodes[reduced.image[e.scalar]], n)
+        for e, n in zip(reduced.flat.assignments, reduced.assignments, strict=True)
+    )
+    return {image[1]: node for image, node in images if image[0] == "var"}
+
+
+def _definitions(solution: Solution, roots: Iterable[int]) -> list[int]:
+    """Nodes of all definitions that the integration or the clauses need."""
+    pool = solution.structure.reduced.pool
+    definition = dict(solution.definitions)
+    needed = set(solution.needed)
+    stack = [v for r in roots for v in pool.variables_in(r)]
+    seen: set[int] = set()
+    while stack:
+        v = stack.pop()
+        if v not in seen:
+            seen.add(v)
+            if v in definition:
+                needed.add(v)
+                stack.extend(pool.variables_in(definition[v]))
+    return [node for v, node in solution.definitions if v in needed]
+
+
+def _moves(pool: Pool, node: int, discrete: frozenset[int]) -> bool:
+    """Whether a node changes between events."""
+    for n in pool.reachable([node]):
+        op, *rest = pool.nodes[n]
+        if op == "time" or (op == "var" and rest[0] not in discrete):
+            return True
+    return False
+
+
+def _jumps(
+    pool: Pool, visible: Iterable[int], steps: set[int], discrete: frozenset[int], rewritten: dict[int, int]
+) -> dict[int, int]:
+    """`sign` of what moves, and of `steps` also `floor` and `ceil`, as branches on relations."""
+    found: dict[int, int] = {}
+    done = dict(rewritten)
+    for number in visible:
+        op, *operands = pool.nodes[number]
+        if number in rewritten or op not in ("sign", "floor", "ceil") or not _moves(pool, operands[0], discrete):
+            continue
+        pool.rewrite(operands, pool.var, done)
+        u = done[operands[0]]
+        if op == "sign":
+            found[number] = done[number] = pool.where(pool.make("gt", u, pool.zero), pool.one, pool.neg(pool.one))
+        elif number in steps:
+            found[number] = done[number] = _stairs(pool, number, op, u)
+            was = pool.make("pre", number)
+            found[was] = done[was] = was  # what it was is remembered of the branch, under this name
+    return found
+
+
+def _stairs(pool: Pool, number: int, op: str, u: int) -> int:
+    """`floor` or `ceil` of u as a number k that is constant until u leaves its step.
+
+    k is what the node was at the last event, `pre` of itself. At its end u is there but for rounding, so that k changes
+    by one at least, and by more where u has jumped.
+    """
+    k = pool.make("pre", number)
+    up, down = pool.add(k, pool.one), pool.sub(k, pool.one)
+    rises, falls = ("ge", "lt") if op == "floor" else ("gt", "le")
+    above, below = (up, k) if op == "floor" else (k, down)
+    here = pool.make(op, u)
+    lower = pool.where(pool.make(falls, u, below), pool.make("min", down, here), k)
+    return pool.where(pool.make(rises, u, above), pool.make("max", up, here), lower)
+
+
+def _visible(pool: Pool, roots: Iterable[int]) -> list[int]:
+    """All nodes below `roots` that are not below a `no_event`."""
+    seen: set[int] = set()
+    stack = list(roots)
+    while stack:
+        number = stack.pop()
+        if number not in seen:
+            seen.add(number)
+            node = pool.nodes[number]
+            if node[0] not in LEAVES and node[0] != "noevent":
+                stack.extend(node[1:])
+    return sorted(seen)
+
+
+def _conditions(pool: Pool, roots: Iterable[int], timely: set[int], discrete: frozenset[int]) -> dict[str, set[int]]:
+    """Nodes that become modes, by kind; nothing below a relation of time is looked at."""
+    found: dict[str, set[int]] = {"sample": set(), "pre": set(), "flag": set(), "relation": set()}
+    seen: set[int] = set()
+    stack = list(roots)
+    while stack:
+        number = stack.pop()
+        if number in seen or number in timely:
+            continue
+        seen.add(number)
+        node = pool.nodes[number]
+        op = node[0]
+        if op in ("sample", "pre"):
+            found[op].add(number)
+        if op in ("initial", "infinitesimal", "terminal"):
+            found["flag"].add(number)
+        elif op not in LEAVES and op not in ("noevent", "sample"):
+            if op in RELATIONS and _moves(pool, number, discrete):
+                found["relation"].add(number)
+            stack.extend(node[1:])
+    return found
+
+
+def _position(reduced: ReducedSystem, scalar: int, place: dict[int, int]) -> tuple[int, bool] | None:
+    """Place of a flat scalar among the states, and whether it is the negative of that state; None for no state."""
+    op, *rest = reduced.pool.nodes[reduced.image[scalar]]
+    negative = op == "neg"
+    if negative:
+        op, *rest = reduced.pool.nodes[rest[0]]
+    return (place[rest[0]], negative) if op == "var" and rest[0] in place else None
+
+
+def _clauses(reduced: ReducedSystem, states: tuple[int, ...]) -> Iterable[Clause]:
+    pool = reduced.pool
+    place = {v: k for k, v in enumerate(states)}
+    for when, nodes in zip(reduced.flat.whens, reduced.whens, strict=True):
+        actions = []
+        for (scalar, _), value in zip(when.actions, nodes.values, strict=True):
+            found = _position(reduced, scalar, place)
+            if found is None:
+                raise StructureError(
+                    "AC210",
+                    f"{reduced.flat.scalar_name(scalar)} cannot be reset: it is not a state of {reduced.flat.name}",
+                    where=(when.origin.span(),),
+                    evidence=[f"states: {', '.join(reduced.name(x) for x in states[:8])}"],
+                    cause="it follows from other variables, so a new value would contradict them",
+                    help="reset the state it follows from, or declare it prefer_state=True or discrete()",
+                )
+            is_impulse = pool.nodes[value][0] == IMPULSE  # which has the sign that it takes
+            actions.append((found[0], pool.neg(value) if found[1] and not is_impulse else value))
+        words = when.terminate, str(when.source), when.component, when.origin.span()
+        yield Clause(nodes.conditions, nodes.earlier, tuple(actions), *words)
+
+
+def _assignments(reduced: ReducedSystem, states: tuple[int, ...]) -> Iterable[Assignment]:
+    place = {v: k for k, v in enumerate(states)}
+    for equation, node in zip(reduced.flat.assignments, reduced.assignments, strict=True):
+        found = _position(reduced, equation.scalar, place)
+        if found is not None:  # one that is equal to a parameter has nothing to be assigned
+            yield Assignment(found[0], reduced.pool.neg(node) if found[1] else node, str(equation.source))
+
+
+def _asserts(reduced: ReducedSystem) -> Iterable[Assert]:
+    for flat, node in zip(reduced.flat.asserts, reduced.asserts, strict=True):
+        yield Assert(node, flat.message, flat.level, flat.component, flat.origin.span())
+
+
+def origins(
+    solution: Solution, events: StateEvents, delays: Delays, rewritten: dict[int, int]
+) -> list[tuple[Span | None, str]]:
+    """Place and component of the first statement that holds each relation."""
+    reduced = solution.structure.reduced
+    flat, pool = reduced.flat, reduced.pool
+    rows = {v: b.rows for b in solution.structure.blocks for v in b.columns}
+    held: list[tuple[int, Span | None, str]] = []
+    for c in events.clauses:
+        held += [(n, c.where, c.component) for n in (*c.conditions, *c.earlier, *(v for _, v in c.actions))]
+    held += [(a.condition, a.where, a.component) for a in events.asserts]
+    held += [
+        (node, e.origin.span() if e.origin else None, e.component)
+        for e, node in zip(flat.assignments, reduced.assignments, strict=True)
+    ]
+    held += [(n, d.where, d.component) for d in delays.items for n in (delays.sources[d.source], d.time)]
+    equations = [(node, solution.structure.flat_equation(rows[v][0])) for v, node in solution.definitions if v in rows]
+    equations += [(node, solution.structure.flat_equation(e)) for e, node in enumerate(solution.structure.residuals)]
+    found: dict[int, tuple[Span | None, str]] = {}
+    missing = set(events.relations)
+    for node, where, component in held:
+        for r in missing & _under(pool, node, rewritten):
+            found[r] = (where, component)
+        missing -= found.keys()
+    for node, k in equations:
+        if not missing:
+            break
+        for r in missing & _under(pool, node, rewritten):
+            equation = flat.equations[k]
+            found[r] = (equation.origin.span() if equation.origin else None, equation.component)
+        missing -= found.keys()
+    return [found.get(r, (None, "")) for r in events.relations]
+
+
+def _under(pool: Pool, node: int, rewritten: dict[int, int]) -> set[int]:
+    done = dict(rewritten)
+    pool.rewrite([node], pool.var, done)
+    return set(pool.reachable([done[node]]))

@@ -1,0 +1,72 @@
+"""Long tables read at a variable: where along them a run has to stop, as the number of a stretch.
+
+What begins at the end of a stretch may be over before the next step ends. The number is the whole part of a broken line
+(`floor`), so that two relations locate all ends of a table, however many and whichever way it is passed. It stands in
+no equation: the rows stay one function there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from itertools import pairwise
+
+import numpy as np
+
+from acausal.analyse.events.time_tables import is_of_time
+from acausal.flatten.pool import LEAVES, Pool
+from acausal.language.expressions.external import Call
+from acausal.language.expressions.lookup import Lookup, lookup
+from acausal.numeric.table_ends import stops
+
+# Share of a stretch, from either of its ends, in which its number has the slope of that end.
+_NEAR = 0.25
+
+
+def stretch_numbers(
+    pool: Pool, roots: Iterable[int], definitions: Mapping[int, int], relative: float
+) -> tuple[int, ...]:
+    """The numbers of the stretches of all such tables below `roots`, for a run of this relative tolerance."""
+    found: dict[int, None] = {}
+    seen: set[int] = set()
+    stack = list(roots)
+    while stack:
+        number = stack.pop()
+        op, *operands = pool.nodes[number]
+        # what is below a whole part is constant between events
+        if number in seen or op in LEAVES or op in ("floor", "ceil"):
+            continue
+        seen.add(number)
+        stack += operands
+        table = op.external if isinstance(op, Call) else None
+        if not isinstance(table, Lookup) or is_of_time(pool, operands[0], definitions):
+            continue
+        ends = stops(table, relative).tolist() if len(table.coefficients[0]) > 1 else []
+        if ends:
+            found[_number(pool, operands[0], [table.breaks[0], *ends, table.breaks[-1]])] = None
+    return tuple(found)
+
+
+def _number(pool: Pool, argument: int, ends: list[float]) -> int:
+    places = lookup(*_line(ends), "stretch")
+    place = pool.make(Call(places, 0), argument)
+    inside = pool.make("min", pool.make("max", place, pool.const(0.5)), pool.const(len(ends) - 1.5))
+    return pool.make("floor", inside)
+
+
+def _line(ends: list[float]) -> tuple[list[float], list[tuple[float, float]]]:
+    """Breaks and rows of a broken line that is k at the end k, without a kink there.
+
+    A run that stops at an end begins within rounding of it, on either side, and judges the relations by their rates:
+    from 2e-4 to 10 s they fell by 50 000, so that a row was searched in ever smaller parts for what it might pass. So
+    the slope at an end is that of the longer of its stretches, up to a quarter of the shorter one.
+    """
+    lengths = np.diff(ends)
+    slopes = 1.0 / np.maximum(np.append(0.0, lengths), np.append(lengths, 0.0))
+    breaks, rows = [ends[0]], list[tuple[float, float]]()
+    for k, (a, b) in enumerate(pairwise(ends)):
+        near = _NEAR * (b - a)
+        left, right = k + near * slopes[k], k + 1.0 - near * slopes[k + 1]
+        steep = (right - left) / (b - a - 2.0 * near)
+        breaks += [a + near, b - near, b]
+        rows += [(float(k), float(slopes[k])), (float(left), float(steep)), (float(right), float(slopes[k + 1]))]
+    return breaks, rows

@@ -1,0 +1,1 @@
+"""What is typed behind a verb: models, settings, inputs, files, and what Tab completes."""

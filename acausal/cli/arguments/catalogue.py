@@ -1,0 +1,198 @@
+"""The components of the library, found by reading its source: importing all of it would take a second.
+
+A name is followed through the imports of each file, so that what a base class or a part is called elsewhere is known
+without running anything.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from acausal.cli.arguments.shipped import shipped_models
+from acausal.errors import UsageError, nearest
+
+PACKAGE = "acausal.library"
+# Where the packages of the Modelica Standard Library have gone; the innermost name decides.
+_MODELICA = {
+    "Blocks": "blocks",
+    "Electrical": "electrical",
+    "HeatTransfer": "thermal",
+    "MultiBody": "multibody",
+    "Rotational": "rotational",
+    "Thermal": "thermal",
+    "Translational": "translational",
+}
+_ROOTS = ("Component", "Connector", "Record")
+
+
+@dataclass(frozen=True)
+class Part:
+    """A class of the library: `family` is the package to import it from, `kind` component, connector or record."""
+
+    name: str
+    family: str
+    module: str
+    kind: str
+    doc: str
+
+    @property
+    def reference(self) -> str:
+        """What `acausal info` takes, unmistakable."""
+        return f"{self.family}.{self.name}"
+
+    @property
+    def summary(self) -> str:
+        """First line of the docstring."""
+        return self.doc.split("\n")[0]
+
+    def matches(self, word: str) -> bool:
+        """Whether a word in lower case stands in its name, its library or its text."""
+        return word in self.reference.lower() or word in self.doc.lower()
+
+
+@dataclass(frozen=True)
+class _Module:
+    classes: dict[str, ast.ClassDef]
+    imports: dict[str, tuple[str, str]]
+
+    def named_in(self, node: ast.AST) -> Iterator[str]:
+        """Names that stand somewhere in a class and are not those of its own attributes."""
+        return (n.id for n in ast.walk(node) if isinstance(n, ast.Name))
+
+
+@cache
+def _modules(package: str) -> dict[str, _Module]:
+    """All modules of `acausal.library` or `acausal.models` by dotted name."""
+    folder = Path(__file__).resolve().parents[2] / package.rpartition(".")[2]
+    found = {}
+    for path in sorted(folder.rglob("*.py")):
+        name = ".".join((package, *path.relative_to(folder).with_suffix("").parts)).removesuffix(".__init__")
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        imports = {
+            alias.asname or alias.name: (node.module or "", alias.name)
+            for node in tree.body
+            if isinstance(node, ast.ImportFrom)
+            for alias in node.names
+        }
+        found[name] = _Module({n.name: n for n in tree.body if isinstance(n, ast.ClassDef)}, imports)
+    return found
+
+
+@cache
+def _followed(module: str, name: str) -> tuple[str, str]:
+    """Where the class is defined that `module` calls `name`."""
+    seen = set()
+    while (module, name) not in seen:
+        seen.add((module, name))
+        here = _modules(PACKAGE).get(module) or _modules("acausal.models").get(module)
+        if here is None or name in here.classes or name not in here.imports:
+            break
+        module, name = here.imports[name]
+    return module, name
+
+
+@cache
+def _kind(module: str, name: str) -> str:
+    """`component`, `connector`, `record`, or nothing for any other class."""
+    module, name = _followed(module, name)
+    if module.partition(".")[0] == "acausal" and name in _ROOTS:
+        return name.lower()
+    here = _modules(PACKAGE).get(module)
+    for base in here.classes[name].bases if here and name in here.classes else ():
+        inner = base.value if isinstance(base, ast.Subscript) else base
+        if isinstance(inner, ast.Name) and (kind := _kind(module, inner.id)):
+            return kind
+    return ""
+
+
+@cache
+def library_parts() -> tuple[Part, ...]:
+    """What a modeller can take from the library, by family and name: components, connectors and records."""
+    found = []
+    for package, module in _modules(PACKAGE).items():
+        # Public is what the package of a family hands out, by an import of the form `X as X`.
+        if package.count(".") < 2 or not any(m.startswith(f"{package}.") for m in _modules(PACKAGE)):
+            continue
+        for name, (origin, original) in module.imports.items():
+            where, own = _followed(origin, original)
+            if origin.startswith(PACKAGE) and not name.startswith("_") and (kind := _kind(where, own)):
+                doc = ast.get_docstring(_modules(PACKAGE)[where].classes[own]) or ""
+                found.append(Part(name, package.removeprefix(PACKAGE + "."), where, kind, doc))
+    # A family inside another one hands on what its own subpackages have: the outermost place is where it is found.
+    outermost: dict[tuple[str, str], Part] = {}
+    for part in sorted(found, key=lambda p: p.family.count(".")):
+        outermost.setdefault((part.module, part.name), part)
+    return tuple(sorted(outermost.values(), key=lambda p: (p.family, p.name.lower())))
+
+
+def families() -> tuple[str, ...]:
+    """The libraries, by name."""
+    return tuple(dict.fromkeys(p.family for p in library_parts()))
+
+
+@cache
+def named_by(package: str) -> dict[tuple[str, str], frozenset[tuple[str, str]]]:
+    """For each class of `acausal.library` or `acausal.models`, where the classes are defined that its body names."""
+    return {
+        (module, name): frozenset(_followed(module, n) for n in content.named_in(node))
+        for module, content in _modules(package).items()
+        for name, node in content.classes.items()
+    }
+
+
+@cache
+def used_in(part: Part) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Names of the shipped models, and of the library's components, that have the part.
+
+    A component counts if its class body names the part; a model also if that of a component in its own folder does.
+    """
+    wanted = (part.module, part.name)
+    components = {name for (_, name), named in named_by(PACKAGE).items() if wanted in named and name != part.name}
+    models, holders = named_by("acausal.models"), {wanted}
+    while found := {key for key, named in models.items() if key not in holders and holders & named}:
+        holders |= found
+    runnable = {(m.module, m.name) for m in shipped_models()}
+    return tuple(sorted({name for _, name in holders & runnable})), tuple(sorted(components))
+
+
+def find_part(reference: str) -> Part | None:
+    """The part that `Resistor`, `electrical.Resistor` or `Modelica.Electrical.Analog.Basic.Resistor` names; or None.
+
+    Raises
+    ------
+    UsageError
+        AC004 when several libraries have one of this name.
+    """
+    *packages, name = reference.split(".")
+    found = [p for p in library_parts() if p.name == name]
+    wanted = _wanted(packages)
+    found = [p for p in found if p.family == wanted or p.family.startswith(f"{wanted}.")] if packages else found
+    if len(found) > 1:
+        raise UsageError(
+            "AC004",
+            f"{len(found)} libraries have a component '{name}'",
+            evidence=[f"{p.reference}: {p.summary}" for p in found],
+            help=f"say which: {found[0].reference}",
+        )
+    return found[0] if found else None
+
+
+def _wanted(packages: list[str]) -> str:
+    if packages[:1] == ["Modelica"]:
+        return next((_MODELICA[p] for p in reversed(packages) if p in _MODELICA), "")
+    return ".".join(packages).removeprefix(f"{PACKAGE}.")
+
+
+def near_parts(reference: str) -> list[str]:
+    """References of the parts nearest to a name, those of the wanted family first."""
+    *packages, name = reference.split(".")
+    wanted = _wanted(packages)
+    of_name: dict[str, list[Part]] = {}
+    for part in library_parts():
+        of_name.setdefault(part.name.lower(), []).append(part)
+    close = [p for n in nearest(name.lower(), list(of_name), 4) for p in of_name[n]]
+    return [p.reference for p in sorted(close, key=lambda p: bool(wanted) and p.family != wanted)][:4]

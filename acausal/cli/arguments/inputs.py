@@ -1,0 +1,80 @@
+"""`--input` and `--start` by path: numbers with units, and signals in files."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from acausal.cli.arguments.settings import number_in
+from acausal.errors import UsageError, nearest
+from acausal.flatten.instances.around import placed
+from acausal.language.component import Component
+from acausal.language.declarations.declaration import Declaration
+
+_FILE = re.compile(r"(?P<file>.+?\.(?:[A-Za-z]{3}|parquet))(?::(?P<column>.+))?")
+_PLAIN = re.compile(r"[-+]?[\d.]+([eE][-+]?\d+)?")
+_INDEX = re.compile(r"\[[\d, ]+\]$")
+
+
+def inputs_of(model: Component, texts: Sequence[str] | None, interpolation: str) -> dict[str, Any]:
+    """Constants and series by name, from texts NAME=VALUE and NAME=FILE:COLUMN.
+
+    Raises
+    ------
+    UsageError
+        AC009 for what is neither, or is given twice, AC014 and AC045 for files, AC150 to AC152 for units.
+    """
+    # both load numpy
+    from acausal.result.files import WRITERS
+    from acausal.result.series import INTERPOLATIONS, read_series
+
+    if interpolation not in INTERPOLATIONS:
+        raise UsageError(
+            "AC009", f"--interpolation {interpolation}: no such interpolation", help=", ".join(INTERPOLATIONS)
+        )
+    declared = declarations(model) if texts else {}
+    found: dict[str, Any] = {}
+    for name, value in _assignments("--input", texts):
+        file = _FILE.fullmatch(value)
+        if file is not None and f".{file['file'].rpartition('.')[2].lower()}" in WRITERS:
+            found[name] = read_series(file["file"], file["column"], interpolation)
+        else:
+            found[name] = _number("--input", name, value, declared)
+    return found
+
+
+def starts_of(model: Component, texts: Sequence[str] | None) -> dict[str, float]:
+    """Start values by path in SI, from texts PATH=VALUE."""
+    declared = declarations(model) if texts else {}
+    return {name: _number("--start", name, value, declared) for name, value in _assignments("--start", texts)}
+
+
+def _number(flag: str, name: str, value: str, declared: Mapping[str, Declaration]) -> float:
+    """A number with the unit of what it is for; a plain one of an unknown name is left to whoever takes it."""
+    own = declared.get(_INDEX.sub("", name))
+    if own is None and not _PLAIN.fullmatch(value):
+        close = nearest(name, list(declared))
+        raise UsageError(
+            "AC010",
+            f"{flag} {name}={value}: the model declares no '{name}'",
+            evidence=[f"nearest  {', '.join(close)}"] if close else [],
+        )
+    return number_in(flag, f"{name}={value}", value, own)
+
+
+def _assignments(flag: str, texts: Sequence[str] | None) -> list[tuple[str, str]]:
+    found: dict[str, str] = {}
+    for text in texts or ():
+        name, sign, value = (part.strip() for part in text.partition("="))
+        if not sign or not name or not value:
+            raise UsageError("AC009", f"{flag} {text}: write NAME=VALUE")
+        if name in found:
+            raise UsageError("AC009", f"{flag} {name} is given twice: {found[name]} and {value}")
+        found[name] = value
+    return list(found.items())
+
+
+def declarations(model: Component) -> Mapping[str, Declaration]:
+    """Declarations by path."""
+    return {i.prefix + name: d for i in placed(model)[0] for name, d in i.component._declarations.items()}

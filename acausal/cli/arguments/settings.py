@@ -1,0 +1,266 @@
+"""`--set path=value`: units converted to the declared one, structural arguments of the model rebuilt."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import math
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from acausal.errors import AcausalError, Span, UsageError
+from acausal.flatten.instances.around import placed
+from acausal.flatten.instances.instances import Instance
+from acausal.flatten.parameters import check_limits, check_overrides
+from acausal.language.component import Component
+from acausal.language.connections.freeing import free
+from acausal.language.declarations.declaration import Declaration, Kind
+from acausal.language.origin import Origin
+from acausal.units import convert
+
+# Commas between names, not those of R[0,1].
+_COMMA = re.compile(r",(?![^\[]*\])")
+_SPACE = 3
+_ELEMENT = re.compile(r"(?P<path>.+?)\[(?P<index>\d+(?:\s*,\s*\d+)*)\]")
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A model as asked for: an instance, and values of its parameters by path, in SI."""
+
+    model: Component
+    parameters: dict[str, object]
+    structural: dict[str, object]
+
+
+def prepare(cls: type[Component], assignments: Sequence[str] = (), freed: Sequence[str] = ()) -> Prepared:
+    """An instance of `cls` with the wanted structural arguments, and the other values by path; `freed` are inputs.
+
+    Raises
+    ------
+    UsageError
+        AC003 for a text that is no assignment or no value, AC006 for a value of the wrong size, AC008 for a
+        structural argument without value, AC020 and AC021 for a wrong path, AC136 for a value outside its limits,
+        AC150 to AC152 for its unit.
+    """
+    given = _once("--set", map(_split, assignments))
+    declared = cls._declarations
+    structural = {
+        path: _structural(path, text, declared[path])
+        for path, text in given.items()
+        if path in declared and declared[path].kind is Kind.STRUCTURAL
+    }
+    for name, declaration in declared.items():
+        if declaration.kind is Kind.STRUCTURAL and declaration.default is None and name not in structural:
+            raise UsageError(
+                "AC008",
+                f"structural '{name}' of {cls.__name__} has no value",
+                evidence=[declaration.doc] if declaration.doc else [],
+                help=f"--set {name}=...",
+            )
+    model = cls(**structural)
+    # Made here, it would say so in messages; its place is the class.
+    model.__dict__["_origin"] = _Definition(prepare.__code__, 0, cls)
+    model = free(model, *freed) if freed else model
+    numeric = {path: text for path, text in given.items() if path not in structural}
+    return Prepared(model, _values(model, numeric) if numeric else {}, structural)
+
+
+def numbers_of(flag: str, given: Sequence[str] | None, model: Component | None = None) -> dict[str, float]:
+    """Numbers by name, from texts NAME=VALUE, in SI; with a unit where `model` declares one. Errors name `flag`."""
+    found = {}
+    for text in given or ():
+        if "=" not in text:
+            raise UsageError("AC009", f"{flag} {text}: write NAME=VALUE")
+    pairs = ([part.strip() for part in text.split("=", 1)] for text in given or ())
+    for name, value in _once(flag, ((name, value) for name, value in pairs)).items():
+        text = f"{name}={value}"
+        declared = type(model)._declarations.get(name.partition("[")[0]) if model is not None else None
+        found[name] = number_in(flag, text, value, declared)
+    return found
+
+
+def number_in(flag: str, text: str, value: str, declared: Declaration | None) -> float:
+    """The number in `value`, in the declared unit where there is one; errors show `flag` and `text`."""
+    try:
+        return convert(value, declared.unit) if declared is not None and declared.unit else float(value)
+    except ValueError as error:
+        raise UsageError("AC009", f"{flag} {text}: no number") from error
+    except AcausalError as error:
+        raise UsageError(
+            error.code, f"{flag} {text}: {error.fact}", evidence=error.evidence, help=error.help
+        ) from error
+
+
+def listed(texts: Sequence[str] | None) -> list[str]:
+    """Names in texts `A,B`, which may stand several times; commas inside of `R[0,1]` part nothing."""
+    return [name.strip() for text in texts or () for name in _COMMA.split(text) if name.strip()]
+
+
+def seconds_of(name: str, text: str | None) -> float | None:
+    """A time option in seconds."""
+    if text is None:
+        return None
+    try:
+        return convert(text, "s")
+    except AcausalError as error:
+        flag = "--" + name.replace("_", "-")
+        raise UsageError(
+            error.code, f"{flag} {text}: {error.fact}", evidence=error.evidence, help=error.help
+        ) from error
+
+
+@dataclass(frozen=True)
+class _Definition(Origin):
+    """The place of a class, as the origin of the outermost instance."""
+
+    cls: type[Component]
+
+    def span(self) -> Span:
+        """File and first line of the class."""
+        try:
+            return Span(inspect.getsourcefile(self.cls) or "", inspect.getsourcelines(self.cls)[1])
+        except (OSError, TypeError):
+            return Span(self.cls.__module__, 1)
+
+
+def _once(flag: str, pairs: Iterable[tuple[str, str]]) -> dict[str, str]:
+    """Values by name, none of them twice: which one was meant, nobody knows (AC003)."""
+    found: dict[str, str] = {}
+    for name, value in pairs:
+        if name in found:
+            raise UsageError(
+                "AC003", f"{flag} gives {name} twice: {found[name]} and {value}", help="leave one of them out"
+            )
+        found[name] = value
+    return found
+
+
+def _split(text: str) -> tuple[str, str]:
+    path, sign, value = text.partition("=")
+    if not sign or not path.strip() or not value.strip():
+        raise UsageError(
+            "AC003", f"'--set {text}' is no assignment", help="write --set path=value, for example --set mass.m=2.5kg"
+        )
+    return path.strip(), value.strip()
+
+
+def _structural(path: str, text: str, declaration: Declaration) -> object:
+    default = declaration.default
+    try:
+        value = ast.literal_eval(text)
+    except (ValueError, SyntaxError, MemoryError, RecursionError):
+        if isinstance(default, str):
+            return text
+    else:
+        value = tuple(value) if isinstance(value, list) and isinstance(default, tuple) else value
+        if _fits(value, default):
+            return value
+    raise UsageError(
+        "AC003",
+        f"'{text}' is no value for the structural '{path}'",
+        evidence=[f"its default is {default!r}"] if default is not None else [],
+        help="give a Python literal of the same type: 10, True, (0, 0, 1), 'text'",
+    )
+
+
+def _fits(value: object, default: object) -> bool:
+    """Whether a value has the type of the default; a default of another kind says nothing."""
+    if isinstance(default, float):
+        return isinstance(value, int | float) and not isinstance(value, bool)
+    return type(value) is type(default) if isinstance(default, bool | int | str | tuple) else True
+
+
+def _values(model: Component, given: dict[str, str]) -> dict[str, object]:
+    found, _ = placed(model)
+    declared = {
+        instance.prefix + name: (instance, d)
+        for instance in found
+        for name, d in instance.component._declarations.items()
+    }
+    whole = {path if path in declared else _element(path)[0] for path in given}
+    check_overrides(dict.fromkeys(whole), found)
+    values: dict[str, object] = {}
+    for path, text in given.items():
+        base, index = (path, None) if path in declared else _element(path)
+        instance, declaration = declared[base]
+        if index is None:
+            values[path] = _value(path, text, declaration)
+        else:
+            entries: Any = values[base] if base in values else _present(instance, base, declaration)
+            values[base] = _replaced(path, entries, index, _scalar(path, text, declaration), declaration.shape)
+    for path, value in values.items():
+        flat = value if isinstance(value, tuple) else (value,)
+        _as_usage(path, check_limits, path, declared[path][1], flat)
+    return {path: _nested(value, declared[path][1].shape) for path, value in values.items()}
+
+
+def _element(path: str) -> tuple[str, tuple[int, ...] | None]:
+    match = _ELEMENT.fullmatch(path)
+    return (match["path"], tuple(int(i) for i in match["index"].split(","))) if match else (path, None)
+
+
+def _value(path: str, text: str, declaration: Declaration) -> Any:
+    """A float, or the entries of an array, row-major; one number fills a field, but no vector of space."""
+    if not declaration.shape:
+        return _scalar(path, text, declaration)
+    body = re.sub(r"[\[\]()]", " ", text)
+    entries = tuple(_scalar(path, entry, declaration) for entry in body.split(",") if entry.strip())
+    size = math.prod(declaration.shape)
+    if len(entries) == 1 and size > _SPACE:
+        return entries * size
+    if len(entries) != size:
+        raise UsageError(
+            "AC006",
+            f"{path} has {size} entries, not {len(entries)}",
+            help=f"write --set '{path}=[{', '.join(['0.0'] * min(size, 9))}]', or one of its entries: {path}[0]=...",
+        )
+    return entries
+
+
+def _scalar(path: str, text: str, declaration: Declaration) -> float:
+    value: float = _as_usage(path, convert, text.strip(), declaration.unit)
+    return value
+
+
+def _as_usage(path: str, function: Any, *arguments: Any) -> Any:
+    """What is wrong with a value on the command line is a wrong request, not a wrong model."""
+    try:
+        return function(*arguments)
+    except AcausalError as error:
+        fact = error.fact if error.fact.startswith(path) else f"--set {path}: {error.fact}"
+        raise UsageError(error.code, fact, evidence=error.evidence, cause=error.cause, help=error.help) from error
+
+
+def _present(instance: Instance, path: str, declaration: Declaration) -> tuple[float, ...]:
+    """The entries a parameter has in the model, so that one of them can be replaced."""
+    value = instance.component.__dict__["_values"].get(path.removeprefix(instance.prefix))
+    if value is None or value.op != "const":
+        raise UsageError(
+            "AC006",
+            f"one entry of {path} cannot be set: "
+            + ("it has no value" if value is None else f"it is bound to `{value}`"),
+            help=f"give all entries: --set '{path}=[...]'",
+        )
+    return tuple(value.payload) if isinstance(value.payload, tuple) else (value.payload,) * math.prod(declaration.shape)
+
+
+def _replaced(
+    path: str, entries: tuple[float, ...], index: tuple[int, ...], value: float, shape: tuple[int, ...]
+) -> tuple[float, ...]:
+    if len(index) != len(shape) or not all(i < n for i, n in zip(index, shape, strict=True)):
+        raise UsageError("AC006", f"there is no entry {path}: its shape is {shape}", help="indices count from 0")
+    place = 0
+    for i, n in zip(index, shape, strict=True):
+        place = place * n + i
+    return (*entries[:place], value, *entries[place + 1 :])
+
+
+def _nested(value: Any, shape: tuple[int, ...]) -> object:
+    """Row-major entries as the (nested) tuple that Python's `parameters=` takes."""
+    if len(shape) < 2:
+        return value
+    rows, columns = shape
+    return tuple(tuple(value[i * columns : (i + 1) * columns]) for i in range(rows))

@@ -1,0 +1,117 @@
+"""Errors as the command line shows them, and its exit codes.
+
+0    done
+1    the model or the solver failed
+2    the request cannot be understood
+3    a comparison is out of tolerance
+130  interrupted
+143  asked to end (SIGTERM)
+"""
+
+from __future__ import annotations
+
+import signal
+import sysconfig
+import threading
+import traceback
+from pathlib import Path
+from types import FrameType, TracebackType
+
+from acausal.cli.output.advice import advice
+from acausal.errors import AcausalError, InternalError, Span, UsageError
+from acausal.simulate.interrupt import terminate, was_terminated
+
+FAILED, USAGE, OUT_OF_TOLERANCE, INTERRUPTED, TERMINATED = 1, 2, 3, 130, 143
+
+_PACKAGE = Path(__file__).resolve().parents[2]
+_OPEN = tuple(_PACKAGE / name for name in ("library", "models"))
+_FOREIGN = tuple({Path(sysconfig.get_path(name)).resolve() for name in ("stdlib", "platstdlib", "purelib", "platlib")})
+
+
+class ModelCodeError(AcausalError):
+    """Python code of a model raised something that is not about models: NameError, SyntaxError, ImportError ..."""
+
+
+def exit_code(error: AcausalError) -> int:
+    """The exit code an error ends the process with."""
+    return USAGE if isinstance(error, UsageError) else FAILED
+
+
+def as_error(error: Exception) -> AcausalError:
+    """The error to show for any exception: itself, the modeller's mistake with its place, or a defect of ours."""
+    if isinstance(error, AcausalError):
+        return error
+    if isinstance(error, SyntaxError) and error.filename and error.lineno and not _is_ours(error.filename):
+        return ModelCodeError(
+            "AC002", f"{Path(error.filename).name} is not Python: {error.msg}", where=[_syntax_span(error)]
+        )
+    found = _guilty(error.__traceback__)
+    what = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+    if found is not None:
+        span, frame = found
+        return ModelCodeError("AC002", f"{_place(frame)} raised {what}", where=[span], help=advice(error, frame))
+    if isinstance(error, MemoryError):
+        return AcausalError(
+            "AC903", "the memory does not suffice", help="shorten the run or lengthen --output-interval"
+        )
+    return InternalError(
+        "AC999",
+        f"defect in acausal: {what}",
+        help="please report it with the output of the same command with --debug",
+    )
+
+
+def interruption(stop: KeyboardInterrupt) -> AcausalError:
+    """The message for Ctrl-C and SIGTERM; a run leaves what it has computed on the exception."""
+    result = getattr(stop, "result", None)
+    what = "terminated" if interrupted_code(stop) == TERMINATED else "interrupted"
+    return AcausalError("AC490", what + (f" at t = {result.time[-1]:.6g} s" if result is not None else ""))
+
+
+def interrupted_code(stop: KeyboardInterrupt) -> int:
+    """The exit code of a process that was asked to end."""
+    return TERMINATED if was_terminated(stop) else INTERRUPTED
+
+
+def heed_termination() -> None:
+    """Let SIGTERM end a verb as Ctrl-C does: what a run has computed is kept. Not where somebody else handles it."""
+    if threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
+        signal.signal(signal.SIGTERM, terminate)
+
+
+def _syntax_span(error: SyntaxError) -> Span:
+    column = None if error.offset is None else error.offset - 1
+    return Span(str(error.filename), error.lineno or 1, column)
+
+
+def _place(frame: FrameType) -> str:
+    """`Model.equations`, as the author of the model calls the code that a frame runs."""
+    name = frame.f_code.co_qualname.replace("<locals>.", "")
+    owner = frame.f_locals.get("self")
+    if owner is not None and name.endswith(f".{frame.f_code.co_name}"):
+        return f"{type(owner).__name__}.{frame.f_code.co_name}"
+    return Path(frame.f_code.co_filename).name if name == "<module>" else name
+
+
+def _guilty(trace: TracebackType | None) -> tuple[Span, FrameType] | None:
+    """The innermost place, if it is in a model or a library rather than in the compiler.
+
+    Python's own and installed packages are skipped: the guilty one is who called them.
+    """
+    for frame, line in reversed(list(traceback.walk_tb(trace))):
+        file = frame.f_code.co_filename
+        if file.startswith("<"):
+            continue
+        if _is_ours(file):
+            return None
+        path = Path(file).resolve()
+        if any(path.is_relative_to(folder) for folder in _OPEN) or not any(path.is_relative_to(f) for f in _FOREIGN):
+            return Span(file, line), frame
+    return None
+
+
+def _is_ours(file: str) -> bool:
+    path = Path(file)
+    # Not resolved: acausal/library is a link to a folder beside the package.
+    path = path if path.is_absolute() else Path.cwd() / path
+    return path.is_relative_to(_PACKAGE) and not any(path.is_relative_to(folder) for folder in _OPEN)

@@ -1,0 +1,173 @@
+"""`acausal compare`: how far two results are apart, signal by signal."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from acausal.cli.arguments.options import JsonOption, PlotFileOption, QuietOption, SignalsOption
+from acausal.cli.arguments.outputs import check_picture
+from acausal.cli.arguments.settings import listed
+from acausal.cli.output.failure import OUT_OF_TOLERANCE
+from acausal.cli.output.report import plural, record, remark, say, table
+from acausal.errors import UsageError
+
+if TYPE_CHECKING:
+    from acausal.result.result import Result
+    from acausal.result.signals import Array
+
+
+# Signals in one picture.
+_MOST_DRAWN = 5
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """How far one signal is apart, in the unit of the first result.
+
+    Attributes
+    ----------
+    absolute, relative, time
+        The largest difference, that in parts of the signal's range in the first result, and when.
+    rms
+        Root of the mean square of the differences.
+    """
+
+    name: str
+    absolute: float
+    relative: float
+    time: float
+    rms: float = 0.0
+    unit: str = ""
+
+
+def compare(
+    first: Annotated[
+        Path, typer.Argument(metavar="A", help="The reference, or measurements: a .mat, .csv, .npz or .parquet file.")
+    ],
+    second: Annotated[Path, typer.Argument(metavar="B", help="The result to judge.")],
+    tolerance: Annotated[
+        float, typer.Option("--tolerance", help="Accepted deviation relative to the range of a signal.")
+    ] = 1e-4,
+    floor: Annotated[
+        float,
+        typer.Option(
+            "--floor", help="Least range to divide by, so that rounding errors of a constant are no deviation."
+        ),
+    ] = 1e-9,
+    signals: SignalsOption = None,
+    count: Annotated[
+        int, typer.Option("--count", help="Number of signals to list, the largest differences first.")
+    ] = 10,
+    plot: Annotated[bool, typer.Option("--plot", help="Draw the signals that differ most, to B.png.")] = False,
+    plot_file: PlotFileOption = None,
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Compare two result files, or a result with measurements; exit 3 when out of tolerance, --quiet prints no more.
+
+    Values are compared at the times of the file with fewer rows, not at events, where a rounding error in time would
+    show as a jump. Units are converted.
+
+    Examples: acausal compare old.mat new.mat --signals "mass.*" --tolerance 1e-6; acausal compare measured.csv run.mat
+    --plot
+    """
+    from acausal.result.result import load
+
+    a, b = load(first), load(second)
+    picture = plot_file or (second.with_suffix(".png") if plot else None)
+    if picture is not None:
+        check_picture(picture)
+    found = deviations(a, b, listed(signals), floor)
+    if picture is not None:
+        from acausal.plot.compare import compared
+
+        compared(a, b, [d.name for d in found[: min(count, _MOST_DRAWN)]], picture)
+    bad = [d for d in found if not d.relative <= tolerance]
+    if as_json:
+        record(
+            {
+                "first": str(first),
+                "second": str(second),
+                "tolerance": tolerance,
+                "common": len(found),
+                "only_in_first": sorted(set(a.names) - set(b.names)),
+                "only_in_second": sorted(set(b.names) - set(a.names)),
+                "deviations": [vars(d) for d in found],
+                "within_tolerance": not bad,
+                "files": [str(picture)] if picture is not None else [],
+            }
+        )
+    elif not quiet:
+        rows = [
+            (d.name, f"{d.relative:.3g}", f"{d.absolute:.3g}", f"{d.time:.6g} s", f"{d.rms:.3g}", d.unit)
+            for d in found[:count]
+        ]
+        table(rows, ("signal", "of its range", "absolute", "at", "rms", "unit"))
+        alone = len(set(a.names) ^ set(b.names))
+        verdict = f"{plural(len(bad), 'signal')} out of tolerance {tolerance:g}" if bad else f"all within {tolerance:g}"
+        say(f"{plural(len(found), 'common signal')}, {alone} in one file only: {verdict}")
+        if picture is not None:
+            remark(f"wrote {picture}")
+    if bad:
+        raise typer.Exit(OUT_OF_TOLERANCE)
+
+
+def deviations(a: Result, b: Result, wanted: list[str], floor: float) -> list[Deviation]:
+    """Deviations of the common (or the wanted) signals, the largest first.
+
+    Raises
+    ------
+    UsageError
+        AC007 when the results have no signal or no time in common, AC010 for an unknown wanted signal.
+    UnitError
+        AC151 for units that do not fit.
+    """
+    import numpy as np
+
+    from acausal.plot.scale import same_unit
+    from acausal.reduce.outputs import fitting
+
+    names = [fit for name in wanted for fit in fitting(name, a.names) or [name]]
+    elements = [s.name for name in names for r in (b, a) for s in r.elements(name)[1] if r is a]
+    common = elements or [n for n in a.names if n in b.signals]
+    times = _times(a, b)
+    if not common or not times.size:
+        what = "signal" if not common else "time"
+        raise UsageError("AC007", f"the results have no {what} in common", help="are they results of the same model?")
+    found = []
+    for name in common:
+        x, y = np.asarray(a.at(times, name)), same_unit(a.unit(name), b.unit(name))(np.asarray(b.at(times, name)))
+        difference = np.abs(x - y)
+        # One of them not a number: as wrong as can be. Both: the same.
+        difference[np.isnan(difference)] = np.inf
+        difference[np.isnan(x) & np.isnan(y)] = 0.0
+        k = int(np.argmax(difference))
+        finite = x[np.isfinite(x)]
+        span = float(np.ptp(finite)) if finite.size else 0.0
+        # A constant has no range; its size is the measure then.
+        scale = max(span or (float(np.abs(finite).max()) if finite.size else 0.0), floor)
+        rms = float(np.sqrt(np.mean(difference**2)))
+        found.append(
+            Deviation(name, float(difference[k]), float(difference[k]) / scale, float(times[k]), rms, a.unit(name))
+        )
+    return sorted(found, key=lambda d: -d.relative)
+
+
+def _times(a: Result, b: Result) -> Array:
+    import numpy as np
+
+    coarse = a if len(a.time) <= len(b.time) else b
+    low, high = max(a.time[0], b.time[0]), min(a.time[-1], b.time[-1])
+    times = np.unique(coarse.time)
+    times = np.asarray(times[(times >= low) & (times <= high)], dtype=float)
+    events = np.concatenate([r.time[1:][np.diff(r.time) == 0] for r in (a, b)])
+    if not events.size:
+        return times
+    events = np.sort(events)
+    after = np.clip(np.searchsorted(events, times), 1, len(events)) - 1
+    distance = np.minimum(np.abs(times - events[after]), np.abs(times - events[np.minimum(after + 1, len(events) - 1)]))
+    return np.asarray(times[distance > 1e-9 * max(abs(low), abs(high))], dtype=float)

@@ -1,0 +1,1 @@
+"""`acausal simulate`, and what belongs to one run."""

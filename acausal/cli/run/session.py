@@ -1,0 +1,190 @@
+"""A run on the command line: its files, its times, its summary."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from acausal.cli.models.names import unit_of
+from acausal.cli.output.report import plural, quantity, remark, say, seconds, table
+from acausal.cli.run.clock import Clock
+
+if TYPE_CHECKING:
+    from acausal.language.component import Component
+    from acausal.lower.compiled import CompiledModel
+    from acausal.result.result import Result
+
+_COMPILATION = ("flatten", "reduce", "analyse", "solve", "lower")
+_MOST_STATES = 20
+_STAGES = ("import", "compile", "initialize", "integrate", "observe", "save", "plot")
+
+
+@dataclass
+class Session:
+    """What is known of a run while its files are written and its summary is printed."""
+
+    reference: str
+    model: Component
+    compiled: CompiledModel
+    result_file: Path | None
+    picture: Path | None
+    clock: Clock
+    units: bool = False
+    written: list[tuple[Path, str]] = field(default_factory=list)
+
+    def rescue(self, error: BaseException) -> None:
+        """Keep what a failed or interrupted run has computed."""
+        result = getattr(error, "result", None)
+        if result is None or self.result_file is None:
+            return
+        reached = result.time[-1]
+        if len(result.time) < 2:
+            remark(f"nothing to keep: the run had not left t = {reached:g} s")
+            return
+        self._save(result)
+        remark(f"kept the run up to t = {reached:.6g} s ({plural(len(result.time), 'row')}) in {self.result_file}")
+
+    def finish(self, result: Result) -> None:
+        """Compute the observed variables, write the files, close the clock."""
+        times: dict[str, float] = dict(result.stats.get("time", {}))  # type: ignore[call-overload]
+        inside = {k: times[k] for k in ("initialize",) if k in times}
+        self.clock.take("integrate", inside)
+        # Read once here, so that saving does not pay for it in the account.
+        _ = result.matrix
+        for sentence in _undefined(result):
+            remark(f"note: {sentence}")
+        self.clock.lap("observe")
+        self._save(result)
+        self.clock.lap("save")
+        if self.picture is not None:
+            self._draw(result, self.picture)
+            self.clock.lap("plot")
+
+    def _save(self, result: Result) -> None:
+        if self.result_file is not None:
+            result.save(self.result_file, units=self.units)
+            rows = plural(len(result.time), "row")
+            self.written.append((self.result_file, f"{plural(len(result.names) + 1, 'signal')}, {rows}"))
+
+    def _draw(self, result: Result, picture: Path) -> None:
+        """The model's own figure, or its states."""
+        from acausal.plot.plot import figure, plot
+
+        panels = getattr(type(self.model), "figure", ())
+        names = self.compiled.states or result.names[:1]
+        if panels:
+            figure(result, panels, file=picture)
+        else:
+            plot(result, *names[:12], file=picture)
+        self.written.append((picture, plural(len(panels), "panel") if panels else "the states"))
+
+    def timings(self, result: Result) -> dict[str, float]:
+        """Seconds per stage; those of the compiler are parts of `compile`."""
+        inner: dict[str, float] = dict(result.stats.get("time", {}))  # type: ignore[call-overload]
+        parts = {k: inner[k] for k in _COMPILATION if k in inner}
+        known = [*parts, "initialize", "integrate"]
+        others = {k: v for k, v in inner.items() if k not in known}
+        laps = {k: self.clock.laps[k] for k in _STAGES if k in self.clock.laps}
+        return {**laps, **others, **parts, "total": self.clock.total}
+
+    def final(self, result: Result) -> list[tuple[str, float, str]]:
+        """(name, value, unit) of each state at the end."""
+        reduced = self.compiled.solution.structure.reduced
+        matrix, signals = result.matrix, result.signals
+        found = []
+        for name, v in zip(self.compiled.states, self.compiled.state_variables, strict=True):
+            signal = signals.get(name)
+            column = signal.column if signal is not None else None
+            if signal is not None and column is not None:
+                found.append((name, float(matrix[-1, column]) * signal.sign + 0.0, unit_of(reduced, v)))
+        return found
+
+    def reports(self, result: Result) -> list[tuple[str, str]]:
+        """What components have to say about themselves, such as the pairs of a contact scene; by path.
+
+        Of a model whose structure changed it is what they had to say at the end.
+        """
+        from acausal.flatten.instances.instances import instances
+        from acausal.language.choices import is_reporting
+
+        last: Any = result.stats.get("reports", {})
+        found = [(i.path, i.component) for i in instances(self.model)]
+        own = {path: repr(c.report()) for path, c in found if is_reporting(c)}
+        return list({**own, **last}.items())
+
+    def content(self, result: Result) -> dict[str, Any]:
+        """Everything, for JSON."""
+        stats = {k: v for k, v in result.stats.items() if k != "time"}
+        return {
+            "model": self.compiled.name,
+            "reference": self.reference,
+            "start_time": float(result.time[0]),
+            "stop_time": float(result.time[-1]),
+            "rows": len(result.time),
+            "signals": len(result.names),
+            "events": len(result.events),
+            "stats": stats,
+            "timings": self.timings(result),
+            "final": {name: {"value": value, "unit": unit} for name, value, unit in self.final(result)},
+            "files": [str(path) for path, _ in self.written],
+        }
+
+    def summary(self, result: Result, everything: bool) -> None:
+        """The table on stdout, the remarks on stderr."""
+        stats = dict(result.stats)
+        timings = self.timings(result)
+        say(f"{self.compiled.name}: {result.time[0]:g} ... {result.time[-1]:g} s, {plural(len(result.time), 'row')}")
+        counts = [
+            plural(len(self.compiled.continuous), "state"),
+            plural(len(self.compiled.algebraic), "iterated unknown"),
+        ]
+        events = f", {plural(len(result.events), 'event')}" if result.events else ""
+        say(f"  solver   {stats['solver']} ({stats['reason']}), tolerance {stats['tolerance']:g}")
+        say(f"  size     {len(self.compiled.flat.equations)} equations, {', '.join(counts)}{events}")
+        stages = [f"{k} {seconds(v)}" for k, v in timings.items() if k in self.clock.laps]
+        say(f"  time     {', '.join(stages)}; whole process {seconds(timings['total'])}")
+        if everything:
+            say("  compile  " + ", ".join(f"{k} {seconds(timings[k])}" for k in _COMPILATION if k in timings))
+            known = ("solver", "reason", "tolerance", "notes", "time")
+            for component, report in self.reports(result):
+                say(f"  {component}: " + report.replace("\n", "\n    "))
+            say("  counts   " + ", ".join(f"{k} {v:g}" for k, v in stats.items() if k not in known and _is_number(v)))
+        final = self.final(result)
+        if final:
+            say("final values of the states")
+            table([(name, quantity(value, unit)) for name, value, unit in final[:_MOST_STATES]], indent="  ")
+            if len(final) > _MOST_STATES:
+                say(f"  and {len(final) - _MOST_STATES} more")
+        for note in stats.get("notes", ()):  # type: ignore[attr-defined]
+            remark(f"note: {note}")
+        for path, what in self.written:
+            remark(f"wrote {path} ({what})")
+        if not self.written:
+            remark("wrote nothing; -o FILE keeps the result, --plot draws it")
+
+
+def _undefined(result: Result) -> list[str]:
+    """Sentences on signals that lose their value on the way; nothing is integrated from them, so the run went on."""
+    if "pieces" in result.stats:  # of changing structure: what is not in the equations has no value
+        return []
+    import numpy as np
+
+    lost = ~np.isfinite(result.matrix)
+    if not lost.any():
+        return []
+    first = np.argmax(lost, axis=0)
+    columns = np.flatnonzero(lost.any(axis=0))
+    names: dict[int, str] = {}
+    for name, signal in result.signals.items():
+        if signal.column is not None:
+            names.setdefault(signal.column, name)
+    return [
+        f"{names.get(int(k), k)} has no finite value at t = {result.time[first[k]]:g} s"
+        + (" and after" if lost[first[k] :, k].all() else "")
+        for k in columns[:4]
+    ]
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float)

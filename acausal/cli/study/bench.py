@@ -1,0 +1,187 @@
+"""`acausal bench`: speed against accuracy of a model."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from acausal.cli.arguments.completion import complete_solver
+from acausal.cli.arguments.options import (
+    AccuracyOption,
+    DetailsOption,
+    InputsOption,
+    JsonOption,
+    ModelArgument,
+    QuietOption,
+    RepeatOption,
+    SetOption,
+    SignalsOption,
+    StartTimeOption,
+    StopTimeOption,
+)
+from acausal.cli.arguments.outputs import check_picture, check_writable
+from acausal.cli.arguments.reference import find_model
+from acausal.cli.arguments.settings import listed, numbers_of, prepare, seconds_of
+from acausal.cli.output.report import record, remark, say, seconds, table
+from acausal.errors import UsageError
+
+if TYPE_CHECKING:
+    from acausal.study.bench.recommend import Recommendation
+    from acausal.study.bench.report import Bench
+
+
+SolversOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--solver", help="Try only this solver; repeatable.", show_default=False, autocompletion=complete_solver
+    ),
+]
+TolerancesOption = Annotated[
+    list[float] | None,
+    typer.Option("--tolerance", help="Tolerance to try; repeatable. Default: 1e-3 to 1e-10.", show_default=False),
+]
+FormulationsOption = Annotated[
+    list[str] | None,
+    typer.Option("--formulation", help="torn, dae or projected; repeatable. Default: all.", show_default=False),
+]
+StepsOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--step",
+        metavar="TIME",
+        help="Fixed step to try; repeatable. Default: 100, 1000, 10000 steps.",
+        show_default=False,
+    ),
+]
+ReferenceOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--reference",
+        help="Result file, or JSON with end values. Default: runs that converge.",
+        show_default=False,
+    ),
+]
+ChartsOption = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--output-file",
+        "-o",
+        help="Chart (.png, .svg, .pdf) or data (.json); repeatable. Default: no file.",
+        show_default=False,
+    ),
+]
+
+
+def bench(
+    model: ModelArgument,
+    settings: SetOption = None,
+    inputs: InputsOption = None,
+    solver: SolversOption = None,
+    tolerance: TolerancesOption = None,
+    formulation: FormulationsOption = None,
+    step: StepsOption = None,
+    start_time: StartTimeOption = None,
+    stop_time: StopTimeOption = None,
+    reference: ReferenceOption = None,
+    signals: SignalsOption = None,
+    repeat: RepeatOption = 5,
+    time_limit: Annotated[float, typer.Option("--time-limit", help="Seconds that a single run may take.")] = 20.0,
+    native: Annotated[
+        bool, typer.Option("--native/--no-native", help="Compile to C where a solver can use it.")
+    ] = True,
+    recommend: Annotated[
+        bool, typer.Option("--recommend", help="Name the cheapest solver for --accuracy, or for the model's tolerance.")
+    ] = False,
+    accuracy: AccuracyOption = None,
+    output: ChartsOption = None,
+    as_json: JsonOption = False,
+    details: DetailsOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Chart speed against accuracy: solvers, tolerances, forms of the equations, fixed steps.
+
+    Every case runs in a process of its own and is ended at the time limit; what fails is shown with its reason.
+
+    Example: acausal bench Oscillator --recommend --accuracy 1e-6
+    """
+    if accuracy is not None and not 0 < accuracy < 1:
+        raise UsageError("AC041", f"--accuracy {accuracy:g} is not between 0 and 1")
+    prepared = prepare(find_model(model), settings or ())
+    if recommend and accuracy is None:
+        accuracy = type(prepared.model).experiment.tolerance
+    for file in output or ():
+        check_writable(file) if file.suffix.lower() == ".json" else check_picture(file)
+    from acausal.study.bench.bench import bench as made_by
+
+    found = made_by(
+        prepared.model,
+        solvers=solver,
+        tolerances=tolerance,
+        formulations=formulation,
+        # with tolerances alone, nothing was asked about fixed steps
+        steps=[seconds_of("step", text) or 0.0 for text in step] if step else [] if tolerance else None,
+        reference=reference,
+        variables=listed(signals) or None,
+        parameters=prepared.parameters,
+        inputs=numbers_of("--input", inputs, prepared.model),
+        repeat=repeat,
+        time_limit=time_limit,
+        native=native,
+        start_time=seconds_of("start_time", start_time),
+        stop_time=seconds_of("stop_time", stop_time),
+        progress=None if quiet or as_json else remark,
+    )
+    for file in output or ():
+        _write(found, file)
+    advice = found.recommend(accuracy) if accuracy is not None else None
+    if as_json:
+        told = None if advice is None else advice.record()
+        record({**found.record(), "recommendation": told, "files": [str(file) for file in output or ()]})
+        return
+    again = [model, *_repeated("--set", settings), *_repeated("--input", inputs)]
+    again += [*_repeated("--start-time", [start_time]), *_repeated("--stop-time", [stop_time])]
+    _summary(found, advice, shlex.join(again), recommend, details)
+    if quiet:
+        return
+    for note in found.notes:
+        remark(f"note: {note}")
+    for file in output or ():
+        remark(f"wrote {file}")
+
+
+def _write(found: Bench, output: Path) -> None:
+    import json
+
+    from acausal.cli.output.report import plain
+    from acausal.result.files import atomic
+
+    if output.suffix.lower() != ".json":
+        found.plot(output)
+        return
+    with atomic(output) as file:
+        file.write(json.dumps(plain(found.record()), indent=1).encode())
+
+
+def _repeated(flag: str, values: Sequence[str | None] | None) -> list[str]:
+    return [part for value in values or () if value is not None for part in (flag, value)]
+
+
+def _summary(found: Bench, advice: Recommendation | None, model: str, brief: bool, details: bool) -> None:
+    if not brief:
+        for line in found.lines():
+            say(line)
+    if details:
+        head, *rows = found.rows()
+        table(rows, head, indent="  ")
+        for name, (seen, own) in found.orders.items():
+            lost = ": order reduction, by stiffness, kinks or events" if seen < 0.7 * own else ""
+            say(f"  order      {name}: observed {seen:.1f} of {own}{lost}")
+        parts = [f"{name} {seconds(t)}" for name, t in found.times.items() if t == t]
+        say(f"  apart      {', '.join(parts)}")
+    if advice is not None:
+        say(f"  recommended for {advice.accuracy:g}: {advice.text}")
+        say(f"  acausal simulate {model} {advice.command}")

@@ -1,0 +1,184 @@
+"""`acausal export`: the model in other forms."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from acausal.cli.arguments.options import (
+    FreeOption,
+    JsonOption,
+    ModelArgument,
+    OutputsOption,
+    QuietOption,
+    SetOption,
+    output_file_option,
+)
+from acausal.cli.arguments.outputs import check_writable
+from acausal.cli.arguments.reference import find_model
+from acausal.cli.arguments.settings import Prepared, listed, prepare, seconds_of
+from acausal.cli.output.report import quantity, record, remark, say, table
+
+if TYPE_CHECKING:
+    from acausal.lower.casadi_model import CasadiModel
+
+ParametersOption = Annotated[
+    list[str] | None,
+    typer.Option("--parameters", help="Parameters that p holds. Default: all.", show_default=False),
+]
+MinimalOption = Annotated[bool, typer.Option("--minimal", help="Write the equations in minimal coordinates.")]
+EventsOption = Annotated[bool, typer.Option("--events", help="Include discrete equations, `when` clauses and samples.")]
+
+export = typer.Typer(help="Write a model in another form.", no_args_is_help=True)
+
+
+@export.callback()
+def forms() -> None:
+    """Write a model in another form."""
+
+
+@export.command()
+def casadi(
+    model: ModelArgument,
+    output_file: Annotated[Path | None, output_file_option("File to write. Default: MODEL.casadi.")] = None,
+    outputs: OutputsOption = None,
+    settings: SetOption = None,
+    freed: FreeOption = None,
+    parameters: ParametersOption = None,
+    minimal: MinimalOption = False,
+    events: EventsOption = False,
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Write the functions of a model for CasADi: dae, ode, implicit, outputs, init, step, invariants, instants.
+
+    The file holds them with names, units, start, nominal, min and max of every entry; CasADi alone reads it, as
+    docs/casadi.md shows.
+
+    Example: acausal export casadi Pendulum -o pendulum.casadi
+    """
+    cls = find_model(model)
+    target = output_file or Path(f"{cls.__name__}.casadi")
+    check_writable(target)
+    made = _functions(prepare(cls, settings or (), freed or ()), outputs, parameters, minimal, events)
+    made.save(target)
+    _show(made, [target], as_json, quiet)
+
+
+def _functions(
+    prepared: Prepared, outputs: list[str] | None, parameters: list[str] | None, minimal: bool, events: bool
+) -> CasadiModel:
+    """What both commands write."""
+    from acausal.lower.compile import compile
+
+    compiled = compile(prepared.model, parameters=prepared.parameters)
+    return compiled.casadi(
+        listed(outputs) or None, parameters=listed(parameters) or None, minimal=minimal, events=events
+    )
+
+
+def _show(made: CasadiModel, files: list[Path], as_json: bool, quiet: bool) -> None:
+    functions = {name: str(f) for name, f in made.functions.items()}
+    vectors = {name: [vars(port) for port in getattr(made, name)] for name in ("x", "z", "u", "p", "y")}
+    if as_json:
+        record(
+            {"model": made.name, "functions": functions, **vectors, "notes": made.notes, "files": [*map(str, files)]}
+        )
+        return
+    if quiet:
+        return
+    for text in functions.values():
+        say(text)
+    rows = [
+        (name if k == 0 else "", port["name"], quantity(port["start"], port["unit"]), port["doc"])
+        for name, ports in vectors.items()
+        for k, port in enumerate(ports)
+    ]
+    table(rows, ("", "name", "start", "meaning"))
+    for note in made.notes:
+        remark(f"note: {note}")
+    for file in files:
+        remark(f"wrote {file}")
+
+
+@export.command()
+def c(
+    model: ModelArgument,
+    folder: Annotated[
+        Path | None,
+        typer.Option("--output-folder", "-o", help="Folder for the files. Default: here.", show_default=False),
+    ] = None,
+    outputs: OutputsOption = None,
+    settings: SetOption = None,
+    freed: FreeOption = None,
+    parameters: ParametersOption = None,
+    minimal: MinimalOption = False,
+    events: EventsOption = False,
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Write the same functions as C: MODEL.c, MODEL.h and MODEL_main.c, which prints what they give at the start.
+
+    Example: acausal export c Pendulum -o build
+    """
+    from acausal.result.files import atomic
+
+    made = _functions(prepare(find_model(model), settings or (), freed or ()), outputs, parameters, minimal, events)
+    target = folder or Path()
+    texts = made.source()
+    files = [target / name for name in texts]
+    for file in files:
+        check_writable(file)
+    for file, text in zip(files, texts.values(), strict=True):
+        with atomic(file) as opened:
+            opened.write(text.encode())
+    _show(made, files, as_json, quiet)
+
+
+@export.command()
+def step(
+    model: ModelArgument,
+    size: Annotated[str, typer.Option("--step", metavar="TIME", help="Length of a step, in s or with a unit.")] = "1ms",
+    method: Annotated[str, typer.Option("--method", help="rk2, rk4, rosenbrock or sdirk.")] = "rk4",
+    output_file: Annotated[Path | None, output_file_option("C file to write. Default: MODEL_step.c.")] = None,
+    outputs: OutputsOption = None,
+    settings: SetOption = None,
+    freed: FreeOption = None,
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Write step(x, u, p) -> x, y as C for real time: no allocation, no loops, the same work in every call.
+
+    Example: acausal export step Pendulum --step 1ms
+    """
+    cls = find_model(model)
+    prepared = prepare(cls, settings or (), freed or ())
+    seconds = seconds_of("step", size) or 0.0
+    target = output_file or Path(f"{cls.__name__}_step.c")
+    check_writable(target)
+    from acausal.export.step.step import step_function
+    from acausal.lower.compile import compile
+
+    made = step_function(compile(prepared.model, parameters=prepared.parameters), seconds, method, outputs)
+    made.save(target)
+    vectors = {name: [vars(port) for port in getattr(made, name)] for name in ("x", "u", "p", "y")}
+    content = {"model": made.name, "method": made.method, "step": made.step, **vectors}
+    if as_json:
+        record(
+            {**content, "operations": int(made.function.n_instructions()), "notes": made.notes, "files": [str(target)]}
+        )
+        return
+    if quiet:
+        return
+    say(f"{made.function}  {made.method}, {made.step:g} s, {made.function.n_instructions()} operations")
+    rows = [
+        (name if k == 0 else "", port["name"], quantity(port["start"], port["unit"]), port["doc"])
+        for name, ports in vectors.items()
+        for k, port in enumerate(ports)
+    ]
+    table(rows, ("", "name", "start", "meaning"))
+    for note in made.notes:
+        remark(f"note: {note}")
+    remark(f"wrote {target}")

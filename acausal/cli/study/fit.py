@@ -1,0 +1,179 @@
+"""`acausal fit`: parameters of a model from measurements."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from acausal.cli.arguments.options import (
+    InputsOption,
+    InterpolationOption,
+    JsonOption,
+    ModelArgument,
+    NativeOption,
+    PlotFileOption,
+    PlotOption,
+    QuietOption,
+    SetOption,
+    SolverOption,
+    StartOption,
+    ToleranceOption,
+)
+from acausal.cli.arguments.outputs import check_picture
+from acausal.cli.arguments.reference import find_model
+from acausal.cli.arguments.settings import numbers_of, prepare
+from acausal.cli.output.report import plural, record, remark, say, table
+from acausal.errors import UsageError
+
+if TYPE_CHECKING:
+    from acausal.study.fit.fit import Fit
+
+
+def fit(
+    model: ModelArgument,
+    data: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="DATA...", help="Measurements: .csv with units in its first row, .mat, .npz or .parquet."
+        ),
+    ],
+    free: Annotated[
+        list[str],
+        typer.Option(
+            "--free", metavar="PATH,...", help="Parameters to find; PATH=LOW:HIGH limits one (SI). Repeatable."
+        ),
+    ],
+    settings: SetOption = None,
+    inputs: InputsOption = None,
+    interpolation: InterpolationOption = "linear",
+    start: StartOption = None,
+    sigma: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--sigma",
+            metavar="SIGNAL=VALUE",
+            help="Standard deviation of the noise of a signal, in SI units. Default: estimated.",
+        ),
+    ] = None,
+    tolerance: ToleranceOption = None,
+    solver: SolverOption = None,
+    native: NativeOption = None,
+    plot: PlotOption = False,
+    plot_file: PlotFileOption = None,
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Fit parameters to measurements, with 95 % confidence intervals.
+
+    Columns of DATA named as inputs of the model drive it, columns named as variables are compared with it; each file is
+    an experiment. The search begins at the model's values, or those of --set.
+
+    Example: acausal fit Oscillator swing.csv --free c,d --plot-file fit.png
+    """
+    twice = next((file for k, file in enumerate(data) if file in data[:k]), None)
+    if twice is not None:
+        raise UsageError(
+            "AC009", f"{twice} is given twice", help="it would count as two experiments, and intervals be too narrow"
+        )
+    cls = find_model(model)
+    picture = plot_file or (Path(f"{cls.__name__}.png") if plot else None)
+    if picture is not None:
+        check_picture(picture)
+    prepared = prepare(cls, settings or ())
+    from acausal.cli.arguments.inputs import inputs_of, starts_of
+    from acausal.study.fit.dataset import Dataset
+    from acausal.study.fit.fit import fit as fitted
+
+    noise = numbers_of("--sigma", sigma)
+    found = fitted(
+        prepared.model,
+        [Dataset(str(file), sigma=noise, name=file.name) for file in data],
+        _limits(free),
+        parameters={k: v for k, v in prepared.parameters.items() if isinstance(v, float)},
+        inputs=inputs_of(prepared.model, inputs, interpolation),
+        start=starts_of(prepared.model, start),
+        tolerance=tolerance,
+        solver=solver,
+        native=native,
+        progress=None if quiet or as_json else remark,
+    )
+    if picture is not None:
+        found.plot(str(picture))
+    if as_json:
+        record({**_content(found), "files": [] if picture is None else [str(picture)]})
+        return
+    _print(found)
+    if quiet:
+        return
+    for note in found.notes:
+        remark(f"note: {note}")
+    values = " ".join(f"--set {n}={v:.9g}" for n, v in found.parameters.items())
+    remark(f"run it: acausal simulate {model} {values}")
+    if picture is not None:
+        remark(f"wrote {picture}")
+
+
+def _limits(texts: Sequence[str]) -> dict[str, tuple[float, float]]:
+    found: dict[str, tuple[float, float]] = {}
+    for part in (p.strip() for text in texts for p in text.split(",")):
+        name, sign, limits = (p.strip() for p in part.partition("="))
+        low, colon, high = limits.partition(":")
+        if not name or bool(sign) != bool(colon):
+            raise UsageError("AC009", f"--free {part}: write PATH or PATH=LOW:HIGH, with commas between")
+        if name in found:
+            raise UsageError("AC009", f"--free names {name} twice")
+        try:
+            found[name] = (float(low or "-inf"), float(high or "inf"))
+        except ValueError:
+            raise UsageError("AC009", f"--free {part}: a limit is no number") from None
+    return found
+
+
+def _content(found: Fit) -> dict[str, Any]:
+    return {
+        "model": found.model,
+        "parameters": [
+            {"name": n, "unit": u, "guess": g, "value": v, "std": s, "low": low, "high": high}
+            for n, u, g, v, s, (low, high) in zip(
+                found.names, found.units, found.guess, found.value, found.std, found.interval, strict=True
+            )
+        ],
+        "correlation": found.correlation,
+        "covariance": found.covariance,
+        "rms": found.rms,
+        "noise": found.noise,
+        "rows": found.rows,
+        "runs": found.runs,
+        "gradients": found.gradients,
+        "notes": found.notes,
+    }
+
+
+def _print(found: Fit) -> None:
+    sizes = (
+        plural(len(found.names), "parameter"),
+        f"{plural(found.rows, 'value')} of {plural(len(found.rms), 'signal')}",
+        f"{plural(found.runs, 'run')}, {found.gradients} differentiated",
+    )
+    say(f"{found.model}: {', '.join(sizes)}")
+    rows = [
+        (n, f"{g:.6g}", f"{v:.6g}", f"{low:.6g} ... {high:.6g}", u)
+        for n, g, v, (low, high), u in zip(
+            found.names, found.guess, found.value, found.interval.tolist(), found.units, strict=True
+        )
+    ]
+    table(rows, ("parameter", "guess", "found", "95 % interval", "unit"), indent="  ")
+    units = {n: found.results[0].unit(n) for n in found.rms}
+    left = [(n, f"{r:.4g}", units[n]) for n, r in found.rms.items()]
+    table(left, ("signal", "rms of what is left", "unit"), indent="  ")
+    if len(found.names) > 1:
+        entries = [
+            (f"{a} ~ {b}", f"{found.correlation[i, k]:.3f}")
+            for i, a in enumerate(found.names)
+            for k, b in enumerate(found.names)
+            if i < k
+        ]
+        table(entries, ("correlation",), indent="  ")

@@ -1,0 +1,121 @@
+"""`acausal linearize`: the linear state space of a model, at its start or at a time of a run."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from acausal.cli.arguments.options import (
+    FreeOption,
+    InputsOption,
+    JsonOption,
+    ModelArgument,
+    OutputsOption,
+    QuietOption,
+    SetOption,
+)
+from acausal.cli.arguments.reference import find_model
+from acausal.cli.arguments.settings import listed, numbers_of, prepare, seconds_of
+from acausal.cli.output.report import plural, record, remark, say, table
+from acausal.errors import UsageError
+
+if TYPE_CHECKING:
+    from acausal.export.linearize import Linearization
+
+_MOST_COLUMNS = 12
+
+
+def linearize(
+    model: ModelArgument,
+    settings: SetOption = None,
+    at: Annotated[
+        str | None,
+        typer.Option("--at", metavar="TIME", help="Time of a run, in s or with a unit.", show_default=False),
+    ] = None,
+    states: Annotated[
+        list[str] | None,
+        typer.Option("--state", metavar="NAME=VALUE", help="Value of a state, in SI; repeatable.", show_default=False),
+    ] = None,
+    inputs: InputsOption = None,
+    freed: FreeOption = None,
+    outputs: OutputsOption = None,
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Linearize a model: x' = A x + B u, y = C x + D u, in deviations from a point, with the eigenvalues of A.
+
+    Without --at the point is the start; with it the model is simulated up to that time first.
+
+    Example: acausal linearize Pendulum --at 0.5
+    """
+    prepared = prepare(find_model(model), settings or (), freed or ())
+    time = seconds_of("at", at)
+    x, u = numbers_of("--state", states), numbers_of("--input", inputs, prepared.model)
+    from acausal.export.linearize import linearize as linearized
+    from acausal.lower.compile import compile
+    from acausal.simulate.run import simulate
+
+    compiled = compile(prepared.model, parameters=prepared.parameters)
+    start = compiled.flat.experiment.start_time
+    if time is not None and time < start:
+        raise UsageError("AC011", f"--at {time:g} s is before the start of the run at {start:g} s")
+    result = None
+    if time is not None and time > start:
+        result = simulate(compiled, stop_time=time, output_interval=time - start, inputs=u)
+    found = linearized(compiled, time, x, result=result, inputs=u, outputs=listed(outputs) or None)
+    if as_json:
+        record(_content(found))
+    else:
+        _print(found)
+    for note in () if quiet or as_json else found.notes:
+        remark(f"note: {note}")
+
+
+def _content(found: Linearization) -> dict[str, Any]:
+    return {
+        "model": found.name,
+        "time": found.t,
+        **{name: getattr(found, name) for name in ("states", "inputs", "outputs", *"ABCDxuy", "rates")},
+        "eigenvalues": [_mode(complex(e)) for e in found.eigenvalues],
+        "notes": list(found.notes),
+    }
+
+
+def _mode(e: complex) -> dict[str, float]:
+    """An eigenvalue with its frequency [Hz] and damping ratio; the ratio of an eigenvalue of zero is 1."""
+    size = abs(e)
+    return {
+        "real": e.real,
+        "imag": e.imag,
+        "frequency": size / (2.0 * math.pi),
+        "damping": -e.real / size if size else 1.0,
+    }
+
+
+def _print(found: Linearization) -> None:
+    sizes = (plural(len(found.states), "state"), plural(len(found.inputs), "input"))
+    say(f"{found.name}: {', '.join(sizes)}, {plural(len(found.outputs), 'output')} at t = {found.t:g} s")
+    if found.states:
+        say("point")
+        rows = [
+            (n, f"{v + 0.0:.6g}", f"{r + 0.0:.6g}")  # no "-0"
+            for n, v, r in zip(found.states, found.x.tolist(), found.rates.tolist(), strict=True)
+        ]
+        table(rows, ("state", "value", "rate"), indent="  ")
+        say("eigenvalues of A")
+        modes = [_mode(complex(e)) for e in found.eigenvalues]
+        table([_mode_row(m) for m in modes if m["imag"] >= 0.0], ("1/s", "frequency", "damping"), indent="  ")
+    for name in "ABCD":
+        matrix = getattr(found, name)
+        if matrix.size and matrix.shape[1] <= _MOST_COLUMNS:
+            say(name)
+            table([[f"{v + 0.0:.6g}" for v in row] for row in matrix.tolist()], indent="  ")
+        elif matrix.size:
+            say(f"{name}   {matrix.shape[0]} x {matrix.shape[1]}: --json prints it")
+
+
+def _mode_row(m: dict[str, float]) -> tuple[str, str, str]:
+    number = f"{m['real']:.6g}" + (f" +- {m['imag']:.6g}i" if m["imag"] else "")
+    return number, f"{m['frequency']:.6g} Hz", f"{m['damping']:.4g}"

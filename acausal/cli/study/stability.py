@@ -1,0 +1,86 @@
+"""`acausal stability`: where methods fail on a model, and which solver to take."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from acausal.cli.arguments.completion import complete_solver
+from acausal.cli.arguments.options import (
+    DetailsOption,
+    InputsOption,
+    JsonOption,
+    ModelArgument,
+    QuietOption,
+    SetOption,
+    StartTimeOption,
+    StopTimeOption,
+    ToleranceOption,
+    output_file_option,
+)
+from acausal.cli.arguments.outputs import check_picture
+from acausal.cli.arguments.reference import find_model
+from acausal.cli.arguments.settings import numbers_of, prepare, seconds_of
+from acausal.cli.output.report import record, remark, say
+
+
+def stability(
+    model: ModelArgument,
+    settings: SetOption = None,
+    inputs: InputsOption = None,
+    points: Annotated[int, typer.Option("--points", help="Number of points of the run at which to linearise.")] = 20,
+    solver: Annotated[
+        str | None,
+        typer.Option(
+            "--solver",
+            help="Solver of the run: idas, rosenbrock, cvodes, erk.",
+            show_default=False,
+            autocompletion=complete_solver,
+        ),
+    ] = None,
+    tolerance: ToleranceOption = None,
+    start_time: StartTimeOption = None,
+    stop_time: StopTimeOption = None,
+    step: Annotated[
+        str | None,
+        typer.Option("--step", metavar="TIME", help="Fixed step to scale the picture by.", show_default=False),
+    ] = None,
+    check: Annotated[bool, typer.Option("--check/--no-check", help="Try the largest steps by runs.")] = True,
+    output: Annotated[Path | None, output_file_option("Picture: .png, .svg or .pdf. Default: none.")] = None,
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
+    details: DetailsOption = False,
+) -> None:
+    """Recommend a solver and say what to avoid and why: from eigenvalues, largest steps, growth of errors along a run.
+
+    Example: acausal stability ThickBlock -o ThickBlock.png
+    """
+    cls = find_model(model)
+    prepared = prepare(cls, settings or ())
+    if output is not None:
+        check_picture(output)
+    from acausal.lower.compile import compile
+    from acausal.study.stability.stability import stability as study
+
+    found = study(
+        compile(prepared.model, parameters=prepared.parameters),
+        points=points,
+        solver=solver,
+        step=seconds_of("step", step),
+        start_time=seconds_of("start_time", start_time),
+        stop_time=seconds_of("stop_time", stop_time),
+        tolerance=tolerance,
+        inputs=numbers_of("--input", inputs, prepared.model),
+        check=check,
+    )
+    if output is not None:
+        found.plot(output)
+    if as_json:
+        record({**found.content(), "files": [] if output is None else [str(output)]})
+        return
+    for line in found.lines(details):
+        say(line)
+    if output is not None and not quiet:
+        remark(f"wrote {output}")

@@ -1,0 +1,250 @@
+"""`acausal sweep`: many runs of one model, one table, families of curves."""
+
+from __future__ import annotations
+
+import io
+import sys
+import time
+from collections import Counter
+from collections.abc import Sequence
+from contextlib import redirect_stderr
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from acausal.cli.arguments.inputs import inputs_of, starts_of
+from acausal.cli.arguments.options import (
+    FreeOption,
+    InputsOption,
+    InterpolationOption,
+    JsonOption,
+    ModelArgument,
+    NativeOption,
+    OutputIntervalOption,
+    PlotFileOption,
+    PlotOption,
+    QuietOption,
+    SetOption,
+    SignalsOption,
+    SolverOption,
+    StartOption,
+    StartTimeOption,
+    StepOption,
+    StopTimeOption,
+    ToleranceOption,
+    output_file_option,
+)
+from acausal.cli.arguments.outputs import check_picture, check_writable
+from acausal.cli.arguments.reference import find_model
+from acausal.cli.arguments.settings import listed, prepare, seconds_of
+from acausal.cli.output.report import plural, quantity, record, remark, say, seconds, table
+from acausal.cli.run.progress import ProgressBar
+from acausal.cli.study.vary import variations_of
+from acausal.errors import UsageError
+
+if TYPE_CHECKING:
+    from acausal.study.sweep.family import Progress, Sweep
+
+# Seconds between two lines of progress where there is no terminal.
+_PAUSE = 10.0
+_MOST_LINES = 12
+
+
+VaryOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--vary",
+        metavar="PATH=VALUES",
+        help="LOW:HIGH:COUNT, log:LOW:HIGH:COUNT, A,B,C or normal:MEAN:DEVIATION, units allowed; repeatable.",
+        show_default=False,
+    ),
+]
+SampleOption = Annotated[
+    str | None,
+    typer.Option(
+        "--sample",
+        metavar="KIND:N",
+        help="N draws instead of the grid of all combinations: sobol, halton, lhs, random.",
+        show_default=False,
+    ),
+]
+SeedOption = Annotated[int, typer.Option("--seed", help="Seed of the random draws.")]
+WorkersOption = Annotated[
+    int | None,
+    typer.Option("--workers", metavar="N", help="Number of workers. Default: one for each core.", show_default=False),
+]
+ExecutorOption = Annotated[
+    str, typer.Option("--executor", help="processes, threads, dask://HOST:PORT, or dask:// for a cluster here.")
+]
+ResumeOption = Annotated[bool, typer.Option("--resume", help="Run only what the .sweep file does not hold yet.")]
+MembersOption = Annotated[Path | None, output_file_option("File of the finished members. Default: MODEL.sweep.")]
+TableOption = Annotated[
+    Path | None, typer.Option("--table", help="One table: .parquet, .nc or .csv.", show_default=False)
+]
+
+
+def sweep(
+    model: ModelArgument,
+    vary: VaryOption = None,
+    sample: SampleOption = None,
+    seed: SeedOption = 0,
+    signals: SignalsOption = None,
+    settings: SetOption = None,
+    start_time: StartTimeOption = None,
+    stop_time: StopTimeOption = None,
+    output_interval: OutputIntervalOption = None,
+    tolerance: ToleranceOption = None,
+    solver: SolverOption = None,
+    step: StepOption = None,
+    native: NativeOption = None,
+    inputs: InputsOption = None,
+    interpolation: InterpolationOption = "linear",
+    freed: FreeOption = None,
+    start: StartOption = None,
+    workers: WorkersOption = None,
+    executor: ExecutorOption = "processes",
+    resume: ResumeOption = False,
+    output_file: MembersOption = None,
+    table_file: TableOption = None,
+    plot: PlotOption = False,
+    plot_file: PlotFileOption = None,
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Run a model with many values of its parameters.
+
+    Finished members are in the .sweep file at once, failed ones with their error: --resume goes on after a kill.
+
+    Example: acausal sweep ThinPlate --vary v=1mm/s:2mm/s:20 --signals drill.F_f --plot
+    """
+    cls = find_model(model)
+    prepared = prepare(cls, settings or (), freed or ())
+    file = output_file or Path(f"{cls.__name__}.sweep")
+    picture = plot_file or (Path(f"{cls.__name__}.png") if plot else None)
+    _check_files(file, table_file, picture)
+    from acausal.study.sweep.sweep import sweep as made_by
+
+    chatter, shown = io.StringIO(), _Shown(cls.__name__, quiet)
+    try:
+        with shown.bar, redirect_stderr(chatter):
+            found = made_by(
+                prepared.model,
+                variations_of(prepared.model, vary),
+                sample=sample,
+                seed=seed,
+                signals=listed(signals) or None,
+                parameters=prepared.parameters,
+                workers=workers,
+                executor=executor,
+                file=file,
+                resume=resume,
+                progress=shown,
+                start_time=seconds_of("start_time", start_time),
+                stop_time=seconds_of("stop_time", stop_time),
+                output_interval=seconds_of("output_interval", output_interval),
+                step=seconds_of("step", step),
+                tolerance=tolerance,
+                solver=solver,
+                native=native,
+                inputs=inputs_of(prepared.model, inputs, interpolation),
+                start=starts_of(prepared.model, start),
+            )
+    except KeyboardInterrupt:
+        if shown.last is not None:
+            remark(
+                f"kept {shown.last.done} of {plural(shown.last.total, 'member')} in {file}: --resume goes on with it"
+            )
+        raise
+    written = [file]
+    if table_file is not None:
+        found.save(table_file)
+        written.append(table_file)
+    if picture is not None and "ok" in found.status:
+        found.plot(file=picture)
+        written.append(picture)
+    _tell(found, shown.last, written, as_json, quiet)
+    if "ok" not in found.status:
+        raise typer.Exit(1)
+
+
+def _tell(found: Sweep, last: Progress | None, written: Sequence[Path], as_json: bool, quiet: bool) -> None:
+    if as_json:
+        record({**_content(found), "files": [str(path) for path in written]})
+        return
+    if not quiet:
+        _summary(found, last)
+    for code, count in Counter(found.codes[k] for k in found.failed).most_common(_MOST_LINES):
+        first = found.codes.index(code)
+        remark(f"failed: {plural(count, 'member')} with {code}, the first is {first}: {found.messages[first]}")
+    if not quiet:
+        for note, count in Counter(n for notes in found.notes for n in notes).most_common(_MOST_LINES):
+            remark(f"note: {note} ({plural(count, 'member')})")
+        for path in written:
+            remark(f"wrote {path}")
+
+
+def _check_files(file: Path, table_file: Path | None, picture: Path | None) -> None:
+    from acausal.study.sweep.tables import check_table
+
+    if file.suffix != ".sweep":
+        raise UsageError("AC013", f"the suffix of {file} is not .sweep", help="--table writes .parquet, .nc and .csv")
+    if not file.exists():
+        check_writable(file)
+    if table_file is not None:
+        check_table(table_file)
+        check_writable(table_file)
+    if picture is not None:
+        check_picture(picture)
+
+
+class _Shown:
+    """Progress: a bar on a terminal, a line now and then elsewhere."""
+
+    def __init__(self, label: str, quiet: bool) -> None:
+        self.bar = ProgressBar(label, quiet)
+        self.last: Progress | None = None
+        self._lines = not quiet and not sys.stderr.isatty()
+        self._stream, self._said = sys.stderr, time.perf_counter()
+
+    def __call__(self, progress: Progress) -> None:
+        self.last = progress
+        failed = f", {progress.failed} failed" if progress.failed else ""
+        text = f"{progress.done} of {progress.total}{failed}"
+        self.bar.show(progress.done / progress.total, text)
+        if self._lines and time.perf_counter() - self._said > _PAUSE:
+            self._said = time.perf_counter()
+            print(f"{text}, {seconds(progress.remaining)} to go", file=self._stream, flush=True)
+
+
+def _summary(found: Sweep, last: Progress | None) -> None:
+    import numpy as np
+
+    ok = np.array([status == "ok" for status in found.status])
+    say(f"{found.model}: {plural(len(found), 'member')}, {int(ok.sum())} finished")
+    for k, varied in enumerate(found.parameters):
+        low, high = found.values[:, k].min(), found.values[:, k].max()
+        say(f"  varied   {varied.name}: {quantity(low, varied.unit)} ... {quantity(high, varied.unit)}")
+    if last is not None and ok.any():
+        say(f"  time     {seconds(last.elapsed)}, {seconds(float(np.nanmedian(found.seconds[ok])))} a run")
+    if ok.any():
+        say("final values")
+        rows = []
+        for s in found.signals[:_MOST_LINES]:
+            values = found.final(s.name)[ok]
+            rows.append((s.name, *(quantity(float(v), s.unit) for v in np.quantile(values, [0.0, 0.5, 1.0]))))
+        table(rows, ("", "least", "median", "most"), indent="  ")
+
+
+def _content(found: Sweep) -> dict[str, object]:
+    """Everything but the rows over time, for JSON."""
+    return {
+        "model": found.model,
+        "parameters": {s.name: {"unit": s.unit, "values": found.values[:, k]} for k, s in enumerate(found.parameters)},
+        "status": found.status,
+        "codes": found.codes,
+        "messages": found.messages,
+        "final": {s.name: {"unit": s.unit, "values": found.finals[:, k]} for k, s in enumerate(found.signals)},
+        "stop_times": found.stop_times,
+        "seconds": found.seconds,
+    }

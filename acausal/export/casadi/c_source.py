@@ -1,0 +1,177 @@
+"""C of a `CasadiModel`: all functions with plain arrays, a header, and a main that prints them at the start.
+
+`NAME.c` holds CasADi's code and for each function `int NAME_FUNCTION(...)`, which takes pointers to dense columns in
+the order of the arguments, then of the results, and returns 0 where it could be evaluated: an iteration that does not
+converge gives nan, and what is nan is reported. Nothing is allocated and nothing remembered.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+
+from acausal.errors import ExportError
+from acausal.export.casadi.generated import generated
+from acausal.export.step.source import identifier, numbers, table
+from acausal.lower.casadi_model import CasadiModel, Ports
+from acausal.simulate.native.source import functions
+
+_WRAPPER = """
+int {own}({parameters}) {{
+  const double* arg[{narg}] = {{{arguments}}};
+  double* res[{nres}] = {{{results}}};
+  casadi_int iw[{niw}];
+  double w[{nw}];
+  int failed = {own}_casadi(arg, res, iw, w, 0);
+{checks}  return failed;
+}}
+"""
+_MAIN = """/* Prints what every function of {name} gives at the start: FUNCTION RESULT NUMBERS. */
+#include <stdio.h>
+#include "{prefix}.h"
+
+static void show(const char* name, const double* values, int n) {{
+  int k;
+  printf("%s", name);
+  for (k = 0; k < n; ++k) printf(" %.17g", values[k]);
+  printf("\\n");
+}}
+
+int main(void) {{
+  int failed = 0;
+{calls}
+  return failed;
+}}
+"""
+
+
+def sources(model: CasadiModel) -> dict[str, str]:
+    """The three files by name.
+
+    Raises
+    ------
+    ExportError
+        AC612 when CasADi cannot write one of the functions.
+    """
+    prefix = identifier(model.name)
+    known: dict[int, Any] = {}
+    made = {name.replace(".", "_"): generated(f, known) for name, f in model.functions.items()}
+    dense = {name: _dense(f"{prefix}_{name}_casadi", f) for name, f in made.items()}
+    try:
+        code = functions(*dense.values())
+    except RuntimeError as error:
+        raise ExportError(
+            "AC612",
+            f"{model.name} cannot be written as C",
+            evidence=[str(error).strip().splitlines()[-1]],
+            help="external functions of CasADi that do not generate have to be expressions or C themselves",
+        ) from error
+    if "#error" in code:
+        raise ExportError("AC612", f"{model.name} cannot be written as C: CasADi has no code for a part of it")
+    wrappers = "".join(_wrapper(prefix, name, f) for name, f in dense.items())
+    head = f'/* {model.name}, by acausal. */\n#include "{prefix}.h"\n'
+    return {
+        f"{prefix}.c": f"{head}{code}\n{_starts(model, prefix)}{wrappers}",
+        f"{prefix}.h": _header(model, prefix, dense),
+        f"{prefix}_main.c": _main(model, prefix, dense),
+    }
+
+
+def _dense(name: str, function: Any) -> Any:
+    """Under another name, with dense arguments and results."""
+    sizes = [function.size_in(k) for k in range(function.n_in())]
+    kind: Any = ca.SX if function.is_a("SXFunction") else ca.MX
+    arguments = [kind.sym(function.name_in(k), *size) for k, size in enumerate(sizes)]
+    inner = [ca.project(a, function.sparsity_in(k)) for k, a in enumerate(arguments)]
+    found = [ca.densify(v) for v in function.call(inner)]
+    return ca.Function(name, arguments, found, _inputs(function), _results(function))
+
+
+def _inputs(function: Any) -> list[str]:
+    return [function.name_in(k) for k in range(function.n_in())]
+
+
+def _results(function: Any) -> list[str]:
+    return [function.name_out(k) for k in range(function.n_out())]
+
+
+def _signature(prefix: str, name: str, function: Any) -> str:
+    given = [f"const double* {name}" for name in _inputs(function)]
+    results = [f"double* {name}" for name in _results(function)]
+    return f"int {prefix}_{name}({', '.join([*given, *results])})"
+
+
+def _wrapper(prefix: str, name: str, function: Any) -> str:
+    signature = _signature(prefix, name, function)
+    return _WRAPPER.format(
+        own=f"{prefix}_{name}",
+        parameters=signature[signature.index("(") + 1 : -1],
+        arguments=", ".join(_inputs(function)) or "0",
+        results=", ".join(_results(function)) or "0",
+        checks=_checks(function),
+        narg=max(function.sz_arg(), 1),
+        nres=max(function.sz_res(), 1),
+        niw=function.sz_iw() + 1,
+        nw=function.sz_w() + 1,
+    )
+
+
+def _checks(function: Any) -> str:
+    """Lines that report what is not a number."""
+    sizes = [(name, function.numel_out(name)) for name in _results(function)]
+    lines = [f"  for (k = 0; k < {n}; ++k) if ({name}[k] != {name}[k]) failed = 1;\n" for name, n in sizes if n]
+    return "  int k;\n" * bool(lines) + "".join(lines)
+
+
+def _vectors(model: CasadiModel) -> dict[str, Ports]:
+    found = {v: getattr(model, v) for v in ("x", "z", "u", "p", "y")}
+    return found | ({"m": model.events.m} if model.events else {})
+
+
+def _starts(model: CasadiModel, prefix: str) -> str:
+    vectors = _vectors(model)
+    return "\n".join(
+        f"const double {prefix}_{v}_start[{max(len(vectors[v]), 1)}] = {{{numbers(vectors[v])}}};" for v in vectors
+    )
+
+
+def _header(model: CasadiModel, prefix: str, made: dict[str, Any]) -> str:
+    capital, vectors = prefix.upper(), _vectors(model)
+    tables = "\n".join(table(v, ports) for v, ports in vectors.items())
+    sizes = "\n".join(f"#define {capital}_N{v.upper()} {len(ports)}" for v, ports in vectors.items())
+    starts = "\n".join(f"extern const double {prefix}_{v}_start[{max(len(vectors[v]), 1)}];" for v in vectors)
+    lines = []
+    for name, f in made.items():
+        shapes = [f"{f.name_in(k)}[{f.numel_in(k)}]" for k in range(f.n_in())]
+        results = [f"{f.name_out(k)}[{f.numel_out(k)}]" for k in range(f.n_out())]
+        lines += [f"/* ({', '.join(shapes)}) -> ({', '.join(results)}) */", f"{_signature(prefix, name, f)};"]
+    notes = "".join(f"   note: {note}\n" for note in model.notes).replace("*/", "* /")
+    return (
+        f"/* {model.name}, by acausal: SI units, dense columns, 0 is returned where a function could be evaluated.\n\n"
+        f'{tables}\n{notes}*/\n#ifndef {capital}_H\n#define {capital}_H\n#ifdef __cplusplus\nextern "C" {{\n#endif\n\n'
+        f"{sizes}\n#define {capital}_START_TIME {model.start_time!r}\n\n{starts}\n\n"
+        + "\n".join(lines)
+        + "\n\n#ifdef __cplusplus\n}\n#endif\n#endif\n"
+    )
+
+
+def _main(model: CasadiModel, prefix: str, made: dict[str, Any]) -> str:
+    vectors = _vectors(model)
+    calls = []
+    for name, f in made.items():
+        given: dict[str, list[float]] = {"t": [model.start_time], "h": [1e-3]}
+        lines = []
+        for k in range(f.n_in()):
+            own = f.name_in(k)
+            if own in vectors:
+                continue
+            values: list[float] = given[own] if own in given else [0.0] * f.numel_in(k)
+            lines.append(f"    const double {own}[{max(len(values), 1)}] = {{{', '.join(map(repr, values)) or '0'}}};")
+        lines += [f"    double {f.name_out(k)}[{max(f.numel_out(k), 1)}] = {{0}};" for k in range(f.n_out())]
+        arguments = [f"{prefix}_{n}_start" if n in vectors else n for n in (f.name_in(k) for k in range(f.n_in()))]
+        arguments += [f.name_out(k) for k in range(f.n_out())]
+        lines.append(f"    if ({prefix}_{name}({', '.join(arguments)})) failed = 1;")
+        lines += [f'    show("{name} {f.name_out(k)}", {f.name_out(k)}, {f.numel_out(k)});' for k in range(f.n_out())]
+        calls.append("  {\n" + "\n".join(lines) + "\n  }")
+    return _MAIN.format(name=model.name, prefix=prefix, calls="\n".join(calls))

@@ -1,0 +1,125 @@
+"""Functions whose derivatives are finite wherever their values are.
+
+`maximum(f, 0)**1.3`, `sqrt(maximum(f, 0))` and `acos(clamp(c, -1, 1))` have values everywhere, and a constant is all
+they are where the limit holds; but the chain rule multiplies an infinite slope by zero there, which is nan, in the
+first derivative or in the second. So does the length of a vector that vanishes. A power, a root, an inverse sine or
+cosine, and an angle are therefore taken apart at the one point where their slope is not finite: they keep their value,
+and their derivatives are 0. Everywhere else nothing changes. Bases that cannot vanish are left alone; where parameters
+decide whether they can, the question goes away with numbers for the parameters.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import casadi as ca
+
+from acausal.export.casadi.lower_bounds import Bounded, LowerBounds, known
+
+_SINGULAR = frozenset((ca.OP_SQRT, ca.OP_POW, ca.OP_CONSTPOW, ca.OP_ASIN, ca.OP_ACOS, ca.OP_ATAN2, ca.OP_HYPOT))
+
+
+def finite(function: Any) -> Any:
+    """The SX function with the same values and finite derivatives; itself where it needs no change."""
+    operations = [function.instruction_id(k) for k in range(function.n_instructions())]
+    if _SINGULAR.isdisjoint(operations) or ca.OP_CALL in operations:
+        return function
+    arguments = function.sx_in()
+    are_known = [name == "p" for name in function.name_in()]
+    entries = [
+        [known(v) if is_known else Bounded(v) for v in a.nonzeros()]
+        for a, is_known in zip(arguments, are_known, strict=True)
+    ]
+    results = [[ca.SX(0)] * function.nnz_out(k) for k in range(function.n_out())]
+    work = [known(ca.SX(0))] * function.sz_w()
+    bounds, apart = LowerBounds(), _Apart()
+    for k, op in enumerate(operations):
+        places, to = function.instruction_input(k), function.instruction_output(k)
+        if op == ca.OP_CONST:
+            work[to[0]] = known(ca.SX(function.instruction_constant(k)))
+        elif op == ca.OP_INPUT:
+            work[to[0]] = entries[places[0]][places[1]]
+        elif op == ca.OP_OUTPUT:
+            results[to[0]][to[1]] = work[places[0]].value
+        else:
+            operands = [work[p] for p in places]
+            work[to[0]] = bounds.bounded(op, apart.operation(op, operands), operands)
+    values = [ca.SX(function.sparsity_out(k), ca.vertcat(ca.SX(0, 1), *v)) for k, v in enumerate(results)]
+    return ca.Function(function.name(), arguments, values, function.name_in(), function.name_out())
+
+
+class _Apart:
+    """Operations taken apart where their slope is not finite; equal bases, bounds and exponents are asked once."""
+
+    def __init__(self) -> None:
+        # By hash; the expression itself is kept, for one that is gone leaves its hash to others.
+        self._bases: dict[int, tuple[Any, Any, Any]] = {}
+        self._exponents: dict[int, tuple[Any, Any]] = {}
+        self._bounds: dict[int, tuple[Any, Any]] = {}
+
+    def operation(self, op: int, operands: list[Bounded]) -> Any:
+        values = [o.value for o in operands]
+        if op not in _SINGULAR:
+            return ca.SX.unary(op, *values) if len(values) == 1 else ca.SX.binary(op, *values)
+        a = values[0]
+        if op == ca.OP_SQRT:
+            is_zero, base = self._base(operands[0])
+            return ca.sqrt(base) - is_zero
+        if op in (ca.OP_POW, ca.OP_CONSTPOW):
+            return self._power(operands[0], values[1])
+        if op in (ca.OP_ASIN, ca.OP_ACOS):
+            return _inverse(op, a)
+        b = values[1]
+        origin = ca.logic_and(a == 0, b == 0)
+        other = b + origin
+        return ca.if_else(origin, 0, ca.atan2(a, other) if op == ca.OP_ATAN2 else ca.hypot(a, other))
+
+    def _power(self, base: Bounded, exponent: Any) -> Any:
+        if base.value.is_constant() or (exponent.is_constant() and _is_smooth(float(exponent))):
+            return base.value**exponent
+        is_zero, other = self._base(base)
+        return other**exponent + _where(is_zero, self._beside_one(exponent))
+
+    def _base(self, base: Bounded) -> tuple[Any, Any]:
+        """Whether a base is zero, and the base with 1 in place of zero."""
+        key = base.value.element_hash()
+        if key not in self._bases:
+            is_zero = base.value == 0
+            if base.low is not None and not base.is_known:
+                is_zero = self._can_vanish(base.low) * is_zero
+            self._bases[key] = is_zero, is_zero + _where(ca.logic_not(is_zero), base.value), base.value
+        return self._bases[key][:2]
+
+    def _can_vanish(self, low: Any) -> Any:
+        """Whether something that is never below `low` may be zero."""
+        key = low.element_hash()
+        if key not in self._bounds:
+            self._bounds[key] = ca.logic_not(low > 0), low
+        return self._bounds[key][0]
+
+    def _beside_one(self, exponent: Any) -> Any:
+        """The power of zero, less the power of one: -1, 0 or infinity."""
+        key = exponent.element_hash()
+        if key not in self._exponents:
+            found = _where(ca.logic_not(exponent >= 0), math.inf) - (exponent > 0)
+            self._exponents[key] = found, exponent
+        return self._exponents[key][0]
+
+
+def _is_smooth(exponent: float) -> bool:
+    """Whether all derivatives of such a power are finite at zero: implicit steps take more than two."""
+    return exponent >= 0 and exponent.is_integer()
+
+
+def _where(condition: Any, value: Any) -> Any:
+    return ca.SX.binary(ca.OP_IF_ELSE_ZERO, condition, value)
+
+
+def _inverse(op: int, a: Any) -> Any:
+    """The inverse sine or cosine, whose slope is infinite at 1 and -1."""
+    at_end = ca.fabs(a) == 1
+    inside = ca.if_else(at_end, 0, a)
+    if op == ca.OP_ASIN:
+        return ca.if_else(at_end, ((a > 0) - (a < 0)) * (math.pi / 2), ca.asin(inside))
+    return ca.if_else(at_end, (a < 0) * math.pi, ca.acos(inside))

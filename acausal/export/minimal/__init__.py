@@ -1,0 +1,1 @@
+"""As many states as a model has degrees of freedom, two for each."""

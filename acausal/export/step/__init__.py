@@ -1,0 +1,1 @@
+"""One step of a fixed-step method as a function, and as C."""

@@ -1,0 +1,169 @@
+"""The event iteration within a step of bounded work: the compiled round, a fixed number of times.
+
+A turn solves for the algebraic variables and then does one thing: it evaluates discrete equations, or flips relations
+that do not hold, or goes on with the round (`acausal.lower.events.round`), as `acausal.simulate.events.iteration` does.
+Turns follow one another as long as anything changes, which the code of the step asks before each: turns that are not
+needed cost nothing. Whether all was settled when the last one ended is handed on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+
+from acausal.export.step.methods import Method
+from acausal.lower.compiled import CompiledModel
+from acausal.lower.events.round import Round
+from acausal.lower.symbols import Symbols
+
+# States are taken to be known to this share of their values or nominal magnitudes where relations are judged.
+_KNOWN = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Settling:
+    """The event iteration of one model; `method` solves for the algebraic variables."""
+
+    compiled: CompiledModel
+    method: Method
+
+    @property
+    def samples(self) -> slice:
+        """Place of the samples among the modes."""
+        first = self.compiled.n_timely
+        return slice(first, first + len(self.compiled.state_events.samples))
+
+    @property
+    def memories(self) -> slice:
+        """Place of what `pre` remembers."""
+        first = self.samples.stop
+        return slice(first, first + len(self.compiled.state_events.memories))
+
+    @property
+    def relations(self) -> slice:
+        """Place of the relations of variables."""
+        last = self.compiled.n_modes
+        return slice(last - len(self.compiled.state_events.relations), last)
+
+    @property
+    def turns(self) -> int:
+        """How many turns there are: a few for everything that can happen at one instant."""
+        events = self.compiled.state_events
+        return 8 + 4 * (len(events.conditions) + len(events.relations) + len(events.assignments) + len(events.memories))
+
+    @cached_property
+    def settled(self) -> Any:
+        """`(t, x, z, u, p, m, before, samples, skip) -> (x, z, m, settled)`, from modes `m` that have changed already.
+
+        `before` are the modes that held before the event; `samples` says which samples are true now; nothing is done
+        where `skip` says so. An MX function: its turns are a loop, of which only those that are needed are run.
+        """
+        s, size = Symbols(self.compiled), len(self.compiled.state_events.conditions)
+        before = ca.SX.sym("before", self.compiled.n_modes)
+        samples, skip = ca.SX.sym("samples", self.samples.stop - self.samples.start), ca.SX.sym("skip")
+        none = ca.SX(size, 1)
+        was = Round(*self.compiled.events.round(s.t, s.x, s.z, s.u, s.p, before, none, none, 0)).conditions
+        m = ca.SX(s.m)
+        m[self.samples] = samples
+        walk = ca.densify(ca.vertcat(s.x, s.z, m, was, none, 0, skip, s.t, s.u, s.p))
+        first = ca.Function("first", [*s.inputs, before, samples, skip], [walk])
+        symbols = [ca.MX.sym(first.name_in(k), first.sparsity_in(k)) for k in range(first.n_in())]
+        walked = self._turn.fold(self.turns)(first(*symbols))
+        return ca.Function("settled", symbols, self._last(walked))
+
+    @property
+    def _sizes(self) -> list[int]:
+        """What a walk holds: x, z, m, was, decided, level, settled, t, u, p."""
+        c = self.compiled
+        size = len(c.state_events.conditions)
+        fixed = 1, len(c.inputs), len(c.parameters)
+        return [len(c.states), len(c.algebraic), c.n_modes, size, size, 1, 1, *fixed]
+
+    def _parts(self, walk: Any) -> list[Any]:
+        ends = [0]
+        for size in self._sizes:
+            ends.append(ends[-1] + size)
+        return list(ca.vertsplit(walk, ends))
+
+    @cached_property
+    def _turn(self) -> Any:
+        """`walk -> walk`, nothing where all is settled."""
+        walk = ca.SX.sym("walk", sum(self._sizes))
+        x, z, m, was, decided, level, _, t, u, p = self._parts(walk)
+        z = self.method.algebraic(t, x, z, [u, p, m])
+        here = [t, x, z, u, p, m]
+        found = Round(*self.compiled.events.round(*here, was, decided, level))
+        places = [a.position for a in self.compiled.state_events.assignments]
+        stale = any_of(found.assigned[k] != x[place] for k, place in enumerate(places))
+        fresh = ca.logic_not(any_of(found.remembered[k] != m[j] for k, j in enumerate(_places(self.memories))))
+        wrong = self._wrong(here, fresh)
+        moves = ca.logic_or(stale, any_of(wrong))
+        assigned, flipped = ca.SX(x), ca.SX(m)
+        for k, place in enumerate(places):
+            assigned[place] = ca.if_else(stale, found.assigned[k], x[place])
+        for k, j in enumerate(_places(self.relations)):
+            flipped[j] = ca.if_else(ca.logic_and(ca.logic_not(stale), wrong[k]), 1 - m[j], m[j])
+        after = [
+            ca.if_else(moves, a, b)
+            for a, b in (
+                (assigned, found.x),
+                (z, z),
+                (flipped, found.m),
+                (was, found.was),
+                (decided, found.decided),
+                (level, found.level),
+                (0, found.settled),
+            )
+        ]
+        go = ca.Function("go", [walk], [ca.cse(ca.densify(ca.vertcat(*after, t, u, p)))])
+        stay = ca.Function("stay", [walk], [walk])
+        choice = ca.Function.if_else("choice", stay, go)
+        held = ca.MX.sym("walk", walk.numel())
+        return ca.Function("turn", [held], [choice(self._parts(held)[6], held)])
+
+    @cached_property
+    def _last(self) -> Any:
+        """`walk -> (x, z, m, settled)`: the instant is over, samples are false again, also to what remembers them."""
+        walk = ca.SX.sym("walk", sum(self._sizes))
+        x, z, m, was, decided, level, settled, t, u, p = self._parts(walk)
+        m = ca.SX(m)
+        m[self.samples] = 0
+        if self.samples.stop > self.samples.start and self.memories.stop > self.memories.start:
+            found = Round(*self.compiled.events.round(t, x, z, u, p, m, was, decided, level))
+            m[self.memories] = found.remembered
+        return ca.Function("last", [walk], [ca.densify(v) for v in (x, z, m, settled)])
+
+    def _wrong(self, here: list[Any], fresh: Any) -> list[Any]:
+        """Relations that do not hold, or are at their guard and about not to; the latter once `pre` is up to date."""
+        g = self.compiled.events.watch(*here)
+        rate, noise = self.rates(*here)
+        found = []
+        for k in range(g.numel()):
+            leaves = ca.logic_and(fresh, ca.logic_and(g[k] <= noise[k], rate[k] < -noise[k]))
+            found.append(ca.logic_or(g[k] < -2 * noise[k], leaves))
+        return found
+
+    def rates(self, t: Any, x: Any, z: Any, u: Any, p: Any, m: Any) -> tuple[Any, Any]:
+        """Time derivatives of the guards along the solution, and how far these can be wrong by rounding."""
+        nominal_x, nominal_z = ca.DM(self.compiled.nominal_x), ca.DM(self.compiled.nominal_z)
+        errors = [_KNOWN * (ca.fabs(v) + n) for v, n in ((x, nominal_x), (z, nominal_z))]
+        own, noise, by_z, alg, alg_z = self.compiled.events.rates(t, x, z, u, p, m, *errors)
+        if z.numel():
+            own = own - by_z @ ca.solve(ca.sparsify(alg_z), alg)
+        return own, noise + 1e-15
+
+
+def _places(part: slice) -> range:
+    return range(part.start, part.stop)
+
+
+def any_of(conditions: Iterable[Any]) -> Any:
+    """Whether one of these holds."""
+    found: Any = ca.SX(0)
+    for condition in conditions:
+        found = ca.logic_or(found, condition)
+    return found

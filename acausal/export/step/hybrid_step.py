@@ -1,0 +1,429 @@
+"""One step of a model with events as expressions: bounded work, whatever happens in it.
+
+A step goes on with the modes it begins with. Where a relation is passed, the first such instant is located (six steps
+of the false position of N. Anderson and A. Bjorck, BIT 13 (1973) 253-264, on the interpolated states), the event
+iteration runs there, and a second, shorter step goes on to the end. There the event iteration runs once more, for time
+events, samples, and relations that were passed after the first. So an event costs no order where it is the only one in
+its step (order two with implicit methods, between whose steps states are interpolated by straight lines); a second one
+is taken at the end of the step, an error of the length of the step, and a relation that is passed twice within a step,
+there and back, not at all. Both are looked for, and said by a flag: guards behind zero at the end of the second part,
+guards that fall at one end of a part and rise at the other and are below zero in between, and guards that are far from
+smooth between the ends of a part.
+
+Impacts that follow one another within a step end at rest, as in `acausal.simulate.events.rest`, but elastic ones too:
+the state that the `when` resets, and what it drives, are put on the guard. A note says so. Both parts are computed in
+every call; that is the price of a time that does not depend on what happens.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.errors import ExportError
+from acausal.export.begin import Begin, begin_of
+from acausal.export.step.event_step import Settling, any_of
+from acausal.export.step.methods import IMPLICIT, Method
+from acausal.export.step.timely import TICK, ticks, timely
+from acausal.flatten.text import to_text
+from acausal.lower.casadi_model import Port
+from acausal.lower.compiled import CompiledModel
+from acausal.lower.symbols import Symbols
+from acausal.simulate.equations.kept import kept
+from acausal.simulate.equations.problem import Problem
+from acausal.simulate.events.guards import Guards, Moment
+from acausal.simulate.events.held import Hold
+from acausal.simulate.events.iteration import Iteration
+from acausal.simulate.events.regime import Regime
+from acausal.simulate.events.sampling import clocks, due, users
+from acausal.simulate.tolerances import Tolerances
+
+Vector = NDArray[np.float64]
+_LOCATING = 6
+# Shares of a part of a step at which guards are looked at, and how far from the cubic between its ends they are, by
+# their size, where they swing within it.
+_INSIDE = (0.1813, 0.4377, 0.6481, 0.8342)
+_JAGGED = 0.1
+
+
+@dataclass(frozen=True)
+class _Impact:
+    """A relation whose `when` resets a velocity, and the symbols' functions that put states onto its guard."""
+
+    relation: int
+    onto: Any
+    """`(t, x, z, u, p, m) -> (states at the guard, states at rest on it)`."""
+
+
+@dataclass(frozen=True, eq=False)
+class HybridStep:
+    """The step of `compiled` by `method`; `u` and `p` are the MX symbols of the step function."""
+
+    compiled: CompiledModel
+    method: Method
+    u: Any
+    p: Any
+    h: float
+
+    def __post_init__(self) -> None:
+        p = np.array(self.compiled.parameter_values, dtype=float)
+        for k, (_, interval) in enumerate(clocks(self.compiled, p)):
+            if interval < self.h * (1 - TICK):
+                raise _too_fast(self.compiled, k, interval, self.h)
+
+    @cached_property
+    def settling(self) -> Settling:
+        """The event iteration."""
+        return Settling(self.compiled, self.method)
+
+    @property
+    def kept(self) -> list[int]:
+        """Places of the modes that are part of x: what `pre` remembers, and relations of variables."""
+        s = self.settling
+        return [*range(s.memories.start, s.memories.stop), *range(s.relations.start, s.relations.stop)]
+
+    def ports(self, m: Vector) -> list[Port]:
+        """Descriptions of the modes in x, with their values at the start."""
+        compiled, reduced = self.compiled, self.compiled.solution.structure.reduced
+        place = dict(zip(compiled.mode_places, compiled.mode_nodes, strict=True))
+
+        def name_of(kind: str, k: int) -> str:
+            return reduced.name(k) if kind == "var" else compiled.parameters[k]
+
+        found = []
+        for j in self.kept:
+            text = to_text(reduced.pool, place[j], name_of, 80)
+            doc = "What is remembered of the last event" if j < self.settling.memories.stop else "1 where this holds"
+            found.append(Port(text, "", doc, float(m[j])))
+        return found
+
+    def begin(self) -> Begin:
+        """The start after its events."""
+        begin = begin_of(self.compiled)
+        problem = Problem(self.compiled, begin.p, begin.u)
+        _refuse_shares(self.compiled, begin)
+        span = max(self.compiled.flat.experiment.stop_time - begin.t, self.h)
+        iteration = Iteration(problem, Guards(problem, Tolerances(1e-10, factor=1.0), span))
+        m = begin.m.copy()
+        m[: self.compiled.n_timely] = np.array(self.timely(begin.t, begin.p)).ravel()
+        moment = iteration.settle(begin.t, Moment(begin.x, begin.z, m, Regime(problem)), m, flag="initial").moment
+        ticks = due(self.compiled, begin.p, np.array([begin.t]))[0]
+        if ticks.any():
+            moment = iteration.settle(begin.t, moment, moment.m, samples=ticks).moment
+        return replace(begin, x=moment.x, z=moment.z, m=moment.m)
+
+    def timely(self, t: Any, p: Any) -> Any:
+        """Relations of time just after an instant."""
+        return timely(self.compiled, t, self.h, p)
+
+    def modes(self, t: Any, kept: Any) -> Any:
+        """All modes from those in x, at the start of a step."""
+        return self._modes(t, kept, self.p)
+
+    @cached_property
+    def _modes(self) -> Any:
+        t, kept, p = ca.SX.sym("t"), ca.SX.sym("kept", len(self.kept)), ca.SX.sym("p", self.p.numel())
+        m = ca.SX(self.compiled.n_modes, 1)
+        if self.compiled.n_timely:
+            m[: self.compiled.n_timely] = self.timely(t, p)
+        for k, j in enumerate(self.kept):
+            m[j] = kept[k]
+        return ca.Function("modes", [t, kept, p], [ca.densify(m)])
+
+    @property
+    def is_timed(self) -> bool:
+        """Whether a step depends on the time at which it begins."""
+        events = self.compiled.events
+        places = [(self.compiled.rhs, 0), (self.compiled.rhs, 1), (events.watch, 0)]
+        places += [(events.round, k) for k in range(events.round.n_out())]
+        known = self.compiled.n_timely or self.compiled.state_events.samples
+        return bool(known) or any(f.jac_sparsity(k, 0).nnz() for f, k in places)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """The limits of steps of this size."""
+        texts = self.compiled.events.texts
+        return (
+            f"the events of a step settle in {self.settling.turns} turns; step.unsettled in y is 1 when they did not",
+            *[
+                f"one event is located in a step of {self.h:g} s; step.unlocated in y is 1 when another relation was "
+                "passed behind it, or one there and back: take a smaller step. Relations are looked at in four points "
+                "inside, so that a bell such as exp(-(x/w)**2) > 0.5 that is passed in less than a tenth of a step is "
+                "not seen"
+            ][: len(self.compiled.state_events.relations)],
+            *(
+                f"impacts of {texts[i.relation]} that follow one another within a step of {self.h:g} s end at rest, "
+                "elastic ones too"
+                for i in self._impacts
+            ),
+        )
+
+    def step(self, t: Any, x: Any, z: Any, m: Any) -> tuple[Any, Any, Any, Any, Any]:
+        """States, algebraic variables and modes at the end of a step; whether its events have settled, all located."""
+        held = [self.u, self.p]
+        settled: Any = 1
+        located: Any = 1
+        if self.compiled.state_events.relations:
+            x1, z1, theta, at, xe, ze, flipped, marks, seen = self._reached(t, x, z, *held, m)
+            nothing = ca.MX(self.settling.samples.stop - self.settling.samples.start, 1)
+            xe, ze, me, settled = self.settling.settled(at, xe, ze, *held, flipped, m, nothing, theta >= 1)
+            x, z, m_end, later = self._rest_of_step(t, x, z, *held, m, x1, z1, theta, at, xe, ze, me, marks)
+            located = ca.logic_and(seen, later)
+        else:
+            x, z = self._whole(t, x, z, *held, m)
+            m_end = m
+        end = t + self.h
+        due, late = self._ticks(end, self.p)
+        for k in range(late.numel()):
+            located = ca.logic_and(located, ca.logic_not(late[k]))
+        x, z, m, also = self.settling.settled(end, x, z, *held, self._at_end(end, m_end, self.p), m_end, due, 0)
+        return x, z, m, ca.logic_and(settled, also), located
+
+    @cached_property
+    def _whole(self) -> Any:
+        """`(t, x, z, u, p, m) -> (x, z)`: a step with the modes it begins with."""
+        s = Symbols(self.compiled)
+        return ca.Function("whole", s.inputs, self.method.step(s.t, self.h, s.x, s.z, [s.u, s.p, s.m]))
+
+    @cached_property
+    def _at_end(self) -> Any:
+        """`(t, m, p) -> m`: relations of time as they hold just after an instant."""
+        t, p, m = ca.SX.sym("t"), ca.SX.sym("p", self.p.numel()), ca.SX.sym("m", self.compiled.n_modes)
+        after = ca.SX(m)
+        if self.compiled.n_timely:
+            after[: self.compiled.n_timely] = self.timely(t, p)
+        return ca.Function("at_end", [t, m, p], [after])
+
+    @cached_property
+    def _reached(self) -> Any:
+        """`(t, x, z, u, p, m) -> (x, z after the whole step, share, instant, x, z there, m flipped, marks, seen)`.
+
+        The first relation that is passed, at `share` of the step (1: none). `marks` has for each relation: whether it
+        is that one, whether it rests on its guard, its distance and its rate at the start. `seen` says that none was
+        passed there and back before.
+        """
+        s, settling, watch = Symbols(self.compiled), self.settling, self.compiled.events.watch
+        t, x, z, u, p, m = s.inputs
+        held = [u, p, m]
+        x1, z1 = self.method.step(t, self.h, x, z, held)
+        g0, g1 = watch(t, x, z, *held), watch(t + self.h, x1, z1, *held)
+        # what lies on its guard and is drawn into it does not bounce again
+        rate, noise = settling.rates(t, x, z, *held)
+        impacts = {i.relation for i in self._impacts}
+        resting = [
+            ca.logic_and(ca.fabs(g0[k]) <= noise[k], rate[k] <= noise[k]) if k in impacts else ca.SX(0)
+            for k in range(g0.numel())
+        ]
+        passed = [ca.logic_and(ca.logic_and(g0[k] > 0, g1[k] < 0), ca.logic_not(resting[k])) for k in range(g0.numel())]
+        theta, chosen = self._located(s, x1, z1, g0, g1, passed)
+        at = t + theta * self.h
+        xe, ze = self._between(t, x, z, x1, z1, held, theta)
+        flipped = ca.SX(m)
+        for k, j in enumerate(range(settling.relations.start, settling.relations.stop)):
+            flipped[j] = ca.if_else(chosen[k], 1 - m[j], m[j])
+        marks = ca.vertcat(*chosen, *resting, g0, rate)
+        seen = ca.logic_not(self._dips(t, self.h, x, z, x1, z1, held, theta))
+        found = [ca.densify(v) for v in (x1, z1, theta, at, xe, ze, flipped, marks, seen)]
+        outputs: list[Any] = ca.cse(found)
+        return ca.Function("reached", s.inputs, outputs)
+
+    @cached_property
+    def _rest_of_step(self) -> Any:
+        """`(t, x, z, u, p, m, *reached with its event done) -> (x, z, m, seen)` at its end, whose own event follows."""
+        s, settling, watch = Symbols(self.compiled), self.settling, self.compiled.events.watch
+        t, x, z, u, p, m = s.inputs
+        held = [u, p, m]
+        count = len(self.compiled.state_events.relations)
+        like = [x, z, ca.SX(1, 1), ca.SX(1, 1), x, z, m, ca.SX(4 * count, 1)]
+        given = [ca.SX.sym(f"a{k}", v.numel()) for k, v in enumerate(like)]
+        x1, z1, theta, at, xe, ze, me, marks = given
+        chosen, resting, g0, rate = ca.vertsplit(marks, count) if count else [marks] * 4
+        rest = ca.fmax(1 - theta, TICK) * self.h  # never zero: implicit methods divide by it
+        x2, z2 = self.method.step(at, rest, xe, ze, [u, p, me])
+        away = settling.rates(at, xe, ze, *held)[0]
+        behind = watch(t + self.h, x2, z2, u, p, me) < 0
+        passed = any_of(ca.logic_and(behind[k], ca.logic_not(resting[k])) for k in range(count))
+        passed = ca.logic_or(passed, self._dips(at, rest, xe, ze, x2, z2, [u, p, me], 1))
+        seen = ca.logic_not(ca.logic_and(theta < 1, passed))
+        x, z, new = (ca.if_else(theta < 1, a, b) for a, b in ((x2, x1), (z2, z1), (me, m)))
+        new = ca.SX(new)
+        for impact in self._impacts:
+            k = impact.relation
+            g = watch(t + self.h, x, z, *held)[k]
+            fired = ca.logic_and(chosen[k], away[k] >= -1e-6 * ca.fabs(rate[k]))
+            rests = ca.logic_and(ca.logic_or(resting[k], fired), g < 0)
+            onto, still = impact.onto(t + self.h, x, z, *held)
+            # one that comes second in its step is put back onto its guard before it bounces
+            second = ca.logic_and(ca.logic_and(g0[k] > 0, g < 0), ca.logic_not(chosen[k]))
+            x = ca.if_else(rests, still, ca.if_else(second, onto, x))
+            j = settling.relations.start + k
+            new[j] = ca.if_else(rests, m[j], new[j])
+        return ca.Function("rest_of_step", [*s.inputs, *given], ca.cse([ca.densify(v) for v in (x, z, new, seen)]))
+
+    def _dips(self, t: Any, h: Any, x: Any, z: Any, x1: Any, z1: Any, held: Sequence[Any], share: Any) -> Any:
+        """Whether a guard that is positive at both ends of a part of a step may be passed there and back up to `share`.
+
+        As in `events/location/bracketing.py`, but for the points that are integrated there: the cubic through both
+        ends is looked at where its slope would vanish if that were linear, and the guard itself where the tangents at
+        both ends meet, which is where a kink is. A guard that swings several times within the step is no cubic: it is
+        looked at inside, and where it is off by more than is left of it and by a tenth of its size, it may be passed.
+        """
+        watch, rates = self.compiled.events.watch, self.settling.rates
+        g0, g1 = watch(t, x, z, *held), watch(t + h, x1, z1, *held)
+        (rate0, noise), rate1 = rates(t, x, z, *held), rates(t + h, x1, z1, *held)[0]
+        found = []
+        for k in range(g0.numel()):
+            a, b = h * rate0[k], h * rate1[k]
+            turns = ca.logic_and(ca.logic_and(a < 0, b > 0), ca.logic_and(g0[k] > noise[k], g1[k] >= 0))
+            rise, fall = g1[k] - g0[k], ca.if_else(turns, a - b, 1)
+            meet, low = (rise - b) / fall, a / fall
+            cubic = g0[k] + low * (a + low * (3 * rise - 2 * a - b + low * (a + b - 2 * rise)))
+            there = watch(t + meet * h, *self._course(t, h, x, z, x1, z1, held, meet), *held)[k]
+            kink = ca.logic_and(meet <= share, there < 0)
+            found.append(ca.logic_and(turns, ca.logic_or(kink, ca.logic_and(low <= share, cubic < 0))))
+        for part in _INSIDE:
+            s = share * part
+            inside = watch(t + s * h, *self._course(t, h, x, z, x1, z1, held, s), *held)
+            for k in range(g0.numel()):
+                rise, a, b = g1[k] - g0[k], h * rate0[k], h * rate1[k]
+                smooth = g0[k] + s * (a + s * (3 * rise - 2 * a - b + s * (a + b - 2 * rise)))
+                off, least = ca.fabs(inside[k] - smooth), ca.fmin(ca.fmin(g0[k], g1[k]), inside[k])
+                if self.method.name in IMPLICIT:  # rates at its ends may belong to what dies out at once
+                    off = ca.fmin(off, ca.fabs(inside[k] - g0[k] - s * rise))
+                size = ca.fmax(g0[k], g1[k])
+                outside = ca.logic_and(g0[k] > noise[k], g1[k] >= 0)
+                jagged = ca.logic_and(off > least, off > _JAGGED * size)
+                found.append(ca.logic_and(outside, ca.logic_or(inside[k] < -noise[k], jagged)))
+        return any_of(found)
+
+    def _located(self, s: Symbols, x1: Any, z1: Any, g0: Any, g1: Any, passed: Sequence[Any]) -> tuple[Any, list[Any]]:
+        """The share of the step at which the first of the passed guards is reached, 1 if none; and which it is."""
+        first: Any = ca.SX(1)
+        secants = [ca.if_else(passed[k], g0[k] / (g0[k] - g1[k]), 2) for k in range(g0.numel())]
+        for secant in secants:
+            first = ca.fmin(first, secant)
+        chosen = [ca.logic_and(passed[k], secants[k] <= first) for k in range(g0.numel())]
+        share, which = ca.SX.sym("share"), ca.SX.sym("which", len(chosen))
+        xb, zb = ca.SX.sym("x1", x1.numel()), ca.SX.sym("z1", z1.numel())
+        held = [s.u, s.p, s.m]
+        between = self._between(s.t, s.x, s.z, xb, zb, held, share)
+        g = self.compiled.events.watch(s.t + share * self.h, *between, *held)
+        here = ca.Function("here", [share, *s.inputs, xb, zb, which], [ca.dot(g, which)])
+        given = [*s.inputs, x1, z1, ca.vertcat(*chosen)]
+        a, b = ca.SX(0), ca.SX(1)
+        fa, fb = (ca.dot(v, given[-1]) for v in (g0, g1))
+        for _ in range(_LOCATING):
+            c = (a * fb - b * fa) / ca.if_else(fb == fa, 1, fb - fa)
+            fc = here(c, *given)
+            before = fc > 0
+            less_b, less_a = (f * _weight(fc / ca.if_else(o == 0, 1, o)) for f, o in ((fb, fa), (fa, fb)))
+            fa, fb = ca.if_else(before, fc, less_a), ca.if_else(before, less_b, fc)
+            a, b = ca.if_else(before, c, a), ca.if_else(before, b, c)
+        # the side on which the relation has changed: on the other it would change back at once
+        return ca.if_else(first < 1, ca.fmin(b, 1 - TICK), 1), chosen
+
+    def _between(self, t: Any, x: Any, z: Any, x1: Any, z1: Any, held: Sequence[Any], share: Any) -> tuple[Any, Any]:
+        """States within a step: cubic, or straight where rates at its ends may belong to what dies out at once.
+
+        Algebraic variables follow from them: between their ends they bend, and an instant that is located on a straight
+        line is none at which the relation has changed.
+        """
+        x_between, w = self._course(t, self.h, x, z, x1, z1, held, share)
+        return x_between, self.method.algebraic(t + share * self.h, x_between, w, held)
+
+    def _course(
+        self, t: Any, h: Any, x: Any, z: Any, x1: Any, z1: Any, held: Sequence[Any], share: Any
+    ) -> tuple[Any, Any]:
+        """The same without algebraic equations."""
+        x_between, w = x + share * (x1 - x), z + share * (z1 - z)
+        if self.method.name not in IMPLICIT:
+            f0 = self.method.rates(t, x, z, *held)[0]
+            f1 = self.method.rates(t + h, x1, z1, *held)[0]
+            bend = (1 - 2 * share) * (x1 - x) + (share - 1) * h * f0 + share * h * f1
+            x_between = x_between + share * (share - 1) * bend
+        return x_between, w
+
+    @cached_property
+    def _ticks(self) -> Any:
+        return ticks(self.compiled, self.h)
+
+    @cached_property
+    def _impacts(self) -> list[_Impact]:
+        """Relations that alone make a `when` act which resets a state, where rest on the guard is possible."""
+        compiled = self.compiled
+        begin = begin_of(compiled)
+        problem = Problem(compiled, begin.p, begin.u)
+        relations = compiled.state_events.relations
+        m = np.zeros(compiled.n_modes)
+        found: dict[int, _Impact] = {}
+        for clause in compiled.state_events.clauses:
+            if len(clause.conditions) != 1 or clause.conditions[0] not in relations:
+                continue
+            k = relations.index(clause.conditions[0])
+            for target, _ in clause.actions:
+                if k in found or target >= compiled.n_dynamic:
+                    continue
+                regime = Regime(problem, (Hold(k, target),))
+                if regime.is_possible and regime.is_solvable(begin.t, begin.x, begin.z, m):
+                    found[k] = _Impact(k, _onto(compiled, k, target))
+        return list(found.values())
+
+
+def _weight(ratio: Any) -> Any:
+    return ca.if_else(ratio < 1, 1 - ratio, 0.5)
+
+
+def _onto(compiled: CompiledModel, relation: int, target: int) -> Any:
+    """States moved onto a guard: along what the reset state drives, and with that state so that nothing approaches."""
+    s = Symbols(compiled)
+    ode = compiled.rhs(*s.inputs)[0]
+    distance = compiled.events.distances(*s.inputs)[relation]
+    approach = ca.jtimes(distance, ca.vertcat(s.t, s.x), ca.vertcat(1, ode))
+    driven = ca.densify(ca.jacobian(ode, s.x[target]))
+    own = ca.SX.zeros(s.x.numel(), 1)
+    own[target] = 1
+    slope = ca.jacobian(ca.vertcat(distance, approach), s.x)
+    ways = ca.horzcat(driven, own)
+    still = s.x - ways @ ca.solve(ca.densify(slope @ ways), ca.vertcat(distance, approach))
+    onto = s.x - driven * (distance / ca.densify(slope[0, :] @ driven))
+    return ca.Function("onto", s.inputs, [ca.densify(onto), ca.densify(still)])
+
+
+def _refuse_shares(compiled: CompiledModel, begin: Begin) -> None:
+    """Refuse friction that can stick more often than there are motions: a step has one set of equations for all modes.
+
+    What depends on what shows with all of it stuck.
+    """
+    shares = kept(compiled).shares
+    if shares is None:
+        return
+    reduced = compiled.solution.structure.reduced
+    x = begin.x.copy()
+    declared = [reduced.flat.declaration(reduced.scalar[v]) for v in compiled.state_variables]
+    x[[d.boolean for d in declared]] = 1.0
+    at = begin.t, x, begin.z, begin.u, begin.p, begin.m
+    if shares.border(compiled, *at) is not None:
+        names = " and ".join(shares.open(*at))
+        raise ExportError(
+            "AC610",
+            f"a step does not take {compiled.name}: nothing determines how {names} share their load when stuck",
+            cause="there are more friction elements than motions that they can stop",
+            help="replace those that act on one motion by one element with the sum of their limits",
+        )
+
+
+def _too_fast(compiled: CompiledModel, sample: int, interval: float, step: float) -> ExportError:
+    acting = users(compiled, compiled.state_events.samples[sample])
+    return ExportError(
+        "AC605",
+        f"a clock of {compiled.name} ticks every {interval:g} s, more than once in a step of {step:g} s",
+        where=tuple(c.where for c in acting[:1]),
+        evidence=[c.text for c in acting[:3]],
+        help=f"take a step of {interval:g} s or a fraction of it",
+    )

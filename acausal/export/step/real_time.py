@@ -1,0 +1,94 @@
+"""How fast a compiled step function is, step by step: the mean decides about throughput, the worst about real time."""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.errors import ExportError
+from acausal.export.step.source import StepFunction, identifier
+from acausal.simulate.native import cache
+
+Vector = NDArray[np.float64]
+
+_TIMED = """
+#include <time.h>
+void acausal_timed(long long n, double* x, const double* u, const double* p, double* y, double* seconds) {{
+  double next[{nx}];
+  struct timespec a, b;
+  long long k;
+  int i;
+  for (k = 0; k < n; ++k) {{
+    clock_gettime(CLOCK_MONOTONIC, &a);
+    {identifier}_step(x, u, p, next, y);
+    clock_gettime(CLOCK_MONOTONIC, &b);
+    seconds[k] = (b.tv_sec - a.tv_sec) + 1e-9 * (b.tv_nsec - a.tv_nsec);
+    for (i = 0; i < {nx}; ++i) x[i] = next[i];
+  }}
+}}
+"""
+
+
+@dataclass(frozen=True)
+class RealTime:
+    """Times of the steps of one run [s], the clock's own cost among them; factors are simulated by computing time."""
+
+    method: str
+    step: float
+    steps: int
+    mean: float
+    median: float
+    p999: float
+    worst: float
+    factor: float
+    worst_factor: float
+    finite: bool
+
+    def record(self) -> dict[str, Any]:
+        """For JSON."""
+        return asdict(self)
+
+
+def real_time(
+    made: StepFunction, steps: int, x: Vector | None = None, u: Vector | None = None
+) -> tuple[RealTime, Vector]:
+    """Run compiled steps from the start (or `x`) with constant inputs, each timed; also the x they end at.
+
+    Raises
+    ------
+    ExportError
+        AC607 without a C compiler.
+    """
+    source = made.source() + _TIMED.format(nx=max(len(made.x), 1), identifier=identifier(made.name))
+    key = cache.key("real time", hashlib.sha256(source.encode()).hexdigest())
+    path = cache.find(key) or cache.build(key, source)
+    if path is None:
+        raise ExportError("AC607", "no C compiler: steps in real time are compiled", help="install cc, gcc or clang")
+    call = ctypes.CDLL(str(path)).acausal_timed
+    state = np.array(made.x.start if x is None else x, dtype=float)
+    held = np.array(made.u.start if u is None else u, dtype=float)
+    p, y, seconds = np.array(made.p.start, dtype=float), np.zeros(max(len(made.y), 1)), np.zeros(steps)
+    warm = state.copy()
+    for values, count in ((warm, min(steps, 100)), (state, steps)):
+        call(ctypes.c_longlong(count), *(ctypes.c_void_p(a.ctypes.data) for a in (values, held, p, y, seconds)))
+    mean, worst = float(seconds.mean()), float(seconds.max())
+    return (
+        RealTime(
+            method=made.method,
+            step=made.step,
+            steps=steps,
+            mean=mean,
+            median=float(np.median(seconds)),
+            p999=float(np.quantile(seconds, 0.999)),
+            worst=worst,
+            factor=made.step / mean,
+            worst_factor=made.step / worst,
+            finite=bool(np.isfinite(state).all()),
+        ),
+        state,
+    )

@@ -1,0 +1,171 @@
+"""One step of a fixed-step method as a function `step(x, u, p) -> (x, y)`, for loops in real time.
+
+The work of a call is bounded: no step control, no iteration until convergence, no memory but the arguments. The C of
+it is straight-line code, but for the turns of an event iteration. The methods are those of `methods.py`;
+models with events go by `hybrid_step.py`, their modes being part of x. Relations of time hold from the
+first multiple of the step that is not before them: on the grid that is exact.
+
+What a step of bounded work cannot promise it reports: y ends with flags, 0 as long as all is well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from acausal.errors import ExportError, UsageError
+from acausal.export.begin import begin_of
+from acausal.export.forms import STEP, check
+from acausal.export.observed import observed_function
+from acausal.export.ports import Output, named_outputs, output_ports, parameter_ports, variable_ports
+from acausal.export.step.hybrid_step import HybridStep
+from acausal.export.step.methods import IMPLICIT, METHODS, Method
+from acausal.export.step.source import StepFunction
+from acausal.export.step.timely import inside, note, timely
+from acausal.lower.casadi_model import Port, Ports
+from acausal.lower.compiled import CompiledModel
+from acausal.lower.symbols import Symbols
+
+# Unrolled factorisations grow with the cube of this.
+_MOST_UNKNOWNS = 60
+
+
+def step_function(
+    compiled: CompiledModel, step: float, method: str = "rk4", outputs: Sequence[str] | None = None
+) -> StepFunction:
+    """Make a function that computes one step of `step` [s] of the states, shape (n,), including its events.
+
+    Parameters
+    ----------
+    method
+        "rk2", "rk4", "rosenbrock" or "sdirk".
+    outputs
+        Names of the variables in y, as in `CompiledModel.casadi`.
+
+    Raises
+    ------
+    UsageError
+        AC034 for an unknown method, AC030 for a step that is not positive.
+    ExportError
+        AC605 for a clock that ticks more than once in a step, AC606 for more than 60 unknowns that must be solved for.
+    """
+    if method not in METHODS:
+        raise UsageError("AC034", f"there is no method '{method}'", help=f"methods: {', '.join(METHODS)}")
+    if not 0 < step < float("inf"):
+        raise UsageError("AC030", f"step {step:g} s is not positive")
+    wanted = named_outputs(compiled, outputs)
+    left_out = check(compiled, STEP, wanted)
+    dynamic = compiled.n_dynamic if method in IMPLICIT else 0
+    size = dynamic + len(compiled.algebraic) if method == "sdirk" else max(dynamic, len(compiled.algebraic))
+    if size > _MOST_UNKNOWNS:
+        raise ExportError(
+            "AC606",
+            f"a step of {compiled.name} solves for {size} unknowns at once, which is written out in full up to "
+            f"{_MOST_UNKNOWNS}",
+            help="reduce the model, or take an explicit method" if method in IMPLICIT else "reduce the model",
+        )
+    return _Made(compiled, step, method, wanted, left_out).result()
+
+
+class _Made:
+    """The symbols of one step function."""
+
+    def __init__(
+        self, compiled: CompiledModel, step: float, method: str, wanted: Sequence[Output], left_out: tuple[str, ...]
+    ) -> None:
+        self.compiled, self.h, self.wanted, self.left_out = compiled, step, wanted, left_out
+        events = bool(compiled.state_events)
+        # events are settled in turns, as many as are needed: a loop, which only MX has
+        self.kind: Any = ca.MX if events else ca.SX
+        self.u: Any = self.kind.sym("u", len(compiled.inputs))
+        self.p: Any = self.kind.sym("p", len(compiled.parameters))
+        s = Symbols(compiled)
+        observed = observed_function(compiled, self.wanted)(*s.inputs)
+        rates = compiled.rhs(*s.inputs)
+        self.y = ca.Function("y", s.inputs, [ca.densify(observed)])
+        self.method = Method(method, ca.Function("rates", s.inputs, [ca.densify(v) for v in rates]))
+        if self.method.limit is not None:
+            size = self.method.stiffness(s.t, step, s.x, s.z, [s.u, s.p, s.m], ca.DM(compiled.nominal_x))
+            self.stiffness = ca.Function("stiffness", s.inputs, [ca.densify(size)])
+        self.hybrid = HybridStep(compiled, self.method, self.u, self.p, step) if events else None
+
+    def result(self) -> StepFunction:
+        compiled, hybrid = self.compiled, self.hybrid
+        begin = hybrid.begin() if hybrid else begin_of(compiled)
+        modes = hybrid.ports(begin.m) if hybrid else []
+        x = self.kind.sym("x", len(compiled.states) + len(compiled.algebraic) + len(modes))
+        clock = self.kind.sym("time")
+        x_next, y, end = self._next(x, clock, begin.t)
+        # turns carry the time along, whether or not the equations read it
+        timed = hybrid.is_timed or self._shows_time if hybrid else ca.depends_on(ca.vertcat(x_next, y), clock)
+        step = ca.Function("step", [x, clock, self.u, self.p], [ca.vertcat(x_next, end) if timed else x_next, y])
+        whole = self.kind.sym("x", x.numel() + timed)
+        new: Any = step(whole[: x.numel()], whole[-1] if timed else begin.t, self.u, self.p)
+        new = ca.cse([ca.densify(v) for v in new])
+        ports = [
+            *variable_ports(compiled, compiled.state_variables, begin.x),
+            *variable_ports(compiled, compiled.solution.algebraic, begin.z),
+            *modes,
+            *([Port("time", "s", "Time", begin.t)] if timed else []),
+        ]
+        return StepFunction(
+            name=compiled.name,
+            method=self.method.name,
+            step=self.h,
+            function=ca.Function("step", [whole, self.u, self.p], new, ["x", "u", "p"], ["x_next", "y"]),
+            x=Ports(ports),
+            u=variable_ports(compiled, compiled.solution.structure.reduced.inputs, begin.u),
+            p=parameter_ports(compiled),
+            y=Ports([*output_ports(self.wanted, np.zeros(len(self.wanted))), *self.flags]),
+            notes=(*compiled.flat.notes, *begin.notes, *self.left_out, *self.notes),
+        )
+
+    def _next(self, stored: Any, clock: Any, start: float) -> tuple[Any, Any, Any]:
+        """All of x but its time, y, and the time, at the end of a step from `stored`."""
+        compiled, hybrid, h = self.compiled, self.hybrid, self.h
+        nx, nz = len(compiled.states), len(compiled.algebraic)
+        x, z, kept = ca.vertsplit(stored, [0, nx, nx + nz, stored.numel()])
+        # the time is a multiple of the step: a sum of steps would have drifted off the samples after a day
+        turn = ca.floor((clock - start) / h + 0.5)
+        on_grid = ca.fabs(start + turn * h - clock) < 1e-6 * h
+        t, end = ca.if_else(on_grid, start + turn * h, clock), ca.if_else(on_grid, start + (turn + 1) * h, clock + h)
+        before = hybrid.modes(t, kept) if hybrid else self._timely(t)
+        limit = self.method.limit
+        flags = [] if limit is None else [self.stiffness(t, x, z, self.u, self.p, before) > limit]
+        if hybrid:
+            x, z, m, settled, located = hybrid.step(t, x, z, before)
+            kept = m[hybrid.kept] if hybrid.kept else ca.MX(0, 1)
+            flags = [ca.logic_not(settled), ca.logic_or(ca.logic_not(located), inside(compiled, t, h, self.p)), *flags]
+        else:
+            flags = [*([inside(compiled, t, h, self.p)] if compiled.n_timely else []), *flags]
+            x, z = self.method.step(t, h, x, z, [self.u, self.p, before])
+            m = self._timely(end)
+            if compiled.n_timely:
+                z = self.method.algebraic(end, x, z, [self.u, self.p, m])
+        return ca.vertcat(x, z, kept), ca.vertcat(self.y(end, x, z, self.u, self.p, m), *flags), end
+
+    @property
+    def _shows_time(self) -> bool:
+        return bool(self.y.jac_sparsity(0, 0).nnz())
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """The limits of steps of this size."""
+        return (*(self.hybrid.notes if self.hybrid else ()), *note(self.compiled, self.h))
+
+    @property
+    def flags(self) -> list[Port]:
+        """Descriptions of the flags behind the outputs."""
+        unsettled = Port("step.unsettled", "", "1 when the events of the step did not settle in its turns", 0.0)
+        missed = Port("step.unlocated", "", "1 when more was passed in the step than the event it locates", 0.0)
+        large = Port("step.too_large", "", "1 when the explicit method is not stable at this step", 0.0)
+        events = [unsettled, missed] if self.hybrid else [missed] * bool(self.compiled.n_timely)
+        return events + [large] * (self.method.limit is not None)
+
+    def _timely(self, t: Any) -> Any:
+        """Modes just after an instant; those of variables are not looked at."""
+        compiled = self.compiled
+        return ca.vertcat(timely(compiled, t, self.h, self.p), ca.SX.zeros(compiled.n_modes - compiled.n_timely, 1))

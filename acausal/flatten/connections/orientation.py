@@ -1,0 +1,238 @@
+"""Spanning tree over overconstrained connectors (frames), as the Modelica language defines it.
+
+Nodes are connector instances. Branches inside components are never cut; connections are, where they close a loop.
+Every island gets one root: a declared one, else the best potential root (Modelica 3.6, section 9.4.1).
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from acausal.errors import DeclarationError, StructureError
+from acausal.flatten.connections.connections import Joint, UnionFind
+from acausal.flatten.flat import FlatLoop
+from acausal.flatten.instances.instances import Instance, numbers
+from acausal.flatten.instances.statements import statements
+from acausal.language.component import Component, Connector
+from acausal.language.connections.overconstrained import Branch, PotentialRoot, Root
+from acausal.language.origin import Origin
+
+
+@dataclass(frozen=True)
+class SpanningTree:
+    """Joints that close a loop and so carry residuals instead of equalities, by their place in the list of joints.
+
+    `loops` names, for each of them, the components around the loop.
+    """
+
+    cut: frozenset[int]
+    loops: tuple[FlatLoop, ...] = ()
+
+
+_LAST = 2**31
+"""Priority behind that of every potential root."""
+
+
+def is_overconstrained(connector: Connector) -> bool:
+    """True for a frame-like connector."""
+    return any(d.overconstrained for d in connector._declarations.values())
+
+
+def spanning_tree(
+    all_instances: Sequence[Instance],
+    physical: Sequence[Joint],
+    number_of: dict[int, int],
+    assumed: Sequence[int] = (),
+) -> SpanningTree:
+    """Cut the loops and tell every frame its role (read by `rooted` and `is_root`).
+
+    The roles are told to views of the frames, and these to views of the components that own them: they enter
+    `number_of`. The frames of the recipe stay as they are, so that it can be flattened in two ways at a time.
+    `assumed` frames are roots where nothing else is: those of a component that is looked at by itself.
+    """
+    frames = [i.number for i in all_instances if isinstance(i.component, Connector) and is_overconstrained(i.component)]
+    if not frames:
+        return SpanningTree(frozenset())
+    branches, roots, potential = _ties(all_instances, number_of)
+    potential = [*potential, *((_LAST, number) for number in assumed)]
+    n = len(all_instances)
+    sets = UnionFind(n + 1)  # node n stands for the world: all declared roots are one
+    for number in roots:
+        sets.union(n, number)
+    neighbours: dict[int, list[int]] = {f: [] for f in frames}
+    for a, b in branches:
+        sets.union(a, b)
+        neighbours[a].append(b)
+        neighbours[b].append(a)
+    cut: set[int] = set()
+    connected = UnionFind(n)
+    for k, joint in enumerate(physical):
+        # What earlier connections say already is not said twice: it would close a loop around nothing.
+        if joint.a in neighbours and connected.find(joint.a) != connected.find(joint.b):
+            if sets.union(joint.a, joint.b):
+                connected.union(joint.a, joint.b)
+                neighbours[joint.a].append(joint.b)
+                neighbours[joint.b].append(joint.a)
+            else:
+                cut.add(k)
+    owners = {i.number: i.owner.number for i in all_instances if i.owner is not None}
+    # from outside: a composite's own frames are joined to those of its parts in any case
+    joined = {end for joint in physical for end in (joint.a, joint.b) if owners.get(end) != joint.by}
+    chosen = _choose_roots(sets, n, frames, roots, potential, all_instances, joined)
+    _tell_roles(all_instances, frames, neighbours, chosen, branches)
+    number_of |= numbers(all_instances)
+    loops = tuple(_loop(all_instances, physical[k], neighbours, n, roots) for k in sorted(cut))
+    return SpanningTree(frozenset(cut), loops)
+
+
+def _loop(
+    all_instances: Sequence[Instance], joint: Joint, neighbours: dict[int, list[int]], world: int, roots: list[int]
+) -> FlatLoop:
+    """Components on the shortest way through the tree from one end of a cut joint to the other; roots are joined."""
+    came_from = {joint.a: joint.a}
+    queue = deque([joint.a])
+    while queue and joint.b not in came_from:
+        here = queue.popleft()
+        around = roots if here == world else neighbours[here] + ([world] if here in roots else [])
+        for other in around:
+            if other not in came_from:
+                came_from[other] = here
+                queue.append(other)
+    way = [joint.b]
+    while way[-1] != joint.a:
+        way.append(came_from[way[-1]])
+    owners = [all_instances[k].owner for k in way if k != world]
+    names = dict.fromkeys(owner.path for owner in owners if owner is not None)
+    return FlatLoop((all_instances[joint.a].path, all_instances[joint.b].path), joint.origin, tuple(names))
+
+
+def _ties(
+    all_instances: Sequence[Instance], number_of: dict[int, int]
+) -> tuple[list[tuple[int, int]], list[int], list[tuple[int, int]]]:
+    branches: list[tuple[int, int]] = []
+    roots: list[int] = []
+    potential: list[tuple[int, int]] = []
+    for instance in all_instances:
+        if not hasattr(type(instance.component), "ties"):
+            continue
+        for tie, origin in statements(instance.component, "ties"):
+            if not isinstance(tie, Branch | Root | PotentialRoot):
+                raise DeclarationError(
+                    "AC130",
+                    f"{type(instance.component).__name__}.ties yields `{tie}` ({type(tie).__name__})",
+                    where=(origin.span(),),
+                    help="yield branch(a, b), root(a) or potential_root(a)",
+                )
+            a = _frame(tie.a, number_of, origin)
+            if isinstance(tie, Branch):
+                branches.append((a, _frame(tie.b, number_of, origin)))
+            elif isinstance(tie, Root):
+                roots.append(a)
+            else:
+                potential.append((tie.priority, a))
+    return branches, roots, potential
+
+
+def _frame(connector: Connector, number_of: dict[int, int], origin: Origin) -> int:
+    """Number of a connector that is declared to be tied; AC130 when it is no frame of the model."""
+    number = number_of.get(id(connector))
+    if number is None or not is_overconstrained(connector):
+        raise DeclarationError(
+            "AC130",
+            f"{connector._path_to('').rstrip('.')} ({type(connector).__name__}) cannot be tied",
+            where=(origin.span(),),
+            cause="it is no part of the model" if number is None else "it has no overconstrained variable",
+            help="branch, root and potential_root are for frames of the component itself",
+        )
+    return number
+
+
+def _choose_roots(
+    sets: UnionFind,
+    world: int,
+    frames: list[int],
+    roots: list[int],
+    potential: list[tuple[int, int]],
+    all_instances: Sequence[Instance],
+    joined: set[int],
+) -> list[int]:
+    chosen = list(roots)
+    has_root = {sets.find(world)} if roots else set()
+    for _, number in sorted(potential):
+        island = sets.find(number)
+        if island not in has_root:
+            has_root.add(island)
+            chosen.append(number)
+    for number in frames:
+        if sets.find(number) not in has_root:
+            members = [all_instances[f] for f in frames if sets.find(f) == sets.find(number)]
+            beyond = {all_instances[f].owner for f in frames if sets.find(f) != sets.find(number)}
+            raise _unoriented(all_instances, members, beyond, joined)
+    return chosen
+
+
+def _unoriented(
+    all_instances: Sequence[Instance], island: list[Instance], beyond: set[Instance | None], joined: set[int]
+) -> StructureError:
+    """AC203 for frames that nothing orients; `beyond` have a frame in another island, `joined` are connected."""
+    first = island[0]
+    loose = [f.path for f in island if f.number not in joined]
+    owners = {f.owner.number: f.owner for f in island if f.owner is not None}
+    alone = [o.path for o in owners.values() if o.path and not any(f.owner is o and f.number in joined for f in island)]
+    acting = [o.path for o in owners.values() if o in beyond]
+    cause = "no World, Fixed or Body is in this island of frames"
+    help = f"connect {' or '.join(loose[:2]) or 'one of them'} to World.frame_b, Fixed.frame_b or a Body"
+    why = ""
+    if len(alone) == len(owners):
+        why = f": {', '.join(alone)} is connected to nothing"
+        help = f"connect {' or '.join(loose[:2])}, or leave it out"
+    elif acting:
+        first = next((f for f in island if f.owner not in beyond), first)
+        why = f": what {' and '.join(acting[:3])} {'moves' if len(acting) == 1 else 'move'} has no mass"
+        cause = "a frame that is not fixed moves by the mass of a Body; there is none in this island of frames"
+        help = f"connect a Body to {first.path}; World or Fixed only where it is to stand still"
+    return StructureError(
+        "AC203",
+        f"{type(all_instances[0].component).__name__}: nothing fixes the orientation of {first.path}{why}",
+        where=(first.owner.origin.span(),) if first.owner else (),
+        evidence=[f"not connected: {', '.join(loose[:6])}"] if loose else [],
+        cause=cause,
+        help=help,
+    )
+
+
+def _tell_roles(
+    all_instances: Sequence[Instance],
+    frames: list[int],
+    neighbours: dict[int, list[int]],
+    chosen: list[int],
+    branches: list[tuple[int, int]],
+) -> None:
+    depth = dict.fromkeys(chosen, 0)
+    queue = deque(chosen)
+    while queue:
+        here = queue.popleft()
+        for other in neighbours[here]:
+            if other not in depth:
+                depth[other] = depth[here] + 1
+                queue.append(other)
+    roots = set(chosen)
+    nearer = {number: True for number in frames}
+    for a, b in branches:
+        nearer[a] = depth[a] <= depth[b]
+        nearer[b] = not nearer[a]
+    owners: dict[int, Instance] = {}
+    for number in frames:
+        frame = all_instances[number]
+        frame.seen_as(frame.component._view({"_roles": {"is_root": number in roots, "rooted": nearer[number]}}))
+        if frame.owner is not None:
+            owners[frame.owner.number] = frame.owner
+    for owner in owners.values():
+        views: dict[int, Component] = {id(face): p.component for p in owner.parts for face in p.faces}
+        parts = {
+            name: [views.get(id(m), m) for m in held] if isinstance(held, list) else views.get(id(held), held)
+            for name, held in owner.component._parts.items()
+        }
+        owner.seen_as(owner.component._view(parts=parts))

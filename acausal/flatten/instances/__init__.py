@@ -1,0 +1,1 @@
+"""The tree of components, and what each of them states."""

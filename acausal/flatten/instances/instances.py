@@ -1,0 +1,142 @@
+"""The instance tree as a list: one entry per component, depth first, owners before their parts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from acausal.errors import DeclarationError, UsageError
+from acausal.language.choices import Choice, is_changing
+from acausal.language.component import STATING, Component, Connector
+from acausal.language.declarations.declaration import Kind
+from acausal.language.declarations.misuse import Declared, own_constructor, refuse_misnamed
+from acausal.language.origin import Origin
+
+
+@dataclass(eq=False, slots=True)
+class Instance:
+    """One component in its place. `first` maps declared names to scalar numbers once they are allocated.
+
+    `component` may be a view of what the model holds: the recipe is not touched by what is found out here. `faces` are
+    the other components that are this instance where expressions name it: the recipe, and stand-ins of outer ones.
+    """
+
+    component: Component
+    path: str
+    number: int
+    owner: Instance | None
+    parts: list[Instance] = field(default_factory=list)
+    faces: list[Component] = field(default_factory=list)
+    first: dict[str, int] = field(default_factory=dict)
+
+    @property
+    def prefix(self) -> str:
+        """What stands before the names of this component's fields."""
+        return self.path + "." if self.path else ""
+
+    @property
+    def is_leaf(self) -> bool:
+        """True when all parts are connectors, so that equal instances have equal equations."""
+        return all(isinstance(p.component, Connector) for p in self.parts)
+
+    @property
+    def origin(self) -> Origin:
+        """Where the component was made."""
+        origin: Origin = self.component.__dict__["_origin"]
+        return origin
+
+    def seen_as(self, component: Component) -> None:
+        """Go on with another view."""
+        self.faces.append(self.component)
+        self.component = component
+
+    def said(self, name: str) -> Origin | Declared:
+        """Where the value of a field stands: in the call that made the component, else in the class body."""
+        is_given = name in self.component.__dict__["_given"]
+        return self.origin if is_given else Declared(type(self.component), name, self.origin)
+
+
+def numbers(found: Iterable[Instance]) -> dict[int, int]:
+    """The number of each instance by the `id` of every component that stands for it."""
+    return {id(c): i.number for i in found for c in (i.component, *i.faces)}
+
+
+def instances(model: Component, choices: Mapping[str, Choice] | None = None) -> list[Instance]:
+    """All instances of a model; the model itself is the first, with an empty path. UsageError AC028 if it is none.
+
+    `choices` are structures of components by path; without one a component has all it may ever need.
+    """
+    _check(model)
+    found: list[Instance] = []
+    grow(found, model, "", None, choices or {})
+    return found
+
+
+def components(model: Component) -> Iterator[tuple[str, Component]]:
+    """All components with their paths as the model holds them, whatever structures they may have."""
+    _check(model)
+    stack: list[tuple[str, Component]] = [("", model)]
+    while stack:
+        path, component = stack.pop()
+        yield path, component
+        stack.extend(reversed(list(_parts(component, path + "." if path else ""))))
+
+
+def _check(model: Any) -> None:
+    if not isinstance(model, Component):
+        is_class = isinstance(model, type)
+        fact = f"the class {model.__name__} is not a model yet" if is_class else f"{model!r} is not a model"
+        raise UsageError("AC028", fact, help=f"make one: {model.__name__}()" if is_class else "give a component")
+
+
+def grow(
+    found: list[Instance], model: Component, path: str, owner: Instance | None, choices: Mapping[str, Choice]
+) -> Instance:
+    """Add a component and all it holds; the instance of the component itself."""
+    first = len(found)
+    seen: dict[int, str] = {}
+    stack: list[tuple[Component, str, Instance | None]] = [(model, path, owner)]
+    while stack:
+        component, path, owner = stack.pop()
+        if "_origin" not in component.__dict__:
+            raise own_constructor(type(component)) or TypeError(component)
+        refuse_misnamed(type(component), STATING)
+        if id(component) in seen:
+            raise DeclarationError(
+                "AC117",
+                f"the same {type(component).__name__} is both {seen[id(component)]} and {path}",
+                where=(component.__dict__["_origin"].span(),),
+                help="make one component per place",
+            )
+        seen[id(component)] = path
+        instance = Instance(component, path, len(found), owner)
+        held = _structured(component, path, choices)
+        if held is not component:
+            instance.seen_as(held)
+            component = held
+        found.append(instance)
+        if owner is not None and len(found) > first + 1:
+            owner.parts.append(instance)
+        stack.extend((c, p, instance) for p, c in reversed(list(_parts(component, instance.prefix))))
+    return found[first]
+
+
+def _structured(component: Component, path: str, choices: Mapping[str, Choice]) -> Component:
+    """A component with the structure that was chosen, else with all it may ever need."""
+    if path in choices:
+        return choices[path].applied()
+    return component.whole().applied() if is_changing(component) else component
+
+
+def _parts(component: Component, prefix: str) -> Iterator[tuple[str, Component]]:
+    held = component._parts
+    if not held:
+        return
+    for name, declaration in component._declarations.items():
+        if declaration.kind is Kind.PART:
+            value = held[name]
+            if isinstance(value, list):
+                yield from ((f"{prefix}{name}[{k}]", v) for k, v in enumerate(value))
+            else:
+                yield prefix + name, value

@@ -1,0 +1,187 @@
+"""Running the generators of a component: its equations, connections and ties, each with its place in the source."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Iterable, Iterator
+from typing import Any
+
+from acausal.errors import DeclarationError, Span
+from acausal.language.component import STATING, Component
+from acausal.language.connections.connect import Connection
+from acausal.language.declarations.declaration import Kind
+from acausal.language.declarations.declare import check_discrete
+from acausal.language.declarations.misuse import called
+from acausal.language.events import Assertion, When
+from acausal.language.expressions.dimensions import check_dimensions
+from acausal.language.expressions.expression import Equation, Expr, Symbol, assigned, is_discrete
+from acausal.language.origin import Origin, origin_of
+from acausal.language.statement import Ledger, refuse_lost, refuse_unheard, stepped
+
+Statement = tuple[Any, Origin]
+
+
+def statements(component: Component, method: str = "equations") -> Iterator[Statement]:
+    """What `method` of every class in the MRO yields, base first; dimensions of equations are checked."""
+    for cls in reversed(type(component).__mro__):
+        function = cls.__dict__.get(method)
+        if function is not None:
+            yield from run(component, cls.__name__, method, function)
+
+
+def refuse_unstated(components: Iterable[Component]) -> None:
+    """Refuse what `build` states when none of the component's generators yields it (AC186)."""
+    for component in components:
+        lost = Ledger(component.__dict__["_stated"])
+        for method in STATING if lost else ():
+            for item, _ in statements(component, method):
+                lost.pop(id(item), None)
+        refuse_lost(f"{type(component).__name__}.build", lost)
+
+
+def run(component: Component, cls: str, method: str, function: Callable[..., Any], *args: Any) -> Iterator[Statement]:
+    """What one generator method yields; raises AC129 when it is no generator, AC130 for a wrong item."""
+    form = f"def {method}(self) -> Equations"
+    generator = called(f"{cls}.{method}", form, function, component, *args)
+    if not isinstance(generator, Generator):
+        what = "yields nothing" if generator is None else f"returns a {type(generator).__name__} and yields nothing"
+        raise DeclarationError(
+            "AC129",
+            f"{cls}.{method} {what}",
+            where=(Span(function.__code__.co_filename, function.__code__.co_firstlineno),),
+            help="every equation needs a `yield`: yield left == right",
+        )
+    refuse_unheard(type(component), f"{cls}.{method}", function)
+    ledger = Ledger()
+    for item in _named(component, stepped(generator, ledger)):
+        origin = origin_of(generator)
+        if isinstance(item, Equation) and method != "ties":
+            check_dimensions(item, _Where(origin))  # type: ignore[arg-type]
+            _check_discrete(item, origin)
+        elif isinstance(item, When | Assertion) and method == "equations":
+            for branch in (item, *item.branches) if isinstance(item, When) else (item,):
+                for action in branch.actions if isinstance(branch, When) else ():
+                    check_dimensions(Equation(action.target, action.value), _Where(origin))  # type: ignore[arg-type]
+                for condition in branch.conditions if isinstance(branch, When) else (branch.condition,):
+                    check_dimensions(Equation(condition, condition), _Where(origin))  # type: ignore[arg-type]
+        elif method != "ties" and not (isinstance(item, Connection) and method == "equations"):
+            raise DeclarationError(
+                "AC130",
+                f"{cls}.{method} yields `{item}` ({type(item).__name__})",
+                where=(origin.span(),),
+                cause="two plain numbers, or two connectors, were compared: Python decided it at once"
+                if isinstance(item, bool)
+                else None,
+                help="yield an equation `left == right`"
+                + (", connect(a, b), when(...) or assert_(...)" if method == "equations" else ""),
+            )
+        yield item, origin
+    refuse_lost(f"{cls}.{method}", ledger)
+
+
+def _named(component: Component, items: Iterator[Any]) -> Iterator[Any]:
+    """What the generator yields; a function of the library that refuses does not know for which component."""
+    try:
+        yield from items
+    except DeclarationError as error:
+        path = component._path_to("")[:-1]
+        if error.attribute_to(f"{path} ({type(component).__name__})" if path else type(component).__name__):
+            error.where = (component.__dict__["_origin"].span(),)
+        raise
+
+
+def _check_discrete(equation: Equation, origin: Origin) -> None:
+    """Refuse `pre` of what varies continuously (AC146), and what a boolean or an integer cannot be (AC147)."""
+    target = assigned(equation)
+    if target is not None:
+        try:
+            check_discrete(f"`{equation.left}`", target.declaration, equation.right)
+        except DeclarationError as error:
+            error.where = (origin.span(),)
+            raise
+    stack, seen = [equation.left, equation.right], set()
+    while stack:
+        e = stack.pop()
+        if e.op == "pre" and not is_discrete(e.args[0]):
+            raise DeclarationError(
+                "AC146",
+                f"`{e}`: `{e.args[0]}` is not discrete",
+                where=(origin.span(),),
+                evidence=[str(equation)],
+                cause="between events it is always changing: there is no value it had before",
+                help="use it in a `when`, or keep the value in a discrete(): "
+                "yield when(condition, reset(self.held, x))",
+            )
+        if e.op == "der" and (still := _unchanging(e.args[0])) is not None:
+            kind = "discrete" if still.declaration.discrete else f"a {still.declaration.kind.value}"
+            raise DeclarationError(
+                "AC144",
+                f"`{e}`: `{still}` is {kind} and has no derivative",
+                where=(origin.span(),),
+                evidence=[str(equation)],
+                cause="it keeps its value between events" if still.declaration.discrete else "it is constant in a run",
+                help=f"declare what changes in time by variable(): {still.name}: Real = variable(...)",
+            )
+        if e.op == "der" and (jump := _jump(e.args[0])) is not None:
+            raise DeclarationError(
+                "AC144",
+                f"`{e}`: `{jump}` jumps and has no derivative",
+                where=(origin.span(),),
+                evidence=[str(equation)],
+                cause="between its jumps the derivative is zero, at them it is infinite: the integral would be lost",
+                help="leave the jump out of der(...), or smooth it: tanh(x / width) for sign(x)",
+            )
+        if id(e) not in seen:
+            seen.add(id(e))
+            stack.extend(e.args)
+
+
+def _jump(e: Expr) -> Expr | None:
+    """A term that jumps, with a constant factor or none: x sign(x) is continuous."""
+    stack = [e]
+    while stack:
+        here = stack.pop()
+        if here.op in ("sign", "floor", "ceil"):
+            return here
+        if here.op in ("add", "sub", "neg"):
+            stack.extend(here.args)
+        elif here.op in ("mul", "div"):
+            stack.extend(a for a, other in (here.args, here.args[::-1]) if not _varies(other))
+    return None
+
+
+def _varies(e: Expr) -> bool:
+    stack = [e]
+    while stack:
+        here = stack.pop()
+        if here.op == "time" or (isinstance(here, Symbol) and here.declaration.kind is not Kind.PARAMETER):
+            return True
+        stack.extend(here.args)
+    return False
+
+
+def _unchanging(e: Expr) -> Symbol | None:
+    """A symbol of an expression in which nothing varies between events; None where something does."""
+    stack, found = [e], None
+    while stack:
+        here = stack.pop()
+        if isinstance(here, Symbol):
+            found = here
+            if not (here.declaration.discrete or here.declaration.kind is Kind.PARAMETER):
+                return None
+        elif here.op in ("time", "call"):
+            return None
+        stack.extend(here.args)
+    return found
+
+
+class _Where:
+    """A one-element sequence of spans, resolved only when an error prints it."""
+
+    def __init__(self, origin: Origin) -> None:
+        self._origin = origin
+
+    def __iter__(self) -> Iterator[Any]:
+        yield self._origin.span()
+
+    def __bool__(self) -> bool:
+        return True

@@ -1,0 +1,1 @@
+"""From vectors to scalar expressions, and their derivatives."""

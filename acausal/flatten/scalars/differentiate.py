@@ -1,0 +1,209 @@
+"""Time derivatives of pool expressions by the chain rule.
+
+The derivative of variable i is the variable `pool.derivative(i)`, or the node `pool.slope[i]` where a rule was given
+(rotation matrices: der(R) = R skew(w)). Every node is differentiated once per pool, so cost is linear.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from acausal.errors import DeclarationError
+from acausal.flatten.pool import LEAVES, RELATIONS, Pool
+from acausal.language.expressions.delay import Delayed
+from acausal.language.expressions.external import Call
+
+_CONSTANT = frozenset(("pre", "initial", "infinitesimal", "terminal", "sample", "not", "and", "or", *RELATIONS))
+"""Operations whose values are kept between events."""
+
+
+def differentiate(pool: Pool, root: int) -> int:
+    """The node of the time derivative of `root`."""
+    done = pool._slopes
+    stack = [root]
+    while stack:
+        number = stack[-1]
+        if number in done:
+            stack.pop()
+            continue
+        node = pool.nodes[number]
+        if node[0] in LEAVES:
+            done[number] = _leaf(pool, node[0], node[1] if len(node) > 1 else 0)
+            stack.pop()
+            continue
+        needed = _needed(node)
+        missing = [c for c in needed if c not in done]
+        if missing:
+            stack.extend(missing)
+            continue
+        if isinstance(node[0], Delayed):
+            raise _rate_of_delay(node[0])
+        if isinstance(node[0], Call):
+            done[number] = _call(pool, node[0], node[1:])
+        else:
+            done[number] = _RULES[node[0]](pool, number, *node[1:]) if node[0] in _RULES else _refuse(pool, node[0])
+        stack.pop()
+    return done[root]
+
+
+def partial(pool: Pool, root: int, variable: int) -> int:
+    """The node of the partial derivative of `root` by one variable, by the same rules."""
+    kept, pool._slopes = pool._slopes, {}
+    try:
+        for number in pool.reachable([root]):
+            node = pool.nodes[number]
+            if node[0] in LEAVES:
+                pool._slopes[number] = pool.one if node == ("var", variable) else pool.zero
+        return differentiate(pool, root)
+    finally:
+        pool._slopes = kept
+
+
+def _needed(node: tuple[object, ...]) -> tuple[int, ...]:
+    operands: tuple[int, ...] = node[1:]  # type: ignore[assignment]
+    if node[0] in _CONSTANT:
+        return ()
+    return operands[1:] if node[0] == "where" else operands
+
+
+def _leaf(pool: Pool, op: str, index: int) -> int:
+    if op == "time":
+        return pool.one
+    if op != "var":
+        return pool.zero
+    if index in pool.slope:
+        return pool.slope[index]
+    return pool.var(pool.derivative(index))
+
+
+def _refuse(pool: Pool, op: str) -> int:
+    raise DeclarationError(
+        "AC128",
+        f"the time derivative of {op} is needed and does not exist",
+        help="it jumps or is Boolean: keep it out of der(...) and of prescribed positions",
+    )
+
+
+def _rate_of_delay(op: Delayed) -> DeclarationError:
+    return DeclarationError(
+        "AC184",
+        f"the time derivative of {op.label} is needed",
+        cause="a delayed signal is known as a value only; its derivative may jump where nothing else does",
+        help="delay the derivative instead: delay(der(x), T); a prescribed motion needs both",
+    )
+
+
+def _call(p: Pool, op: Call, operands: tuple[int, ...]) -> int:
+    """By the partial derivatives of the function: linear in the derivatives, as the symbolic solution wants it."""
+    slopes = [(k, p._slopes[a]) for k, a in enumerate(operands) if p._slopes[a] != p.zero]
+    if not slopes:
+        return p.zero
+    partials, first = op.external.partials, op.entry * op.external.size
+    return p.sum(p.mul(p.make(Call(partials, first + k), *operands), slope) for k, slope in slopes)
+
+
+def _add(p: Pool, n: int, a: int, b: int) -> int:
+    return p.add(p._slopes[a], p._slopes[b])
+
+
+def _sub(p: Pool, n: int, a: int, b: int) -> int:
+    return p.sub(p._slopes[a], p._slopes[b])
+
+
+def _neg(p: Pool, n: int, a: int) -> int:
+    return p.neg(p._slopes[a])
+
+
+def _mul(p: Pool, n: int, a: int, b: int) -> int:
+    return p.add(p.mul(p._slopes[a], b), p.mul(a, p._slopes[b]))
+
+
+def _div(p: Pool, n: int, a: int, b: int) -> int:
+    return p.div(p.sub(p._slopes[a], p.mul(n, p._slopes[b])), b)
+
+
+def _pow(p: Pool, n: int, a: int, b: int) -> int:
+    exponent = p.make("pow", a, p.sub(b, p.one))
+    first = p.mul(p.mul(b, exponent), p._slopes[a])
+    if p._slopes[b] == p.zero:
+        return first
+    return p.add(first, p.mul(p.mul(n, p.make("log", a)), p._slopes[b]))
+
+
+def _where(p: Pool, n: int, c: int, a: int, b: int) -> int:
+    return p.where(c, p._slopes[a], p._slopes[b])
+
+
+def _min(p: Pool, n: int, a: int, b: int) -> int:
+    return p.where(p.make("noevent", p.make("lt", a, b)), p._slopes[a], p._slopes[b])
+
+
+def _max(p: Pool, n: int, a: int, b: int) -> int:
+    return p.where(p.make("noevent", p.make("gt", a, b)), p._slopes[a], p._slopes[b])
+
+
+def _positive(p: Pool, a: int) -> int:
+    """What has a kink only, min, max and fabs, makes no event; nor does its derivative, which jumps."""
+    return p.make("noevent", p.make("gt", a, p.zero))
+
+
+def _homotopy(p: Pool, n: int, a: int, s: int) -> int:
+    return p.make("homotopy", p._slopes[a], p._slopes[s])
+
+
+def _atan2(p: Pool, n: int, y: int, x: int) -> int:
+    square = p.add(p.mul(x, x), p.mul(y, y))
+    return p.div(p.sub(p.mul(x, p._slopes[y]), p.mul(y, p._slopes[x])), square)
+
+
+def _zero(p: Pool, n: int, *args: int) -> int:
+    return p.zero
+
+
+def _chain(outer: Callable[[Pool, int, int], int]) -> Callable[[Pool, int, int], int]:
+    def rule(p: Pool, n: int, a: int) -> int:
+        return p.zero if p._slopes[a] == p.zero else p.mul(outer(p, n, a), p._slopes[a])
+
+    return rule
+
+
+def _one_minus_square(p: Pool, a: int) -> int:
+    return p.sub(p.one, p.mul(a, a))
+
+
+def _one_plus_square(p: Pool, a: int) -> int:
+    return p.add(p.one, p.mul(a, a))
+
+
+_RULES: dict[str, Callable[..., int]] = {
+    "add": _add,
+    "sub": _sub,
+    "neg": _neg,
+    "mul": _mul,
+    "div": _div,
+    "pow": _pow,
+    "where": _where,
+    "min": _min,
+    "max": _max,
+    "atan2": _atan2,
+    "homotopy": _homotopy,
+    "sign": _zero,
+    "floor": _zero,
+    "ceil": _zero,
+    "noevent": lambda p, n, a: p.zero if p._slopes[a] == p.zero else p.make("noevent", p._slopes[a]),
+    # true or false, or kept between events: their changes are jumps, at which nothing is differentiated
+    **dict.fromkeys(_CONSTANT, _zero),
+    "sin": _chain(lambda p, n, a: p.make("cos", a)),
+    "cos": _chain(lambda p, n, a: p.neg(p.make("sin", a))),
+    "tan": _chain(lambda p, n, a: _one_plus_square(p, n)),
+    "asin": _chain(lambda p, n, a: p.div(p.one, p.make("sqrt", _one_minus_square(p, a)))),
+    "acos": _chain(lambda p, n, a: p.neg(p.div(p.one, p.make("sqrt", _one_minus_square(p, a))))),
+    "atan": _chain(lambda p, n, a: p.div(p.one, _one_plus_square(p, a))),
+    "sinh": _chain(lambda p, n, a: p.make("cosh", a)),
+    "cosh": _chain(lambda p, n, a: p.make("sinh", a)),
+    "tanh": _chain(lambda p, n, a: _one_minus_square(p, n)),
+    "exp": _chain(lambda p, n, a: n),
+    "log": _chain(lambda p, n, a: p.div(p.one, a)),
+    "sqrt": _chain(lambda p, n, a: p.div(p.const(0.5), n)),
+    "fabs": _chain(lambda p, n, a: p.where(_positive(p, a), p.one, p.neg(p.one))),
+}

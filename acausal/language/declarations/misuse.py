@@ -1,0 +1,273 @@
+"""What a class body gets wrong in Python's own terms: `__init__`, hidden fields, signatures, endless parts."""
+
+from __future__ import annotations
+
+import difflib
+import inspect
+import linecache
+import re
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from types import FrameType
+from typing import Any
+
+from acausal.errors import DeclarationError, Span, calling_span
+from acausal.language.declarations.declaration import Declaration, Owner
+from acausal.language.declarations.outer import Outer
+from acausal.language.origin import Origin
+
+
+def refuse_hiding(cls: type[Owner], inherited: dict[str, Declaration | Outer[Any]]) -> None:
+    """Refuse attributes that take the name of an inherited field (AC126)."""
+    for name in inherited.keys() & cls.__dict__.keys():
+        if not isinstance(cls.__dict__[name], Declaration | Outer) and not hasattr(cls.__dict__[name], "_declarations"):
+            raise DeclarationError(
+                "AC126",
+                f"{cls.__name__}.{name} hides the {_kind(inherited[name])} {name} that it inherits",
+                where=field_span(cls, name),
+                help=f"give the value where it is made: {cls.__name__}({name}=...), or in `build`: self.{name} = ...",
+            )
+
+
+def _kind(inherited: Declaration | Outer[Any]) -> str:
+    return "outer" if isinstance(inherited, Outer) else inherited.kind.value
+
+
+def own_constructor(cls: type[Owner]) -> DeclarationError | None:
+    """AC109 for a class that defines `__init__`; None for all others."""
+    codes = ((base, getattr(base.__dict__.get("__init__"), "__code__", None)) for base in cls.__mro__)
+    base, code = next((found for found in codes if found[1] is not None), (cls, None))
+    if base.__module__ == "acausal.language.component":
+        return None
+    return DeclarationError(
+        "AC109",
+        f"{base.__name__} defines __init__",
+        where=()
+        if code is None or code.co_filename.startswith("<")
+        else (Span(code.co_filename, code.co_firstlineno),),
+        cause="fields are given to the constructor by name; it is made by acausal",
+        help="declare the arguments as parameter(...) or structural(...), and make parts in `build`",
+    )
+
+
+def refuse_undeclared(cls: type[Owner], name: str, annotation: object, value: object) -> None:
+    """AC112 for what looks like a field of a model and would be none: `mass: Mass = Mass`, `k: Real = 2.0`."""
+    if annotation is None or "ClassVar" in str(annotation):
+        return
+    if isinstance(value, type) and issubclass(value, Owner):
+        fact, help = (
+            f"is the class {value.__name__}, not a component",
+            f"{name}: {value.__name__} = {value.__name__}(...)",
+        )
+    elif getattr(annotation, "__name__", annotation) in ("Real", "acausal.Real") and isinstance(value, int | float):
+        fact = f"is the plain number {value}: nobody could set it, and it has no unit"
+        help = f"{name}: Real = parameter(default={value}), or {name}: ClassVar[float] = {value}"
+    else:
+        return
+    raise DeclarationError("AC112", f"{cls.__name__}.{name} {fact}", where=field_span(cls, name), help=help)
+
+
+def assignment(component: Owner, name: str, stating: tuple[str, ...]) -> DeclarationError:
+    """AC118 for `self.f = ...` after construction, in the words of where it stands.
+
+    `stating` are the names of the generators in which an equation was meant.
+    """
+    cls = type(component)
+    declared = component._declarations.get(name)
+    frame: FrameType | None = sys._getframe(1)
+    while frame is not None and not (frame.f_code.co_name in stating and "self" in frame.f_locals):
+        frame = frame.f_back
+    if frame is None:
+        return DeclarationError(
+            "AC118",
+            f"{cls.__name__}.{name} cannot be set after construction",
+            help=f"a value is given where it is made: {cls.__name__}({name}=...); "
+            f"an equation is yielded: yield self.{name} == ...",
+        )
+    asker = frame.f_locals["self"]
+    whole, around = component._path_to(name), asker._path_to("") if hasattr(asker, "_path_to") else ""
+    path = whole.removeprefix(around)
+    what = f"{type(asker).__name__}.{frame.f_code.co_name} assigns self.{path}"
+    if declared is None:
+        return DeclarationError(
+            "AC118",
+            f"{what}, which is not declared",
+            help=f"write {name} = ... for a mere abbreviation; or declare {name}, and yield self.{path} == ...",
+        )
+    if declared.kind.value in ("variable", "flow", "input", "output"):
+        return DeclarationError(
+            "AC118",
+            f"{what}: write `yield self.{path} == ...`",
+            cause="an assignment states no equation",
+            help=f"yield self.{path} == ...",
+        )
+    return DeclarationError(
+        "AC118",
+        f"{what}, a {declared.kind.value}, which is fixed by then",
+        help=f"give it where the component is made: {cls.__name__}({name}=...), or set it in `build`",
+    )
+
+
+def refuse_misnamed(cls: type[Owner], stating: tuple[str, ...]) -> None:
+    """Refuse generators that nobody calls and whose names are nearly those of `stating` (AC129): nothing runs them."""
+    if "_is_named_right" in cls.__dict__:
+        return
+    members = {n: m for base in reversed(cls.__mro__) for n, m in base.__dict__.items() if inspect.isfunction(m)}
+    called_names = {n for m in members.values() for n in m.__code__.co_names}
+    for name, member in members.items():
+        meant = difflib.get_close_matches(name.lower(), stating, n=1, cutoff=0.85)
+        if name not in stating and meant and inspect.isgeneratorfunction(member) and name not in called_names:
+            raise DeclarationError(
+                "AC129",
+                f"{cls.__name__}.{name} is called by nobody: the method is `{meant[0]}`",
+                where=(Span(member.__code__.co_filename, member.__code__.co_firstlineno),),
+                cause="what it states would be lost",
+                help=f"def {meant[0]}(self) -> Equations",
+            )
+    cls._is_named_right = True
+
+
+def called(what: str, form: str, function: Callable[..., Any], *args: Any) -> Any:
+    """What a function of the model returns; AC109 when it cannot be called with `args`."""
+    try:
+        return function(*args)
+    except TypeError as error:
+        inside = error.__traceback__.tb_next if error.__traceback__ is not None else None
+        if inside is not None:
+            raise
+        code = getattr(function, "__code__", None)
+        raise DeclarationError(
+            "AC109",
+            f"{what} cannot be called: {error}",
+            where=() if code is None else (Span(code.co_filename, code.co_firstlineno),),
+            help=f"write it as `{form}`",
+        ) from None
+
+
+def endless(component: Owner) -> DeclarationError | None:
+    """The error for components whose `build` makes themselves again and again; None for other recursions."""
+    here = sys._getframe(1)
+    frame: FrameType | None = here
+    inner: list[str] = []
+    while frame is not None:
+        if frame.f_code is here.f_code:
+            inner.append(type(frame.f_locals["self"]).__name__)
+        frame = frame.f_back
+    names = inner[::-1]
+    first = next((k for k, name in enumerate(names) if name in names[k + 1 :]), None)
+    if first is None:
+        return None
+    circle = names[first : names.index(names[first], first + 1) + 1]
+    return DeclarationError(
+        "AC138",
+        f"{circle[0]} is built inside itself without end: {' -> '.join(circle)}",
+        where=declared_at(type(component), "build"),
+        help="a part cannot hold what it is a part of; end the recursion by a structural number",
+    )
+
+
+def declared_at(cls: type[Owner], name: str) -> tuple[Span, ...]:
+    """The line of the class body that declares a field or a method; empty where there is no source."""
+    for base in cls.__mro__:
+        member = base.__dict__.get(name)
+        code = getattr(member, "__code__", None)
+        if code is not None:
+            return (Span(code.co_filename, code.co_firstlineno),)
+        if name in inspect.get_annotations(base):
+            try:
+                source, line = inspect.getsourcelines(base)
+                file = inspect.getsourcefile(base)
+            except (OSError, TypeError):
+                return ()
+            line += next((k for k, text in enumerate(source) if text.lstrip().startswith("class ")), 0)  # decorators
+            return () if file is None else _declaring_line(Span(file, line), name)
+    return ()
+
+
+@dataclass(frozen=True, slots=True)
+class Declared:
+    """The line of a class body that declares a field; looked up only for a message, like an `Origin`."""
+
+    cls: type[Owner]
+    name: str
+    made: Origin
+
+    def span(self) -> Span:
+        """The declaration, or where the component was made: what the library declares is not for its users to read."""
+        found = declared_at(self.cls, self.name)
+        return found[0] if found and not found[0].of_library else self.made.span()
+
+
+def declared_class(cls: type[Owner], name: str) -> type[Owner] | None:
+    """Class that a part is declared as, of its members for a list; None where the annotation does not tell."""
+    known = cls.__dict__.get("_classes")
+    if known is None:
+        known = cls._classes = {}  # of this class alone: a subclass may declare it anew
+    if name not in known:
+        known[name] = _annotated_class(cls, name)
+    found: type[Owner] | None = known[name]
+    return found
+
+
+_PLAIN: dict[str, tuple[type, ...]] = {"int": (int,), "bool": (bool,), "str": (str,), "float": (int, float)}
+
+
+def checked_structural(cls: type[Owner], name: str, value: Any) -> Any:
+    """A structural value that was given, numbers of numpy as numbers of Python.
+
+    Raises
+    ------
+    DeclarationError
+        AC115 when it is not of the plain type that the class declares.
+    """
+    found = next((a[name] for base in cls.__mro__ if name in (a := inspect.get_annotations(base))), None)
+    declared = found if isinstance(found, str) else getattr(found, "__name__", "")
+    wanted = _PLAIN.get(declared)
+    if wanted is None:
+        return value
+    plain = value.item() if hasattr(value, "item") else value
+    if isinstance(plain, wanted):
+        return plain
+    raise DeclarationError(
+        "AC115",
+        f"{cls.__name__}: structural '{name}' is declared as {declared}, {value!r} is none",
+        help=f"give {'an' if declared == 'int' else 'a'} {declared}: {cls.__name__}({name}=...)",
+    )
+
+
+def _annotated_class(cls: type[Owner], name: str) -> type[Owner] | None:
+    for base in cls.__mro__:
+        text = inspect.get_annotations(base).get(name)
+        if text is None:
+            continue
+        members = getattr(text, "__args__", ())
+        found = members[0] if members else text
+        if isinstance(text, str):
+            text = text.removeprefix("list[").removesuffix("]") if text.startswith("list[") else text
+            found = vars(sys.modules.get(base.__module__, sys)).get(text.partition(".")[0])
+            for part in text.split(".")[1:]:
+                found = getattr(found, part, None)
+        return found if isinstance(found, type) and hasattr(found, "_declarations") else None
+    return None
+
+
+def field_span(cls: type[Owner], name: str) -> tuple[Span, ...]:
+    """The line of a class body that declares `name`, searched from the line of the class on."""
+    for start in calling_span():
+        return _declaring_line(start, name)
+    return ()
+
+
+def _declaring_line(start: Span, name: str) -> tuple[Span, ...]:
+    first = linecache.getline(start.file, start.line)
+    indent = len(first) - len(first.lstrip())
+    declares = re.compile(rf"(^|;\s*){re.escape(name)}\s*[:=]")
+    for number in range(start.line + 1, len(linecache.getlines(start.file)) + 1):
+        line = linecache.getline(start.file, number)
+        text = line.strip()
+        if text and len(line) - len(line.lstrip()) <= indent:
+            break
+        if declares.search(text):
+            return (Span(start.file, number),)
+    return (start,)

@@ -1,0 +1,95 @@
+"""Vectors put together of parts, and their elements: what an equation between arrays says of one of them."""
+
+from __future__ import annotations
+
+from acausal.errors import DeclarationError
+from acausal.language.expressions.expression import (
+    Equation,
+    Expr,
+    Operand,
+    Operation,
+    Symbol,
+    as_expr,
+    constant,
+    shape_error,
+)
+
+_SPACE = 3
+"""Vectors of space are read as a whole, longer ones by their elements."""
+_DEEP = 16
+"""Levels of operations that a text shows."""
+_WHOLE = frozenset(("matmul", "cross", "transpose", "call"))
+
+
+def concatenate(*parts: Operand) -> Expr:
+    """One vector of scalars and vectors, one behind the other: `concatenate(self.u_a, self.u, self.u[-1])`.
+
+    All parts have one unit. Of a scalar and a vector of shape (n,) the result has shape (n + 1,).
+
+    Raises
+    ------
+    DeclarationError
+        AC105 for a matrix, or for no part at all.
+    """
+    made = tuple(as_expr(p) for p in parts)
+    if not made or any(len(p.shape) > 1 for p in made):
+        raise shape_error("concatenate", *made)
+    return Operation("concatenate", made, (sum(p.shape[0] if p.shape else 1 for p in made),))
+
+
+def fill(x: Operand, n: int) -> Expr:
+    """A vector of shape (n,) whose elements are all the scalar `x`, in the unit of `x`.
+
+    Raises
+    ------
+    DeclarationError
+        AC105 when `x` is no scalar, AC110 when `n` is no number of elements.
+    """
+    e = as_expr(x)
+    if e.shape:
+        raise shape_error("fill", e)
+    if not isinstance(n, int) or isinstance(n, bool) or n < 1:
+        raise DeclarationError(
+            "AC110", f"fill(`{e}`, {n!r}): a vector has a whole number of elements", help=f"write fill({e}, 10)"
+        )
+    return Operation("fill", (e,), (n,))
+
+
+def element(e: Expr, place: int, depth: int = 0) -> Expr:
+    """Element `place` of a vector, as an expression of elements: of `u[1:] - u[:-1]` at 2 it is `u[3] - u[2]`."""
+    if not e.shape:
+        return e
+    if isinstance(e, Symbol) or e.op in _WHOLE or len(e.shape) > 1 or depth > _DEEP:
+        return Operation("index", (e,), (), (place,))
+    if e.op == "const":
+        return constant(e.payload[place])
+    if e.op == "slice":
+        return _sliced(e, place, depth)
+    if e.op == "fill":
+        return e.args[0]
+    if e.op in ("concatenate", "stack"):
+        for part in e.args:
+            size = part.shape[0] if part.shape else 1
+            if place < size:
+                return element(part, place, depth)
+            place -= size
+    payload = e.payload
+    if e.op == "quantity":
+        payload = payload[0][place], payload[1]
+    return Operation(e.op, tuple(element(a, place, depth + 1) for a in e.args), (), payload)
+
+
+def _sliced(e: Expr, place: int, depth: int) -> Expr:
+    places, _ = e.payload
+    if len(places) == 1:
+        return element(e.args[0], places[0][place], depth)
+    index = tuple(p[place] if isinstance(p, range) else p for p in places)
+    return Operation("index", (e.args[0],), (), index)
+
+
+def one_of(equation: Equation, place: int) -> Equation:
+    """The scalar equation at `place` of one between long vectors; all others are read as a whole."""
+    shape = equation.left.shape or equation.right.shape
+    if len(shape) != 1 or shape[0] <= _SPACE:
+        return equation
+    return Equation(element(equation.left, place), element(equation.right, place))

@@ -1,0 +1,62 @@
+"""Signals as they were some time ago: `delay(x, T)`.
+
+Source of the meaning: Modelica language specification 3.6, section 3.7.4.1.
+"""
+
+from __future__ import annotations
+
+from acausal.errors import DeclarationError
+from acausal.language.expressions.expression import Expr, Operand, Operation, as_expr, is_condition, shape_error
+
+_LONGEST = 60
+
+
+def delay(x: Operand, delay_time: Operand, max_delay: Operand | None = None) -> Expr:
+    """`x` as it was `delay_time` ago; before that much time has passed in a run, `x` as it was at its start.
+
+    Parameters
+    ----------
+    x
+        Signal to delay, of any shape and unit; the result has both.
+    delay_time
+        Delay [s], at least zero. Without `max_delay` it is an expression of numbers and parameters.
+    max_delay
+        Upper limit of `delay_time` [s], an expression of numbers and parameters. With it the delay may vary.
+
+    Raises
+    ------
+    DeclarationError
+        AC105 when a time is no scalar, AC181 when `x` is true or false.
+    """
+    e, times = as_expr(x), [as_expr(delay_time)]
+    if max_delay is not None:
+        times.append(as_expr(max_delay))
+    for t in times:
+        if t.shape:
+            raise shape_error("delay", e, t)
+    if is_condition(e):
+        raise DeclarationError(
+            "AC181",
+            f"`{e}` is true or false: delay takes numbers",
+            help="delay(where(condition, 1.0, 0.0), T) > 0.5 is the condition as it was T ago",
+        )
+    return Operation("delay", (e, *times), e.shape)
+
+
+class Delayed(str):
+    """Operation of a pool node whose operand is the instant at which a delayed signal is read.
+
+    It is text, as all operations are. `number` counts the delays of one pool, `label` is how the modeller wrote it.
+    """
+
+    number: int
+    label: str
+
+    def __new__(cls, number: int, label: str) -> Delayed:
+        made = super().__new__(cls, f"delay[{number}]")
+        made.number = number
+        made.label = label if len(label) <= _LONGEST else label[: _LONGEST - 4] + " ..."
+        return made
+
+    def __reduce__(self) -> tuple[type[Delayed], tuple[int, str]]:
+        return Delayed, (self.number, self.label)

@@ -1,0 +1,315 @@
+"""Dimension check of equations: declared units are compared, literal numbers are dimensionless.
+
+What an expression can be, besides a dimension:
+
+- *unknown*, where it depends on something declared without a unit: it agrees with everything;
+- *a number*, where it is made of literals, or of what `unitless` returns. In sums and products with quantities a number
+  is dimensionless. Alone it is a value like a default, in the SI unit of what it is given to or compared with:
+  `v == 1`, `reset(s, 0.2)`, `maximum(f, 1e-3)`, `time < 2`;
+- *a signal*, where it is made of literals and `time`: a number too, so that `force.u == 10 * sin(3 * time)` needs no
+  units. With quantities it has the dimension that follows from seconds;
+- *any*, for the numbers zero and infinity, which are the same in every unit.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from fractions import Fraction
+from typing import TypeAlias
+
+from acausal.errors import Span, UnitError
+from acausal.language.expressions.expression import CONDITIONS, RELATIONS, Equation, Expr, Symbol, symbols_in, to_text
+from acausal.units import DIMENSIONLESS, Dimension, divide, format_dimension, multiply, parse, power
+
+
+class _Plain(Enum):
+    NUMBER = "number"
+    ANY = "any"
+
+
+@dataclass(frozen=True)
+class _Signal:
+    """Of literals and `time`; `bare` is `time` itself, which is always in seconds."""
+
+    dimension: Dimension
+    bare: bool = False
+
+
+_NUMBER, _ANY = _Plain.NUMBER, _Plain.ANY
+
+_Found: TypeAlias = Dimension | _Plain | _Signal | None
+"""What is known of an expression; None where it holds an undeclared unit."""
+
+_LONG = 200
+_SECOND = parse("s").dimension
+_TRANSCENDENTAL = frozenset(("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "exp", "log"))
+_COMPARED = frozenset((*RELATIONS, "equals"))
+_CHOICES = frozenset(("min", "max", "where", "homotopy", *_COMPARED))
+_SUMS = frozenset(("add", "sub", "atan2"))
+_SAME = frozenset(("neg", "pre", "noevent", "index", "slice", "fill", "transpose", "fabs", "floor", "ceil"))
+_PRODUCTS = frozenset(("mul", "matmul", "cross"))
+
+
+_NUMBERS = 'a number has no unit: quantity(2, "m") gives it one, unitless(x) takes one away'
+
+
+class _Mismatch(Exception):
+    def __init__(self, fact: str, help: str = f"check the declared units; {_NUMBERS}") -> None:
+        self.fact = fact
+        self.help = help
+
+
+def check_dimensions(equation: Equation, where: Sequence[Span]) -> None:
+    """Raise UnitError (AC155) when the sides of an equation, or the terms of a sum in it, differ in dimension."""
+    try:
+        known: dict[int, _Found] = {}
+        left, right = _strict(_dimension_of(equation.left, known)), _strict(_dimension_of(equation.right, known))
+        if isinstance(left, tuple) and isinstance(right, tuple) and left != right:
+            raise _Mismatch(
+                f"`{_short(equation)}`: the left side is in {format_dimension(left)}, "
+                f"the right side in {format_dimension(right)}",
+                _missing_factor("the right side", equation.right, divide(left, right)),
+            )
+    except _Mismatch as mismatch:
+        symbols = symbols_in(equation.left, equation.right)
+        if not any(symbol.declaration.unit for symbol in symbols) and not _has_units(equation):
+            return  # only `time` has a unit here: in a problem without units it is a number like the others
+        raise UnitError(
+            "AC155",
+            mismatch.fact,
+            where=where,
+            evidence=[f"{symbol}  [{symbol.declaration.unit or 'adapts'}]" for symbol in symbols],
+            cause="a factor is missing, two quantities are mixed up, or a number stands for a quantity",
+            help=mismatch.help,
+        ) from None
+
+
+def _nodes(*roots: Expr) -> Iterable[Expr]:
+    stack, seen = list(reversed(roots)), set[int]()
+    while stack:
+        e = stack.pop()
+        if id(e) not in seen:
+            seen.add(id(e))
+            yield e
+            stack.extend(reversed(e.args))
+
+
+def _has_units(equation: Equation) -> bool:
+    """True when an external function, which declares units, or a number with a unit is in the equation."""
+    return any(e.op in ("call", "quantity") for e in _nodes(equation.left, equation.right))
+
+
+def _dimension_of(e: Expr, known: dict[int, _Found]) -> _Found:
+    """Dimension of an expression. Without recursion: a sum over a thousand parts is a thousand nodes deep."""
+    stack = [e]
+    while stack:
+        here = stack[-1]
+        missing = [a for a in here.args if id(a) not in known]
+        if missing:
+            stack.extend(missing)
+            continue
+        stack.pop()
+        if id(here) not in known:
+            known[id(here)] = _dimension(here, [known[id(a)] for a in here.args])
+    return known[id(e)]
+
+
+def _dimension(e: Expr, parts: list[_Found]) -> _Found:
+    op = e.op
+    if isinstance(e, Symbol):
+        return parse(e.declaration.unit).dimension if e.declaration.unit else None
+    if not parts or op in ("quantity", "unitless", "call"):
+        return _stated(e)
+    if op in _SAME:
+        return parts[0]
+    if op in _PRODUCTS:
+        return _product(parts[0], parts[1], multiply)
+    if op == "div":
+        return _product(parts[0], parts[1], divide)
+    if op in _SUMS:
+        return _sum(e, parts)
+    if op in _CHOICES:
+        return _choice(e, parts[1:] if op == "where" else parts)
+    if op in ("stack", "concatenate"):
+        return _common(parts) if len(set(_dimensions(parts))) < 2 else None
+    if op == "der":
+        return _product(parts[0], _SECOND, divide) if isinstance(parts[0], tuple) else parts[0] and _NUMBER
+    if op == "sqrt":
+        return _power(parts[0], Fraction(1, 2))
+    if op == "pow":
+        return _pow(e, parts)
+    if op in ("delay", "sample"):
+        return _timed(e, parts)
+    if op in _TRANSCENDENTAL:
+        return _transcendental(e, parts[0])
+    if op == "sign":
+        return _NUMBER if _is_number(parts[0]) else DIMENSIONLESS
+    return DIMENSIONLESS if op in CONDITIONS else None
+
+
+def _stated(e: Expr) -> _Found:
+    """Of literals, `time`, and what says its unit."""
+    if e.op == "const":
+        numbers = e.payload if isinstance(e.payload, tuple) else (e.payload,)
+        return _ANY if all(v == 0.0 or math.isinf(v) for v in numbers) else _NUMBER
+    if e.op == "time":
+        return _Signal(_SECOND, bare=True)
+    if e.op == "quantity":
+        return parse(e.payload[1]).dimension
+    if e.op == "unitless":
+        return _NUMBER
+    if e.op == "call":
+        external, output = e.payload
+        return parse(external.units[output]).dimension if external.units[output] else None
+    return DIMENSIONLESS if e.op in CONDITIONS else None
+
+
+def _strict(found: _Found) -> _Found:
+    """`time` alone as the quantity that it is."""
+    return found.dimension if isinstance(found, _Signal) and found.bare else found
+
+
+def _is_number(found: _Found) -> bool:
+    return isinstance(found, _Plain | _Signal)
+
+
+def _dimensions(parts: Iterable[_Found]) -> list[Dimension]:
+    return [p for p in parts if isinstance(p, tuple)]
+
+
+def _common(parts: Sequence[_Found]) -> _Found:
+    """What parts are that agree: the dimension that one declares, else unknown, a signal, a number, any."""
+    declared = _dimensions(parts)
+    if declared:
+        return declared[0]
+    signals = [p for p in parts if isinstance(p, _Signal)]
+    if None in parts or signals:
+        return None if None in parts else _Signal(signals[0].dimension)
+    return _NUMBER if _NUMBER in parts else _ANY
+
+
+def _product(a: _Found, b: _Found, combine: Callable[[Dimension, Dimension], Dimension]) -> _Found:
+    if a is _ANY or b is _ANY:
+        return _ANY
+    if a is None or b is None:
+        return None
+    if a is _NUMBER and b is _NUMBER:
+        return _NUMBER
+    found = combine(_beside(a), _beside(b))
+    return _Signal(found) if _is_number(a) and _is_number(b) else found
+
+
+def _beside(found: _Found) -> Dimension:
+    """The dimension of a number, a signal or a quantity, beside a quantity."""
+    if isinstance(found, _Signal):
+        return found.dimension
+    return found if isinstance(found, tuple) else DIMENSIONLESS
+
+
+def _power(found: _Found, exponent: Fraction) -> _Found:
+    if isinstance(found, _Signal):
+        return _Signal(power(found.dimension, exponent))
+    return power(found, exponent) if isinstance(found, tuple) else found
+
+
+def _sum(e: Expr, parts: list[_Found]) -> _Found:
+    declared = _dimensions(parts)
+    _agreeing(e, [*declared, *(p.dimension for p in parts if isinstance(p, _Signal) and declared)])
+    if declared and declared[0] != DIMENSIONLESS and _NUMBER in parts:
+        number = next(a for a, p in zip(e.args, parts, strict=True) if p is _NUMBER)
+        unit = format_dimension(declared[0])
+        raise _Mismatch(
+            f"`{_short(e)}` mixes {unit} and the number {_short(number)}",
+            f"if the number is in {unit}: {_with_unit(number, unit)}",
+        )
+    if e.op == "atan2":
+        return _NUMBER if all(map(_is_number, parts)) else DIMENSIONLESS
+    return _common(parts)
+
+
+def _choice(e: Expr, parts: list[_Found]) -> _Found:
+    parts = [*map(_strict, parts)] if _dimensions(parts) else parts
+    _agreeing(e, _dimensions(parts))
+    return DIMENSIONLESS if e.op in _COMPARED else _common(parts)
+
+
+def _agreeing(e: Expr, declared: list[Dimension]) -> None:
+    if len(set(declared)) > 1:
+        first, other = (format_dimension(d) for d in dict.fromkeys(declared))
+        raise _Mismatch(f"`{_short(e)}` mixes {first} and {other}")
+
+
+def _timed(e: Expr, parts: list[_Found]) -> _Found:
+    first = 1 if e.op == "delay" else 0
+    for t, found in zip(e.args[first:], parts[first:], strict=True):
+        if isinstance(found, tuple) and found != _SECOND:
+            what = "a delay is a time" if first else "samples are taken at times"
+            raise _Mismatch(f"`{_short(e)}`: {what}, `{_short(t)}` is in {format_dimension(found)}")
+    return parts[0] if first else DIMENSIONLESS
+
+
+def _pow(e: Expr, parts: list[_Found]) -> _Found:
+    base, exponent = e.args
+    if isinstance(parts[1], tuple) and parts[1] != DIMENSIONLESS:
+        raise _Mismatch(f"`{_short(e)}`: an exponent has no unit, this one is in {format_dimension(parts[1])}")
+    if exponent.op == "const" and not exponent.shape and math.isfinite(exponent.payload):
+        return _power(parts[0], Fraction(exponent.payload).limit_denominator(1000))
+    if _is_number(parts[0]):
+        return _NUMBER if _is_number(parts[1]) else parts[1]
+    if isinstance(parts[0], tuple) and parts[0] != DIMENSIONLESS:
+        raise _Mismatch(
+            f"`{_short(e)}`: `{_short(base)}` is in {format_dimension(parts[0])}; "
+            "with a symbolic exponent divide it by a reference"
+        )
+    return parts[0]
+
+
+def _transcendental(e: Expr, part: _Found) -> _Found:
+    if isinstance(part, tuple) and part != DIMENSIONLESS:
+        raise _Mismatch(
+            f"`{_short(e)}`: {e.op} takes a number or an angle, not {format_dimension(part)}",
+            _missing_factor("the argument", e.args[0], divide(DIMENSIONLESS, part)),
+        )
+    return _NUMBER if _is_number(part) else DIMENSIONLESS
+
+
+def _missing_factor(what: str, e: Expr, lacking: Dimension) -> str:
+    """The remedy where `what`, the expression `e`, has to be multiplied by something of the dimension `lacking`."""
+    said = f"{what} lacks a factor in {format_dimension(lacking)}"
+    number, divides = _literal_factor(e)
+    if number is None:
+        has_number = any(n.op == "const" and n.payload for n in _nodes(e))
+        return f"{said}; {_NUMBERS}" if has_number else f"{said}: check the declared units"
+    unit = format_dimension(divide(DIMENSIONLESS, lacking) if divides else lacking)
+    return f"{said}; if the number {number} is in {unit}: {_with_unit(number, unit)}"
+
+
+def _literal_factor(e: Expr) -> tuple[Expr | None, bool]:
+    """A literal factor or divisor of a product, and whether it divides."""
+    stack = [(e, False)]
+    while stack:
+        here, divides = stack.pop()
+        if here.op == "const" and not here.shape:
+            return here, divides
+        if here.op == "neg":
+            stack.append((here.args[0], divides))
+        elif here.op in ("mul", "div"):
+            stack += [(here.args[1], divides != (here.op == "div")), (here.args[0], divides)]
+    return None, False
+
+
+def _with_unit(number: Expr, unit: str) -> str:
+    return f'quantity({number}, "{unit}")'
+
+
+def _short(e: Expr | Equation) -> str:
+    """Text of an expression, of a long one the outer part."""
+    text = str(e)
+    if len(text) <= _LONG:
+        return text
+    if isinstance(e, Equation):
+        return f"{_short(e.left)} == {_short(e.right)}"
+    return next((t for depth in range(2, 12) if len(t := to_text(e, depth)) <= _LONG), text[:_LONG] + " ...")

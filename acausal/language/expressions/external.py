@@ -1,0 +1,135 @@
+"""Functions that are computed outside the language and called inside its equations.
+
+The language knows their name, the shapes and units of their inputs and outputs, and a factory. The factory is asked
+when the model is lowered; it returns a CasADi Function, so that only the module it lives in needs CasADi.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from acausal.errors import DeclarationError
+from acausal.language.expressions.expression import Operand, Operation, Shape, as_expr, shape_text
+
+
+class External:
+    """A function with several inputs and outputs that are scalars, vectors or matrices.
+
+        distance = External("distance", make, inputs=((3,), (3,)), outputs=((), (3,)), units=("m", "1"))
+        length, direction = distance(frame_a.r_0, frame_b.r_0)
+
+    Called with expressions it gives one expression per output, or the expression itself when there is one output only.
+    Two of them are the same function only if they are the same object: make one and keep it.
+
+    Parameters
+    ----------
+    name
+        Shown in equations and messages.
+    factory
+        Without arguments, returns a `casadi.Function` with these inputs and outputs. A function of SX is expanded into
+        the equations; one made with the option `never_inline` stays one call, in generated C too.
+    inputs, outputs
+        Shapes: `()`, `(n,)` or `(m, n)`.
+    units
+        Units of the outputs, for the check of dimensions; "" adapts.
+
+    Raises
+    ------
+    DeclarationError
+        AC161 when there are not as many units as outputs, or a shape is not one.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        factory: Callable[[], Any],
+        *,
+        inputs: Sequence[Shape],
+        outputs: Sequence[Shape],
+        units: Sequence[str] = (),
+    ) -> None:
+        self.name = name
+        self.factory = factory
+        self.inputs = tuple(map(tuple, inputs))
+        self.outputs = tuple(map(tuple, outputs))
+        self.units = tuple(units) or ("",) * len(self.outputs)
+        self.primal: External | None = None  # what this one holds the partial derivatives of
+        self._partials: External | None = None
+        if len(self.units) != len(self.outputs) or any(len(s) > 2 for s in (*self.inputs, *self.outputs)):
+            raise DeclarationError(
+                "AC161",
+                f"the external function {name} is declared with {len(self.outputs)} outputs, "
+                f"{len(self.units)} units and shapes {self.inputs} -> {self.outputs}",
+                help="shapes are (), (n,) or (m, n); give one unit for every output, or none at all",
+            )
+
+    def __repr__(self) -> str:
+        return f"External({self.name}: {', '.join(map(shape_text, self.inputs))})"
+
+    def __call__(self, *arguments: Operand) -> Any:
+        """The outputs as expressions; AC162 when the arguments do not fit."""
+        given = tuple(map(as_expr, arguments))
+        if [e.shape for e in given] != list(self.inputs):
+            raise DeclarationError(
+                "AC162",
+                f"{self.name} takes {len(self.inputs)} arguments: {', '.join(map(shape_text, self.inputs))}",
+                evidence=[f"given: {', '.join(f'`{e}` ({shape_text(e.shape)})' for e in given) or 'none'}"],
+            )
+        found = [Operation("call", given, shape, (self, k)) for k, shape in enumerate(self.outputs)]
+        return found[0] if len(found) == 1 else tuple(found)
+
+    @property
+    def partials(self) -> External:
+        """The function of the same inputs whose output is the matrix of partial derivatives.
+
+        A row for each scalar of the outputs, a column for each of the inputs, both row by row.
+        """
+        if self._partials is None:
+            shape = (_scalars(self), self.size)
+            self._partials = External(f"d{self.name}", self.factory, inputs=self.inputs, outputs=(shape,))
+            self._partials.primal = self
+        return self._partials
+
+    @property
+    def size(self) -> int:
+        """Number of scalars in all inputs."""
+        return sum(map(math.prod, self.inputs))
+
+    def entries(self, output: int) -> range:
+        """Places of the scalars of one output among those of all outputs, row by row."""
+        first = sum(math.prod(s) for s in self.outputs[:output])
+        return range(first, first + math.prod(self.outputs[output]))
+
+
+class Call(str):
+    """Operation of a scalar pool node: one scalar of what an external function returns.
+
+    It is text, as all operations are; two are equal when they are the same scalar of the same function.
+    """
+
+    external: External
+    entry: int
+
+    def __new__(cls, external: External, entry: int) -> Call:
+        made = super().__new__(cls, f"{external.name}[{entry}]" if _scalars(external) > 1 else external.name)
+        made.external = external
+        made.entry = entry
+        return made
+
+    def __reduce__(self) -> tuple[type[Call], tuple[External, int]]:
+        return Call, (self.external, self.entry)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Call) and self.external is other.external and self.entry == other.entry
+
+    def __ne__(self, other: object) -> bool:
+        return not self == other
+
+    def __hash__(self) -> int:
+        return hash((id(self.external), self.entry))
+
+
+def _scalars(external: External) -> int:
+    return sum(map(math.prod, external.outputs))

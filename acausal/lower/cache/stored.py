@@ -1,0 +1,234 @@
+"""Compiled models on disk, for other processes.
+
+What is compiled is kept by structure (`cache.py`); a structure that took long to compile is written to a
+private folder too (`acausal.private`), and the next process that flattens the same equations reads it. The key is a
+hash of the signature, of the sources that compile, and of the versions of Python, NumPy and CasADi; a signature with
+anything in it whose content cannot be told has none, and such a model is compiled in each process.
+
+A file holds data: the objects of a compiled model, by names of classes, and CasADi's functions as CasADi writes them.
+It is read only when the digest of the folder is right, and by a table of names: classes of the compiler, components
+that are imported already, and a few constructors of NumPy and CasADi. What cannot be read is removed and compiled anew.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import logging
+import marshal
+import os
+import pickle
+import sys
+import tempfile
+from collections.abc import Iterator, Mapping
+from dataclasses import fields, is_dataclass, replace
+from enum import Enum
+from functools import cache, lru_cache
+from importlib import import_module
+from pathlib import Path
+from types import FunctionType
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from acausal.flatten.flat import FlatSystem
+from acausal.language.component import Component
+from acausal.language.events import Assertion
+from acausal.language.expressions.expression import Equation
+from acausal.lower.compiled import CompiledModel
+from acausal.private import discard, folder, home, place
+from acausal.private import find as file_of
+
+_log = logging.getLogger(__name__)
+_KIND, _SUFFIX = "models", ".model"
+# Seconds of compiling that are worth a file, nodes of a flat system that may take as long, nodes to an equation, and
+# files that are kept.
+_WORTH, _LEAST_NODES, _LONG, _MOST = 0.3, 4_000, 5, 100
+_SOURCES = ("language", "flatten", "structure", "numeric", "analyse", "reduce", "lower", "diagnose")
+_OWN = [["acausal", name] for name in (*_SOURCES, "errors")]
+_PLAIN = frozenset((int, float, str, bool, type(None)))
+# What is called while a model is read, beside classes of this package and components.
+_CALLED = {
+    ("acausal.language.declarations.declaration", "_declaration_of"),
+    ("casadi.casadi", "Function"),
+    ("numpy", "dtype"),
+    ("numpy", "ndarray"),
+    ("numpy._core.numeric", "_frombuffer"),
+    ("numpy._core.multiarray", "_reconstruct"),
+    ("numpy._core.multiarray", "scalar"),
+    ("numpy.random._pcg64", "PCG64"),
+    ("numpy.random._pickle", "__bit_generator_ctor"),
+    ("numpy.random._pickle", "__generator_ctor"),
+    ("numpy.random.bit_generator", "SeedSequence"),
+    ("numpy.random.bit_generator", "__pyx_unpickle_SeedSequence"),
+    ("builtins", "str"),
+}
+
+
+class _Unknown(Exception):
+    """Something whose content cannot be told."""
+
+
+def find(signature: tuple[Any, ...], flat: FlatSystem) -> CompiledModel | None:
+    """The model of this signature that a process has written, with its values; None when there is none."""
+    if not _is_heavy(flat) or not folder(_KIND).is_dir():
+        return None
+    key = _key(signature)
+    path = None if key is None else file_of(_KIND, key, _SUFFIX)
+    if path is None:
+        return None
+    try:
+        found = _Reader(io.BytesIO(path.read_bytes())).load()
+        os.utime(path)  # used last
+    except Exception as error:  # whatever is wrong with it, it can be made again
+        _log.info("%s is not read: %r", path, error)
+        discard(path)
+        return None
+    return found if isinstance(found, CompiledModel) else None
+
+
+def keep(signature: tuple[Any, ...], compiled: CompiledModel) -> None:
+    """Write a model for other processes, if it took long to compile."""
+    seconds = sum(s for stage, s in compiled.timings.items() if stage != "flatten")
+    if seconds < _WORTH or not _is_heavy(compiled.flat) or not _is_plain(compiled, signature):
+        return
+    key = _key(signature)
+    if key is None:
+        return
+    try:
+        content = io.BytesIO()
+        _Writer(content, protocol=5).dump(_bare(compiled))
+        kept = home(_KIND)
+        with tempfile.TemporaryDirectory(prefix="write-", dir=kept) as scratch:
+            made = Path(scratch) / "model"
+            made.write_bytes(content.getvalue())
+            place(made, kept, key, _SUFFIX)
+        oldest = sorted(kept.glob(f"*{_SUFFIX}"), key=lambda path: path.stat().st_mtime)
+        for path in oldest[:-_MOST]:
+            discard(path)
+    except Exception as error:  # a model that cannot be written is a model all the same
+        _log.info("%s is not kept for other processes: %r", compiled.name, error)
+
+
+def _is_heavy(flat: FlatSystem) -> bool:
+    """Whether a system has long equations, contacts for example: many short ones are read no faster than compiled."""
+    return len(flat.pool.nodes) >= max(_LEAST_NODES, _LONG * len(flat.equations))
+
+
+def _is_plain(compiled: CompiledModel, signature: tuple[Any, ...]) -> bool:
+    """Whether a model is all that its signature says: not made smaller, without variables that compiling has named."""
+    return compiled.selection is None and compiled.recipe is None and tuple(compiled.flat.variables) in signature
+
+
+def _bare(compiled: CompiledModel) -> CompiledModel:
+    """The model without what each flat system brings itself: components, places of connections, notes."""
+    old = compiled.solution.structure
+    flat = replace(old.reduced.flat, components={}, loops=(), notes=())
+    reduced = replace(old.reduced, flat=flat)
+    structure = replace(old, reduced=reduced, points=type(old.points)(reduced, old.points.visited))
+    bare: CompiledModel = replace(compiled, solution=replace(compiled.solution, structure=structure), timings={})
+    return bare
+
+
+class _Writer(pickle.Pickler):
+    """Writes statements as text: a flat system brings its own, with their places."""
+
+    def reducer_override(self, obj: Any) -> Any:
+        """How something is written that would need a component, or only this process knows."""
+        if isinstance(obj, Equation | Assertion):
+            return str, (str(obj),)
+        if isinstance(obj, Component):
+            raise pickle.PicklingError(f"a {type(obj).__name__} is in the compiled model")
+        return NotImplemented
+
+
+class _Reader(pickle.Unpickler):
+    """Reads data and names of the table."""
+
+    def find_class(self, module: str, name: str) -> Any:
+        """A class that is there already and may be named in a file."""
+        named = (module, name) in _CALLED or module.split(".")[:2] in _OWN
+        found: Any = import_module(module) if named else sys.modules.get(module)
+        for part in name.split("."):
+            found = getattr(found, part)
+        is_ours = isinstance(found, type) and (found.__module__ == module if named else issubclass(found, Component))
+        if is_ours or (module, name) in _CALLED:
+            return found
+        raise pickle.UnpicklingError(f"{module}.{name} is not for compiled models")
+
+
+def _key(signature: tuple[Any, ...]) -> str | None:
+    """The name of a signature in all processes; None where it has parts that only this one knows."""
+    try:
+        return hashlib.sha256(f"{_made_by()} {_digest(signature)}".encode()).hexdigest()
+    except (_Unknown, ValueError, OSError, TypeError, RecursionError) as error:
+        _log.info("no key for other processes: %r", error)
+        return None
+
+
+@lru_cache(maxsize=1)  # asked before a model is compiled and again behind it
+def _digest(signature: tuple[Any, ...]) -> str:
+    words = marshal.dumps(_told(signature, {}), 2)  # without references, which differ between processes
+    return hashlib.sha256(words).hexdigest()
+
+
+@cache
+def _made_by() -> str:
+    """A hash of everything that turns a signature into a model."""
+    found = hashlib.sha256(repr((sys.version_info[:3], np.__version__, ca.CasadiMeta.version())).encode())
+    root = Path(__file__).resolve().parents[1]
+    for name in _SOURCES:
+        for path in sorted((root / name).rglob("*.py")):
+            found.update(str(path.relative_to(root)).encode() + b"\0" + path.read_bytes())
+    return found.hexdigest()
+
+
+def _told(value: Any, known: dict[int, Any]) -> Any:
+    """The content of a part of a signature, in plain values."""
+    kind = type(value)
+    if kind in _PLAIN:
+        return value
+    if kind is tuple and _PLAIN.issuperset(map(type, value)):  # nearly all of a signature are nodes of a pool
+        return "builtins.tuple", *value
+    if id(value) in known:
+        return known[id(value)][1]
+    told = tuple(_parts(value, known))
+    known[id(value)] = value, told  # the value stays alive, so that no other takes its place
+    return told
+
+
+def _parts(value: Any, known: dict[int, Any]) -> Iterator[Any]:
+    kind = type(value)
+    yield f"{kind.__module__}.{kind.__qualname__}"
+    if isinstance(value, tuple | list):
+        yield from (_told(v, known) for v in value)
+    elif isinstance(value, Mapping):
+        yield from ((_told(k, known), _told(v, known)) for k, v in value.items())
+    elif isinstance(value, Enum):
+        yield value.name
+    elif isinstance(value, type):
+        yield f"{value.__module__}.{value.__qualname__}"
+    elif isinstance(value, FunctionType):
+        yield _function(value)
+    elif isinstance(value, np.ndarray) and value.dtype != object:
+        yield from (str(value.dtype), value.shape, value.tobytes())
+    elif isinstance(value, ca.Function):
+        yield value.serialize()
+    elif is_dataclass(value):
+        yield from (_told(getattr(value, f.name), known) for f in fields(value))
+    else:
+        raise _Unknown(kind)
+
+
+def _function(function: FunctionType) -> tuple[Any, ...]:
+    """Where a function stands, and all of the file it stands in."""
+    if function.__closure__ or function.__defaults__ or function.__kwdefaults__:
+        raise _Unknown(function)
+    code = function.__code__
+    return function.__module__, function.__qualname__, code.co_firstlineno, _content(code.co_filename)
+
+
+@cache
+def _content(path: str) -> str:
+    return hashlib.sha256(Path(path).read_bytes()).hexdigest()

@@ -1,0 +1,1 @@
+"""A compiled model with something changed, without compiling it again."""

@@ -1,0 +1,108 @@
+"""The same model with other start values: only its start problem is made anew."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Mapping
+from dataclasses import replace
+from weakref import WeakKeyDictionary
+
+from acausal.analyse.start import start_problem
+from acausal.errors import UsageError, nearest
+from acausal.flatten.flat import FlatStart, suffixes
+from acausal.flatten.parameters import entries
+from acausal.flatten.reduced import ReducedSystem
+from acausal.lower.cache.cache import replaced
+from acausal.lower.compiled import CompiledModel
+
+_Values = tuple[tuple[int, float], ...]
+_KEPT = 4
+_made: WeakKeyDictionary[CompiledModel, OrderedDict[_Values, CompiledModel]] = WeakKeyDictionary()
+
+
+def with_starts(compiled: CompiledModel, given: Mapping[str, object]) -> CompiledModel:
+    """The model in which these variables start at these values, as if they were declared with `fixed`.
+
+    Declared starts of the same variable, under any of its names, give way; all others stay, and must agree.
+
+    Raises
+    ------
+    UsageError
+        AC046 for what is no variable of the model, or follows from parameters alone; AC023 for what is no number.
+    """
+    if not given:
+        return compiled
+    key = tuple(_values(compiled, given).items())
+    made = _made.setdefault(compiled, OrderedDict())
+    found = made.pop(key, None)
+    if found is None:
+        structure = compiled.solution.structure
+        flat = structure.reduced.flat
+        aimed = {_variable(structure.reduced, scalar) for scalar, _ in key}
+        starts = {s: v for s, v in flat.starts.items() if _variable(structure.reduced, s) not in aimed - {None}}
+        for scalar, number in key:
+            starts[scalar] = FlatStart(flat.pool.const(number), True, None, flat.scalar_name(scalar))
+        reduced = replaced(structure.reduced, flat=replaced(flat, starts=starts))
+        solution = replaced(compiled.solution, structure=replaced(structure, reduced=reduced))
+        found = replace(compiled, solution=solution, start=start_problem(solution))
+    made[key] = found
+    if len(made) > _KEPT:
+        made.popitem(last=False)
+    return found
+
+
+def _values(compiled: CompiledModel, given: Mapping[str, object]) -> dict[int, float]:
+    """Start values by scalar."""
+    if not isinstance(given, Mapping):
+        raise UsageError("AC046", f"start is a {type(given).__name__}", help="a dictionary: start={'mass.s': 0.1}")
+    reduced = compiled.solution.structure.reduced
+    known: dict[str, tuple[tuple[int, ...], int, str]] = {}
+    for v in compiled.flat.variables:
+        shape = v.declaration.shape
+        known[v.path] = shape, v.first, v.declaration.unit
+        if shape:
+            known |= {v.path + e: ((), v.first + k, v.declaration.unit) for k, e in enumerate(suffixes(shape))}
+    found: dict[int, float] = {}
+    for path, value in given.items():
+        if path not in known:
+            raise _unknown(compiled, path, known)
+        shape, first, unit = known[path]
+        for k, number in enumerate(entries(path, shape, value, unit)):
+            scalar = first + k
+            image = reduced.image[scalar]
+            if scalar in reduced.left_out or not reduced.pool.variables_in(image):
+                raise UsageError(
+                    "AC046",
+                    f"{path} has no start value: it follows from parameters, or was left out of the model",
+                    help="set the parameters it follows from" if scalar not in reduced.left_out else None,
+                )
+            if number != number or abs(number) == float("inf"):
+                raise UsageError("AC046", f"start of {path} = {number} is not finite")
+            if scalar in found and found[scalar] != number:
+                raise UsageError("AC046", f"{path} is given two start values: {found[scalar]:g} and {number:g}")
+            found[scalar] = number
+    inputs = set(compiled.flat.inputs) & set(found)
+    if inputs:
+        name = compiled.flat.scalar_name(min(inputs))
+        raise UsageError("AC046", f"{name} is an input, not a start value", help=f"inputs={{'{name}': ...}}")
+    return found
+
+
+def _variable(reduced: ReducedSystem, scalar: int) -> int | None:
+    """The reduced variable that a scalar is, up to its sign; None for what is computed from several."""
+    nodes = reduced.pool.nodes
+    op, *rest = nodes[reduced.image[scalar]]
+    if op == "neg":
+        op, *rest = nodes[rest[0]]
+    return int(rest[0]) if op == "var" else None
+
+
+def _unknown(compiled: CompiledModel, path: str, known: Mapping[str, object]) -> UsageError:
+    parameters = {*compiled.parameters, *(p.path for p in compiled.flat.parameters)}
+    close = nearest(path, [*compiled.states, *known])
+    return UsageError(
+        "AC046",
+        f"{path} is a parameter, not a start value" if path in parameters else f"there is no variable '{path}'",
+        evidence=[f"did you mean {', '.join(close)}?"] if close and path not in parameters else [],
+        help=f"parameters={{'{path}': ...}}, or --set {path}=..." if path in parameters else None,
+    )

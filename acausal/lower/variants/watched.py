@@ -1,0 +1,102 @@
+"""The same model with the kinks watched at which a rate that is constant for long may wake."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from weakref import WeakKeyDictionary
+
+from acausal.analyse.events.bursts import may_burst
+from acausal.analyse.events.sleeping import Sleeping, sleeping
+from acausal.analyse.events.state_events import discrete_variables
+from acausal.analyse.events.table_stops import stretch_numbers
+from acausal.flatten.text import to_text
+from acausal.language.expressions.external import Call
+from acausal.language.expressions.lookup import Lookup
+from acausal.lower.compile import lower
+from acausal.lower.compiled import CompiledModel
+
+_Made = tuple[CompiledModel | None, str]
+_MADE: WeakKeyDictionary[CompiledModel, dict[tuple[int, ...], _Made]] = WeakKeyDictionary()
+UNWATCHED_STEPS = 5000
+"""No step is longer than this part of a run whose kinks are not all watched."""
+_KINKS = frozenset(("min", "max", "fabs", "noevent"))
+_NAMED = 3
+_WIDTH = 60
+
+
+def unwatched(steps: int) -> str:
+    """What is said of a run in which nothing is watched, and that takes so many steps at least."""
+    what = "kinks and bursts of this run cannot be watched, as one of them is passed without end or too often"
+    return f"AC414: {what}: {_bounded(steps)}"
+
+
+def _bounded(steps: int) -> str:
+    return f"no step is longer than 1/{steps} of the run instead, and what wakes for less may be passed"
+
+
+def with_watched(compiled: CompiledModel, relative: float) -> tuple[CompiledModel, tuple[str, ...]]:
+    """The model for a solver that chooses its steps, at a relative tolerance, and notes; itself where nothing sleeps.
+
+    Made once for each, and for what of its tables the tolerance can tell.
+    """
+    solution = compiled.solution
+    pool = solution.structure.reduced.pool
+    roots = [*(n for v, n in solution.definitions if v in solution.needed), *solution.residuals]
+    numbers = stretch_numbers(pool, roots, dict(solution.definitions), relative) if _has_tables(compiled) else ()
+    made = _MADE.setdefault(compiled, {})
+    if numbers not in made:
+        made[numbers] = _watched(compiled, roots, numbers)
+    model, note = made[numbers]
+    return model or compiled, (note,) if note else ()
+
+
+_TABLES: WeakKeyDictionary[CompiledModel, bool] = WeakKeyDictionary()
+
+
+def _has_tables(compiled: CompiledModel) -> bool:
+    """Whether there is a long table in the equations."""
+    if compiled not in _TABLES:
+        ops = (node[0] for node in compiled.solution.structure.reduced.pool.nodes)
+        _TABLES[compiled] = any(isinstance(op, Call) and isinstance(op.external, Lookup) for op in ops)
+    return _TABLES[compiled]
+
+
+def _watched(compiled: CompiledModel, roots: Sequence[int], numbers: tuple[int, ...]) -> _Made:
+    solution = compiled.solution
+    reduced = solution.structure.reduced
+    pool = reduced.pool
+    found, note = Sleeping(), ""
+    if any(pool.nodes[n][0] in _KINKS or may_burst(pool, n) for n in pool.reachable(roots)):
+        located = *compiled.state_events.relations, *compiled.time_events.relations
+        found = sleeping(solution, located, discrete_variables(reduced))
+        note = _left(compiled, found) if found.left else ""
+    if not found.watched and not found.middles and not numbers:
+        return None, note
+    lowered = lower(solution, compiled.driven, replace(found, numbers=numbers))
+    lowered = replace(lowered, selection=compiled.selection, recipe=compiled.recipe, start=compiled.start)
+    return replace(lowered, timings=dict(compiled.timings)), note
+
+
+def _left(compiled: CompiledModel, found: Sleeping) -> str:
+    reduced = compiled.solution.structure.reduced
+
+    def name_of(kind: str, k: int) -> str:
+        return reduced.name(k) if kind == "var" else compiled.parameters[k]
+
+    def said(number: int) -> str:
+        sides = [reduced.pool.nodes[n] for n in reduced.pool.nodes[number][1:]]
+        inside = [
+            node[1] if node[0] == "noevent" else n
+            for node, n in zip(sides, reduced.pool.nodes[number][1:], strict=True)
+        ]
+        return " against ".join(to_text(reduced.pool, n, name_of, _WIDTH) for n in inside)
+
+    texts = "; ".join(said(n) for n in found.left[:_NAMED])
+    more = f"; and {len(found.left) - _NAMED} more" if len(found.left) > _NAMED else ""
+    left, whole = len(found.left), len(found.left) + len(found.watched) + len(found.middles)
+    return (
+        f"AC414: {left} of {whole} kinks and bursts where rates may wake are too many to be watched ({texts}{more}): "
+        f"{_bounded(UNWATCHED_STEPS)}; locate those that matter by a relation without no_event, or give a max_step "
+        "that is shorter than what they are awake"
+    )

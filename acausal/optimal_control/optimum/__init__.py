@@ -1,0 +1,1 @@
+"""The answer: its numbers, its errors, its pictures."""

@@ -1,0 +1,151 @@
+"""Pictures of optima: where a limit holds a variable the curve is thick, and every phase names what holds it.
+
+Limits are written in the unit of the axis on which the variable is drawn.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from textwrap import wrap
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from numpy.typing import NDArray
+
+from acausal.optimal_control.optimum.optimum import Multiplier, Optimum
+from acausal.optimal_control.problem import written
+from acausal.panel import Panel
+from acausal.plot.plot import figure, save
+from acausal.plot.scale import Scale, readable
+
+Vector = NDArray[np.float64]
+
+_HELD = "#D55E00"
+# Instants of a phase that are drawn.
+_INSTANTS = 300
+# Small letters that fit in an inch.
+_LETTERS = 16
+# Room for a name beyond a limit, by the height of the panel.
+_ROOM = 0.16
+# A constraint that holds at fewer of a phase's points does not describe it.
+_SHARE = 0.1
+
+
+def drawn(best: Optimum, names: Sequence[str], file: str | Path | None, title: str | None) -> Figure:
+    """One panel for each name, by default the inputs and every variable that is bounded."""
+    chosen, best = list(names) or _told(best), _fine(best)
+    drawing = figure(best, [Panel((name,)) for name in chosen], title=title or _titled(best))
+    for ax in drawing.axes:
+        for line in list(ax.lines):
+            for multiplier in best.held:
+                if multiplier.variable == line.get_label():
+                    _mark(ax, line, best, multiplier)
+    lines = [f"{name}, {begin:.4g} to {end:.4g} s: {_words(best, name)}" for name, begin, end in best.phases]
+    width = int(drawing.get_figwidth() * _LETTERS)
+    lines = [part for line in lines for part in wrap(line, width, subsequent_indent="    ")]
+    drawing.supxlabel("\n".join(["thick: at a limit", *lines]), x=0.01, ha="left", fontsize=8)
+    if file is not None:
+        save(drawing, Path(file))
+    return drawing
+
+
+def _titled(best: Optimum) -> str:
+    """The model, how long it takes, and the smallest value where that is another number."""
+    duration = float(best.time[-1] - best.time[0])
+    taken = f"{best.model} in {duration:.6g} s"
+    return taken if abs(best.objective - duration) <= 1e-3 * duration else f"{taken}, objective {best.objective:.6g}"
+
+
+def _scale(best: Optimum, variable: str) -> Scale:
+    """That of the variable's own axis."""
+    return readable(best.signals[variable].unit, float(np.abs(best[variable]).max(initial=0.0)))
+
+
+def _limit(best: Optimum, multiplier: Multiplier, level: Vector) -> str:
+    """The limit at which a variable is: as the user named it, else with the side that holds, in the axis' unit."""
+    variable, lower, upper = multiplier.variable, multiplier.lower, multiplier.upper
+    if variable is None or multiplier.name not in (f"limits of {variable}", written(variable, lower, upper)):
+        return multiplier.name
+    scale = _scale(best, variable)
+    unit = f" {scale.label[1:-1]}" if scale.label else ""
+
+    def text(limit: float) -> str:
+        return f"{float(scale(np.array(limit))):.6g}{unit}"
+
+    if lower == upper:
+        return f"{variable} = {text(lower)}"
+    near = multiplier.scale * 1e-2
+    low, high = bool((level <= lower + near).any()), bool((level >= upper - near).any())
+    if low and high:
+        return f"{variable} = {text(lower)} or {text(upper)}"
+    return f"{variable} \u2265 {text(lower)}" if low else f"{variable} \u2264 {text(upper)}"
+
+
+def _fine(best: Optimum) -> Optimum:
+    """The same with the polynomials drawn out between the points of the mesh; phases begin just behind an event."""
+    dense = best.dense
+    if dense is None:
+        return best
+    tiny = 1e-9 * float(np.ptp(best.time))
+    inside = [np.linspace(begin + tiny, end, _INSTANTS) for _, begin, end in best.phases if end > begin + tiny]
+    times = np.maximum.accumulate(np.concatenate(inside))
+    return replace(best, time=times, trajectories=lambda: dense(times))
+
+
+def _told(best: Optimum) -> list[str]:
+    bounded = [m.variable for m in best.held if m.variable is not None and m.active.any()]
+    return list(dict.fromkeys([*best.inputs, *bounded]))
+
+
+def _mark(ax: Axes, line: Line2D, best: Optimum, multiplier: Multiplier) -> None:
+    """A thick line and a name over what is at a limit; the curve itself is drawn in the figure's own scale."""
+    x, y = np.asarray(line.get_xdata(), dtype=float), np.asarray(line.get_ydata(), dtype=float)
+    held = multiplier.holds(best[multiplier.variable or ""])
+    inside = np.zeros(len(x), dtype=bool)
+    for name, begin, end in best.phases:
+        if name in multiplier.phase:
+            inside |= (best.time >= begin) & (best.time <= end)
+    held &= inside
+    if not held.any():
+        return
+    ax.plot(x, np.where(held, y, np.nan), color=_HELD, lw=4.0, alpha=0.6, solid_capstyle="butt", zorder=1.5)
+    runs = np.split(np.flatnonzero(held), np.flatnonzero(np.diff(np.flatnonzero(held)) > 1) + 1)
+    longest = max(runs, key=lambda r: float(x[r[-1]] - x[r[0]]))
+    middle = (x[longest[0]] + x[longest[-1]]) / 2
+    level = float(y[longest[len(longest) // 2]])
+    # beyond the limit there is no curve
+    own = best[multiplier.variable or ""][longest]
+    above = bool(np.abs(own - multiplier.upper).min() <= np.abs(own - multiplier.lower).min())
+    offset = (0, 4 if above else -4)
+    place = "bottom" if above else "top"
+    low, high = ax.get_ylim()
+    room = _ROOM * (high - low)
+    ax.set_ylim(min(low, level - room) if not above else low, max(high, level + room) if above else high)
+    # a name must not reach beyond the figure
+    share = (middle - ax.get_xlim()[0]) / np.ptp(ax.get_xlim())
+    side = "left" if share < 0.2 else "right" if share > 0.8 else "center"
+    edge = {"left": longest[0], "right": longest[-1]}.get(side)
+    ax.annotate(
+        _limit(best, multiplier, own),
+        (middle if edge is None else float(x[edge]), level),
+        offset,
+        textcoords="offset points",
+        ha=side,
+        va=place,
+        fontsize=8,
+        color=_HELD,
+        # lines of phases and of the grid end in front of the words, curves go on over them
+        bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0},
+        zorder=1.9,
+    )
+
+
+def _words(best: Optimum, phase: str) -> str:
+    held = [best.multipliers[name] for name in best.active(phase, _SHARE)]
+    own = [m.active & np.array([name == phase for name in m.phase]) for m in held]
+    words = [_limit(best, m, m.level[k]) for m, k in zip(held, own, strict=True)]
+    return ", ".join(words) if words else "nothing is at a limit"

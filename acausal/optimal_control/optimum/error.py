@@ -1,0 +1,89 @@
+"""How far collocation is off: each interval integrated by IDAS from where it begins, with the same inputs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import comb
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.optimal_control.optimum.trajectory import PhaseTrajectory, Trajectory
+from acausal.optimal_control.problem import StatedProblem
+from acausal.optimal_control.program.polynomials import Basis
+from acausal.optimal_control.program.radau import Dynamics
+
+Vector = NDArray[np.float64]
+
+_TOLERANCE = 1e-10
+
+
+def interval_errors(
+    problem: StatedProblem, laws: Sequence[Dynamics], trajectory: Trajectory
+) -> tuple[list[Vector], float]:
+    """Largest error of a state at the end of each interval, by its magnitude over all phases; one array per phase.
+
+    Then the same of all intervals one behind the other, each from where the last has ended: unstable motions make small
+    errors large. nan counts as infinite: IDAS did not get to the end of an interval.
+    """
+    q = problem.quantities
+    size = np.max([np.abs(phase.x).max(axis=1, initial=0.0) for phase in trajectory.phases], axis=0)
+    size = np.where(size > 0.0, size, np.array(q.x.nominal))
+    found, worst, carried = [], 0.0, trajectory.phases[0].x[:, 0]
+    for law, phase in zip(laws, trajectory.phases, strict=True):
+        errors, drift, carried = _phase(law, phase, trajectory.p, size, carried)
+        found.append(errors)
+        worst = max(worst, drift)
+        if law.jump is not None:
+            _, z, u = phase.interval(len(phase.mesh) - 1, np.array([1.0]))
+            carried = np.array(law.jump(phase.begin + phase.duration, carried, z, u, trajectory.p)).ravel()
+    return found, worst
+
+
+def _phase(
+    law: Dynamics, phase: PhaseTrajectory, p: Vector, size: Vector, carried: Vector
+) -> tuple[Vector, float, Vector]:
+    """Errors of the intervals, the largest one of those one behind the other from `carried`, and where these end."""
+    count = len(phase.mesh)
+    if not len(size):
+        return np.zeros(count), 0.0, carried
+    run = _integrator(law, phase.basis, p, size)
+    borders = phase.borders * phase.duration
+    found, drift = np.zeros(count), np.zeros(count)
+    for k in range(count):
+        x, z, _ = phase.interval(k, np.array([0.0, 1.0]))
+        width = phase.basis.control + 1
+        coefficients = phase.u[:, k * width : (k + 1) * width]
+        given = ca.vertcat(phase.begin + borders[k], borders[k + 1] - borders[k], ca.vec(ca.DM(coefficients)))
+
+        def end(begin: Vector, z: Vector = z[:, 0], given: Any = given) -> Vector:
+            try:
+                return np.array(run(x0=begin / size, z0=z, p=given)["xf"]).ravel() * size
+            except RuntimeError:
+                return np.full(len(size), np.nan)
+
+        found[k] = np.max(np.abs(end(x[:, 0]) - x[:, 1]) / size)
+        carried = end(carried) if np.isfinite(carried).all() else carried
+        drift[k] = np.max(np.abs(carried - x[:, 1]) / size)
+    found, drift = (np.where(np.isnan(v), np.inf, v) for v in (found, drift))
+    return found, float(drift.max()), carried
+
+
+def _integrator(law: Dynamics, basis: Basis, p: Vector, size: Vector) -> Any:
+    """One interval from 0 to 1: parameters are its begin, its length and the coefficients of the inputs."""
+    dae = law.dae
+    nx, nz, nu = (dae.numel_in(k) for k in (1, 2, 3))
+    s, x, z = ca.SX.sym("s"), ca.SX.sym("x", nx), ca.SX.sym("z", nz)
+    begin, length, u = ca.SX.sym("begin"), ca.SX.sym("length"), ca.SX.sym("u", nu, basis.control + 1)
+    q = basis.control
+    weights = ca.vertcat(*(comb(q, i) * s**i * (1 - s) ** (q - i) for i in range(q + 1)))
+    scale = ca.DM(size)
+    ode, alg, _ = dae(begin + length * s, x * scale, z, u @ weights, p)
+    system = {"x": x, "z": z, "t": s, "p": ca.vertcat(begin, length, ca.vec(u)), "ode": length * ode / scale}
+    options = {"reltol": _TOLERANCE, "abstol": _TOLERANCE / 100, "max_num_steps": 20000, "first_time": 1e-6}
+    if nz:
+        system["alg"] = alg
+        options["suppress_algebraic"] = True
+    return ca.integrator("interval", "idas", system, 0.0, 1.0, {**options, "show_eval_warnings": False})

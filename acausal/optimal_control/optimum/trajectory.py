@@ -1,0 +1,84 @@
+"""The numbers of an optimum: polynomials of all phases, evaluated anywhere."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.optimal_control.declare import Mesh
+from acausal.optimal_control.guess import PhaseGuess
+from acausal.optimal_control.program.nlp import Solution
+from acausal.optimal_control.program.polynomials import Basis
+from acausal.optimal_control.program.radau import Program
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class PhaseTrajectory:
+    """One phase: `x` (nx, n + 1), `z` (nz, n) at the points, Bernstein coefficients `u` (nu, intervals*(control+1))."""
+
+    name: str
+    basis: Basis
+    mesh: Mesh
+    begin: float
+    duration: float
+    x: Vector
+    z: Vector
+    u: Vector
+
+    @property
+    def borders(self) -> Vector:
+        """Borders of the intervals as shares of the phase, shape (intervals + 1,)."""
+        return np.concatenate([[0.0], np.cumsum(self.mesh.fractions)[:-1], [1.0]])
+
+    def interval(self, k: int, at: Vector) -> tuple[Vector, Vector, Vector]:
+        """x, z, u at places `at` in [0, 1] of one interval, columns are instants."""
+        d, q = self.basis.degree, self.basis.control + 1
+        x = self.x[:, k * d : (k + 1) * d + 1] @ self.basis.of_states(at)
+        z = self.z[:, k * d : (k + 1) * d] @ self.basis.of_algebraic(at)
+        u = self.u[:, k * q : (k + 1) * q] @ self.basis.bernstein(at)
+        return x, z, u
+
+    def time(self, k: int, at: Vector) -> Vector:
+        """Times [s] of places in one interval."""
+        borders = self.borders
+        return np.asarray(self.begin + self.duration * (borders[k] + (borders[k + 1] - borders[k]) * at))
+
+    def at(self, shares: Vector) -> tuple[Vector, Vector, Vector]:
+        """x, z, u at shares of the phase; at a border, of the interval that begins there."""
+        borders = self.borders
+        number = np.clip(np.searchsorted(borders, shares, side="right") - 1, 0, len(self.mesh) - 1)
+        x, z, u = (np.empty((len(v), len(shares))) for v in (self.x, self.z, self.u))
+        for k in np.unique(number).tolist():
+            own = number == k
+            local = (shares[own] - borders[k]) / (borders[k + 1] - borders[k])
+            x[:, own], z[:, own], u[:, own] = self.interval(k, local)
+        return x, z, u
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """All phases, and the parameters of the model, shape (np,)."""
+
+    phases: list[PhaseTrajectory]
+    p: Vector
+
+    def guesses(self) -> list[PhaseGuess]:
+        """The same as a guess for other meshes."""
+        return [PhaseGuess(phase.duration, phase.at) for phase in self.phases]
+
+
+def trajectory_of(program: Program, solution: Solution) -> Trajectory:
+    """The numbers that a solver found."""
+    wanted = [v for phase in program.phases for v in (phase.begin, phase.duration, phase.x, phase.z, phase.u)]
+    found = iter(solution.values(*wanted, program.p))
+    phases = []
+    for phase in program.phases:
+        begin, duration, x, z, u = (next(found) for _ in range(5))
+        phases.append(
+            PhaseTrajectory(phase.spec.name, program.basis, phase.mesh, begin.item(), duration.item(), x, z, u)
+        )
+    return Trajectory(phases, next(found).reshape(-1))

@@ -1,0 +1,247 @@
+"""A nonlinear program: unknowns, demands on them, an objective; and what a solver makes of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.optimal_control.program.derivatives import derivatives
+from acausal.optimal_control.program.points import Points, replaced
+
+Vector = NDArray[np.float64]
+# Limits of an unknown that differ by less, by its magnitude, are one.
+_SAME = 1e-12
+
+
+@dataclass(eq=False)
+class Nlp:
+    """minimize objective subject to lower <= demands <= upper, over the unknowns; built up by `radau.py`.
+
+    Attributes
+    ----------
+    unknowns, begin
+        Symbols, and for each where the search begins, in its order of columns.
+    parameters
+        Symbols that are given at each solution.
+    points
+        What is evaluated at many instants.
+    """
+
+    unknowns: list[Any] = field(default_factory=list)
+    begin: list[Vector] = field(default_factory=list)
+    parameters: list[Any] = field(default_factory=list)
+    points: list[Points] = field(default_factory=list)
+    demands: list[Any] = field(default_factory=list)
+    lower: list[Vector] = field(default_factory=list)
+    upper: list[Vector] = field(default_factory=list)
+    objective: Any = None
+
+    def unknown(self, begin: Vector | float, rows: int = 1, columns: int = 1) -> Any:
+        """Further unknowns, shape (rows, columns)."""
+        symbol = ca.MX.sym(f"x{len(self.unknowns)}", rows, columns)
+        if symbol.numel():
+            self.unknowns.append(symbol)
+            self.begin.append(np.broadcast_to(np.asarray(begin, dtype=float), (rows, columns)).ravel(order="F"))
+        return symbol
+
+    def parameter(self, rows: int) -> Any:
+        """A further column of parameters."""
+        self.parameters.append(ca.MX.sym(f"p{len(self.parameters)}", rows))
+        return self.parameters[-1]
+
+    def demand(self, value: Any, lower: float = 0.0, upper: float = 0.0) -> range:
+        """lower <= value <= upper in every entry; the rows at which it stands among all."""
+        column = ca.vec(value)
+        first = sum(map(len, self.lower))
+        if column.numel():
+            self.demands.append(column)
+            self.lower.append(np.full(column.numel(), lower))
+            self.upper.append(np.full(column.numel(), upper))
+        return range(first, first + column.numel())
+
+    def at(self, arguments: Sequence[Any], names: Sequence[Any], n: int) -> Points:
+        """Instants at which a function of SX `names` is asked for, rows of shape (., n) as their values."""
+        self.points.append(Points(list(names), list(arguments), n))
+        return self.points[-1]
+
+    @property
+    def x(self) -> Any:
+        """All unknowns, a column."""
+        return ca.veccat(*self.unknowns)
+
+    @property
+    def p(self) -> Any:
+        """All parameters, a column."""
+        return ca.veccat(*self.parameters) if self.parameters else ca.MX.sym("p", 0)
+
+    @property
+    def g(self) -> Any:
+        """All demands, a column."""
+        return ca.vertcat(*self.demands)
+
+    @property
+    def limits(self) -> tuple[Vector, Vector]:
+        """Of all demands."""
+        return np.concatenate(self.lower), np.concatenate(self.upper)
+
+    def whole(self) -> dict[str, Any]:
+        """The program as `nlpsol` takes it, with the functions in it."""
+        f, g = replaced([self.objective, self.g], self.points)
+        return {"x": self.x, "p": self.p, "f": f, "g": g}
+
+    def values(self, expressions: Sequence[Any], x: Vector) -> list[Vector]:
+        """Numbers of expressions at one point."""
+        function = ca.Function("values", [self.x], replaced(expressions, self.points))
+        found = function(x)
+        return [np.array(v, dtype=float) for v in (found if isinstance(found, tuple | list) else [found])]
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """What a solver ended with.
+
+    Attributes
+    ----------
+    x, g, duals
+        The unknowns, the demanded values, and the multipliers of all demands.
+    success, status, iterations
+        Of the solver.
+    """
+
+    nlp: Nlp
+    x: Vector
+    g: Vector
+    duals: Vector
+    objective: float
+    success: bool
+    status: str
+    iterations: int
+
+    def values(self, *expressions: Any) -> list[Vector]:
+        """Numbers of expressions of the unknowns."""
+        return self.nlp.values(expressions, self.x)
+
+
+def minimized(nlp: Nlp, solver: str, inner: Mapping[str, Any]) -> Solution:
+    """The smallest value that a solver of CasADi finds; `inner` are the solver's own options."""
+    common: dict[str, Any] = {
+        solver: dict(inner),
+        "print_time": False,
+        "show_eval_warnings": False,
+        "error_on_fail": False,
+    }
+    if solver != "ipopt":
+        # fatrop's structure of stages has no place for durations and parameters that are decided: none is looked for
+        function = ca.nlpsol("program", solver, nlp.whole(), {**common, "structure_detection": "none"})
+        low, high = nlp.limits
+        found = function(x0=np.concatenate(nlp.begin), lbg=low, ubg=high)
+        return _solution(nlp, function, found, np.array(found["g"]).ravel(), np.array(found["lam_g"]).ravel())
+    g, simple = nlp.g, _simple(nlp)
+    kept = np.setdiff1d(np.arange(g.numel()), simple.rows)
+    low, high = nlp.limits
+    own = derivatives(nlp.x, nlp.objective, g[kept.tolist()], nlp.points)
+    f, rows = replaced([nlp.objective, g[kept.tolist()]], nlp.points)
+    more: dict[str, Any] = {"grad_f": own.gradient, "jac_g": own.jacobian, "hess_lag": own.hessian, "no_nlp_grad": True}
+    more |= {"calc_lam_p": False}
+    program = {"x": nlp.x, "f": f, "g": rows}
+    function = ca.nlpsol("program", "ipopt", program, {**common, **more})
+    found = function(x0=np.concatenate(nlp.begin), lbx=simple.low, ubx=simple.high, lbg=low[kept], ubg=high[kept])
+    x, inner_duals = np.array(found["x"]).ravel(), np.array(found["lam_g"]).ravel()
+    values, duals = np.empty(g.numel()), np.zeros(g.numel())
+    values[kept], duals[kept] = np.array(found["g"]).ravel(), inner_duals
+    values[simple.rows] = simple.slopes * x[simple.columns] + simple.offsets
+    across = np.array(found["lam_x"]).ravel()
+    # ipopt takes unknowns that are fixed out of the program; their multipliers follow from what is stationary
+    fixed = np.flatnonzero(simple.low == simple.high)
+    if len(fixed):
+        slope = np.array(own.gradient(x, [])[1]).ravel() + np.array(own.jacobian(x, [])[1].T @ inner_duals).ravel()
+        across[fixed] = -slope[fixed]
+    duals[simple.rows] = simple.duals(across)
+    return _solution(nlp, function, found, values, duals)
+
+
+def _solution(nlp: Nlp, function: Any, found: Any, values: Vector, duals: Vector) -> Solution:
+    stats = function.stats()
+    return Solution(
+        nlp,
+        np.array(found["x"]).ravel(),
+        values,
+        duals,
+        float(found["f"]),
+        bool(stats.get("success", False)),
+        str(stats.get("return_status", "")),
+        int(stats.get("iter_count", 0)),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Simple:
+    """Demands slope * x[column] + offset on one unknown each, and the limits of all unknowns that follow.
+
+    `by_low` and `by_high` are, for each unknown, the place among `rows` of the demand that limits it; -1 without.
+    """
+
+    rows: Any
+    columns: Any
+    slopes: Vector
+    offsets: Vector
+    low: Vector
+    high: Vector
+    by_low: Any
+    by_high: Any
+
+    def duals(self, across: Vector) -> Vector:
+        """Multipliers of the demands by those of the limits of unknowns."""
+        found = np.zeros(len(self.rows))
+        for owner, side in ((self.by_high, across > 0.0), (self.by_low, across < 0.0)):
+            held = np.flatnonzero(side & (owner >= 0))
+            found[owner[held]] = across[held] / self.slopes[owner[held]]
+        return found
+
+
+def _simple(nlp: Nlp) -> _Simple:
+    """The demands that limit one unknown; not where they contradict each other, which the solver names."""
+    rows, columns, slopes, offsets = _single(nlp)
+    n = nlp.x.numel()
+    lower, upper = nlp.limits
+    ends = np.sort([(lower[rows] - offsets) / slopes, (upper[rows] - offsets) / slopes], axis=0)
+    low, high = np.full(n, -np.inf), np.full(n, np.inf)
+    np.maximum.at(low, columns, ends[0])
+    np.minimum.at(high, columns, ends[1])
+    same = np.isfinite(low) & (np.abs(high - low) <= _SAME * np.maximum(np.abs(low), 1.0))
+    high[same] = low[same]
+    fits = (low <= high)[columns]
+    rows, columns, slopes, offsets, ends = rows[fits], columns[fits], slopes[fits], offsets[fits], ends[:, fits]
+    empty = low > high
+    low[empty], high[empty] = -np.inf, np.inf
+    owners = np.full((2, n), -1)
+    for side, limits in enumerate((low, high)):
+        with np.errstate(invalid="ignore"):  # where there is no limit
+            near = np.flatnonzero(np.abs(ends[side] - limits[columns]) <= _SAME * np.maximum(np.abs(ends[side]), 1.0))
+        owners[side, columns[near]] = near
+    return _Simple(rows, columns, slopes, offsets, low, high, owners[0], owners[1])
+
+
+def _single(nlp: Nlp) -> tuple[Any, Any, Vector, Vector]:
+    """Rows of demands slope * x[column] + offset on one unknown each, with columns, slopes, offsets."""
+    x, y = nlp.x, ca.veccat(*(s for one in nlp.points for s in one.symbols))
+    first = np.cumsum([0, *map(len, nlp.lower)])
+    # demands that hold what is evaluated at points limit more than one unknown
+    own = [k for k, value in enumerate(nlp.demands) if not (y.numel() and ca.depends_on(value, y))]
+    g = ca.vertcat(*(nlp.demands[k] for k in own)) if own else ca.MX(0, 1)
+    among = np.concatenate([np.zeros(0, dtype=int), *(np.arange(first[k], first[k + 1]) for k in own)])
+    alone = np.bincount(np.array(ca.jacobian_sparsity(g, x).row(), dtype=int), minlength=g.numel()) == 1
+    rows = np.flatnonzero(alone)
+    if len(rows):
+        rows = rows[~np.array(ca.which_depends(g[rows.tolist()], x, 2, True), dtype=bool)]
+    of_rows = ca.Function("simple", [x], [ca.jacobian(g[rows.tolist()], x), g[rows.tolist()]])
+    slope, offset = of_rows(np.zeros(x.numel()))
+    places, columns = (np.array(v, dtype=int) for v in slope.sparsity().get_triplet())
+    values = np.array(slope.nonzeros(), dtype=float)
+    places, columns, values = places[values != 0.0], columns[values != 0.0], values[values != 0.0]
+    return among[rows[places]], columns, values, np.array(offset).ravel()[places]

@@ -1,0 +1,1 @@
+"""Receding horizons: controllers and estimators."""

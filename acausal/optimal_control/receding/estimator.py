@@ -1,0 +1,199 @@
+"""Moving-horizon estimation: states and parameters that fit what was measured in the last samples best.
+
+At each sample the estimate minimizes, over the states at the start of the window and the decided parameters,
+
+    sum ((measured - model) / deviation)**2  +  sum ((start - expected) / deviation)**2 + the same of parameters.
+
+What is expected is the estimate of the sample before: its states where the window begins now, its parameters. Within
+the window the model holds exactly; there is no noise of the process.
+
+Source: C. V. Rao, J. B. Rawlings, D. Q. Mayne, IEEE Transactions on Automatic Control 48 (2003) 246-258, with constant
+weights of what is expected.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.errors import OptimizationError, UsageError, nearest
+from acausal.optimal_control.guess import guessed
+from acausal.optimal_control.phases import dynamics_of
+from acausal.optimal_control.problem import StatedProblem
+from acausal.optimal_control.program.polynomials import Basis
+from acausal.optimal_control.program.radau import Program, along, transcribed
+from acausal.optimal_control.receding.controller import WARM, check_autonomous, check_horizon
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What a window of measurements says: states now and decided parameters, by name."""
+
+    states: dict[str, float]
+    parameters: dict[str, float]
+
+
+class Estimator:
+    """States and parameters now, from what was measured up to now; each call begins from the answer of the last.
+
+    Attributes
+    ----------
+    step
+        The sample [s].
+    measured
+        Names of what is measured at the end of each sample.
+    """
+
+    def __init__(
+        self,
+        problem: StatedProblem,
+        measured: Mapping[str, float],
+        deviations: Mapping[str, float],
+        tolerance: float,
+        degree: int,
+        options: Mapping[str, Any],
+    ) -> None:
+        check_horizon(problem, past=True)
+        problem = problem.opened()
+        q, spec = problem.quantities, problem.specs[0]
+        self.problem, self.measured = problem, tuple(measured)
+        self.step, self._width = spec.shortest / len(spec.mesh), len(spec.mesh)
+        self._decided = [q.parameters.names[place] for place, *_ in q.decided]
+        _check_names(problem, measured, deviations, self._decided)
+        symbols = [q[name] for name in measured]
+        guesses = guessed(problem)
+        laws = dynamics_of(problem, guesses)
+        check_autonomous(problem, laws[0].dae)
+        program = transcribed(problem, laws, guesses, [spec.mesh], Basis(degree, 0), q.p, past=True)
+        self._solver, self._answer = _compiled(program, symbols, measured, deviations, {"tol": tolerance, **options})
+        low, high = program.nlp.limits
+        self._limits = {"lbg": low, "ubg": high}
+        self._guess, self._duals = np.concatenate(program.nlp.begin), np.zeros(len(low))
+        self._expected = np.concatenate([q.first, [q.p[place] for place, *_ in q.decided]])
+        self._inputs: list[list[float]] = []
+        self._seen: list[list[float]] = []
+        self._path: tuple[Vector, Vector] | None = None
+        self._moved = 0
+        self.iterations = 0
+
+    def __call__(self, inputs: Mapping[str, float], measured: Mapping[str, float]) -> Estimate:
+        """The estimate at the end of a sample.
+
+        Parameters
+        ----------
+        inputs
+            What was held in the sample, by name.
+        measured
+            What was measured at its end, by name.
+
+        Raises
+        ------
+        OptimizationError
+            AC703 where no estimate was found; the next call begins from the last answer again.
+        UsageError
+            AC033 for an input or a measured value that is missing, or is no number.
+        """
+        q = self.problem.quantities
+        _check_given(inputs, q.u.names, "input")
+        _check_given(measured, self.measured, "measured value")
+        self._inputs.append([inputs[name] for name in q.u.names])
+        self._seen.append([measured[name] for name in self.measured])
+        if len(self._seen) > self._width:
+            del self._inputs[0], self._seen[0]
+            self._moved += 1
+            if self._path is not None:
+                borders, parameters = self._path
+                self._expected = np.concatenate([borders[:, min(self._moved, self._width)], parameters])
+        here, given = len(self._seen), self._given()
+        found = self._solver(x0=self._guess, lam_g0=self._duals, p=given, **self._limits)
+        stats = self._solver.stats()
+        self.iterations = int(stats.get("iter_count", 0))
+        if not stats.get("success", True):
+            raise OptimizationError(
+                "AC703",
+                f"no estimate found for this sample: {stats.get('return_status', '')}".replace("_", " "),
+                evidence=[f"{name} = {measured[name]:.6g}" for name in self.measured[:6]],
+                help="keep the last estimate for this sample; limit what is decided: problem.decide(name, min=, max=)",
+            )
+        self._guess, self._duals = found["x"], found["lam_g"]
+        borders, parameters = (np.array(v, dtype=float) for v in self._answer(found["x"], given))
+        self._path, self._moved = (borders, parameters.ravel()), 0
+        states = q.coordinates.states(borders[:, [here]]).ravel()
+        return Estimate(
+            dict(zip(q.states.names, states.tolist(), strict=True)),
+            dict(zip(self._decided, parameters.ravel().tolist(), strict=True)),
+        )
+
+    def _given(self) -> Vector:
+        """Parameters of the program: inputs, measurements, what counts of them, what is expected."""
+        missing = self._width - len(self._seen)
+        inputs = np.array([*self._inputs, *[self._inputs[-1]] * missing])
+        seen = np.array([*self._seen, *[self._seen[-1]] * missing])
+        counts = np.array([1.0] * len(self._seen) + [0.0] * missing)
+        return np.concatenate([inputs.ravel(), seen.ravel(), counts, self._expected])
+
+
+def _compiled(
+    program: Program,
+    symbols: list[Any],
+    measured: Mapping[str, float],
+    deviations: Mapping[str, float],
+    options: Mapping[str, Any],
+) -> tuple[Any, Any]:
+    """The solver, and `(x, p) -> coordinates at all borders of samples, decided parameters`."""
+    nlp, phase, problem = program.nlp, program.phases[0], program.problem
+    q, degree, width = problem.quantities, program.basis.degree, len(phase.mesh)
+    seen = ca.reshape(nlp.parameter(width * len(symbols)), len(symbols), width)
+    counts, expected = nlp.parameter(width).T, nlp.parameter(len(q.x) + len(q.decided))
+    cost = ca.MX(0.0)
+    for k, (symbol, deviation) in enumerate(zip(symbols, measured.values(), strict=True)):
+        row = along(program, problem, symbol, phase.inside)[degree - 1 :: degree]
+        cost += ca.sum2(counts * ((ca.reshape(row, 1, -1) - seen[k, :]) / deviation) ** 2)
+    names = [*q.x.names, *(q.parameters.names[place] for place, *_ in q.decided)]
+    start = ca.vertcat(phase.x[:, 0], program.w)
+    for k, name in enumerate(names):
+        if name in deviations:
+            cost += ((start[k] - expected[k]) / deviations[name]) ** 2
+    nlp.objective = cost
+    inner: dict[str, Any] = {"ipopt": {**WARM, **options}, "print_time": False, "expand": True, "error_on_fail": False}
+    solver = ca.nlpsol("estimator", "ipopt", nlp.whole(), inner)
+    return solver, ca.Function("answer", [nlp.x, nlp.p], [phase.x[:, ::degree], program.w])
+
+
+def _check_given(given: Mapping[str, float], names: Sequence[str], kind: str) -> None:
+    """A sample needs all of them; one nan would spoil a whole window."""
+    for name in names:
+        if name not in given or not np.isfinite(given[name]):
+            value = f"is {given[name]}" if name in given else "is missing"
+            raise UsageError(
+                "AC033", f"the {kind} {name} {value}", help=f"each sample has all of {', '.join(names)}, in SI units"
+            )
+
+
+def _check_names(
+    problem: StatedProblem, measured: Mapping[str, float], deviations: Mapping[str, float], decided: list[str]
+) -> None:
+    known = [*problem.quantities.x.names, *decided]
+    for name in deviations:
+        if name not in known:
+            close = nearest(name, known)
+            raise UsageError(
+                "AC010",
+                f"{name} is neither a state nor a decided parameter of {problem.compiled.name}",
+                evidence=[f"nearest  {', '.join(close)}"] if close else [],
+                help=f"deviations are of {', '.join(known)}; decide a parameter first: problem.decide(name)",
+            )
+    for name, deviation in {**measured, **deviations}.items():
+        if not (np.isfinite(deviation) and deviation > 0.0):
+            raise UsageError(
+                "AC053", f"a standard deviation of {deviation:g} for {name}", help="a positive number, in SI units"
+            )
+    if not measured:
+        raise UsageError("AC053", "nothing is measured", help='problem.estimator({"name": standard deviation})')

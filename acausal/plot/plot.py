@@ -1,0 +1,389 @@
+"""Pictures of results: one panel per unit, prefixes chosen to read well, events as thin vertical lines."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from io import BytesIO
+from pathlib import Path
+from textwrap import wrap
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import matplotlib
+import numpy as np
+from cycler import cycler
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.transforms import Transform, offset_copy
+
+from acausal.errors import UnitError, UsageError
+from acausal.panel import Panel
+from acausal.plot.scale import Scale, readable, to_unit
+from acausal.result.files import atomic, check_suffix
+from acausal.result.signals import Array, Signal
+from acausal.units import Dimension, format_dimension, parse
+
+if TYPE_CHECKING:
+    from acausal.result.result import Result
+
+# Further results for the same panels, with names for the legend or without.
+Also: TypeAlias = "Result | Sequence[Result] | Mapping[str, Result]"
+
+FORMATS = (".png", ".svg", ".pdf")
+
+# Okabe and Ito's palette, distinguishable for colour-blind readers, without its yellow.
+COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")
+STYLES = ("-", "--", ":", "-.")
+STYLE: dict[Any, Any] = {
+    "font.size": 9.0,
+    "axes.titlesize": 9.5,
+    "axes.labelsize": 9.0,
+    "legend.fontsize": 8.0,
+    "axes.prop_cycle": cycler(color=COLORS),
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": "0.4",
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.xmargin": 0.01,
+    "axes.formatter.limits": (-4, 5),
+    "axes.formatter.use_mathtext": True,
+    "grid.color": "0.9",
+    "grid.linewidth": 0.7,
+    "lines.linewidth": 1.5,
+    "legend.frameon": False,
+    "svg.hashsalt": "acausal",
+}
+# Signals of one unit whose magnitudes differ by more than this get panels of their own.
+_SPREAD = 1e3
+# Characters that fit along the vertical axis, and above a panel of 7.4 inches.
+_LABEL_WIDTH = 26
+_PANEL_WIDTH = 80
+# Beyond this many, lines of events hide what they should explain.
+_MOST_EVENTS = 60
+
+
+class Drawing(Figure):
+    """A figure with a canvas of its own, which a notebook shows whether or not pyplot is loaded."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(**options)
+        FigureCanvasAgg(self)
+
+    def _repr_png_(self) -> bytes:
+        stream = BytesIO()
+        self.savefig(stream, format="png", dpi=110)
+        return stream.getvalue()
+
+
+@dataclass(frozen=True)
+class _Line:
+    """One signal of one result, scaled, over what is on the horizontal axis of its panel."""
+
+    label: str
+    signal: Signal
+    source: int
+    across: Array
+    values: Array
+
+
+@dataclass(frozen=True)
+class _Group:
+    """Lines that share a vertical axis."""
+
+    signals: tuple[Signal, ...]
+    lines: tuple[_Line, ...]
+    scale: Scale
+
+    @property
+    def label(self) -> str:
+        docs = list(dict.fromkeys(s.doc.rstrip(".") for s in self.signals if s.doc))
+        lines = wrap(", ".join(docs), _LABEL_WIDTH)
+        if len(lines) > 2 or (len(docs) > 1 and len(lines) > 1):
+            lines = []  # the legend tells the meanings apart better than a paragraph along the axis
+        if lines and len(lines[-1]) + len(self.scale.label) < _LABEL_WIDTH:
+            lines[-1] = f"{lines[-1]} {self.scale.label}".rstrip()
+            return "\n".join(lines)
+        return "\n".join([*lines, self.scale.label]).strip()
+
+
+def plot(
+    result: Result,
+    *names: str,
+    together: bool = False,
+    xlabel: str | None = None,
+    file: str | Path | None = None,
+    title: str | None = None,
+    against: str | None = None,
+    also: Also = (),
+) -> Figure:
+    """Draw signals of a result, one panel per unit.
+
+    Parameters
+    ----------
+    names
+        Signals; an array draws one line per element.
+    also
+        Another result or several, or results by the name they get in the legend: the same signals of them, as far as
+        they have them, in the same panels and units. The first is called by its model.
+    together
+        One panel for all, with a second vertical axis for a second unit; plain numbers share the first.
+    xlabel
+        Text below the horizontal axis instead of the chosen one.
+    file
+        `.png` (150 dpi), `.svg` or `.pdf` to write.
+    title
+        Text above the figure; the model's name by default.
+    against
+        Signal on the horizontal axis; time by default.
+
+    Raises
+    ------
+    UsageError
+        AC010 for an unknown signal, AC012 and AC013 for the file, AC016 for nothing to draw or too many units.
+    """
+    if not names:
+        raise UsageError("AC016", "no signal is named to plot", help="result.names lists all signals")
+    panels = [Panel(names)] if together else _by_unit(result, names)
+    panels = [Panel(p.signals, against=against) for p in panels]
+    return figure(result, panels, file=file, title=title, xlabel=xlabel, also=also)
+
+
+def figure(
+    result: Result,
+    panels: Sequence[Panel],
+    *,
+    file: str | Path | None = None,
+    title: str | None = None,
+    xlabel: str | None = None,
+    also: Also = (),
+) -> Figure:
+    """Draw the panels that a model defines, below each other; arguments and errors as for `plot`."""
+    if not panels:
+        raise UsageError("AC016", "a figure needs at least one panel")
+    check_picture(file)
+    results = _labelled(result, also)
+    content = [_groups(results, panel) for panel in panels]
+    columns = 1 if len(panels) <= 5 else 2
+    rows = -(-len(panels) // columns)
+    # Panels against the same signal scroll and zoom together and share the labels below.
+    shared = len({panel.against for panel in panels}) == 1
+    with matplotlib.rc_context(STYLE):
+        drawing = Drawing(figsize=(7.4 if columns == 1 else 12.0, 1.0 + max(2.0 * rows, 3.2)), layout="constrained")
+        axes = drawing.subplots(rows, columns, sharex=shared, squeeze=False).T.ravel()
+        for ax in axes[len(panels) :]:
+            ax.remove()
+        for i, (ax, panel, groups) in enumerate(zip(axes, panels, content, strict=False)):
+            label = _draw(ax, results, panel, groups)
+            if not shared or i % rows == rows - 1 or i == len(panels) - 1:
+                ax.set_xlabel(xlabel or label)
+                ax.tick_params(labelbottom=True)
+        drawing.align_ylabels()
+        heading = result.model if title is None else title
+        if heading:
+            drawing.suptitle(heading, fontsize=11, fontweight="bold")
+        if file is not None:
+            save(drawing, Path(file))
+    return drawing
+
+
+def show(drawing: Figure) -> None:
+    """Open a window with a figure and wait until it is closed.
+
+    Raises
+    ------
+    UsageError
+        AC017 where there is no display.
+    """
+    from matplotlib import pyplot
+
+    if matplotlib.get_backend().lower() in ("agg", "cairo", "pdf", "pgf", "ps", "svg", "template"):
+        raise UsageError("AC017", "there is no display to show a figure on", help='write it: plot(..., file="x.png")')
+    # Only pyplot knows the windows of the chosen toolkit, so one of its empty figures lends its window.
+    manager = pyplot.figure(figsize=drawing.get_size_inches()).canvas.manager
+    if manager is not None:
+        manager.canvas.figure = drawing
+        drawing.set_canvas(manager.canvas)
+    pyplot.show()
+
+
+def _by_unit(result: Result, names: Sequence[str]) -> list[Panel]:
+    """One panel per unit and order of magnitude, in the order of the names."""
+    panels: list[tuple[str, float, float, list[str]]] = []
+    for name in names:
+        unit, size = result.unit(name), _magnitude(result[name])
+        for i, (known, low, high, members) in enumerate(panels):
+            # A signal that is zero throughout fits anywhere.
+            wide = size > 0.0 and high > 0.0 and max(high, size) > _SPREAD * min(low, size)
+            if known == unit and not wide:
+                sizes = [x for x in (low, high, size) if x > 0.0] or [0.0]
+                panels[i] = (unit, min(sizes), max(sizes), [*members, name])
+                break
+        else:
+            panels.append((unit, size, size, [name]))
+    return [Panel(tuple(members)) for *_, members in panels]
+
+
+def _magnitude(values: Array) -> float:
+    finite = np.abs(values[np.isfinite(values)])
+    return float(finite.max()) if finite.size else 0.0
+
+
+def _labelled(result: Result, also: Also) -> tuple[tuple[str, Result], ...]:
+    """All results with their names for the legend; those of one model are told apart by counting them."""
+    if isinstance(also, Mapping):
+        return ((result.model, result), *also.items()) if also else (("", result),)
+    found = [result, *(also if isinstance(also, Sequence) else [also])]
+    models = [r.model for r in found]
+    names = [m if models.count(m) == 1 else f"{m} {k}" for k, m in enumerate(models, 1)]
+    return tuple(zip(names, found, strict=True)) if len(found) > 1 else (("", result),)
+
+
+def _groups(results: Sequence[tuple[str, Result]], panel: Panel) -> list[_Group]:
+    """The lines of a panel by dimension, scaled; the first group goes left, the second right.
+
+    What has one dimension has one scale, and a plain number has that of the quantity beside it, in its SI unit, as in
+    an equation: a set point without a unit on an axis of its own would look missed by the value that follows it.
+    """
+    result = results[0][1]
+    signals = [signal for name in panel.signals for signal in result.elements(name)[1]]
+    if not signals:
+        raise UsageError("AC016", f"the panel '{panel.title}' names no signal")
+    units = [signal.unit for signal in signals if not _is_plain(signal)] or [signals[0].unit]
+    kinds = list(dict.fromkeys(map(_kind, units)))
+    lines: dict[tuple[Dimension, bool] | str, list[Signal]] = {kind: [] for kind in kinds}
+    for signal in signals:
+        joins = _is_plain(signal) and len(kinds) == 1
+        lines.setdefault(kinds[0] if joins else _kind(signal.unit), []).append(signal)
+    if len(lines) > 2:
+        raise UsageError(
+            "AC016",
+            f"one panel cannot show {len(lines)} units",
+            evidence=[f"{m[0].unit or '1'}  {', '.join(s.name for s in m)}" for m in lines.values()],
+            help="a panel has two vertical axes; give the other signals a panel of their own",
+        )
+    return [_scaled(results, panel, members) for members in lines.values()]
+
+
+def _is_plain(signal: Signal) -> bool:
+    return signal.unit in ("", "1")
+
+
+def _kind(unit: str) -> tuple[Dimension, bool] | str:
+    """What shares a scale: the dimension of a unit, or the name of one that a file of another program brought along.
+
+    Cycles per second stand apart from rad/s, which have the same dimension: on one scale 50 Hz would look six times
+    slower than the 314 rad/s that it is.
+    """
+    try:
+        return parse(unit).dimension, "Hz" in unit
+    except UnitError:
+        return unit
+
+
+def _scaled(results: Sequence[tuple[str, Result]], panel: Panel, members: Sequence[Signal]) -> _Group:
+    """Signals of one dimension, and plain numbers, on the scale of the first that is a quantity."""
+    declared = next((s.unit for s in members if not _is_plain(s)), members[0].unit)
+    lines = [
+        _Line(f"{s.name} ({label})" if label else s.name, s, k, _across(result, panel), _values(result, s, declared))
+        for s in members
+        for k, (label, result) in enumerate(results)
+        if s.name in result
+    ]
+    sizes = [_magnitude(line.values) for line in lines]
+    scale = readable(declared, max(sizes)) if panel.unit is None else to_unit(declared, panel.unit)
+    return _Group(tuple(members), tuple(replace(line, values=scale(line.values)) for line in lines), scale)
+
+
+def _across(result: Result, panel: Panel) -> Array:
+    """What is on the horizontal axis, as declared."""
+    shape, (signal, *_) = result.elements(panel.against or "time")
+    if shape:
+        raise UsageError("AC016", f"'{panel.against}' is an array, one of its elements fits on the horizontal axis")
+    return result[signal.name]
+
+
+def _values(result: Result, signal: Signal, declared: str) -> Array:
+    """Values in the unit of the scale; a result that does not know its units has those of the first."""
+    own = result.elements(signal.name)[1][0]
+    own = own if own.unit else signal
+    return result[signal.name] if own.unit == declared else _converted(own, declared)(result[signal.name])
+
+
+def _converted(signal: Signal, declared: str) -> Scale:
+    kind = _kind(declared)
+    if isinstance(kind, str):
+        return Scale(declared)
+    return to_unit(format_dimension(kind[0]) if _is_plain(signal) else signal.unit, declared)
+
+
+def _draw(ax: Axes, results: Sequence[tuple[str, Result]], panel: Panel, groups: Sequence[_Group]) -> str:
+    """Draw one panel; the label of its horizontal axis."""
+    _, (horizontal, *_) = results[0][1].elements(panel.against or "time")
+    scale = readable(horizontal.unit, max(_magnitude(line.across) for group in groups for line in group.lines))
+    handles: list[Line2D] = []
+    side = ax
+    for k, group in enumerate(groups):
+        side = ax if k == 0 else ax.twinx()
+        for line in group.lines:
+            beside = " [1]" if _is_plain(line.signal) and group.scale.label else " (right)" if k else ""
+            color = COLORS[len(handles) % len(COLORS)]
+            # Lines of one result are solid until colours repeat; those of another one are not.
+            style = STYLES[(line.source + (len(handles) >= len(COLORS))) % len(STYLES)]
+            handles += side.plot(scale(line.across), line.values, ls=style, color=color, label=line.label + beside)
+        side.set_ylabel(group.label)
+        _calm(side, [line.values for line in group.lines])
+        if k:
+            side.grid(False)
+            side.spines["right"].set_visible(True)
+    if horizontal.name == "time":
+        times = np.unique([scale.slope * event.time for _, result in results for event in result.events])
+        if len(times) <= _MOST_EVENTS:
+            ax.vlines(times, 0, 1, transform=ax.get_xaxis_transform(), color="0.55", lw=0.7, ls=(0, (4, 3)), zorder=0.9)
+    if panel.title:
+        ax.set_title(panel.title, loc="left")
+    # Outside the axes a legend covers no curve: above where it fits, else at the right.
+    if len(panel.title) + sum(len(str(h.get_label())) + 6 for h in handles) <= _PANEL_WIDTH:
+        place: dict[str, Any] = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "ncols": len(handles)}
+    else:
+        place = {"loc": "center left", "bbox_to_anchor": (1.0, 0.5), "bbox_transform": _right_of(side)}
+    ax.legend(handles=handles, borderaxespad=0.2, columnspacing=1.4, **place)
+    text = horizontal.doc.rstrip(".") or horizontal.name
+    return f"{text} {scale.label}".strip()
+
+
+def _right_of(side: Axes) -> Transform:
+    """A little to the right of the axes and of what stands there: ticks and label of a second scale."""
+    drawing = side.get_figure(root=True)
+    box = side.yaxis.get_tightbbox()
+    end = max(0.0, box.x1 - side.bbox.x1) * 72.0 / drawing.dpi if box is not None and drawing is not None else 0.0
+    return offset_copy(side.transAxes, drawing, x=end + 8.0, units="points")
+
+
+def _calm(ax: Axes, values: Sequence[Array]) -> None:
+    """Widen the axis where all values agree to rounding, which a tight axis would show as a wild curve."""
+    finite = np.concatenate([v[np.isfinite(v)] for v in values])
+    if not finite.size:
+        return
+    low, high = float(finite.min()), float(finite.max())
+    middle, size = (low + high) / 2, max(abs(low), abs(high))
+    if high - low < 1e-9 * size or size == 0.0:
+        reach = 0.1 * size or 1.0
+        ax.set_ylim(middle - reach, middle + reach)
+
+
+def check_picture(file: str | Path | None) -> None:
+    """Refuse a file that is no picture (AC013), before the work of drawing it."""
+    if file is not None:
+        check_suffix(Path(file), FORMATS, "picture format")
+
+
+def save(drawing: Figure, file: Path) -> None:
+    """Write a figure, completely or not at all; the same figure gives the same file."""
+    suffix = file.suffix.lower()
+    # Without the date, the same run gives the same file.
+    metadata = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(suffix, {})
+    with atomic(file) as stream:
+        drawing.savefig(stream, format=suffix[1:], dpi=150, metadata=metadata)

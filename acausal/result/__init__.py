@@ -1,0 +1,1 @@
+"""Results of runs: their signals, and the files they are kept in."""

@@ -1,0 +1,204 @@
+"""Tables of numbers as text: results as we write them, and measurements as other programs do.
+
+The first row holds names, with a unit in brackets where values have one: `time [ms], force [kN]`; or a second row
+holds the units. The time is the column `time` or `t`. Separators are comma, semicolon and tab; with the latter two a
+comma may be the decimal sign. Lines that begin with # are left out.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+
+from acausal.errors import AcausalError, UsageError
+from acausal.result.signals import Array, Signal, Table, doubled
+from acausal.units import in_si, parse
+
+_DELIMITERS = ",;\t"
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """The text of a file, cut at its header.
+
+    Attributes
+    ----------
+    header
+        The first row as it stands.
+    names, units
+        Of every column; "" where a unit is not said.
+    clock
+        Place of the column of times.
+    lines
+        The rows of numbers with the numbers of their lines.
+    delimiter, decimal
+        What separates cells, and the decimal sign.
+    """
+
+    path: Path
+    header: tuple[str, ...]
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    clock: int
+    lines: tuple[tuple[int, str], ...]
+    delimiter: str
+    decimal: str
+
+    def rows(self) -> list[tuple[int, list[str]]]:
+        """Cells by line; decimal signs are points."""
+        table = csv.reader((line for _, line in self.lines), delimiter=self.delimiter)
+        cells = [[cell.strip().replace(self.decimal, ".") for cell in row] for row in table]
+        return list(zip((k for k, _ in self.lines), cells, strict=False))
+
+    def numbers(self, rows: Sequence[tuple[int, list[str]]], places: Sequence[int]) -> Array:
+        """Some columns of some rows, shape (rows, places), as they stand.
+
+        Raises
+        ------
+        UsageError
+            AC045, with the line, for a cell that is no number.
+        """
+        found = np.empty((len(rows), len(places)))
+        for i, (line, row) in enumerate(rows):
+            for j, k in enumerate(places):
+                try:
+                    found[i, j] = float(row[k])
+                except (ValueError, IndexError):
+                    what = repr(row[k]) if k < len(row) else "missing"
+                    raise UsageError(
+                        "AC045",
+                        f"{self.path}:{line}: {self.header[k]} is {what}, no number",
+                        help="leave out rows without a value; units stand in the first row: force [N]",
+                    ) from None
+        return found
+
+    def seconds(self, times: Array) -> Array:
+        """Values of the column of times in s."""
+        unit = self.units[self.clock] or "s"
+        return times if unit == "s" else _as_si(times, unit)
+
+
+def read_sheet(path: Path) -> Sheet:
+    """Read a file up to the end of its header.
+
+    Raises
+    ------
+    UsageError
+        AC014 for a file that cannot be read, AC045 for one without two rows, or without a column of times.
+    """
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise UsageError("AC014", f"cannot read {path}: {reason}") from error
+    lines = [(k, line) for k, line in enumerate(text.splitlines(), 1) if line.strip() and line.lstrip()[0] != "#"]
+    if len(lines) < 2:
+        raise UsageError("AC045", f"{path} has no row of numbers", help="a row of names, then one row per instant")
+    sign = max(_DELIMITERS, key=lines[0][1].count)
+    header, second = ([c.strip() for c in row] for row in csv.reader((line for _, line in lines[:2]), delimiter=sign))
+    names, units = zip(*map(named, header), strict=True)
+    clock = next((k for wanted in ("time", "t") for k, n in enumerate(names) if n.lower() == wanted), None)
+    if clock is None:
+        raise UsageError(
+            "AC045",
+            f"{path} has no column of times",
+            evidence=[f"its columns: {', '.join(header[:8])}"],
+            help="name one `time` or `time [s]`, in the first row",
+        )
+    above = 1
+    if _are_units(second, len(header), clock):
+        units, above = tuple(below or beside for below, beside in zip(second, units, strict=True)), 2
+    if len(lines) <= above:
+        raise UsageError("AC045", f"{path} has no row of numbers", help="a row of names, then one row per instant")
+    first = lines[above][1]
+    decimal = "," if sign != "," and "." not in first else "."
+    return Sheet(path, tuple(header), names, units, clock, tuple(lines[above:]), sign, decimal)
+
+
+def named(text: str) -> tuple[str, str]:
+    """Name and unit of a header `force [N]`; an index as in `x[0]` is part of the name."""
+    name, bracket, rest = text.partition(" [")
+    return (name.strip(), rest.rstrip("] ").strip()) if bracket and rest.rstrip().endswith("]") else (text.strip(), "")
+
+
+def _are_units(cells: Sequence[str], count: int, clock: int) -> bool:
+    """Whether a row holds units: none of its cells is a number, and that of the time is a unit of time."""
+    if len(cells) != count or any(map(_is_number, cells)):
+        return False
+    try:
+        return parse(cells[clock].strip("[]")).dimension == parse("s").dimension
+    except AcausalError:
+        return False
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text.replace(",", "."))
+    except ValueError:
+        return False
+    return True
+
+
+def _as_si(values: Array, unit: str) -> Array:
+    offset = in_si(0.0, unit)
+    return np.asarray(values * (in_si(1.0, unit) - offset) + offset)
+
+
+def read_csv(path: Path) -> Table:
+    """Read a table of numbers over time, ours or of another program.
+
+    Raises
+    ------
+    UsageError
+        AC014 and AC045, as `read_sheet` and `Sheet.numbers`.
+    """
+    sheet = read_sheet(path)
+    if len(set(sheet.names)) < len(sheet.names):
+        twice = next(n for n in sheet.names if sheet.names.count(n) > 1)
+        raise UsageError("AC045", f"{path} has two columns '{twice}'", help="give each a name of its own")
+    texts = (line.replace(sheet.decimal, ".") for _, line in sheet.lines)
+    data: Array | None = None
+    with suppress(ValueError):
+        data = np.loadtxt(texts, delimiter=sheet.delimiter, ndmin=2)
+    if data is None or data.shape[1] != len(sheet.names):
+        # Slowly, for the place of what is wrong.
+        rows = sheet.rows()
+        for line, row in rows:
+            if len(row) != len(sheet.names):
+                raise UsageError("AC045", f"{path}:{line}: {len(sheet.names)} names and {len(row)} columns")
+        data = sheet.numbers(rows, range(len(sheet.names)))
+    time = sheet.seconds(data[:, sheet.clock])
+    others = [k for k in range(len(sheet.names)) if k != sheet.clock]
+    signals = {sheet.names[k]: Signal(sheet.names[k], sheet.units[k], column=i) for i, k in enumerate(others)}
+    return Table(path.stem, time, data[:, others], signals, doubled(time))
+
+
+def write_csv(table: Table, file: BinaryIO, units: bool = False) -> None:
+    """A row of names, of units if wanted, then one per time; numbers in the shortest form that reads back the same."""
+    header = io.StringIO()
+    writer = csv.writer(header, lineterminator="\n")
+    writer.writerow(["time", *table.signals])
+    if units:
+        writer.writerow(["s", *(s.unit for s in table.signals.values())])
+    file.write(header.getvalue().encode())
+    n = len(table.time)
+    # Formatting is the cost, so a column is formatted once for all its aliases.
+    formatted: dict[tuple[int, int], list[str]] = {}
+    columns = [[repr(t) for t in table.time.tolist()]]
+    for signal in table.signals.values():
+        if signal.column is None:
+            columns.append([repr(float(signal.value))] * n)
+            continue
+        key = signal.column, signal.sign
+        if key not in formatted:
+            values = table.trajectories[:, signal.column] * signal.sign + 0.0
+            formatted[key] = list(map(repr, values.tolist()))
+        columns.append(formatted[key])
+    file.writelines((",".join(row) + "\n").encode() for row in zip(*columns, strict=True))

@@ -1,0 +1,328 @@
+"""The outcome of a simulation: every variable of the model by its path, over the whole run."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from acausal.errors import InternalError, UsageError, nearest
+from acausal.providers import provided
+from acausal.result.signals import Array, Event, Signal, Table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["Event", "Result", "Signal", "load"]
+
+# Columns that are computed one by one before all are.
+_MANY = 64
+_ELEMENT = re.compile(r"(?P<base>.+)\[(?P<index>\d+(?:, ?\d+)*)\]")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Result:
+    """Trajectories of one run, by name.
+
+    Parameters
+    ----------
+    model
+        Name of the model.
+    time
+        Shape (n,), in s, non-decreasing; two equal neighbours are the values before and after an event.
+    trajectories
+        Shape (n, k), or a function that computes it: variables that only outputs need cost nothing until
+        the first of them is read.
+    signals
+        Description of every signal, in the order of declaration.
+    events, stats
+        What happened, and how the run was made (solver, reason of its choice, counters, times).
+    dense
+        Rows of `trajectories` at any times of the run, shape (n,) to (n, k), accurate to the run's tolerance, nan where
+        the solver does not get to; None for results read from a file.
+    some
+        Some columns of `trajectories`, shape (n, their number), at the cost of what these need; None where that is the
+        cost of all.
+    """
+
+    model: str
+    time: Array
+    trajectories: Array | Callable[[], Array]
+    signals: Mapping[str, Signal]
+    events: tuple[Event, ...] = ()
+    stats: Mapping[str, object] = field(default_factory=dict)
+    dense: Callable[[Array], Array] | None = None
+    some: Callable[[Sequence[int]], Array] | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "time", np.asarray(self.time, dtype=float))
+        if self.time.ndim != 1 or np.any(np.diff(self.time) < 0):
+            raise InternalError("AC901", f"the time of a result of {self.model} does not increase")
+
+    def __reduce__(self) -> tuple[type[Result], tuple[object, ...]]:
+        """With all values computed, and without the integrators behind `at`: as a result that was read from a file."""
+        return Result, (self.model, self.time, self.matrix, dict(self.signals), self.events, dict(self.stats))
+
+    @cached_property
+    def matrix(self) -> Array:
+        """The trajectories, shape (n, k), computed at the first need."""
+        values = self.trajectories() if callable(self.trajectories) else self.trajectories
+        matrix = np.asarray(values, dtype=float)
+        if matrix.ndim != 2 or len(matrix) != len(self.time):
+            raise InternalError(
+                "AC902", f"a result of {self.model} has {len(self.time)} times and trajectories of shape {matrix.shape}"
+            )
+        return matrix
+
+    @cached_property
+    def _read(self) -> dict[int, Array]:
+        """Columns that were read one by one."""
+        return {}
+
+    def columns(self, columns: Sequence[int]) -> Array:
+        """Some columns of the trajectories, shape (n, their number); all are computed where many were asked for."""
+        missing = [k for k in dict.fromkeys(columns) if k not in self._read]
+        if "matrix" in self.__dict__ or self.some is None or len(self._read) + len(missing) > _MANY:
+            return self.matrix[:, columns]
+        if missing:
+            self._read.update(zip(missing, self.some(missing).T, strict=True))
+        return np.stack([self._read[k] for k in columns], axis=1)
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of all signals in the order of declaration, `time` not among them."""
+        return tuple(self.signals)
+
+    @cached_property
+    def _arrays(self) -> dict[str, list[tuple[tuple[int, ...], str]]]:
+        arrays: dict[str, list[tuple[tuple[int, ...], str]]] = {}
+        for name in self.signals:
+            if match := _ELEMENT.fullmatch(name):
+                index = tuple(int(i) for i in match["index"].split(","))
+                arrays.setdefault(match["base"], []).append((index, name))
+        return arrays
+
+    def elements(self, name: str) -> tuple[tuple[int, ...], list[Signal]]:
+        """Shape and signals behind a name, in row-major order; the shape of a scalar is ().
+
+        Raises
+        ------
+        UsageError
+            AC010, with the nearest names, when there is no such signal or its elements do not fill an array.
+        """
+        if name == "time":
+            return (), [Signal("time", unit="s", doc="Time")]
+        if name in self.signals:
+            return (), [self.signals[name]]
+        found = sorted(self._arrays.get(name, []))
+        if found and len({len(index) for index, _ in found}) == 1:
+            indices = np.array([index for index, _ in found])
+            # Files of Modelica tools count from 1.
+            shape = tuple(int(i) for i in indices.max(axis=0) - indices.min(axis=0) + 1)
+            if len(found) == int(np.prod(shape)):
+                return shape, [self.signals[element] for _, element in found]
+        close = nearest(name, ["time", *self.names, *self._arrays])
+        raise UsageError(
+            "AC010",
+            f"{self.model} has no signal '{name}'",
+            evidence=[f"nearest  {', '.join(close)}"] if close else [],
+            help=(
+                f"the run kept only what the outputs {', '.join(map(str, asked[:4]))} need: add it to outputs"
+                if isinstance(asked := self.stats.get("outputs"), tuple) and asked
+                else f"the names of all {len(self.names)} signals are in result.names"
+            ),
+        )
+
+    def __contains__(self, name: object) -> bool:
+        return name == "time" or name in self.signals or name in self._arrays
+
+    def __getitem__(self, name: str) -> Array:
+        """Values over the run: shape (n,) for a scalar, (n, 3) for a vector, (n, 3, 3) for a matrix."""
+        if name == "time":
+            return self.time.copy()
+        shape, signals = self.elements(name)
+        return self._assemble(signals, shape, len(self.time), self.columns)
+
+    def unit(self, name: str) -> str:
+        """Unit of a signal, or of the elements of an array, as declared."""
+        return self.elements(name)[1][0].unit
+
+    def final(self, name: str) -> float | Array:
+        """Value at the end of the run."""
+        shape, _ = self.elements(name)
+        last = self[name][-1]
+        return np.asarray(last) if shape else float(last)
+
+    def at(self, t: ArrayLike, name: str) -> float | Array:
+        """Value at one or several times of the run.
+
+        A stored time gives the stored value (after the event where there are two). Between, the solver's own
+        accuracy where the run is still at hand, else a shape-preserving cubic that never crosses an event.
+
+        Parameters
+        ----------
+        t
+            Times in s; the shape of the answer is the shape of `t` followed by that of the signal.
+
+        Raises
+        ------
+        UsageError
+            AC010 for an unknown name, AC011 for a time outside the run.
+        """
+        times = np.asarray(t, dtype=float)
+        flat = times.ravel()
+        slack = 4 * np.finfo(float).eps * np.abs(self.time[[0, -1]]).max()
+        # Negated so that nan is outside too.
+        outside = flat[~((flat >= self.time[0] - slack) & (flat <= self.time[-1] + slack))]
+        if outside.size:
+            raise UsageError(
+                "AC011",
+                f"{outside[0]:.17g} s is outside the run of {self.model}",
+                evidence=[f"the run goes from {self.time[0]:.10g} s to {self.time[-1]:.10g} s"],
+            )
+        shape, signals = self.elements(name)
+        if name == "time":
+            values: Array = flat
+        else:
+            values = self._assemble(signals, shape, flat.size, lambda columns: self._rows(flat, columns, slack))
+        values = values.reshape(times.shape + shape)
+        return values if values.ndim else float(values)
+
+    def _assemble(
+        self, signals: Sequence[Signal], shape: tuple[int, ...], n: int, read: Callable[[list[int]], Array]
+    ) -> Array:
+        """Values of shape (n, *shape) out of the columns that `read` fetches and of constants."""
+        values = np.empty((n, len(signals)))
+        moving = [(i, s.column, s.sign) for i, s in enumerate(signals) if s.column is not None]
+        for i, signal in enumerate(signals):
+            if signal.column is None:
+                values[:, i] = signal.value
+        # Nothing is computed for the sake of a constant.
+        if moving:
+            places, columns, signs = (list(x) for x in zip(*moving, strict=True))
+            # Adding zero turns the -0.0 of a negated alias into 0.0.
+            values[:, places] = read(columns) * np.array(signs, dtype=float) + 0.0
+        return values.reshape((n, *shape))
+
+    def _rows(self, times: Array, columns: list[int], slack: float) -> Array:
+        """The wanted columns at arbitrary times of the run, shape (len(times), len(columns))."""
+        rows = np.empty((times.size, len(columns)))
+        # The last stored point not after t, hence the value after an event. Times are compared with a few
+        # units of rounding: 0.3 asks for the point that 3 * 0.1 stored.
+        index = np.searchsorted(self.time, times + slack, side="right") - 1
+        stored = np.abs(self.time[index] - times) <= slack
+        known = self.columns(columns)
+        rows[stored] = known[index[stored]]
+        between = np.flatnonzero(~stored)
+        if self.dense is not None and between.size:
+            found = self.dense(times[between])[:, columns]
+            rows[between] = found
+            between = between[np.isnan(found).all(axis=1)]
+        starts = np.flatnonzero(np.diff(self.time) == 0) + 1
+        bounds = [0, *starts.tolist(), len(self.time)]
+        segment = np.searchsorted(starts, index[between], side="right")
+        for k in np.unique(segment):
+            wanted = between[segment == k]
+            piece = slice(bounds[k], bounds[k + 1])
+            rows[wanted] = _interpolate(self.time[piece], known[piece], times[wanted])
+        return rows
+
+    def table(self) -> Table:
+        """All values as one record, every lazily computed one included."""
+        return Table(self.model, self.time, self.matrix, self.signals, self.events, self.stats)
+
+    def save(self, path: str | Path, *, units: bool = False) -> None:
+        """Write all signals to a `.mat` (Dymola, OpenModelica), `.csv`, `.npz` or `.parquet` file, or nothing at all.
+
+        Parameters
+        ----------
+        units
+            Whether a `.csv` has units in its second row; the other formats hold them always.
+
+        Raises
+        ------
+        UsageError
+            AC012 when the file cannot be written, AC013 for another suffix, AC015 for Parquet without pyarrow.
+        """
+        from acausal.result.files import write
+
+        write(self.table(), Path(path), units)
+
+    def plot(self, *names: str, **options: Any) -> Figure:
+        """Draw signals; the options are those of `acausal.plot.plot.plot`."""
+        drawn: Figure = provided("plot")(self, *names, **options)
+        return drawn
+
+    def to_pandas(self) -> Any:
+        """A `pandas.DataFrame` with time as index and one column per signal; `attrs["units"]` holds units by name."""
+        pandas = _extra("pandas")
+        _ = self.matrix  # at once, rather than column by column
+        columns = {name: self[name] for name in self.names}
+        frame = pandas.DataFrame(columns, index=pandas.Index(self.time, name="time"))
+        frame.attrs |= {"model": self.model, "units": {name: s.unit for name, s in self.signals.items()}}
+        return frame
+
+    def to_xarray(self) -> Any:
+        """An `xarray.Dataset` over `time`, with the attributes `units` and `long_name`."""
+        xarray = _extra("xarray")
+        _ = self.matrix
+        data = {
+            name: ("time", self[name], {"units": signal.unit, "long_name": signal.doc})
+            for name, signal in self.signals.items()
+        }
+        coordinates = {"time": ("time", self.time, {"units": "s", "long_name": "Time"})}
+        return xarray.Dataset(data, coords=coordinates, attrs={"model": self.model})
+
+    def _repr_html_(self) -> str:
+        shown: str = provided("result_html")(self)
+        return shown
+
+    def __repr__(self) -> str:
+        span = f"{self.time[0]:g} .. {self.time[-1]:g} s" if self.time.size else "no time"
+        parts = [span, f"{self.time.size} points", f"{len(self.signals)} signals"]
+        if self.events:
+            parts.append(f"{len(self.events)} event{'s' if len(self.events) > 1 else ''}")
+        if "solver" in self.stats:
+            parts.append(str(self.stats["solver"]))
+        return f"Result({self.model}: {', '.join(parts)})"
+
+
+def load(path: str | Path) -> Result:
+    """Read a result, or measurements over time, from a `.mat`, `.csv`, `.npz` or `.parquet` file.
+
+    Names in CSV and Parquet files may carry units, `time [ms], force [kN]`; times become seconds, values stay.
+
+    Raises
+    ------
+    UsageError
+        AC013 for another suffix, AC014 when the file cannot be read, AC015 for Parquet without pyarrow.
+    """
+    from acausal.result.files import read
+
+    return Result(**vars(read(Path(path))))
+
+
+def _interpolate(time: Array, values: Array, t: Array) -> Array:
+    """Shape-preserving cubic through (time, values) at `t`: no overshoot where a force comes to rest."""
+    if len(time) > 2 and np.isfinite(values).all():
+        from scipy.interpolate import PchipInterpolator
+
+        return np.asarray(PchipInterpolator(time, values, axis=0)(t))
+    return np.stack([np.interp(t, time, column) for column in values.T], axis=1)
+
+
+def _extra(package: str) -> Any:
+    import importlib
+
+    try:
+        return importlib.import_module(package)
+    except ModuleNotFoundError as error:
+        raise UsageError(
+            "AC015", f"this needs the package {package}, which is not installed", help=f"pip install {package}"
+        ) from error

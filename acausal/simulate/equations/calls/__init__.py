@@ -1,0 +1,1 @@
+"""CasADi functions called on NumPy's memory."""

@@ -1,0 +1,131 @@
+"""CasADi functions called on NumPy memory, without CasADi's own matrices in between.
+
+A matrix of CasADi's becomes an array of NumPy's through a Python list, 140 ns an entry: for 501 outputs of 10 000
+states that is 0.7 s, four times what IDAS needs for them (measured, docs/devdocs/numerics.md).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.simulate.equations.calls.chatter import without_chatter
+from acausal.simulate.interrupt import Interrupted, is_interrupted
+
+Array = NDArray[np.float64]
+
+
+def called(
+    function: Any, arguments: Mapping[str, Array], wanted: Sequence[str], *, partial: bool = False
+) -> tuple[list[Array], dict[str, Any]]:
+    """Outputs of one call and its statistics; arguments left out are zero.
+
+    Matrices are column by column, as CasADi stores them: an output of shape (m, n) comes back as (n, m).
+
+    Raises RuntimeError when the function fails, Interrupted with the rows it has written when it was asked to end. With
+    `partial` it returns what an integrator has written before it failed, nan behind, and the statistics have an entry
+    "stopped" with the failure.
+    """
+    buffer, run = function.buffer()
+    held = [np.ascontiguousarray(value, dtype=np.float64) for value in arguments.values()]
+    for name, value in zip(arguments, held, strict=True):
+        if value.size:
+            buffer.set_arg(function.index_in(name), value.reshape(-1).data)
+    results = []
+    for name in wanted:
+        place = function.index_out(name)
+        rows, columns = function.size_out(place)
+        results.append(np.full((columns, rows), np.nan))
+        if results[-1].size:
+            buffer.set_res(place, results[-1].reshape(-1).data)
+    stopped, before = "", _calls(function)
+    try:
+        with without_chatter():  # what fails is raised or tried again
+            run()
+        if buffer.ret():
+            raise RuntimeError(f"{function.name()} returned {buffer.ret()}")
+    except (RuntimeError, KeyboardInterrupt) as error:
+        if is_interrupted():
+            done = min(_written(rows) for rows in results)
+            raise Interrupted(*(rows[:done] for rows in results)) from None
+        if not partial:
+            raise
+        stopped = str(error)
+    # a buffer has a memory of its own, behind the one that every function is made with
+    stats = function.stats(1)
+    own = {name: stats[name] - count for name, count in before.items()}
+    return results, {**stats, **own, **({"stopped": stopped} if stopped else {})}
+
+
+class Repeated:
+    """An integrator to one instant, `(x0, p) -> xf`, called again and again by one thread through the same memory."""
+
+    def __init__(self, function: Any) -> None:
+        self.function = function
+        self._buffer, self._run = function.buffer()
+        self._x0, self._p = (np.zeros(function.numel_in(name)) for name in ("x0", "p"))
+        self._xf = np.zeros(function.numel_out("xf"))
+        for name, value in (("x0", self._x0), ("p", self._p)):
+            self._buffer.set_arg(function.index_in(name), value.data)
+        self._buffer.set_res(function.index_out("xf"), self._xf.data)
+
+    def __call__(self, x0: Array, p: Array) -> tuple[Array, dict[str, Any]]:
+        """The states at its end and its statistics; raises as `called` does."""
+        self._x0[:], self._p[:], self._xf[:] = x0, p, np.nan
+        try:
+            with without_chatter():
+                self._run()
+            if self._buffer.ret():
+                raise RuntimeError(f"{self.function.name()} returned {self._buffer.ret()}")
+        except (RuntimeError, KeyboardInterrupt):
+            if is_interrupted():
+                raise Interrupted from None
+            raise
+        return self._xf.copy(), self.function.stats(1)
+
+
+def _calls(function: Any) -> dict[str, int]:
+    """Counts that go on from one call of a kept function to the next."""
+    try:
+        found = function.stats(1)
+    except RuntimeError:  # not called so far
+        return {}
+    return {name: count for name, count in found.items() if name.startswith("n_call_")}
+
+
+def _written(rows: Array) -> int:
+    """How many rows are there: an integrator writes one after the other."""
+    missing = ~np.isfinite(rows).all(axis=1)
+    return int(np.argmax(missing)) if missing.any() else len(rows)
+
+
+def rows(function: Any, arguments: Sequence[Array]) -> Array:
+    """The first output at n instants, shape (n, size); arguments have shape (n, their size), or (their size,).
+
+    The output must be dense; it is nan where the function fails.
+    """
+    buffer, run = function.buffer()
+    n = max((len(a) for a in arguments if a.ndim == 2), default=1)
+    found = np.zeros((n, function.numel_out(0)))
+    if not found.size:
+        return found
+    varying: list[tuple[Array, Array]] = []
+    held = [np.ascontiguousarray(a, dtype=np.float64) for a in arguments]
+    here = np.zeros(found.shape[1])
+    buffer.set_res(0, here.data)
+    # copied to one place: to tell CasADi of another takes longer than to copy a small row
+    for place, value in enumerate(held):
+        if value.size:
+            row = value if value.ndim == 1 else np.zeros(value.shape[1])
+            buffer.set_arg(place, row.data)
+            if value.ndim == 2:
+                varying.append((row, value))
+    for k in range(n):
+        for row, value in varying:
+            row[:] = value[k]
+        run()
+        found[k] = np.nan if buffer.ret() else here
+    return found

@@ -1,0 +1,1 @@
+"""Where between two instants a guard crosses zero."""

@@ -1,0 +1,444 @@
+"""Integration up to the first event, by CasADi's one-step methods.
+
+They look at the guards after each step and locate zero crossings on their dense output, but nothing iterates after a
+jump, of two crossings within a step only one fires, and dense output is not as good as the steps. So the transition
+only stops the clock: a state `stopped` becomes 1, all rates are zero from then on, a second state holds the time that
+has passed. The solution is integrated from one output or look to the next, each of them the end of a step; where it was
+stopped, it is integrated once more to that time, and the crossing is searched among such points (`bracketing.py`). What
+happens at the event is decided outside, where the modes are iterated to a fixed point.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import math
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+from weakref import WeakKeyDictionary
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.simulate.equations.calls.direct import Repeated
+from acausal.simulate.equations.calls.quick import Quick
+from acausal.simulate.equations.numbered import Numbered, with_values
+from acausal.simulate.equations.problem import Problem
+from acausal.simulate.events.guards import INSTANT, LOCATED, Guards, Moment, resting_band
+from acausal.simulate.events.location.bracketing import Node, first_crossing
+from acausal.simulate.events.regime import Regime
+from acausal.simulate.interrupt import Interrupted
+from acausal.simulate.native.equations import parametric
+from acausal.simulate.native.flight import FlightProgram
+from acausal.simulate.native.policy import Library, StoppingEquations
+from acausal.simulate.solvers.base import Piece, Segment, bounded, islands, pace
+
+Vector = NDArray[np.float64]
+# An interpreted call, with what Python does around it at guards and events, takes as long as so many evaluations:
+# 0.25 ms. The default compiles 4000 switchings on its way, after which they take 10 us each.
+_CALLING = 150.0
+# Integrators that are known by a shorter name than their settings.
+_MOST_KEPT = 128
+# So often in an interval dense output may see a crossing where the solution has none.
+_MOST_STOPS = 20
+# A guard within its noise should be passed by now when its rate would have taken it so many times as far.
+_OVERDUE = 10.0
+# The instant at which it came there is known to this share: it is the root of the noise that makes it vague.
+_CLOSE = 1e-9
+# A guard that starts behind zero is above this many times its distance.
+_BEHIND = 1.001
+# Added to a guard that is not to stop anything.
+_NEVER = 1e300
+Exactly = Callable[[Node, float], Node]
+_COUNTED = ("steps", "n_steps"), ("rhs_evaluations", "n_rhs"), ("jacobians", "n_jac"), ("rejected", "n_reject")
+_NAMES = ["t", "x", "z", "p", "u"], ["ode", "alg", "quad", "zero"]
+
+
+@dataclass(frozen=True, eq=False)
+class Stop:
+    """Rows before the event (or all), and where it stopped; `time` is None when nothing fired."""
+
+    piece: Piece
+    times: Vector
+    time: float | None
+    x: Vector
+    z: Vector
+
+
+@dataclass
+class Lingering:
+    """Guards of a run that are within their noise and fall, and yet are not passed.
+
+    A tank that drains by the root of its level runs into zero at a rate that is zero there. What an explicit method
+    makes of it stays above zero for ever, by less than the tolerance: each step falls as far as the last one rose.
+    """
+
+    since: dict[int, tuple[float, float]] = field(default_factory=dict)
+    """Of a relation the time from which on it is so, and how far it was from zero."""
+    events: dict[int, int] = field(default_factory=dict)
+    """How many events of a relation were made of it."""
+
+    def overdue(self, owners: Sequence[tuple[int, int]], before: Node, node: Node) -> int | None:
+        """The guard that has been there for too long, of those that are judged at the end of a step."""
+        close = (node.above <= node.near / LOCATED) & (node.above > 0.0) & (node.rate < 0.0)
+        if not self.since and not close.any():
+            return None
+        for k, (relation, side) in enumerate(owners):
+            if side >= 0 or not close[k]:
+                self.since.pop(relation, None)
+                continue
+            inside = before.above[k] <= before.near[k] / LOCATED
+            t, above = self.since.get(relation, (before.t, before.above[k]) if inside else (node.t, np.inf))
+            if node.above[k] < 0.5 * above:  # it falls
+                self.since[relation] = node.t, float(node.above[k])
+                continue
+            self.since[relation] = t, above
+            if -node.rate[k] * (node.t - t) > _OVERDUE * max(above, node.above[k]):
+                self.events[relation] = self.events.get(relation, 0) + 1
+                return k
+        return None
+
+
+def _overdue(
+    lingering: Lingering, owners: Sequence[tuple[int, int]], nodes: list[Node], last: bool, exactly: Exactly
+) -> Node | None:
+    """Where a guard came within its noise that is overdue at the last of these nodes; they end before it then."""
+    node = nodes[-1]
+    k = lingering.overdue(owners, nodes[-2], node)
+    if k is None and last:
+        # nothing follows that would show it
+        for k in (j for j, (relation, _) in enumerate(owners) if lingering.since.get(relation, (0.0,))[0] == node.t):
+            if -node.rate[k] * (node.t - nodes[-2].t) > _OVERDUE * node.above[k]:
+                first = _entered(nodes[-2], node, k, exactly)
+                middle = exactly(first, 0.5 * (first.t + node.t))
+                lingering.since.clear()
+                if lingering.overdue(owners, first, middle) == k or lingering.overdue(owners, middle, node) == k:
+                    nodes.pop()
+                    return first
+        return None
+    if k is None:
+        return None
+    lingering.since.clear()
+    j = len(nodes) - 1
+    while j and nodes[j - 1].above[k] <= nodes[j - 1].near[k] / LOCATED:
+        j -= 1
+    if j == 0:  # it came there before this stretch
+        return nodes.pop()
+    found = _entered(nodes[j - 1], nodes[j], k, exactly)
+    del nodes[j:]
+    return found
+
+
+def _entered(left: Node, right: Node, k: int, exactly: Exactly) -> Node:
+    """Where a guard has come within its noise between two nodes."""
+    while right.t - left.t > _CLOSE * right.t and left.t < (middle := 0.5 * (left.t + right.t)) < right.t:
+        node = exactly(left, middle)
+        left, right = (left, node) if node.above[k] <= node.near[k] / LOCATED else (node, right)
+    return right
+
+
+def integrate_to_event(guards: Guards, moment: Moment, segment: Segment, plugin: str, lingering: Lingering) -> Stop:
+    """Integrate one segment of an ODE until a guard is reached, with `plugin`, "rosenbrock" or "erk".
+
+    Raises
+    ------
+    RuntimeError
+        When the solver cannot go on.
+    """
+    problem = moment.regime.problem
+    step = Stepper(moment.regime, segment, plugin)
+    band, later = _bands(guards, segment.start, moment)
+    free = np.full(len(band), _NEVER)
+
+    before, others = guards.step, segment.x[problem.n_dynamic :]
+
+    def node(t: float, x: Vector) -> Node:
+        if plugin == "rosenbrock":  # errors that an explicit step leaves have not relaxed
+            guards.step = least_step(before, pace(segment.start, t, step.counters))
+        at = Moment(np.concatenate([x, others]), moment.z, moment.m, moment.regime)
+        rate, noise = guards.rates(t, at)
+        return Node(t, x, guards.distances(t, at) + band, rate, LOCATED * noise)
+
+    def exactly(after: Node, t: float) -> Node:
+        return node(t, step(after, t, free)[1]) if t > after.t else after
+
+    here = node(segment.start, segment.x[: problem.n_dynamic])
+    here = replace(here, above=np.maximum(here.above, band))  # past its guard by noise counts as on it
+    event: Node | None = None
+    nodes = [here]
+    try:
+        for end in segment.times.tolist():
+            instant = LOCATED * INSTANT * max(guards.span, abs(end))
+            stops = 0
+            while event is None and here.t < end:
+                t, x = step(here, end, band)
+                if t >= end:
+                    there = node(end, x)
+                else:  # something was reached on dense output: whether it is, a step that ends there shows
+                    stops += 1
+                    there = exactly(here, t if t - here.t > instant and stops < _MOST_STOPS else end)
+                event = first_crossing(here, there, instant, exactly)
+                if event is None and there.t < end and ((there.above <= there.near) & (there.rate < 0.0)).any():
+                    event = there
+                here = there if event is None else event
+            if event is not None and end == segment.times[-1] and end - event.t <= instant / LOCATED:
+                # it belongs to the event at the end, or is found where the next stretch starts
+                here, event = replace(event, t=end), None
+            if event is not None:
+                break
+            here = replace(here, above=here.above - band + later)
+            band = later
+            nodes.append(here)
+            event = _overdue(lingering, moment.regime.owners, nodes, end == segment.times[-1], exactly)
+            if event is not None:
+                here = event
+                break
+    except Interrupted as stop:
+        rows = [n.x for n in nodes[1:]]
+        stop.got = _stop(problem, segment, rows, None, rows[-1], step.counters) if rows else None
+        raise
+    finally:
+        problem.native.interpreted(f"{plugin}, events", step.interpreted)
+        guards.step = before
+    return _stop(problem, segment, [n.x for n in nodes[1:]], event, here.x, step.counters)
+
+
+def least_step(before: float, here: float) -> float:
+    """The step over which errors have relaxed, by those of the stretch before and of this one as far as it has come."""
+    return min(before, here) if before and here else before or here
+
+
+def _stop(
+    problem: Problem, segment: Segment, rows: list[Vector], event: Node | None, last: Vector, counters: dict[str, float]
+) -> Stop:
+    """What was solved, with all states."""
+    times = segment.times[: len(rows)]
+    time = None if event is None else event.t
+    if time is not None and len(times):  # an event on an output time, to rounding
+        time = max(time, float(times[-1]))
+    x = np.array(rows).reshape(-1, problem.n_dynamic).T
+    ends = times if time is None else np.append(times, time)
+    apart = islands(problem, replace(segment, times=ends))
+    discrete = segment.x[len(segment.x) - problem.compiled.discretes :]
+    whole = np.vstack([x, apart[:, : len(times)], np.tile(discrete[:, None], (1, len(times)))])
+    piece = Piece(whole, np.zeros((0, len(times))), counters)
+    return Stop(piece, times, time, np.concatenate([last, apart[:, -1], discrete]), np.zeros(0))
+
+
+def _bands(guards: Guards, t: float, moment: Moment) -> tuple[Vector, Vector]:
+    """How far below zero each guard may go up to the first look, and from then on.
+
+    The noise where it rests; where it starts behind zero by rounding and leaves, as far as it is, and no farther when
+    it comes back: it would be found there again, and farther behind with every hop.
+    """
+    g, (rate, noise) = guards.distances(t, moment), guards.rates(t, moment)
+    resting = resting_band(g, rate, noise)
+    behind = (resting == 0.0) & guards.behind(t, g, rate, noise)
+    return np.where(behind, np.maximum(-_BEHIND * g, resting), resting), resting
+
+
+class Stepper:
+    """One integrator for any interval of a stretch; it counts what was done."""
+
+    def __init__(self, regime: Regime, segment: Segment, plugin: str) -> None:
+        self.regime, self.segment, self.plugin = regime, segment, plugin
+        self.library = compiled_program(regime, segment, plugin)
+        self.first = segment.first
+        self.counters: dict[str, float] = {}
+        self.interpreted = 0.0
+        self._integrators: dict[tuple[float, ...], Repeated] = {}
+        if self.library is None:
+            self._form, self._own, self._constants = _interpreted(regime)
+        else:
+            self._constants = regime.constants(self.library)
+
+    def __call__(self, after: Node, end: float, band: Vector) -> tuple[float, Vector]:
+        """Where the solution is at `end`, or when a guard is `band` below zero: the time, and the states.
+
+        Raises RuntimeError when the solver cannot go on.
+        """
+        problem, segment = self.regime.problem, self.segment
+        n = problem.n_dynamic
+        x0 = np.concatenate([after.x / problem.scale_x, [0.0, 0.0]])
+        numbers = problem.numbers(segment.p, segment.x, after.t)
+        length = end - after.t
+        if self.library is not None:
+            p = np.concatenate([self._constants, numbers, band])
+            first = 0.0 if segment.step else self.first
+            sizes = segment.tolerances.relative, segment.tolerances.absolute, segment.step or 0.0
+            rows, _, stats = self.library.run(x0, np.zeros(0), p, np.array([length]), *sizes, first)
+            found, following, passed = rows[0], stats["next"], float(rows[0, n])
+        else:
+            found, stats = self._interpreted(x0, np.concatenate([numbers, [length], band]), length)
+            steps, passed = max(float(stats["n_steps"]), 1.0), length * float(found[n])
+            following = length / steps if steps > 1.0 else 2.0 * length
+        if not np.isfinite(found).all():
+            raise RuntimeError("the solution is not finite")
+        for name, place in _COUNTED:
+            self.counters[name] = self.counters.get(name, 0.0) + float(stats[place])
+        if found[n + 1] > 0.5:  # and stood still from then on
+            return min(max(after.t + passed, after.t), end), found[:n] * problem.scale_x
+        self.first = following
+        return end, found[:n] * problem.scale_x
+
+    def _interpreted(self, x0: Vector, p: Vector, length: float) -> tuple[Vector, dict[str, Any]]:
+        """By an integrator that goes from 0 to 1; one for each power of four of its first step."""
+        bounds = [
+            0.0 if bound is None else 1.0 / max(1, math.ceil(length / bound - 1e-9))
+            for bound in (self.segment.step, self.segment.max_step)
+        ]
+        first = 0.0
+        if not self.segment.step and self.first > 0.0:
+            first = 4.0 ** -min(max(round(math.log(length / self.first, 4.0)), 0), 15)
+        key = first, *bounds
+        if key not in self._integrators:
+            self._integrators[key] = self._kept(key)
+        found, stats = self._integrators[key](x0, np.concatenate([self._constants, p]))
+        self.interpreted += float(stats["n_rhs"]) + _CALLING
+        return found, stats
+
+    def _kept(self, key: tuple[float, ...]) -> Repeated:
+        """The integrator for these sizes, made for all runs of a thread."""
+        asked = self.segment
+        whole = self.plugin, asked.tolerances, asked.most_steps, *key, threading.get_ident()
+        known = self._own.integrators
+        if whole not in known:
+            if len(known) >= _MOST_KEPT:
+                known.clear()
+            known[whole] = Repeated(self._made(dict(zip(("step0", "step_size", "max_step_size"), key, strict=True))))
+        return known[whole]
+
+    def _made(self, sizes: dict[str, float]) -> Any:
+        settings: dict[str, Any] = {
+            **_settings(self.segment),
+            # few different ones, as each makes another integrator
+            "max_num_steps": 20_000 * 4 ** max(0, math.ceil(math.log(self.segment.most_steps / 20_000, 4.0))),
+        }
+        settings = {k: v for k, v in settings.items() if k not in sizes} | {k: v for k, v in sizes.items() if v > 0.0}
+        with contextlib.redirect_stderr(
+            io.StringIO()
+        ):  # CasADi says at every construction that events are experimental
+            return self._form.integrator(
+                self.plugin, self._own.dae, np.ones(1), {**settings, "transition": self._own.transition}
+            )
+
+
+def compiled_program(regime: Regime, segment: Segment, plugin: str) -> Library[FlightProgram] | None:
+    """The integrator of a regime as compiled C, where there is one or it pays to make one."""
+    problem = regime.problem
+
+    def instructions() -> int:
+        functions = regime.watch, regime.rates.function, problem.compiled.events.round, regime.held.relaxed
+        return sum(int(f.n_instructions()) for f in functions)
+
+    return problem.native.stopping(
+        plugin,
+        _settings(segment),
+        lambda: stopping_equations(regime, problem.native.zeros),
+        problem.n_dynamic + 2,
+        instructions,
+    )
+
+
+def _settings(segment: Segment) -> dict[str, Any]:
+    settings: dict[str, Any] = {
+        "reltol": segment.tolerances.relative,
+        "abstol": segment.tolerances.absolute,
+        "max_num_steps": 10**6,
+        "event_tol": 1e-13,
+        "max_events": 3,
+        **bounded(segment),
+    }
+    return {**settings, "step_size": segment.step} if segment.step else settings
+
+
+@dataclass(frozen=True, eq=False)
+class _Interpreted:
+    """The ODE with a stop watch and a stop flag, and the transition that sets the flag.
+
+    Its time goes from 0 to 1, in units of one more parameter: `[c, m, d, shift, length, band]`; c is what parameters
+    and inputs alone determine, and empty where they are numbers.
+    """
+
+    dae: Any
+    transition: Any
+    constants: Quick | None
+    integrators: dict[tuple[Any, ...], Repeated] = field(default_factory=dict)
+
+
+_MADE: WeakKeyDictionary[Numbered, _Interpreted] = WeakKeyDictionary()
+
+
+def _interpreted(regime: Regime) -> tuple[Numbered, _Interpreted, Vector]:
+    """The form of the equations that is used, what is made of it, and its c.
+
+    Equations of held relations have forms of their own, so these tell regimes apart.
+    """
+    problem = regime.problem
+    form = problem.numbered
+    if form.is_shared:
+        found = _MADE.get(form)
+        if found is None:
+            made = stopping_equations(regime, problem.native.zeros, stretched=True)
+            found = _MADE[form] = _Interpreted(made.dae, made.transition, Quick(made.constants))
+        assert found.constants is not None, "made just so"
+        (constants,) = found.constants(problem.p, problem.u)
+        if np.isfinite(constants).all():
+            return form, found, constants
+        form = with_values(problem.compiled, problem.p, problem.u)
+    if form not in _MADE:
+        made = stopping_equations(regime, (), stretched=True, values=(problem.p, problem.u))
+        _MADE[form] = _Interpreted(made.dae, made.transition, None)
+    return form, _MADE[form], np.zeros(0)
+
+
+def stopping_equations(
+    regime: Regime, zeros: Sequence[int], *, stretched: bool = False, values: tuple[Vector, Vector] | None = None
+) -> StoppingEquations:
+    """The ODE with a stop watch and a stop flag, and the transition that sets the flag.
+
+    The parameters of the DAE are `[c, m, d, shift, band]`, see `native/equations.py`; where it is `stretched`, its time
+    goes from 0 to 1, in units of one more of them before `band`. With `values` of p and u these are numbers and c is
+    empty; parameters at `zeros` are zero whatever p holds.
+    """
+    compiled = regime.compiled
+    n, nq, nm = compiled.n_dynamic, compiled.quadratures, compiled.n_modes
+    scale = ca.DM(regime.problem.scale_x)
+    t, x, z, length = ca.SX.sym("t"), ca.SX.sym("x", n), ca.SX.sym("z", 0), ca.SX.sym("length")
+    p, u = ca.SX.sym("p", len(compiled.parameters)), ca.SX.sym("u", len(compiled.inputs))
+    numbers = ca.SX.sym("numbers", nm + compiled.discretes + 1)
+    m, d, shift = ca.vertsplit(numbers, [0, nm, nm + compiled.discretes, nm + compiled.discretes + 1])
+    some = ca.SX(p)
+    for k in zeros:
+        some[k] = 0
+    time = t * length + shift if stretched else t + shift
+    given = (u, some) if values is None else (ca.SX(values[1]), ca.SX(values[0]))
+    arguments = (time, ca.vertcat(x * scale, ca.SX(nq, 1), d), z, *given, m)
+    ode, guards = ca.densify(compiled.rhs(*arguments)[0])[:n] / scale, ca.densify(regime.watch(*arguments))
+    (ode, guards), symbols, constants = parametric([ode, guards], p, u)
+    if stretched:
+        ode, numbers = length * ode, ca.vertcat(numbers, length)
+    dae, transition = _stopped(t, x, z, symbols, numbers, ode, guards)
+    events = regime.watch, regime.rates.function, compiled.events.round, regime.held.relaxed
+    return StoppingEquations(dae, transition, constants, events)
+
+
+def _stopped(t: Any, x: Any, z: Any, constants: Any, numbers: Any, ode: Any, guards: Any) -> tuple[Any, Any]:
+    watch, flag, band = ca.SX.sym("watch"), ca.SX.sym("flag"), ca.SX.sym("band", guards.numel())
+    state = ca.vertcat(x, watch, flag)
+    rates = ca.vertcat((1 - flag) * ode, 1 - flag, 0)
+    none, u = ca.SX(0, 1), ca.SX.sym("u", 0)
+    p = ca.vertcat(constants, numbers, band)
+    # once it stands still nothing fires any more: several guards that are reached at one instant would, one by one
+    zero = ca.densify(guards + band + _NEVER * flag)
+    dae = ca.Function("dae", [t, state, z, p, u], [rates, none, none, zero], *_NAMES)
+    index = ca.SX.sym("index")
+    inputs = {"index": index, "t": t, "x": state, "z": z, "p": p, "u": u}
+    outputs = {"post_x": ca.vertcat(x, watch, 1), "post_z": z}
+    transition = ca.Function(
+        "stop", [inputs[n] for n in ca.event_in()], [outputs[n] for n in ca.event_out()], ca.event_in(), ca.event_out()
+    )
+    return dae, transition

@@ -1,0 +1,1 @@
+"""What follows a `reset` of states that constraints bind."""

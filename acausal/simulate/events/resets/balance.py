@@ -1,0 +1,142 @@
+"""What follows a `reset` of velocities that constraints bind, by the balance of impulses.
+
+The impact acts in the one equation in which the derivative of the velocity stands, its equation of motion. With an
+unknown force phi added there, the equations of the instant are solved for all derivatives and constraint forces; the
+slope of the rates by phi is the direction in which velocities jump, M dv = J^T p + e phi, J dv = 0 (the same as in
+`acausal.lower.events.impulses`, where the model names the force).
+
+Whether that equation is a balance of forces is not said by the model, but by its numbers: in a mechanical system the
+velocity j responds to an impulse on k as k does to one on j (J. C. Maxwell's reciprocity; the inverse of a mass matrix
+under constraints is symmetric), up to the factors by which the equations were multiplied. A single constraint shows no
+contradiction at one point, so the factors must be the same some way off as well. Where that does not hold, or the
+derivative stands in several equations, nothing is computed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from weakref import WeakKeyDictionary
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.lower.compiled import CompiledModel
+from acausal.lower.symbols import Symbols
+
+Vector = NDArray[np.float64]
+_Point = tuple[float, Vector, Vector, Vector, Vector, Vector]
+_ROUNDING, _SAME = 1e-8, 1e-6
+_ELSEWHERE = (0.07, -0.11)
+"""Steps to other points, by the size of the states."""
+_KEPT: WeakKeyDictionary[CompiledModel, _Balance] = WeakKeyDictionary()
+
+
+def directions(compiled: CompiledModel, resets: Sequence[int], slopes: Vector, at: _Point) -> Vector | None:
+    """How states jump by an impulse on each of these velocities, shape (nx, resets); None where that is not known.
+
+    Parameters
+    ----------
+    slopes
+        Of the stabilised constraints by the states, shape (constraints, nx).
+    at
+        Time, x, z, u, p and m.
+    """
+    balance = _KEPT.get(compiled)
+    if balance is None:
+        balance = _KEPT[compiled] = _Balance(compiled)
+    found = balance.response(resets, at)
+    if found is None:
+        return None
+    moved = np.flatnonzero(np.abs(found).max(axis=1) > _ROUNDING * np.abs(found).max()).tolist()
+    if not set(resets) <= set(moved):
+        return None
+    size = np.abs(slopes) @ np.abs(found)
+    if (np.abs(slopes @ found) > _ROUNDING * size).any():  # a position, or what holds no constraint
+        return None
+    factors = [_factors(balance, moved, at, shift) for shift in (0.0, *_ELSEWHERE)]
+    if any(f is None or not np.allclose(f, factors[0], rtol=_SAME) for f in factors):  # type: ignore[arg-type]
+        return None
+    return found
+
+
+def _factors(balance: _Balance, moved: Sequence[int], at: _Point, shift: float) -> Vector | None:
+    """See `reciprocity`; at a point some way off, on the constraints or not."""
+    t, x, *numbers = at
+    n = balance.compiled.n_dynamic
+    x = x.copy()
+    way = np.cos(1.0 + 2.0 * np.arange(n))
+    x[:n] += shift * way * (np.abs(x[:n]) + balance.compiled.nominal_x[:n])
+    response = balance.response(moved, (t, x, *numbers))  # type: ignore[arg-type]
+    return None if response is None else reciprocity(response[moved])
+
+
+def reciprocity(response: Vector) -> Vector | None:
+    """Factors of the columns that make a matrix symmetric with a positive diagonal; None where there are none.
+
+    The first of those that hang together has the factor one."""
+    own = np.diag(response)
+    if not np.isfinite(response).all() or (own == 0.0).any():
+        return None
+    scaled = response / own  # of velocity j, by what moves velocity k by one
+    # the size of column k is chosen along a tree of those that move each other
+    factor, first = np.zeros(len(own)), np.zeros(len(own), dtype=int)
+    for root in range(len(own)):
+        if factor[root]:
+            continue
+        factor[root], first[root], stack = 1.0, root, [root]
+        while stack:
+            k = stack.pop()
+            for j in np.flatnonzero((np.abs(scaled[:, k] * scaled[k, :]) > _ROUNDING**2) & (factor == 0.0)).tolist():
+                factor[j], first[j] = factor[k] * scaled[j, k] / scaled[k, j], root
+                stack.append(j)
+    balanced = scaled * factor
+    size = np.sqrt(np.outer(np.abs(factor), np.abs(factor)))
+    holds = (factor > 0.0).all() and (np.abs(balanced - balanced.T) <= _SAME * size).all()
+    return factor * own[first] / own if holds else None
+
+
+class _Balance:
+    """All equations of one instant, with what they are solved for."""
+
+    def __init__(self, compiled: CompiledModel) -> None:
+        structure = compiled.solution.structure
+        pool, self.compiled = structure.reduced.pool, compiled
+        self.rows = [e for block in structure.blocks for e in block.rows]
+        unknowns = [v for block in structure.blocks for v in block.columns]
+        s, y = Symbols(compiled), ca.SX.sym("y", len(unknowns))
+        builder = s.builder(compiled)
+        builder.define(compiled.solution.definitions, compiled.rewritten)
+        values = builder.column([pool.var(v) for v in unknowns])
+        open_ = Symbols.builder(s, compiled)
+        open_.define([], compiled.rewritten)
+        open_.know(unknowns, y)
+        residuals = open_.column([open_.replaced(structure.residuals[e]) for e in self.rows])
+        rates = open_.column([pool.var(structure.derivative(v)) for v in compiled.state_variables])
+        self.values = ca.Function("values", s.inputs, [ca.densify(values)])
+        self.slopes = ca.Function("slopes", [*s.inputs, y], [ca.jacobian(residuals, y), ca.jacobian(rates, y)])
+        self.place = {e: k for k, e in enumerate(self.rows)}
+
+    def response(self, velocities: Sequence[int], at: _Point) -> Vector | None:
+        """What the rates of all states change by when each of these velocities takes a force."""
+        rows = [self._equation(k) for k in velocities]
+        if any(row is None for row in rows):
+            return None
+        matrix, rates = self.slopes(*at, self.values(*at))
+        right = np.zeros((matrix.shape[0], len(rows)))
+        right[rows, range(len(rows))] = 1.0  # type: ignore[index]
+        try:
+            found = np.array(rates @ ca.solve(matrix, ca.DM(right), "csparse"))
+        except RuntimeError:  # singular
+            return None
+        return found if np.isfinite(found).all() else None
+
+    def _equation(self, velocity: int) -> int | None:
+        """The one equation of the model in which its derivative stands, if that is solved as it was written."""
+        structure = self.compiled.solution.structure
+        reduced = structure.reduced
+        rate = structure.derivative(self.compiled.state_variables[velocity])
+        holding = [e for e, node in enumerate(reduced.residuals) if rate in reduced.pool.variables_in(node)]
+        if len(holding) != 1 or structure.residuals[holding[0]] != reduced.residuals[holding[0]]:
+            return None
+        return None if holding[0] in structure.integral.values() else self.place.get(holding[0])

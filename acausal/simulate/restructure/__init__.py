@@ -1,0 +1,1 @@
+"""Runs of models whose structure follows their state."""

@@ -1,0 +1,137 @@
+"""How far a run is from the reference: end error, time series error, phase, all apart.
+
+Conventions of the published test sets for initial value problems (F. Mazzia, C. Magherini, Test Set for Initial Value
+Problem Solvers, release 2.4, University of Bari): scd is -log10 of the largest relative error of the end values, mescd
+the same of the mixed error |y - r| / (f + |r|). `f` is the nominal magnitude of a variable; where the variable never
+becomes as large as that, it is the largest magnitude it has in the reference, but not less than a thousandth of the
+nominal one, below which absolute tolerances do not ask for any digits.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.study.bench.accuracy.trajectory import Trajectory
+
+Vector = NDArray[np.float64]
+
+_LEAST_FLOOR = 1e-3
+# A variable whose slope changes its sign at least so often oscillates.
+_TURNS = 4
+# Share of the run, at its end, over which the phase is compared.
+_WINDOW = 0.25
+
+
+@dataclass(frozen=True)
+class Distance:
+    """Errors of one run.
+
+    `end` and `series` are mixed errors, of the end values and of all points, `worst` the variable behind the latter;
+    `absolute` is the largest absolute error of the end values, in the units of the variables; `phase` the time by which
+    oscillations are late at the end [s], None where nothing oscillates; `shape` the error that stays over the last
+    quarter of the run when the phase is taken out, relative to each variable's largest magnitude.
+    """
+
+    end: float
+    series: float
+    scd: float
+    mescd: float
+    absolute: float
+    worst: str
+    phase: float | None = None
+    shape: float | None = None
+
+
+def floors(reference: Trajectory, nominal: Vector) -> Vector:
+    """`f` of each variable."""
+    largest = np.abs(reference.values).max(axis=0)
+    return np.asarray(np.clip(largest, _LEAST_FLOOR * nominal, nominal))
+
+
+def mixed(values: Vector, reference: Vector, floor: Vector) -> Vector:
+    """Mixed errors, shape (n, k)."""
+    return np.asarray(np.abs(values - reference) / (floor + np.abs(reference)))
+
+
+def distance(found: Trajectory, fine: Trajectory, floor: Vector, trusted: float) -> Distance:
+    """Errors of `found` against the reference `fine`, whose grid holds that of `found`.
+
+    Digits beyond `trusted` are not counted in scd and mescd.
+    """
+    stride = (len(fine.times) - 1) // (len(found.times) - 1)
+    reference = fine.every(stride)
+    errors = mixed(found.values, reference.values, floor)
+    end, last = float(errors[-1].max()), reference.values[-1]
+    gap = np.abs(found.values[-1] - last)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        relative = np.where(last != 0, gap / np.abs(last), 0.0)
+    phase, shape = _phase(found, fine, floor)
+    return Distance(
+        end=end,
+        series=float(errors.max()),
+        scd=min(_digits(float(relative.max())), trusted),
+        mescd=min(_digits(end), trusted),
+        absolute=float(gap.max()),
+        worst=found.names[int(errors.max(axis=0).argmax())],
+        phase=phase,
+        shape=shape,
+    )
+
+
+def _digits(error: float) -> float:
+    return -math.log10(error) if error > 0 else math.inf
+
+
+def _phase(found: Trajectory, fine: Trajectory, floor: Vector) -> tuple[float | None, float | None]:
+    """Delay of the oscillating variables at the end, by least squares over a window: y(t) = r(t - delay)."""
+    swings = np.flatnonzero([_turns(fine.values[:, k]) >= _TURNS for k in range(len(fine.names))])
+    if not swings.size or not np.isfinite(found.values).all():
+        return None, None
+    from scipy.interpolate import CubicSpline
+
+    first, last, step = fine.times[0], fine.times[-1], fine.times[1] - fine.times[0]
+    inside = found.times >= last - _WINDOW * (last - first)
+    times, y = found.times[inside], found.values[inside][:, swings]
+    scale = floor[swings] + np.abs(fine.values[:, swings]).max(axis=0)
+    curve = CubicSpline(fine.times, fine.values[:, swings])
+    slope = curve.derivative()
+
+    def gap(delay: float) -> Vector:
+        # where the reference does not reach, nothing is compared
+        known = (times - delay <= last)[:, None]
+        return np.asarray(np.where(known, y - curve(np.clip(times - delay, first, last)), 0.0) / scale)
+
+    # Gauss-Newton finds the nearest of many minima: start from the best shift by whole steps, at most a sixteenth.
+    most = int((last - first) / 16 / step)
+    shifts = [float(step) * k for k in range(-most, most + 1)]
+    delay = min(shifts, key=lambda d: float((gap(d) ** 2).sum()))
+    for _ in range(4):
+        known = (times - delay <= last)[:, None]
+        slopes = np.where(known, slope(np.clip(times - delay, first, last)), 0.0) / scale
+        power = float((slopes**2).sum())
+        if power == 0.0:
+            return None, None
+        delay -= float((slopes * gap(delay)).sum()) / power
+    return delay, float(np.abs(gap(delay)).max())
+
+
+def _turns(values: Vector) -> int:
+    """How often a trajectory turns back by more than a hundredth of its range."""
+    span = float(np.ptp(values))
+    if span == 0.0:
+        return 0
+    turns, extreme, direction = 0, float(values[0]), 0
+    for v in values:
+        if (v - extreme) * direction > 0 or direction == 0:
+            if direction == 0 and abs(v - extreme) > 0.01 * span:
+                direction = 1 if v > extreme else -1
+                extreme = float(v)
+            elif direction:
+                extreme = float(v)
+        elif abs(v - extreme) > 0.01 * span:
+            turns, direction, extreme = turns + 1, -direction, float(v)
+    return turns

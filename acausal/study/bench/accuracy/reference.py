@@ -1,0 +1,280 @@
+"""What errors are measured against: a run that converges under refinement, which another solver confirms, or a file."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.errors import IntegrationError, UsageError
+from acausal.result.result import load
+from acausal.simulate.solvers import share_of, solver_named
+from acausal.study.bench.accuracy.distance import floors, mixed
+from acausal.study.bench.accuracy.trajectory import POINTS, Trajectory
+from acausal.study.bench.case import IMPLICIT, Case
+from acausal.study.bench.isolated import Outcome, isolated
+from acausal.study.bench.measure import FINE, Task, fine
+from acausal.study.growth import Growth, growth
+
+Vector = NDArray[np.float64]
+
+SOLVERS = ("rosenbrock", "idas", "erk", "cvodes")
+"""Candidates, the most exact first.
+
+Where there are algebraic variables, those that eliminate them by one and the same rootfinder come last: they agree to
+more digits than they are right (Andrews' mechanism: 11 and 9, measured).
+"""
+EASY = 1e-7
+TIGHT = (1e-12, 1e-11, 1e-10, 1e-9)
+_PATIENCE = 30.0
+ENOUGH = 10.0
+"""Trusted digits after which no further solver is asked."""
+_MOST_DIGITS = 15.0
+_DECADE = 10.0
+"""Factor between the tolerances of the runs that show whether a solver converges."""
+_SAFETY = 1.5
+_LOCATED = 1e-11
+"""The least error of a run with located events: instants are found to a resolution that no tolerance refines."""
+_WITNESS = 100.0
+"""How much larger the error of a run may be that confirms another one."""
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """A trajectory on the fine grid, where from, and how many of its digits are to be trusted.
+
+    `only_end` marks a reference that knows the end values alone; `growth` is what the problem makes of errors, where
+    that is known.
+    """
+
+    trajectory: Trajectory
+    floor: Vector
+    trusted_digits: float
+    source: str
+    solvers: tuple[str, ...] = ()
+    only_end: bool = False
+    notes: tuple[str, ...] = ()
+    growth: Growth | None = None
+
+    @property
+    def trusted_error(self) -> float:
+        """The smallest error that can be told from that of the reference."""
+        return float(10.0**-self.trusted_digits)
+
+
+@dataclass(frozen=True, eq=False)
+class _Refined:
+    """The tightest run of a solver, and its error as its own coarser runs tell it."""
+
+    name: str
+    trajectory: Trajectory
+    error: float
+
+
+def made(task: Task, nominal: Vector, limit: float, say: Callable[[str], None], enough: float = ENOUGH) -> Reference:
+    """The reference that converges when its tolerance is refined, with another solver that says the same.
+
+    Each solver runs at the tightest tolerance at which it gets through, and at ten and a hundred times that. How its
+    end of the sequence moves tells its error: two solvers can share one that falls with the tolerance (methods of one
+    order and error control do), so that what they have in common is no proof. Another solver has to agree within
+    what both claim; if it does not, the difference counts.
+
+    Raises
+    ------
+    IntegrationError
+        AC410 when fewer than two solvers arrive.
+    """
+    found: list[_Refined] = []
+    notes: list[str] = []
+    # two decades more than what is asked for, where that is less than everything
+    first = max(TIGHT[0], 10.0 ** -(enough + 2.0))
+    tight = (first, _DECADE * first) if enough < ENOUGH else TIGHT
+    solvers = IMPLICIT if task.compiled.algebraic else SOLVERS
+    for solver in dict.fromkeys((*solvers, *SOLVERS)):
+        if solver not in solvers and len(found) >= 2:
+            break
+        arrived = _tightest(task, solver, tight, limit, say, notes, nominal)
+        if arrived is not None:
+            found.append(arrived)
+        if len(found) >= 2 and _suffices(found, nominal, enough):
+            break
+    if len(found) < 2:
+        raise IntegrationError(
+            "AC410",
+            f"no reference for {task.compiled.name}: two different solvers have to agree, {len(found)} arrived",
+            evidence=list({note.partition(" at ")[0]: note for note in notes}.values()),
+            help=_remedy(notes),
+        )
+    error, best, other = _judged(found, nominal)
+    if task.compiled.state_events.relations:
+        error = max(error, _LOCATED)
+    trajectory = best.trajectory
+    source = f"{best.name} converges, {other.name} agrees"
+    if error > _SAFETY * max(best.error, 10.0**-_MOST_DIGITS, _LOCATED):
+        source = f"{best.name}, from which {other.name} differs"
+    say("reference: growth of errors")
+    grown = isolated(lambda: iter([growth(task.compiled, _own(task), task.options, task.span)]), limit).value
+    names = (best.name, other.name)
+    return Reference(
+        trajectory, floors(trajectory, nominal), _digits(error), source, names, notes=tuple(notes), growth=grown
+    )
+
+
+def _own(task: Task) -> dict[str, float]:
+    """Parameters of the runs of a task."""
+    return dict(task.options.get("parameters") or {})
+
+
+def _digits(error: float) -> float:
+    return min(_MOST_DIGITS, -math.log10(error)) if error > 0 else _MOST_DIGITS
+
+
+def _suffices(found: Sequence[_Refined], nominal: Vector, enough: float) -> bool:
+    """Whether another solver can add nothing: there are enough digits, or a witness of like precision agrees."""
+    error, best, other = _judged(found, nominal)
+    agreed = error <= _SAFETY * best.error and other.error <= _WITNESS * best.error
+    return agreed or _digits(error) >= enough
+
+
+def _judged(found: Sequence[_Refined], nominal: Vector) -> tuple[float, _Refined, _Refined]:
+    """The error of the best run, that run, and the other one it was held against.
+
+    Two that differ by no more than both admit confirm the better of them; otherwise their difference is its error.
+    """
+    best = min(found, key=lambda run: run.error)
+    floor = floors(best.trajectory, nominal)
+    held = []
+    for other in (run for run in found if run is not best):
+        gap = float(mixed(other.trajectory.values, best.trajectory.values, floor).max())
+        held.append((best.error if gap <= _SAFETY * (best.error + other.error) else gap, other))
+    # the nearest in precision is the sharpest witness
+    error, other = min(held, key=lambda pair: (pair[1].error, pair[0]))
+    return _SAFETY * max(error, 10.0**-_MOST_DIGITS), best, other
+
+
+def _remedy(notes: Sequence[str]) -> str:
+    """What to do about runs that did not arrive; most of them say where they stopped, if the solution ends."""
+    ends = [float(t) for note in notes for t in re.findall(r"stopped at t = (\S+) s", note)]
+    if len(ends) > len(notes) / 2:
+        return f"the solution seems to end near t = {min(ends):.4g} s: stop the bench before it (--stop-time)"
+    return "allow more time (--time-limit), or give a reference (--reference FILE)"
+
+
+def _tightest(
+    task: Task,
+    solver: str,
+    tight: Sequence[float],
+    limit: float,
+    say: Callable[[str], None],
+    notes: list[str],
+    nominal: Vector,
+) -> _Refined | None:
+    """A solver's run at the tightest tolerance at which it arrives, with its coarser ones.
+
+    An easy run comes first: how long it takes tells how long a tight one may take before it is stuck. Methods of order
+    five pay six times as many steps for four decades.
+    """
+    patience = limit
+    for tolerance in (EASY, *tight):
+        outcome = _run(task, solver, tolerance, patience, say, notes)
+        if outcome.value is None and tolerance == EASY and "no end after" in outcome.failure:
+            return None
+        if outcome.value is None:
+            continue
+        if tolerance == EASY:
+            patience = min(limit, 2.0 + _PATIENCE * outcome.seconds)
+            continue
+        coarser = []
+        for asked in _coarser(task, solver, tolerance):
+            run = _run(task, solver, asked, patience, say, notes).value
+            if run is None:
+                break
+            coarser.append(run)
+        if len(coarser) == 2:
+            error = _refinement(outcome.value, coarser[0], coarser[1], nominal)
+            return _Refined(f"{solver} at {tolerance:g}", outcome.value, error)
+    return None
+
+
+def _run(
+    task: Task, solver: str, tolerance: float, patience: float, say: Callable[[str], None], notes: list[str]
+) -> Outcome[Trajectory]:
+    """One run; without a value where it failed, which is noted."""
+    name = f"{solver} at {tolerance:g}"
+    say(f"reference: {name}")
+    outcome = fine(task, Case(solver, "torn", tolerance=tolerance), patience)
+    if outcome.value is not None and np.isfinite(outcome.value.values).all():
+        return outcome
+    notes.append(f"{name}: {outcome.failure or 'not finite'}")
+    return Outcome(None, outcome.failure)
+
+
+def _coarser(task: Task, solver: str, tolerance: float) -> tuple[float, float]:
+    """The tolerances whose share, what the solver gets, is ten and a hundred times that of this one.
+
+    Those of the user are no measure: the smallest ones have the same share.
+    """
+    method = solver_named(solver)
+    given = share_of(task.compiled, method, tolerance) * tolerance
+    share = share_of(task.compiled, method, 1.0)
+    return _DECADE * given / share, _DECADE**2 * given / share
+
+
+def _refinement(tight: Trajectory, coarse: Trajectory, coarsest: Trajectory, nominal: Vector) -> float:
+    """The error of the tightest of three runs, each with a tenth of the tolerance of the one behind it.
+
+    It is not larger than the last move, if errors fall by half at least. They need not fall steadily (on a chaotic
+    run by 4, 15 and 1.1 in three decades), so nothing is extrapolated; and where two runs agree by chance, a tenth of
+    the move before says so.
+    """
+    floor = floors(tight, nominal)
+    last, before = (float(mixed(a.values, b.values, floor).max()) for a, b in ((coarse, tight), (coarsest, coarse)))
+    return max(last, before / _DECADE)
+
+
+def given(file: Path, names: Sequence[str], nominal: Vector, span: tuple[float, float]) -> Reference:
+    """The reference of a result file (.mat, .csv, .npz, .parquet), or end values from JSON.
+
+    JSON holds, at the top or under "reference", `values`: numbers (or decimal strings) by the paths of variables, at
+    the end of the run, and if known `trusted_digits`.
+
+    Raises
+    ------
+    UsageError
+        AC010 for variables it lacks, AC011 when it is shorter than the run, AC013, AC014 when it cannot be read.
+    """
+    start, stop = span
+    times = start + (stop - start) * np.arange(POINTS * FINE + 1) / (POINTS * FINE)
+    if file.suffix.lower() == ".json":
+        values, digits = _from_json(file, names)
+        trajectory = Trajectory(times, tuple(names), np.tile(values, (len(times), 1)))
+        return Reference(trajectory, floors(trajectory, nominal), digits, str(file), only_end=True)
+    result = load(file)
+    values = np.stack([np.asarray(result.at(times, name)) for name in names], axis=1)
+    trajectory = Trajectory(times, tuple(names), values)
+    return Reference(trajectory, floors(trajectory, nominal), _MOST_DIGITS, str(file))
+
+
+def _from_json(file: Path, names: Sequence[str]) -> tuple[Vector, float]:
+    try:
+        content = json.loads(file.read_text(encoding="utf-8"))
+        content = content.get("reference", content)
+        values = {str(k): float(v) for k, v in dict(content["values"]).items()}
+        digits = float(content.get("trusted_digits", _MOST_DIGITS))
+    except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
+        raise UsageError(
+            "AC014",
+            f"cannot read {file} as a reference",
+            evidence=[f"{type(error).__name__}: {error}"],
+            help='write {"values": {"path.of.variable": 1.0}, "trusted_digits": 10}',
+        ) from error
+    missing = [name for name in names if name not in values]
+    if missing:
+        raise UsageError("AC010", f"{file} has no value of {missing[0]}", evidence=[f"it has {', '.join(values)}"])
+    return np.array([values[name] for name in names]), digits

@@ -1,0 +1,78 @@
+"""The numbers a run is judged by: chosen variables on a fixed grid."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.errors import UsageError
+from acausal.lower.compiled import CompiledModel
+from acausal.reduce.outputs import fitting
+from acausal.result.result import Result
+
+Vector = NDArray[np.float64]
+
+# Variables that stand in for states where there are none.
+_MOST = 100
+POINTS = 200
+"""Points of the grid after the start, as the conventions of the published test sets have it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """Values of shape (n, k) of k variables at n times."""
+
+    times: Vector
+    names: tuple[str, ...]
+    values: Vector
+
+    def every(self, stride: int) -> Trajectory:
+        """Each `stride`-th point from the first on."""
+        return Trajectory(self.times[::stride], self.names, self.values[::stride])
+
+
+def components(compiled: CompiledModel, wanted: Sequence[str] | None) -> tuple[str, ...]:
+    """Names of the scalars that count: those asked for, arrays taken apart and `*` for any text, or all states.
+
+    Raises
+    ------
+    UsageError
+        AC010 for an unknown name, AC040 when nothing is left that could be compared.
+    """
+    from acausal.simulate.record.record import signals
+
+    known = signals(compiled, np.array(compiled.parameter_values, dtype=float))
+    if wanted:
+        shell = Result(compiled.name, np.zeros(1), np.zeros((1, len(compiled.columns))), known)
+        varying = [name for name, signal in known.items() if signal.column is not None]
+        names = [fit for name in wanted for fit in fitting(name, varying) or [name]]
+        found = [s.name for name in names for s in shell.elements(name)[1]]
+    else:
+        dynamic = compiled.states[: compiled.n_dynamic] or compiled.states
+        moving = {name for name, signal in known.items() if signal.column is not None and not signal.parameter}
+        # without a state of the model's own, everything that moves, up to a readable number
+        found = [name for name in dynamic if name in moving] or sorted(moving)[:_MOST]
+    if not found:
+        raise UsageError(
+            "AC040",
+            f"{compiled.name} has no states whose errors could be compared",
+            help="name variables to compare: --signals A,B",
+        )
+    return tuple(dict.fromkeys(found))
+
+
+def sampled(result: Result, names: Sequence[str], points: int, span: float) -> Trajectory:
+    """Values after each of `points` equal intervals; the run's output grid contains them. After an event, if there.
+
+    A run that the model itself has ended before `span` keeps its last values.
+    """
+    times = float(result.time[0]) + span * np.arange(points + 1) / points
+    rows = np.searchsorted(result.time, times + 1e-11 * span, side="right") - 1
+    columns = [result.elements(name)[1][0] for name in names]
+    values = np.empty((len(times), len(names)))
+    for k, signal in enumerate(columns):
+        values[:, k] = signal.value if signal.column is None else signal.sign * result.matrix[rows, signal.column]
+    return Trajectory(times, tuple(names), values)
