@@ -215,7 +215,7 @@ def row(family: str, n: int, r: Mapping[str, Any]) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser = argparse.ArgumentParser(description=str(__doc__).split("\n")[0])
     parser.add_argument("--quick", action="store_true", help="leave out what takes more than a few seconds")
     parser.add_argument("--only", nargs="*", choices=tuple(SIZES), default=tuple(SIZES))
     parser.add_argument("--repetitions", type=int, default=5)

@@ -74,7 +74,7 @@ def _built_on(part: Part) -> str:
 @cache
 def _size(model: str) -> tuple[bool, int, str]:
     """The fewer kinds of components a model has, the better it shows each; one without a declared figure comes last."""
-    return not find_model(model).figure, sum(model in used_in(p)[0] for p in library_parts()), model
+    return not getattr(find_model(model), "figure", ()), sum(model in used_in(p)[0] for p in library_parts()), model
 
 
 def _statements(part: Part, model: str) -> Iterator[str]:
@@ -114,7 +114,7 @@ def _drawn(name: str, pictures: Path) -> str:
         return ""
     model = find_model(name)()
     result = acausal.simulate(model, tolerance=1e-5)
-    panels = type(model).figure
+    panels = getattr(model, "figure", ())
     states = [s for s in acausal.compile(model).states if s in result][:4]
     if not panels and not states:
         return ""

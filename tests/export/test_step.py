@@ -61,6 +61,7 @@ def test_time_and_algebraic_variables_travel_in_x_and_inputs_are_held() -> None:
     assert step.x.names == ("x", "q", "time")
     assert step.u.names == ("u",)
     x = np.array(step.x.start)
+    y = np.zeros(0)
     for _ in range(200):
         new, y = step.function(x, [0.5], step.p.start)
         x = np.array(new).ravel()
@@ -132,6 +133,7 @@ def test_the_c_stands_alone_and_gives_the_same_numbers(tmp_path: Path) -> None:
     subprocess.run([str(cache.compiler()), "-O1", "-o", program, tmp_path / "main.c", "-lm"], check=True)
     x0, y0 = map(float, subprocess.run([program], capture_output=True, text=True, check=True).stdout.split())
     x = np.array(step.x.start)
+    y = np.zeros(0)
     for _ in range(200):
         new, y = step.function(x, [0.5], step.p.start)
         x = np.array(new).ravel()

@@ -113,7 +113,7 @@ TEXT_NAMES = {"sin": acausal.sin, "cos": acausal.cos, "tanh": acausal.tanh, "fab
 
 @given(trees, st.tuples(numbers, numbers, numbers))
 def test_values_are_those_of_python(tree: Tree, at: tuple[float, float, float]) -> None:
-    given_values = dict(zip(NAMES, at, strict=True))
+    given_values: dict[str, float] = dict(zip(NAMES, at, strict=True))
     expression = as_expr(python(tree, SYMBOLS))
     assert value(expression, given_values) == pytest.approx(python(tree, given_values), rel=1e-12, abs=1e-9)
 
@@ -121,7 +121,7 @@ def test_values_are_those_of_python(tree: Tree, at: tuple[float, float, float]) 
 @given(trees, st.tuples(numbers, numbers, numbers))
 def test_the_text_is_python_for_the_same_value(tree: Tree, at: tuple[float, float, float]) -> None:
     """Parentheses, signs and powers are where they must be; constants are written to six digits."""
-    given_values = dict(zip(NAMES, at, strict=True))
+    given_values: dict[str, float] = dict(zip(NAMES, at, strict=True))
     expression = as_expr(python(tree, SYMBOLS))
     text = str(expression)
     if "..." in text:  # long ones are cut

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
@@ -39,9 +41,10 @@ def effort() -> float:
             a = a + 0.5
             return float(a * a * time + a * b * time**2 + b * b * time**3 / 3)
 
-        return float(minimize_scalar(cost, bounds=(0.3, 2.5), method="bounded", options={"xatol": 1e-9}).fun)
+        best: Any = minimize_scalar(cost, bounds=(0.3, 2.5), method="bounded", options={"xatol": 1e-9})
+        return float(best.fun)
 
-    whole = minimize_scalar(lambda d: there(d) + np.sqrt(12 * d) / 3, bounds=(0.1, 1.0), method="bounded")
+    whole: Any = minimize_scalar(lambda d: there(d) + np.sqrt(12 * d) / 3, bounds=(0.1, 1.0), method="bounded")
     return float(whole.fun)
 
 

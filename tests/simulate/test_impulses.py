@@ -96,7 +96,8 @@ def test_a_cart_with_a_pendulum_hits_a_wall(named: bool, form: str) -> None:
     random = np.random.default_rng(3)
     compiled = acausal.compile(Cart(named=named), formulation=form)
     for solver in SOLVERS:
-        given = dict(zip(("M", "m", "e"), random.uniform([0.5, 0.2, 0.0], [3.0, 2.0, 1.0]), strict=True))
+        numbers = random.uniform([0.5, 0.2, 0.0], [3.0, 2.0, 1.0])
+        given: dict[str, float] = dict(zip(("M", "m", "e"), numbers, strict=True))
         run = acausal.simulate(compiled, parameters=given, stop_time=1.0, solver=solver, tolerance=1e-8)
         (s, x, y), _ = jump(run, "sxy")
         before, after = jump(run, "vuw")
@@ -391,8 +392,8 @@ class Sphere(Component):
         if self.solved:
             matrix = np.linalg.inv(matrix)
         for row, k in zip(matrix.tolist(), range(3), strict=True):
-            total = sum(a * (forces[j] if self.solved else der(speed[j])) for j, a in enumerate(row))
-            yield (der(speed[k]) == total) if self.solved else (total == forces[k])
+            total: Any = sum(a * (forces[j] if self.solved else der(speed[j])) for j, a in enumerate(row))
+            yield der(speed[k]) == total if self.solved else total == forces[k]
         yield self.x**2 + self.y**2 + self.z**2 == 1.0
         yield when(sample(0.1, 10.0), reset(self.u, 2.0, by=self.hit) if self.named else reset(self.u, 2.0))
 
@@ -453,7 +454,7 @@ def test_derivatives_steps_and_loops_take_impulses() -> None:
         slope = (final(**{name: value + 1e-4}) - final(**{name: value - 1e-4})) / 2e-4
         assert found.final[:, k] == pytest.approx(slope, rel=1e-5, abs=1e-6)
     step = acausal.step_function(compiled, 1e-3, outputs=["x", "u"])
-    x, p = step.x.start, step.p.start
+    x, y, p = step.x.start, np.zeros(0), step.p.start
     for _ in range(600):
         x, y = step.function(x, [], p)
     assert np.array(y).ravel()[:2] == pytest.approx(final(), abs=1e-6)
