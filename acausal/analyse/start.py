@@ -140,7 +140,7 @@ def _assign(
     reach = Reach(solution)
     rows = [sorted(reach.of(c.node)) for c in given] + [sorted(reach.of(r)) for r in solution.residuals]
     order = list(solution.algebraic) + sorted(open_states, key=lambda x: x in guesses)
-    fewest = len(solution.algebraic) + sum(x not in guesses for x in open_states)
+    fewest = max(len(solution.algebraic) + sum(x not in guesses for x in open_states), min(len(rows), len(order)))
 
     def matching(count: int) -> IntArray:
         place = {v: k for k, v in enumerate(order[:count])}

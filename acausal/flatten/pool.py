@@ -291,9 +291,7 @@ class Pool:
         """Whether a term of a sum occurs twice; asked of every equation, and nearly always answered by no."""
         nodes = self.nodes
         node = nodes[root]
-        if node[0] not in _SUMS:
-            return False
-        if len(node) == 3 and node[1] != node[2] and nodes[node[1]][0] not in _SUMS and nodes[node[2]][0] not in _SUMS:
+        if node[0] not in _SUMS or (len(node) == 3 and node[1] != node[2] and not self._adds(node)):
             return False
         seen: set[int] = set()
         stack = [root]
@@ -310,6 +308,16 @@ class Pool:
                 stack.append(node[1])
             elif op == "mul":
                 stack += [operand for operand, _ in _summands(nodes, node)]
+        return False
+
+    def _adds(self, node: Node) -> bool:
+        """Whether an operand is a sum itself, or the multiple of something by a number."""
+        nodes = self.nodes
+        for number in node[1:]:
+            below = nodes[number]
+            op = below[0]
+            if op in _SUMS and (op != "mul" or nodes[below[1]][0] == "const" or nodes[below[2]][0] == "const"):
+                return True
         return False
 
     def reachable(self, roots: Iterable[int], done: Collection[int] | None = None) -> list[int]:

@@ -126,7 +126,7 @@ class Builder:
 
     def _levels(self, roots: Sequence[int]) -> tuple[dict[tuple[int, str], list[int]], dict[int, list[int]]]:
         """Nodes not lowered yet by (level, operation), and their operands; nothing below a mode is visited."""
-        nodes, done, place = self.pool.nodes, self.done, self._place
+        nodes, done, place, resolved = self.pool.nodes, self.done, self._place, self.resolved
         levels: dict[tuple[int, str], list[int]] = {}
         level: dict[int, int] = {}
         operands: dict[int, list[int]] = {}
@@ -139,13 +139,14 @@ class Builder:
             op, *below = nodes[number]
             here = 0
             if op not in LEAVES:
-                if number not in operands:
-                    operands[number] = [self.resolved(c) for c in below]
-                    missing = [c for c in operands[number] if c not in level and c not in done and c not in place]
+                known = operands.get(number)
+                if known is None:
+                    known = operands[number] = [c if c in level or c in place else resolved(c) for c in below]
+                    missing = [c for c in known if c not in level and c not in place and c not in done]
                     if missing:
                         stack.extend(missing)
                         continue
-                here = 1 + max((level.get(c, 0) for c in operands[number]), default=0)
+                here = 1 + max([level.get(c, 0) for c in known], default=0)
             level[number] = here
             levels.setdefault((here, op), []).append(number)
             stack.pop()

@@ -22,6 +22,10 @@ from acausal.errors import Span, StructureError
 from acausal.flatten.pool import IMPULSE, LEAVES, RELATIONS, Pool
 from acausal.flatten.reduced import ReducedSystem
 
+# What is an event, or is written otherwise because of one: without any of it nothing has to be searched.
+_EVENTFUL = frozenset((*RELATIONS, "sign", "floor", "ceil", "where", "pow", "sqrt"))
+_EVENTFUL |= {"sample", "pre", "initial", "infinitesimal", "terminal"}
+
 
 @dataclass(frozen=True)
 class Clause:
@@ -131,6 +135,9 @@ def find_state_events(
     own += asleep.numbers
     inside = [*solution.residuals, *_definitions(solution, own)]
     roots = [*own, *inside]
+    is_watched = own or asleep.watched or asleep.middles
+    if not is_watched and _EVENTFUL.isdisjoint({pool.nodes[n][0] for n in pool.reachable(inside)}):
+        return StateEvents(clauses=clauses, assignments=assignments, asserts=asserts)
     rewritten = dict(time_events.rewritten)
     discrete = discrete_variables(reduced)
     # what a `when` computes is computed at its instants only: a quantiser with a clock is no event at each of its steps

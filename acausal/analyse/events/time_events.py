@@ -13,6 +13,7 @@ from acausal.analyse.blocks.linear import LinearForm
 from acausal.flatten.pool import RELATIONS, Pool
 
 _AS_RELATION = {"min": "lt", "max": "gt"}
+_SWITCHED = frozenset((*RELATIONS, "min", "max", "fabs", "sign"))
 
 
 @dataclass(frozen=True)
@@ -31,6 +32,8 @@ class TimeEvents:
 def find_time_events(pool: Pool, roots: Iterable[int]) -> TimeEvents:
     """Search all relations below `roots` that are affine in time, with coefficients free of variables."""
     wanted = pool.reachable(roots)
+    if not any(pool.nodes[n][0] in _SWITCHED for n in wanted):
+        return TimeEvents((), (), {})
     timely = _timely(pool, wanted)
     relations: list[int] = []
     instants: list[int] = []
@@ -45,7 +48,7 @@ def find_time_events(pool: Pool, roots: Iterable[int]) -> TimeEvents:
             if instant is not None:
                 relations.append(number)
                 instants.append(instant)
-        elif op in ("min", "max", "fabs", "sign"):
+        elif op in _SWITCHED:
             branch = _branch(pool, op, node[1:])
             if branch is None:
                 continue

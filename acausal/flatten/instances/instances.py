@@ -38,7 +38,7 @@ class Instance:
     @property
     def is_leaf(self) -> bool:
         """True when all parts are connectors, so that equal instances have equal equations."""
-        return all(isinstance(p.component, Connector) for p in self.parts)
+        return all([isinstance(p.component, Connector) for p in self.parts])  # few: a generator costs more
 
     @property
     def origin(self) -> Origin:
@@ -118,7 +118,8 @@ def grow(
         found.append(instance)
         if owner is not None and len(found) > first + 1:
             owner.parts.append(instance)
-        stack.extend((c, p, instance) for p, c in reversed(list(_parts(component, instance.prefix))))
+        if component._parts:
+            stack.extend([(c, p, instance) for p, c in reversed(list(_parts(component, instance.prefix)))])
     return found[first]
 
 

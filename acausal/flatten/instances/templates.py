@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 from acausal.errors import DeclarationError
@@ -24,6 +24,9 @@ from acausal.language.declarations.declaration import Kind
 from acausal.language.events import Assertion
 from acausal.language.expressions.expression import Equation, Symbol, assigned, symbols_in
 from acausal.language.origin import Origin
+
+# A third of the time of its constructor, which is written in Python: one for every equation of every component.
+_EQUATION = partial(tuple.__new__, FlatEquation)
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,8 +169,11 @@ def replay(
             image.append(parameters[node[1]])
         elif op == "const" or op == "time":
             image.append(pool.intern(node))
+        elif len(node) == 3:
+            image.append(make(op, image[node[1]], image[node[2]]))
         else:
             image.append(make(op, *[image[c] for c in node[1:]]))
     path = instance.path
     demands = [FlatAssert(image[c], a.message, a.level, origin, path, a) for c, origin, a in template.demands]
-    return [FlatEquation(image[a], image[b], origin, path, e, k) for a, b, origin, e, k in template.equations], demands
+    stated = template.equations
+    return [_EQUATION((image[a], image[b], origin, path, e, k)) for a, b, origin, e, k in stated], demands
