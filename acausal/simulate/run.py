@@ -109,7 +109,8 @@ def simulate(
     if recipe is not None and accuracy is None:
         chosen = options(type(recipe.model).experiment, **asked)
         return Pieces(recipe, chosen, recipe.parameters, _piece(inputs, start, chosen, force), progress).result()
-    compiled = with_starts(_compiled(model, parameters, outputs if recipe is None else None), start or {})
+    compiled = _compiled(model, parameters, outputs if recipe is None else None)
+    compiled = with_starts(compiled, start) if start else compiled
     if accuracy is not None:
         own = parameters if isinstance(model, CompiledModel) else None
         run: dict[str, object] = {"start_time": start_time, "stop_time": stop_time, "parameters": own, "inputs": inputs}
@@ -144,7 +145,7 @@ def _result(
     given = given_inputs(compiled, inputs, chosen.start_time, chosen.stop_time, chosen.tolerances)
     failed: tuple[float, IntegrationError] | None = None
     for left in reversed(range(_MOST_FORMS)):
-        driven = with_driven(compiled, given.places)
+        driven = with_driven(compiled, given.places) if given.places else compiled
         run = Run(driven, chosen, p.copy(), given, progress, force)
         if failed is not None:
             run.why = f"rosenbrock, which fits its size, stopped at t = {failed[0]:g} s"
@@ -226,7 +227,7 @@ def _piece(
         given, p = known[compiled.inputs], parameter_vector(compiled, {})
         if start is None:
             compiled = with_starts(compiled, starts or {})
-        driven = with_driven(compiled, given.places)
+        driven = with_driven(compiled, given.places) if given.places else compiled
         made = Run(driven, opts, p, given, report, force, start, outputs, opening, sources=sources)
         return made.start() if start is None else made.result()
 

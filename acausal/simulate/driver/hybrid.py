@@ -99,7 +99,8 @@ class Hybrid:
         # without states there is no error to choose a step by
         self.single_step &= self.problem.n_dynamic > 0
         # what is delayed is recorded by integrations that go on to their end
-        self.single_step &= not self.problem.compiled.delays
+        self.is_delayed = bool(self.problem.compiled.delays)
+        self.single_step &= not self.is_delayed
 
     def begin(self, t: float, start: Start, m: Vector, flag: str | None) -> None:
         """The event at the start of the run; `m` is what the start has decided.
@@ -235,7 +236,7 @@ class Hybrid:
         """
         if not left.regime.owners:
             return
-        g, (rate, noise) = self.guards.distances(t, left), self.guards.rates(t, left)
+        g, rate, noise = self.guards.state(t, left)
         relations = np.array([side < 0 for _, side in left.regime.owners], dtype=bool)
         fired = relations & (np.abs(g) <= noise) & (rate < -noise)
         if fired.any():
@@ -347,16 +348,16 @@ class Hybrid:
         none = Piece(np.zeros((len(moment.x), 0)), np.zeros((len(moment.z), 0)), {})
 
         def record(times: Vector, piece: Piece) -> None:
-            if not self.problem.compiled.delays:
+            if not self.is_delayed:
                 self._record(times, piece.x, piece.z, moment, piece.counters)
 
-        if self.problem.compiled.delays and not moment.regime.owners:
+        if self.is_delayed and not moment.regime.owners:
             reached = Arrival(None, moment.x, moment.z)
         else:
             reached = self.search.to_event(segment, moment, band, self._gap, record)
             if reached.time is not None:
                 self._judge(reached, moment)
-        if not self.problem.compiled.delays:
+        if not self.is_delayed:
             return Stop(none, segment.times[:0], reached.time, reached.x, reached.z)
         # what is delayed is remembered of the stretch as it is, and of nothing beyond it
         times = segment.times
@@ -427,7 +428,7 @@ class Hybrid:
         """
         if not moment.regime.owners:
             return np.zeros(0)
-        g, (rate, noise) = self.guards.distances(t, moment), self.guards.rates(t, moment)
+        g, rate, noise = self.guards.state(t, moment)
         resting = resting_band(g, rate, noise)
         behind = self.guards.behind(t, g, rate, noise)
         return np.where(resting > 0.0, resting, np.where(behind, np.maximum(-2.0 * g, 0.0), 0.0))

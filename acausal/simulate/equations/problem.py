@@ -47,7 +47,7 @@ class Problem:
     u: Vector
     wanted_native: bool | None = None
 
-    @property
+    @cached_property
     def n_dynamic(self) -> int:
         """Number of states of the coupled system; the others are integrated apart."""
         return self.compiled.n_dynamic
@@ -69,7 +69,7 @@ class Problem:
         """Nominal magnitudes of the dynamic states."""
         return self.compiled.nominal_x[: self.n_dynamic]
 
-    @property
+    @cached_property
     def scale_z(self) -> Vector:
         """Nominal magnitudes of the algebraic variables."""
         return self.compiled.nominal_z

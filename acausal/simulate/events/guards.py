@@ -75,24 +75,34 @@ class Guards:
         """Guards of the regime: positive while it lasts."""
         return np.minimum(at.regime.guards(t, at.x, at.z, self.problem.u, self.problem.p, at.m)[0], FAR)
 
-    def rates(self, t: float, at: Moment, *, between: bool = False) -> tuple[Vector, Vector]:
+    def state(self, t: float, at: Moment) -> tuple[Vector, Vector, Vector]:
+        """Distances at the end of a step, their rates, and by how much they can be wrong."""
+        distances = self.distances(t, at)
+        return distances, *self.rates(t, at, distances=distances)
+
+    def rates(
+        self, t: float, at: Moment, *, between: bool = False, distances: Vector | None = None
+    ) -> tuple[Vector, Vector]:
         """Time derivatives of the guards along the solution, and by how much the distances can be wrong.
 
-        `between` says that the point is no end of a step: errors of it have not relaxed.
+        `between` says that the point is no end of a step: errors of it have not relaxed. `distances` are those at
+        this point, where they are known.
         """
         problem = self.problem
-        errors = self._error(at.x, self._nominal), self._error(at.z, problem.compiled.nominal_z)
+        # how far values may be off
+        x_and_z = 10 * self.tolerances.of(np.concatenate([at.x, at.z]), self._nominal)
+        errors = x_and_z[: len(at.x)], x_and_z[len(at.x) :]
         own, noise, by_z, alg, alg_z = at.regime.rates(t, at.x, at.z, problem.u, problem.p, at.m, *errors)
         if len(at.z):
             moved = np.linalg.lstsq(alg_z.reshape(len(at.z), -1), alg.ravel(), rcond=None)[0]
             own = own - by_z.reshape(len(own), -1) @ moved
         if self.step > 0.0 and not between:
-            near = noise > np.abs(self.distances(t, at))
+            near = noise > np.abs(self.distances(t, at) if distances is None else distances)
             if near.any():
                 noise[near] = np.minimum(noise[near], self._relaxed(t, at, errors[0], np.flatnonzero(near)))
         # never quite nothing: values are rounded, and instants are found to rounding only
         noise += 1e-15 + np.abs(own) * (INSTANT * max(self.span, abs(t)))
-        if kept(problem.compiled).shares is not None:
+        if self._shared:
             # an element that carries its limit beside others that are stuck is at its guard but for rounding of loads
             noise += _ROUNDED * (1.0 + np.abs(at.z).max())
         return own, noise if np.isfinite(noise).all() else np.nan_to_num(noise, nan=1e-15, posinf=1e-15)
@@ -109,10 +119,6 @@ class Guards:
         found = at.regime.relaxed(*given, near=near)
         return np.where(np.isfinite(found), found, np.inf)
 
-    def _error(self, values: Vector, nominal: Vector) -> Vector:
-        """How far values may be off."""
-        return 10 * self.tolerances.of(values, nominal)
-
     def behind(self, t: float, g: Vector, rate: Vector, noise: Vector) -> Truth:
         """Guards that are zero to rounding, or in a mode that began some instants late, which they are about to be."""
         return np.asarray((np.abs(g) <= noise) | (-g <= rate * (LATE * INSTANT * max(self.span, abs(t)))))
@@ -128,7 +134,13 @@ class Guards:
 
     @cached_property
     def _nominal(self) -> Vector:
-        return self.problem.compiled.nominal_x
+        """Of states and algebraic variables."""
+        return np.concatenate([self.problem.compiled.nominal_x, self.problem.compiled.nominal_z])
+
+    @cached_property
+    def _shared(self) -> bool:
+        """Whether statics may leave loads open."""
+        return kept(self.problem.compiled).shares is not None
 
     def along(self, times: Vector, x: Vector, z: Vector, m: Vector, regime: Regime) -> Vector:
         """Guards at n instants, shape (n, guards)."""
@@ -136,8 +148,7 @@ class Guards:
 
     def fired(self, t: float, at: Moment) -> Truth:
         """Guards that end the regime at this event: all that are reached and falling; at least the nearest."""
-        g = self.distances(t, at)
-        rate, noise = self.rates(t, at)
+        g, rate, noise = self.state(t, at)
         near = np.abs(g) <= np.maximum(LOCATED * noise, np.abs(rate) * INSTANT * max(self.span, abs(t)))
         found = (g < 0) | (near & (rate < 0))
         if not found.any():

@@ -90,6 +90,8 @@ class Iteration:
         self.guards = guards
         compiled = problem.compiled
         self.events = compiled.state_events
+        self.conditions = len(self.events.conditions)
+        self.is_constrained = bool(compiled.solution.structure.invariants)
         self.round = kept(compiled).round
         self.shares = kept(compiled).shares
         self._kept: dict[int, tuple[float, int]] = {}
@@ -129,7 +131,7 @@ class Iteration:
         m = moment.m.copy()
         m[self.samples] = 0.0 if samples is None else samples
         m[self.flags] = [float(name == flag) for name in self.flag_names]
-        x_before, none = moment.x, np.zeros(len(self.events.conditions))
+        x_before, none = moment.x, np.zeros(self.conditions)
         was = self._round(t, replace(moment, m=before), none, none, 0.0).conditions
         story = _Story()
         try:
@@ -168,7 +170,8 @@ class Iteration:
             if applied.any() or not np.array_equal(found.m, moment.m):
                 story.jumps.append(Jump(moment, applied, advances))
             if not np.array_equal(found.x[: self.dynamic], moment.x[: self.dynamic]):
-                x = self._followed(t, moment, found.x, applied, story.notes)
+                if self.is_constrained:
+                    x = self._followed(t, moment, found.x, applied, story.notes)
                 walk = _Walk(np.zeros(count, dtype=int), np.zeros(count))  # other states: no relation leads back yet
             moment = Moment(x, moment.z, found.m, self._released(t, moment, x))
             was, decided, level = found.was, found.decided, float(found.level)
@@ -251,7 +254,7 @@ class Iteration:
         m[self.samples] = 0.0
         m[self.flags] = 0.0
         if len(self.events.memories) and not np.array_equal(m, moment.m):
-            none = np.zeros(len(self.events.conditions))
+            none = np.zeros(self.conditions)
             m[self.memories] = self._round(t, replace(moment, m=m), none, none, 0.0).remembered
         return Moment(moment.x, moment.z, m, moment.regime)
 
@@ -350,7 +353,7 @@ class Iteration:
         g = self.guards.distances(t, moment)
         if (g > 1.0).all():  # far from everything: no rates needed
             return np.zeros(len(g), dtype=bool)
-        rate, noise = self.guards.rates(t, moment)
+        rate, noise = self.guards.rates(t, moment, distances=g)
         own, sides = moment.regime.held.owner, moment.regime.held.side
         free = sides < 0
         walk.doubt[own[free]] = np.maximum(walk.doubt[own[free]], noise[free])

@@ -61,27 +61,27 @@ class Regime:
             return found
         return self._constants
 
-    @property
+    @cached_property
     def compiled(self) -> CompiledModel:
         """The model of `problem`."""
         return self.held.compiled
 
-    @property
+    @cached_property
     def owners(self) -> tuple[tuple[int, int], ...]:
         """See `Held.owners`."""
         return self.held.owners
 
-    @property
+    @cached_property
     def watch(self) -> Any:
         """See `Held.watch`."""
         return self.held.watch
 
-    @property
+    @cached_property
     def guards(self) -> Quick:
         """See `Held.guards`."""
         return self.held.guards
 
-    @property
+    @cached_property
     def rates(self) -> Quick:
         """See `Held.rates`."""
         return self.held.rates
@@ -94,12 +94,12 @@ class Regime:
         blocks = np.resize(near, (rows, TOGETHER))  # filled up with guards that are asked for anyway
         return np.concatenate([self.held.quick_relaxed_together(*given, block)[0] for block in blocks])[: len(near)]
 
-    @property
+    @cached_property
     def kept_of(self) -> Any:
         """See `Held.kept_of`."""
         return self.held.kept_of
 
-    @property
+    @cached_property
     def kept(self) -> Quick:
         """See `Held.kept`."""
         return self.held.kept

@@ -32,6 +32,7 @@ class Recorder:
     def __init__(self, compiled: CompiledModel, p: Vector, u: Vector, most_moved: float = np.inf) -> None:
         self.compiled, self.most_moved = compiled, most_moved
         self.p, self.u = p, u
+        self.is_constrained = bool(compiled.solution.structure.invariants)
         self.counters: dict[str, float] = {}
         self.boundaries: list[tuple[float, tuple[Cause, ...], tuple[str, ...]]] = []
         self.segments = 0
@@ -66,8 +67,10 @@ class Recorder:
         IntegrationError
             AC407 where that moves them too far; the rows before are recorded.
         """
-        found = projection(self.compiled, times, piece.x, piece.z, self.u, self.p, m)
         self._count(piece.counters)
+        found = None
+        if self.is_constrained:
+            found = projection(self.compiled, times, piece.x, piece.z, self.u, self.p, m)
         if found is None:
             self._append(times, piece.x, piece.z, m)
             return piece

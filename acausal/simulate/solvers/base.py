@@ -242,6 +242,8 @@ class CasadiSolver:
 
 def on_equations(problem: Problem, segment: Segment, x: Vector, z: Vector) -> Vector:
     """Algebraic variables at the output times, put onto their equations; RuntimeError where they are not near them."""
+    if not z.size:
+        return z
     numbers = problem.u, problem.p, segment.p
     return polished(problem.compiled, segment.times, x, z, *numbers, segment.tolerances)
 

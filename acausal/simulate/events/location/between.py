@@ -1,4 +1,4 @@
-"""Rows between the looks of one integration.
+"""Between the looks of one integration: rows, and lower bounds of guards.
 
 Looks are a few steps apart, so that a polynomial of degree seven through the nearest eight is as good as they are.
 Where it is not, the one of degree five through six of them is another one: their difference is the error of the latter
@@ -53,3 +53,38 @@ def _interpolated(nodes: Vector, values: Vector, times: Vector, count: int) -> t
     base = values[chosen[:, 0]]
     found = base + np.einsum("mc,mck->mk", weights, values[chosen] - base[:, None, :])
     return found, np.abs(weights).sum(axis=1)
+
+
+def lowest(times: Vector, g: Vector) -> Vector:
+    """Lower bounds over each interval between n + 1 instants, shape (n, guards); `g` has shape (n + 1, guards).
+
+    Two parabolas share an interval, through three neighbours each. They differ by as much as either may be wrong (the
+    interpolation error of third differences, J. Stoer and R. Bulirsch, Introduction to Numerical Analysis, section
+    2.1), so that the lower one is lowered once more by this difference.
+
+    A kink is no parabola: `abs(x) - 1e-3` seen from afar at both sides of x = 0 looks as if it turned back high above
+    zero. Where the lines through the neighbours on both sides meet in the interval, the bound is no higher than there;
+    without a neighbour on one side the line is taken to be as steep as on the other.
+    """
+    a, b = g[:-1], g[1:]
+    if len(g) < 3:
+        return np.asarray(np.minimum(a, b))
+    h = np.diff(times)[:, None]
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # beyond a pole nothing is known: nan
+        rise = b - a
+        curve = np.diff(rise / h, axis=0) / (h[1:] + h[:-1])
+        left, right = np.vstack([curve[:1], curve]), np.vstack([curve, curve[-1:]])
+        # a + rise*s - depth*s*(1 - s) for s from 0 to 1
+        depth = h * h * (np.maximum(np.maximum(left, right), 0.0) + np.abs(left - right))
+        s = np.where(depth > np.abs(rise), 0.5 * (1.0 - rise / depth), np.where(rise > 0, 0.0, 1.0))
+        bound: Vector = np.minimum(a + rise * s - depth * s * (1.0 - s), _meeting(g, h, rise / h))
+    return bound
+
+
+def _meeting(g: Vector, h: Vector, slope: Vector) -> Vector:
+    """Where the lines through the neighbours of each interval meet in it, inf where they do not."""
+    before, behind = np.vstack([-slope[1:2], slope[:-1]]), np.vstack([slope[1:], -slope[-2:-1]])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        s = (behind - slope) / (behind - before)
+        inside = (before < 0.0) & (behind > 0.0) & (s >= 0.0) & (s <= 1.0)
+        return np.where(inside, g[:-1] + before * s * h, np.inf)

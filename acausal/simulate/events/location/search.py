@@ -3,7 +3,7 @@
 A solver is given looks, instants at which it hands over what it has, and may take a few steps from each to the next;
 where it needs more it stops, and goes on from there with closer looks. So no step is far from a look, whatever the
 output interval and the length of the run, and what is integrated with frozen modes beyond an event is a few looks and
-is thrown away. Where a guard is passed, or is not known well enough to say that it is not (`crossing.py`), the stretch
+is thrown away. Where a guard is passed, or is not known well enough to say that it is not (`between.py`), the stretch
 is looked at more closely from the look before.
 
 Looks are shares of a length, of which there are few (`looks.py`), so that their integrators are kept. Outputs and the
@@ -24,8 +24,7 @@ from numpy.typing import NDArray
 from acausal.simulate.equations.kept import kept
 from acausal.simulate.events.guards import LOCATED, Guards, Moment
 from acausal.simulate.events.location import looks as looking
-from acausal.simulate.events.location.between import between
-from acausal.simulate.events.location.crossing import lowest
+from acausal.simulate.events.location.between import between, lowest
 from acausal.simulate.events.regime import Regime
 from acausal.simulate.solvers import Solver
 from acausal.simulate.solvers.base import Piece, Segment, islands, on_equations
@@ -225,7 +224,7 @@ class Search:
         count = len(moment.regime.owners)
         values, rates, noises, leaving = (np.zeros(count, dtype=d) for d in (float, float, float, bool))
         if count:
-            g, (rates, noise) = self.guards.distances(segment.start, moment), self.guards.rates(segment.start, moment)
+            g, rates, noise = self.guards.state(segment.start, moment)
             leaving = (g <= noise) & (rates > noise)
             # a guard that leaves zero is beyond it by rounding for a while, and by nothing later on
             noises = np.where(leaving, np.maximum(LOCATED * noise, band), 0.0)
@@ -244,7 +243,7 @@ class Search:
         or -1e-90 V is rounding, and no crossing to be looked for again and again. What falls at its rate crosses.
         """
         at = replace(way.moment, x=x, z=z)
-        g, (rate, noise) = self.guards.distances(t, at), self.guards.rates(t, at)
+        g, rate, noise = self.guards.state(t, at)
         moved = np.abs(g) + np.abs(rate) * (t - way.start.time)
         resting: Truth = (moved <= LOCATED * noise) & ~way.start.leaving
         way.band = np.where(resting, np.maximum(way.band, 2.0 * LOCATED * noise), way.band)
@@ -484,7 +483,7 @@ class Search:
     def _later(self, way: _Way) -> float:
         """Where a middle is that was not reached where it was expected; inf where none is near."""
         t, at = way.segment.start, replace(way.moment, x=way.segment.x, z=way.segment.z)
-        distances, (rates, _) = self.guards.distances(t, at), self.guards.rates(t, at)
+        distances, rates, _ = self.guards.state(t, at)
         middles = self.guards.problem.compiled.state_events.middles
         ours = np.array([relation in middles for relation, _ in way.moment.regime.owners])
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -520,8 +519,8 @@ class Search:
                 x, z = last.x[:, -1], last.z[:, -1]
                 _add(counters, last.counters)
             at = replace(moment, x=x, z=z)
-            distances, (rate, noise) = self.guards.distances(t, at) + way.band, self.guards.rates(t, at)
-            value = float((distances + way.start.near(np.array([t]))[0])[which])
+            distances, rate, noise = self.guards.state(t, at)
+            value = float((distances + way.band + way.start.near(np.array([t]))[0])[which])
             if rate[which] == 0.0 or turn + 1 == _MOST_TURNS:
                 break
             step = -value / float(rate[which])

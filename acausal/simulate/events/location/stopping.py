@@ -159,8 +159,8 @@ def integrate_to_event(guards: Guards, moment: Moment, segment: Segment, plugin:
         if plugin == "rosenbrock":  # errors that an explicit step leaves have not relaxed
             guards.step = least_step(before, pace(segment.start, t, step.counters))
         at = Moment(np.concatenate([x, others]), moment.z, moment.m, moment.regime)
-        rate, noise = guards.rates(t, at)
-        return Node(t, x, guards.distances(t, at) + band, rate, LOCATED * noise)
+        distances, rate, noise = guards.state(t, at)
+        return Node(t, x, distances + band, rate, LOCATED * noise)
 
     def exactly(after: Node, t: float) -> Node:
         return node(t, step(after, t, free)[1]) if t > after.t else after
@@ -234,7 +234,7 @@ def _bands(guards: Guards, t: float, moment: Moment) -> tuple[Vector, Vector]:
     The noise where it rests; where it starts behind zero by rounding and leaves, as far as it is, and no farther when
     it comes back: it would be found there again, and farther behind with every hop.
     """
-    g, (rate, noise) = guards.distances(t, moment), guards.rates(t, moment)
+    g, rate, noise = guards.state(t, moment)
     resting = resting_band(g, rate, noise)
     behind = (resting == 0.0) & guards.behind(t, g, rate, noise)
     return np.where(behind, np.maximum(-_BEHIND * g, resting), resting), resting
