@@ -161,6 +161,8 @@ def test_clutches_that_break_loose_and_stick_are_passed_in_one_flight(flown: lis
     r = acausal.simulate(ClutchChain(n=3), stop_time=2.0, output_interval=2.0, solver="rosenbrock", native=True)
     assert len(r.events) > 6
     assert [landing is not None for landing in flown] == [True]
+    # an integrator that is stopped goes no farther: standing still up to the next look took half of all steps
+    assert r.stats["steps"] < 25 * len(r.events)
 
 
 @pytest.mark.parametrize("points", [1, 100, 3000])

@@ -120,18 +120,23 @@ class Held:
         """`relaxed` of so many guards k, whose errors share one factorisation."""
         s = Symbols(self.compiled)
         ode, alg = self.compiled.rhs(*s.inputs)
-        nx, which = s.x.numel(), ca.SX.sym("which")
+        n, nx, which = self.compiled.n_dynamic, s.x.numel(), ca.SX.sym("which")
         own = _slopes(self.watch(*s.inputs), ca.vertcat(s.x, s.z), which)
-        parts = [ca.jacobian(f, v) for f in (ode, alg) for v in (s.x, s.z)]
+        # discrete variables act on rates and have none, integrals have rates and act on nothing: neither is solved for
+        first = nx - self.compiled.discretes
+        x, held = s.x[:n], s.x[first:]
+        parts = [ca.jacobian(f, v) for f in (ode[:n], alg) for v in (x, s.z, held)]
         inputs = [ca.MX.sym(name, v.numel()) for name, v in zip("txzupm", s.inputs, strict=True)]
         e, h, k = ca.MX.sym("e", nx), ca.MX.sym("h"), ca.MX.sym("k", count)
-        fx, fz, ax, az = ca.Function("slopes", s.inputs, parts).call(inputs)
+        fx, fz, fd, ax, az, ad = ca.Function("slopes", s.inputs, parts).call(inputs)
         slope = ca.Function("slope", [*s.inputs, which], [own])
         g = ca.horzcat(*(slope(*inputs, k[i]) for i in range(count)))
-        matrix = ca.blockcat([[ca.MX.eye(nx) - h * fx, -h * fz], [ax, az]])
+        matrix = ca.blockcat([[ca.MX.eye(n) - h * fx, -h * fz], [ax, az]])
         # a pivot may be zero that no Jacobian has
-        solved: Any = ca.solve(matrix.T, g, "qr")
-        return ca.Function("relaxed", [*inputs, e, h, k], [ca.fabs(solved[:nx, :]).T @ e])
+        solved: Any = ca.solve(matrix.T, ca.vertcat(g[:n, :], g[nx:, :]), "qr")
+        by_held = g[first:nx, :] - ca.vertcat(-h * fd, ad).T @ solved
+        errors = ca.fabs(solved[:n, :]).T @ e[:n] + ca.fabs(by_held).T @ e[first:]
+        return ca.Function("relaxed", [*inputs, e, h, k], [errors])
 
     @cached_property
     def quick_relaxed(self) -> Quick:

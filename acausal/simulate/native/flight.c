@@ -96,6 +96,10 @@ struct space {
   double first, past; /* what the control of the step size hands on */
   double step;        /* over which errors of stiff components have relaxed, 0 where it is not known */
   double which;       /* the guard of which `relaxed` is asked */
+  double *known_x, *known_m, *known_g, *known_rate, *known_noise; /* guards where they were asked for last */
+  double known_t, known_step;
+  int known; /* 0 nothing, 1 guards, 2 rates and noises, too */
+  double* last; /* the states from which the integrator took its last step before it was stopped, scaled */
   unsigned char *fired, *asked;
   count_t* flips;
   casadi_int arguments, results;
@@ -120,11 +124,26 @@ static int take_round(const struct flight* s, struct space* o, double t, const d
   return event_round(o->arg, o->res, o->iw, o->w, 0);
 }
 
+/* Whether guards were asked for at this point last: a stretch begins where its event has ended. */
+static int is_known(const struct flight* s, const struct space* o, double t, const double* x) {
+  return o->known && t == o->known_t && !memcmp(x, o->known_x, (size_t) s->states * sizeof(double))
+    && !memcmp(s->m, o->known_m, (size_t) s->modes * sizeof(double));
+}
+
 static int take_guards(const struct flight* s, struct space* o, double t, const double* x, double* g) {
+  size_t relations = (size_t) s->relations * sizeof(double);
   count_t k;
-  if (called(watch, s, o, t, x, s->m, 1, &g)) return UNUSUAL;
-  for (k = 0; k < s->relations; ++k)
-    if (!isfinite(g[k])) return UNUSUAL;
+  if (!is_known(s, o, t, x)) {
+    o->known = 0;
+    if (called(watch, s, o, t, x, s->m, 1, &o->known_g)) return UNUSUAL;
+    for (k = 0; k < s->relations; ++k)
+      if (!isfinite(o->known_g[k])) return UNUSUAL;
+    memcpy(o->known_x, x, (size_t) s->states * sizeof(double));
+    memcpy(o->known_m, s->m, (size_t) s->modes * sizeof(double));
+    o->known_t = t;
+    o->known = 1;
+  }
+  memcpy(g, o->known_g, relations);
   return 0;
 }
 
@@ -132,7 +151,14 @@ static int take_guards(const struct flight* s, struct space* o, double t, const 
 static int rates_at(const struct flight* s, struct space* o, double t, const double* x, const double* g) {
   double* results[5] = {o->rate, o->noise, 0, 0, 0};
   double instant = INSTANT * most(s->span, fabs(t));
+  size_t relations = (size_t) s->relations * sizeof(double);
+  int same = is_known(s, o, t, x);
   count_t k;
+  if (same && o->known == 2 && o->step == o->known_step) {
+    memcpy(o->rate, o->known_rate, relations);
+    memcpy(o->noise, o->known_noise, relations);
+    return 0;
+  }
   for (k = 0; k < s->states; ++k)
     o->error[k] = 10 * (s->relative * fabs(x[k]) + s->absolute * s->nominal[k]);
   if (called(rates, s, o, t, x, s->m, 5, results)) return UNUSUAL;
@@ -151,6 +177,12 @@ static int rates_at(const struct flight* s, struct space* o, double t, const dou
   for (k = 0; k < s->relations; ++k) {
     o->noise[k] += 1e-15 + fabs(o->rate[k]) * instant;
     if (!isfinite(o->noise[k])) return UNUSUAL;
+  }
+  if (same) {
+    memcpy(o->known_rate, o->rate, relations);
+    memcpy(o->known_noise, o->noise, relations);
+    o->known_step = o->step;
+    o->known = 2;
   }
   return 0;
 }
@@ -369,6 +401,7 @@ static int advance(struct flight* s, struct space* o, const struct node* from, c
   s->run.reltol = s->relative; s->run.abstol = s->absolute; s->run.step = s->step;
   s->run.first = s->step > 0 ? 0.0 : o->first;
   s->run.past = o->past;
+  s->run.last = o->last;
   /* arguments and results that are not asked for */
   memset(o->arg, 0, sizeof(double*) * (size_t) o->arguments);
   memset(o->res, 0, sizeof(double*) * (size_t) o->results);
@@ -404,6 +437,24 @@ static int exactly(struct flight* s, struct space* o, const struct node* from, d
   if (status) return status;
   to_row(s, o, 0, end, to);
   return to_node(s, o, to);
+}
+
+/* A node where the integrator was stopped: again by a step that ends there, from where it took its last one. */
+static int stopped(struct flight* s, struct space* o, double begin, double end, struct node* to) {
+  struct node* from = o->node;
+  double t = begin + s->run.last_time, first = o->first;
+  count_t k;
+  int status;
+  if (t > from->t && t < end) { /* no row has been reached behind it */
+    memcpy(to->x, from->x, (size_t) s->states * sizeof(double));
+    to->t = t;
+    for (k = 0; k < s->dynamic; ++k) to->x[k] = o->last[k] * s->scale[k];
+    o->first = end - t;
+    from = to;
+  }
+  status = exactly(s, o, from, end, to);
+  o->first = first;
+  return status;
 }
 
 /* Go from node 0 to node 1, and leave in node 0 the first event between them, if there is one, else node 1; see
@@ -476,7 +527,7 @@ static int integrate(struct flight* s, struct space* o, count_t* k, count_t last
   count_t j;
   while (*k <= last) {
     count_t first = *k;
-    double instant = LOCATED * INSTANT * most(s->span, fabs(o->wide[last])), stop, t;
+    double instant = LOCATED * INSTANT * most(s->span, fabs(o->wide[last])), begin = o->node[0].t, stop, t;
     status = advance(s, o, o->node, o->wide + first, last - first + 1, o->band, &stop);
     if (status) return status;
     /* search integrates on its own: what is ahead has to be kept */
@@ -495,7 +546,7 @@ static int integrate(struct flight* s, struct space* o, count_t* k, count_t last
     /* something was reached on dense output: whether it is, a step that ends there shows */
     ++stops;
     t = stop - o->node[0].t > instant && stops < MOST_STOPS ? stop : o->wide[*k];
-    status = exactly(s, o, o->node, t, o->node + 1);
+    status = t == stop ? stopped(s, o, begin, t, o->node + 1) : exactly(s, o, o->node, t, o->node + 1);
     if (!status) status = search(s, o, instant, found);
     if (status || *found) return status;
     if (t == o->wide[*k]) {
@@ -633,11 +684,12 @@ static size_t carved(const struct flight* s, struct space* o, double* memory, co
   count_t c = s->conditions;
   count_t sizes[] = {s->assigned, n, s->modes, c, c, s->clauses, s->actions, c, s->memories, s->asserts, c, c,
                      r, r, n, r, r, r, r, r, r, n, s->modes, s->modes, wide, wide, wide * (s->dynamic + 2), wide * (s->dynamic + 2), all, n + 2,
-                     (DEEPEST + 2) * each};
+                     n, s->modes, r, r, r, n + 2, (DEEPEST + 2) * each};
   double** parts[] = {&o->assigned, &o->next_x, &o->next_m, &o->next_was, &o->next_decided, &o->acting, &o->applied,
                       &o->conditions, &o->remembered, &o->asserts, &o->was, &o->decided, &o->g, &o->rate, &o->error,
                       &o->noise, &o->doubt, &o->band, &o->later, &o->never, &o->approach, &o->before_x, &o->before_m,
-                      &o->left_m, &o->wide, &o->lengths, &o->row, &o->ahead, &o->parameters, &o->x0, &o->nodes};
+                      &o->left_m, &o->wide, &o->lengths, &o->row, &o->ahead, &o->parameters, &o->x0,
+                      &o->known_x, &o->known_m, &o->known_g, &o->known_rate, &o->known_noise, &o->last, &o->nodes};
   size_t k, used = 0;
   for (k = 0; k < sizeof(sizes) / sizeof(*sizes); ++k) {
     if (memory) *parts[k] = memory + used;

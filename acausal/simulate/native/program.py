@@ -42,7 +42,8 @@ class RunStructure(ctypes.Structure):
         ("first", ctypes.c_double),
         ("past", ctypes.c_double),
         *((name, ctypes.c_longlong) for name in ("steps", "rejected", "rhs", "jac", "reached", "second")),
-        *((name, ctypes.c_void_p) for name in ("enter", "signals", "clear", "leave")),
+        *((name, ctypes.c_void_p) for name in ("enter", "signals", "clear", "leave", "last")),
+        ("last_time", ctypes.c_double),
     )
 
 

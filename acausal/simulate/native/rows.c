@@ -74,9 +74,20 @@ static void acausal_correct(struct casadi_ivp_data* d, METHOD_DATA* e, struct ac
 }
 #endif
 
+/* Whether an event has stopped the solution before the row: its transition makes all rates zero, so that the state behind
+   it is what any further step would lead to. */
+static int acausal_stands(struct casadi_ivp_data* d, struct acausal_run* run) {
+  if (d->prob->ne == 0 || !d->jump || d->t >= d->t_out) return 0;
+  if (run->last) casadi_copy(d->y0, d->prob->ny, run->last);
+  run->last_time = d->t0;
+  casadi_copy(d->y, d->prob->ny, d->y_out);
+  return !casadi_ivp_stop(d, IVP_SUCCESS);
+}
+
 /* The method up to the next row, and the looks at a step with rows inside: 1 while a task is to be carried out. */
-static int acausal_going(struct casadi_ivp_data* d, METHOD_DATA* e, struct acausal_rows* r) {
+static int acausal_going(struct casadi_ivp_data* d, METHOD_DATA* e, struct acausal_rows* r, struct acausal_run* run) {
   if (r->point == 0) {
+    if (acausal_stands(d, run)) return 0;
     if (METHOD(d, e)) return 1;
     if (d->status != IVP_SUCCESS || d->t == d->t_out) return 0;
     if (d->t0 == r->good) r->point = ROWS_POINTS;

@@ -26,6 +26,7 @@ struct acausal_run {
   double reltol, abstol, step, first, past; /* `first` step and `past` error: what its control hands on */
   long long steps, rejected, rhs, jac, reached, second;
   int (*enter)(void); int (*signals)(void); void (*clear)(void); void (*leave)(int);
+  double *last, last_time; /* where the last step before an event began, if there is memory for its states */
 };
 /* Ctrl-C, looked for when the second changes: Python's handlers run only when they are asked for. */
 static int acausal_stopped(struct acausal_run* run) {
@@ -88,7 +89,7 @@ _INTEGRATOR: tuple[tuple[str, str], ...] = (
     ),
     (
         r"while \(casadi_(?:rosenbrock|erk)\(&d, &e\)\) \{\n",
-        "while (acausal_going(&d, &e, &rows)) {\n        if (acausal_stopped(run)) return 100;\n",
+        "while (acausal_going(&d, &e, &rows, run)) {\n        if (acausal_stopped(run)) return 100;\n",
     ),
     (
         r"if \(d\.status != IVP_SUCCESS\) return 1;",
@@ -107,6 +108,12 @@ _METHODS = {
     "#define METHOD_CORRECT(d, e, r)\n",
 }
 _FIXED = (rf"  p\.step_size = {_NUMBER};", "  p.step_size = run->step;")
+# What CasADi writes for a transition carries the derivatives of the event's instant: half of the time of a hundred
+# clutches. Ours only sets the last state, the stop flag.
+_TRANSITION = (
+    r"(case IVP_EVAL_JUMP:\n)(?:.*\n)*?.*if \(casadi_f\d+\(sarg, sres, iw, w, 0\)\) \{\n.*\n.*\n.*\}\n",
+    r"\g<1>              casadi_copy(d.y_arg, p.nx1, d.res);\n              d.res[p.nx1 - 1] = 1.;\n",
+)
 
 
 def functions(*parts: Any) -> str:
@@ -135,7 +142,9 @@ def integrator(plugin: str, dae: Any, settings: Mapping[str, Any], *companions: 
     # Our argument takes the place of the controls, of which there are none.
     if "arg[3]" in source[source.index("/* Problem structure */") : source.index("/* Forward integration")]:
         return None
-    for pattern, text in (*_INTEGRATOR, *([_FIXED] if settings.get("step_size") else [])):
+    fixed = [_FIXED] if settings.get("step_size") else []
+    passing = [_TRANSITION] if "case IVP_EVAL_JUMP:" in source else []
+    for pattern, text in (*_INTEGRATOR, *fixed, *passing):
         source, count = re.subn(pattern, text, source)
         if count != 1:
             return None
