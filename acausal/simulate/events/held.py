@@ -134,8 +134,9 @@ class Held:
         matrix = ca.blockcat([[ca.MX.eye(n) - h * fx, -h * fz], [ax, az]])
         # a pivot may be zero that no Jacobian has
         solved: Any = ca.solve(matrix.T, ca.vertcat(g[:n, :], g[nx:, :]), "qr")
-        by_held = g[first:nx, :] - ca.vertcat(-h * fd, ad).T @ solved
-        errors = ca.fabs(solved[:n, :]).T @ e[:n] + ca.fabs(by_held).T @ e[first:]
+        errors = ca.fabs(solved[:n, :]).T @ e[:n]
+        if first < nx:
+            errors += ca.fabs(g[first:nx, :] - ca.vertcat(-h * fd, ad).T @ solved).T @ e[first:]
         return ca.Function("relaxed", [*inputs, e, h, k], [errors])
 
     @cached_property
