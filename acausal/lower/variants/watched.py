@@ -40,13 +40,15 @@ def with_watched(compiled: CompiledModel, relative: float) -> tuple[CompiledMode
 
     Made once for each, and for what of its tables the tolerance can tell.
     """
-    solution = compiled.solution
-    pool = solution.structure.reduced.pool
-    roots = [*(n for v, n in solution.definitions if v in solution.needed), *solution.residuals]
-    numbers = stretch_numbers(pool, roots, dict(solution.definitions), relative) if _has_tables(compiled) else ()
-    made = _MADE.setdefault(compiled, {})
-    if numbers not in made:
-        made[numbers] = _watched(compiled, roots, numbers)
+    made, numbers = _MADE.setdefault(compiled, {}), ()
+    if _has_tables(compiled) or not made:  # without, it is the same for all tolerances
+        solution = compiled.solution
+        pool = solution.structure.reduced.pool
+        roots = [*(n for v, n in solution.definitions if v in solution.needed), *solution.residuals]
+        if _has_tables(compiled):
+            numbers = stretch_numbers(pool, roots, dict(solution.definitions), relative)
+        if numbers not in made:
+            made[numbers] = _watched(compiled, roots, numbers)
     model, note = made[numbers]
     return model or compiled, (note,) if note else ()
 

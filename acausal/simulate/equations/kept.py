@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from acausal.analyse.events.time_tables import TimeTable, time_tables
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.symbols import DefiningBuilder, Symbols
-from acausal.simulate.equations.calls.quick import Narrow, Quick
+from acausal.simulate.equations.calls.quick import Columns, Narrow, Quick
 from acausal.simulate.equations.shares import Shares
 from acausal.simulate.native.equations import parametric
 from acausal.simulate.start.newton import Newton
@@ -35,7 +35,7 @@ class Observing:
         self._constants = Quick(constants)
         self._rows = Narrow("observing", [s.t, s.x, s.z, held, s.m], ca.densify(rest))
 
-    def many(self, t: Vector, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector) -> Vector:
+    def many(self, t: Vector, x: Columns, z: Vector, u: Vector, p: Vector, m: Vector) -> Vector:
         """See `Quick.many`."""
         return self._rows.many(t, x, z, self._constants(p, u)[0], m)
 

@@ -26,9 +26,9 @@ from acausal.simulate.native.equations import equations
 Vector = NDArray[np.float64]
 _DAE_IN = ["t", "x", "z", "p", "u"]
 _DAE_OUT = ["ode", "alg", "quad", "zero"]
-# Forms of the equations, and integrators for each of these, that are kept. Large models keep no integrators, but what
-# these derive from the equations, which is nearly all of their making.
-_FORMS, _INTEGRATORS, _LARGEST = 4, 128, 1000
+# Forms of the equations, and integrators for each of these, that are kept: of models of many unknowns as many as have
+# so many together, one at least.
+_FORMS, _INTEGRATORS, _UNKNOWNS = 4, 128, 128_000
 # Instructions of equations whose parameters are arguments.
 _LARGEST_SHARED = 2000
 # What integrators derive from the equations, by CasADi's names.
@@ -244,15 +244,13 @@ class Numbered:
 
     def integrator(self, plugin: str, dae: Any, grid: Vector, settings: dict[str, Any]) -> Any:
         """An integrator of `dae`, one of these equations in some form, from 0 over the times of `grid`."""
-        if self.n + self.nz > _LARGEST:
-            return self._made(plugin, dae, grid, settings)
         # a function has one memory that is its own: no two threads may share it
         key = plugin, dae.__hash__(), grid.tobytes(), repr(sorted(settings.items())), threading.get_ident()
         found = self._integrators.pop(key, None)
         if found is None:
             found = self._made(plugin, dae, grid, settings)
         self._integrators[key] = found
-        if len(self._integrators) > _INTEGRATORS:
+        if len(self._integrators) > min(_INTEGRATORS, max(_UNKNOWNS // (self.n + self.nz), 1)):
             self._integrators.popitem(last=False)
         return found
 

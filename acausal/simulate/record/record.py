@@ -19,6 +19,7 @@ from acausal.simulate.equations.calls.direct import rows
 from acausal.simulate.equations.kept import kept
 from acausal.simulate.events.guards import Cause
 from acausal.simulate.record.project import off_constraints, projection
+from acausal.simulate.record.states import States, joined
 from acausal.simulate.solvers.base import Piece
 
 Vector = NDArray[np.float64]
@@ -128,7 +129,7 @@ class Recorder:
         part = bisect_right(self._starts, row) - 1
         skip = row - self._starts[part]
         times = np.concatenate(self._times[part:])[skip:]
-        x, z, m = (np.hstack(columns[part:])[:, skip:] for columns in (self._x, self._z, self._m))
+        x, z, m = (joined(columns[part:])[:, skip:] for columns in (self._x, self._z, self._m))
         return _table(self, (times, x, z, m))
 
     def hide(self, row: int, boundary: int | None = None) -> None:
@@ -151,14 +152,14 @@ class Recorder:
         t, known, changed = self.boundaries[boundary]
         self.boundaries[boundary] = t, (*causes, *known), changed
 
-    def shown(self) -> tuple[Vector, Vector, Vector, Vector]:
-        """The rows of the result, as `rows` gives them."""
-        times, *columns = self.rows()
+    def shown(self) -> tuple[Vector, States, Vector, Vector]:
+        """The rows of the result: times, states, algebraic variables, modes."""
+        times, z, m = np.concatenate(self._times), joined(self._z), joined(self._m)
         if not self._hidden:
-            return times, *columns  # type: ignore[return-value]
+            return times, States(self._x, None), z, m
         keep = np.ones(len(times), dtype=bool)
         keep[self._hidden] = False
-        return times[keep], *(a[:, keep] for a in columns)  # type: ignore[return-value]
+        return times[keep], States(self._x, keep), z[:, keep], m[:, keep]
 
     def _count(self, counters: dict[str, float]) -> None:
         for name, count in counters.items():
@@ -166,7 +167,7 @@ class Recorder:
 
     def rows(self) -> tuple[Vector, Vector, Vector, Vector]:
         """(times, x, z, modes) of all rows; columns are instants."""
-        return np.concatenate(self._times), *(np.hstack(a) for a in (self._x, self._z, self._m))  # type: ignore[return-value]
+        return np.concatenate(self._times), joined(self._x), joined(self._z), joined(self._m)
 
     def before(self, t: float) -> int:
         """The last row not after `t`."""
@@ -179,7 +180,9 @@ class Recorder:
         j = k - self._starts[part]
         return float(self._times[part][j]), self._x[part][:, j], self._z[part][:, j], self._m[part][:, j]
 
-    def observe(self, times: Vector, x: Vector, z: Vector, m: Vector, columns: Sequence[int] | None = None) -> Vector:
+    def observe(
+        self, times: Vector, x: Vector | States, z: Vector, m: Vector, columns: Sequence[int] | None = None
+    ) -> Vector:
         """All trajectories, or those of some columns, shape (rows, columns).
 
         The points lie on the constraints, so nothing is stabilised here: over a very short run the square of the rate
@@ -190,22 +193,22 @@ class Recorder:
             p[-1] = 0.0
         first = len(m) - len(self.compiled.state_events.relations)
         slides = bool(((m[first:] > 0.0) & (m[first:] < 1.0)).any())
-        arguments = times[:, None], x.T, z.T, self.u, p, m.T
         if columns is None:
+            whole = x.whole if isinstance(x, States) else x
+            arguments = times[:, None], whole.T, z.T, self.u, p, m.T
             if slides:
                 return rows(self.compiled.blended_observe, arguments)
             if len(times) < _LONG or self.compiled.observe.n_instructions() > MOST_OPERATIONS:
                 return rows(self.compiled.observe, arguments)
             return kept(self.compiled).observe.many(*arguments)
-        at_hand = len(x) + len(z)
-        found = np.empty((len(times), len(columns)))
-        asked = [(k, c) for k, c in enumerate(columns) if c >= at_hand]
-        for k, c in enumerate(columns):
-            if c < at_hand:
-                found[:, k] = x[c] if c < len(x) else z[c - len(x)]
-        if asked:
-            function = kept(self.compiled).observing(tuple(c for _, c in asked), slides)
-            found[:, [k for k, _ in asked]] = function.many(*arguments)
+        states, n = (x, x.count) if isinstance(x, States) else (x.T, len(x))
+        places, found = np.array(columns, dtype=np.int64), np.empty((len(times), len(columns)))
+        own, other = places < n, places >= n + len(z)
+        found[:, own] = states[..., places[own]]
+        found[:, ~own & ~other] = z.T[:, places[~own & ~other] - n]
+        if other.any():
+            function = kept(self.compiled).observing(tuple(places[other].tolist()), slides)
+            found[:, other] = function.many(times[:, None], states, z.T, self.u, p, m.T)
         return found
 
 
@@ -219,7 +222,7 @@ def make_result(
     return replace(_table(recorder, recorder.shown()), events=events, stats=stats, dense=dense)
 
 
-def _table(recorder: Recorder, recorded: tuple[Vector, Vector, Vector, Vector]) -> Result:
+def _table(recorder: Recorder, recorded: tuple[Vector, Vector | States, Vector, Vector]) -> Result:
     """The values of some rows."""
     return Result(
         model=recorder.compiled.name,

@@ -156,7 +156,8 @@ class CasadiSolver:
 
     def _piece(self, problem: Problem, segment: Segment, scaled_x: Vector, scaled_z: Vector, stats: Any) -> Piece:
         """What was solved, in the units of the model and complete."""
-        x = scaled_x.T * problem.scale_x[:, None]
+        # 10 000 states at 500 outputs are not copied for nothing: new memory takes as long as their integration
+        x = scaled_x.T if (problem.scale_x == 1.0).all() else scaled_x.T * problem.scale_x[:, None]
         stopped = str(stats.get("stopped", ""))
         if not np.isfinite(x).all():
             stopped = stopped or "the solution is not finite"
@@ -166,7 +167,9 @@ class CasadiSolver:
             x, scaled_z = x[:, :count], scaled_z[:count]
             segment = replace(segment, times=segment.times[:count])
         apart = islands(problem, segment) if segment.shares is None else constant(problem, segment)
-        x = np.vstack([x, apart, unmoved(problem, segment)])
+        others = apart, unmoved(problem, segment)
+        if sum(map(len, others)):
+            x = np.vstack([x, *others])
         if self.algebraic:
             z = scaled_z.T * problem.scale_z[:, None]
             z = on_equations(problem, segment, x, z)

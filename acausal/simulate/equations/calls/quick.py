@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Sequence
-from typing import Any, Literal
+from typing import Any, Literal, Protocol
 
 import casadi as ca
 import numpy as np
@@ -104,6 +104,12 @@ class Quick:
         return self._many[key]
 
 
+class Columns(Protocol):
+    """What is needed of an argument, `argument[..., places]`: an array, or one that is not brought together yet."""
+
+    def __getitem__(self, key: Any, /) -> Any: ...
+
+
 class Narrow:
     """Expressions of few entries of large arguments at many instants: what they do not need is not handed over."""
 
@@ -113,7 +119,7 @@ class Narrow:
         narrow = [v[needed.tolist()] for v, needed in zip(inputs, self._needed, strict=True)]
         self._quick = Quick(ca.Function(name, narrow, [values]))
 
-    def many(self, *arguments: Vector) -> Vector:
+    def many(self, *arguments: Columns) -> Vector:
         """See `Quick.many`."""
         return self._quick.many(*(a[..., needed] for a, needed in zip(arguments, self._needed, strict=True)))
 
