@@ -40,7 +40,8 @@ def with_watched(compiled: CompiledModel, relative: float) -> tuple[CompiledMode
 
     Made once for each, and for what of its tables the tolerance can tell.
     """
-    made, numbers = _MADE.setdefault(compiled, {}), ()
+    made = _MADE.setdefault(compiled, {})
+    numbers: tuple[int, ...] = ()
     if _has_tables(compiled) or not made:  # without, it is the same for all tolerances
         solution = compiled.solution
         pool = solution.structure.reduced.pool
