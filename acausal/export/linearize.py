@@ -147,7 +147,7 @@ def linearize(
     p = parameter_vector(compiled, {**_recorded(compiled, result), **(given or {})})
     u = _inputs(compiled, t, p, result, inputs or {})
     start = _point(compiled, t, p, u, result, x or {})
-    least = minimal(compiled, t, start, u, p, np.array(compiled.modes(t, p)).ravel())
+    least = minimal(compiled, t, start, u, p, np.array(compiled.all_modes(t, start.x, start.z, u, p)).ravel())
     places = list(least.places)
     found = _derivatives(compiled, wanted, (t, start.x, start.z, u, p))
     slope = _algebraic_slopes(compiled, t, found)
@@ -215,7 +215,26 @@ def _point(
             )
         start.x[compiled.states.index(name)] = value
     start = on_constraints(compiled, t, start, u, p, m, [compiled.states.index(name) for name in given])
-    return consistent(compiled, t, start, p, u, m)
+    return _settled(compiled, t, start, p, u)
+
+
+def _settled(compiled: CompiledModel, t: float, start: Start, p: Vector, u: Vector) -> Start:
+    """Algebraic variables with the relations that they fulfil themselves: in a loop each depends on the other."""
+    seen: list[bytes] = []
+    while True:
+        m = np.array(compiled.all_modes(t, start.x, start.z, u, p)).ravel()
+        key = m.tobytes()
+        if seen and key == seen[-1]:
+            return start
+        if key in seen:
+            raise ExportError(
+                "AC604",
+                f"{compiled.name} has no linearization at t = {t:g} s: its relations contradict each other there",
+                cause="each of several modes leads to another one",
+                help="linearize at a time or states beside it",
+            )
+        seen.append(key)
+        start = consistent(compiled, t, start, p, u, m)
 
 
 def _algebraic_slopes(compiled: CompiledModel, t: float, found: Mapping[str, Vector]) -> dict[str, Vector]:

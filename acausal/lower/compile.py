@@ -28,6 +28,7 @@ from acausal.language.component import Component
 from acausal.lower.build import Builder
 from acausal.lower.cache.cache import recall, remember, signature
 from acausal.lower.compiled import CompiledModel, _column
+from acausal.lower.events.functions import just_after
 from acausal.lower.events.impulses import impulses_of
 from acausal.lower.lowered import Recipe
 from acausal.lower.symbols import Symbols
@@ -255,7 +256,7 @@ def _event_functions(shell: CompiledModel, events: TimeEvents) -> tuple[Any, Any
     t, p = ca.SX.sym("t"), ca.SX.sym("p", len(shell.parameters))
     builder = Builder(shell.solution.structure.reduced.pool, t, p, {})
     undecided = ca.SX(shell.n_modes - len(events.relations), 1)
-    m = ca.vertcat(_column(builder.lower(events.relations)), undecided)
+    m = ca.vertcat(just_after(builder, events), undecided)
     modes = ca.Function("modes", [t, p], [ca.densify(m)], ["t", "p"], ["m"])
     instants = ca.Function("instants", [p], [_column(builder.lower(events.instants))], ["p"], ["t"])
     return modes, instants

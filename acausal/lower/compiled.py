@@ -14,7 +14,7 @@ from acausal.analyse.delays import PADE, refuse_delays
 from acausal.lower.build import Builder
 from acausal.lower.casadi_model import CasadiModel
 from acausal.lower.columns.mapped import Mapped, mapped
-from acausal.lower.events.functions import EventFunctions
+from acausal.lower.events.functions import EventFunctions, just_after
 from acausal.lower.lowered import Lowered
 from acausal.lower.symbols import Symbols
 from acausal.providers import provided
@@ -139,7 +139,8 @@ class CompiledModel(Lowered):
     def all_modes(self) -> Any:
         """`(t, x, z, u, p) -> m[nm]`: all relations as they hold at a point, for use outside a run.
 
-        Samples, `initial()` and `terminal()` are false there, and `pre(d)` is d.
+        Relations of time are as they are just after t. Samples, `initial()` and `terminal()` are false there, and
+        `pre(d)` is d.
 
         Raises
         ------
@@ -148,8 +149,10 @@ class CompiledModel(Lowered):
         """
         refuse_delays(self.flat, "a point without a past", PADE)
         symbols = Symbols(self)
-        builder = symbols.builder(self)
-        builder.done = {n: ca.SX(0) for n in (*self.state_events.samples, *self.state_events.flags)}
+        timely, builder = self.time_events, symbols.builder(self)
+        after = just_after(Builder(builder.pool, symbols.t, symbols.p, {}), timely)
+        builder.done = dict(zip(timely.relations, ca.vertsplit(after), strict=True))
+        builder.done |= {n: ca.SX(0) for n in (*self.state_events.samples, *self.state_events.flags)}
         builder.define(self.solution.definitions, self.rewritten)
         m = _column(builder.lower(self.mode_nodes))
         return ca.Function("all_modes", symbols.inputs[:-1], [m], _INPUTS[:-1], ["m"])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import acausal
-from acausal import Component, Equations, Real, der, fixed, quantity, signal_input, sqrt, unitless, variable
+from acausal import Component, Equations, Real, der, fixed, quantity, signal_input, sqrt, unitless, variable, where
 from acausal.errors import UsageError
 from acausal.models.drilling_dynamic import ThickBlock
 from acausal.models.oscillator import Oscillator
@@ -123,3 +123,31 @@ def test_second_derivatives_of_optimal_control_are_numbers_there() -> None:
     rates = dae(0.0, x, [], 0.0, [])[0]
     hessian = ca.Function("H", [x], [ca.hessian(ca.sum1(rates), x)[0]])
     assert hessian([0.0, 0.0]).is_regular()
+
+
+class Knee(Component):
+    """a + 0.5 b = x, b = 4 (a - 1) where a > 1, else (a - 1): the relation is inside the loop. x' = 3 b."""
+
+    x: Real = variable(default=fixed(0.0))
+    a: Real = variable()
+    b: Real = variable()
+
+    def equations(self) -> Equations:
+        yield self.a + 0.5 * self.b == self.x
+        yield self.b == where(self.a > 1.0, 4.0 * (self.a - 1.0), self.a - 1.0)
+        yield der(self.x) == 3.0 + 0.0 * self.b
+
+
+def test_a_relation_in_an_algebraic_loop_is_decided_at_the_point() -> None:
+    """db/dx = 1/1.5 below x = 1, 4/3 above it: at the start, at given states, at times of a run (x = 3 t)."""
+    compiled = acausal.compile(Knee())
+    run = acausal.simulate(compiled, stop_time=1.0, tolerance=1e-9)
+    for x in (0.0, 0.5, 0.9, 1.1, 2.0, 2.9):
+        slope, b = (4.0 / 3.0, 4.0 / 3.0 * (x - 1.0)) if x > 1.0 else (1.0 / 1.5, (x - 1.0) / 1.5)
+        for found in (
+            acausal.linearize(compiled, x={"x": x}, outputs=["b"]),
+            acausal.linearize(compiled, x / 3.0, result=run, outputs=["b"]),
+            acausal.linearize(compiled, 0.0, {"x": x}, result=run, outputs=["b"]),
+        ):
+            assert found.y[0] == pytest.approx(b, abs=1e-7)
+            assert found.C[0, 0] == pytest.approx(slope, rel=1e-9)

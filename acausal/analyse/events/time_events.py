@@ -20,12 +20,14 @@ _SWITCHED = frozenset((*RELATIONS, "min", "max", "fabs", "sign"))
 class TimeEvents:
     """Relation nodes that switch at known instants.
 
-    `instants[k]` is the node of the time at which `relations[k]` changes; it depends on parameters only. `rewritten`
-    maps min, max, fabs and sign of time to branches on such relations.
+    `instants[k]` is the node of the time at which `relations[k]` changes; it depends on parameters only, as the node
+    `slopes[k]` does: the rate at which its left side passes its right side. `rewritten` maps min, max, fabs and sign of
+    time to branches on such relations.
     """
 
     relations: tuple[int, ...]
     instants: tuple[int, ...]
+    slopes: tuple[int, ...]
     rewritten: dict[int, int]
 
 
@@ -33,10 +35,9 @@ def find_time_events(pool: Pool, roots: Iterable[int]) -> TimeEvents:
     """Search all relations below `roots` that are affine in time, with coefficients free of variables."""
     wanted = pool.reachable(roots)
     if not any(pool.nodes[n][0] in _SWITCHED for n in wanted):
-        return TimeEvents((), (), {})
+        return TimeEvents((), (), (), {})
     timely = _timely(pool, wanted)
-    relations: list[int] = []
-    instants: list[int] = []
+    found: dict[int, tuple[int, int]] = {}
     rewritten: dict[int, int] = {}
     for number in wanted:
         node = pool.nodes[number]
@@ -44,19 +45,17 @@ def find_time_events(pool: Pool, roots: Iterable[int]) -> TimeEvents:
         if number not in timely:
             continue
         if op in RELATIONS:
-            instant = _instant(pool, pool.sub(node[1], node[2]))
-            if instant is not None:
-                relations.append(number)
-                instants.append(instant)
+            passage = affine_in_time(pool, pool.sub(node[1], node[2]))
+            if passage is not None:
+                found[number] = passage
         elif op in _SWITCHED:
             branch = _branch(pool, op, node[1:])
             if branch is None:
                 continue
-            rewritten[number], relation, instant = branch
-            if relation not in relations:
-                relations.append(relation)
-                instants.append(instant)
-    return TimeEvents(tuple(relations), tuple(instants), rewritten)
+            rewritten[number], relation, passage = branch
+            found.setdefault(relation, passage)
+    instants, slopes = (tuple(passage[k] for passage in found.values()) for k in range(2))
+    return TimeEvents(tuple(found), instants, slopes, rewritten)
 
 
 def _timely(pool: Pool, wanted: list[int]) -> set[int]:
@@ -88,20 +87,15 @@ def affine_in_time(pool: Pool, number: int) -> tuple[int, int] | None:
     return pool.div(pool.neg(form[0]), slope), slope
 
 
-def _instant(pool: Pool, difference: int) -> int | None:
-    found = affine_in_time(pool, difference)
-    return None if found is None else found[0]
-
-
-def _branch(pool: Pool, op: str, args: tuple[int, ...]) -> tuple[int, int, int] | None:
+def _branch(pool: Pool, op: str, args: tuple[int, ...]) -> tuple[int, int, tuple[int, int]] | None:
     a = args[0]
     b = args[1] if len(args) > 1 else pool.zero
-    instant = _instant(pool, pool.sub(a, b))
-    if instant is None:
+    passage = affine_in_time(pool, pool.sub(a, b))
+    if passage is None:
         return None
     relation = pool.make(_AS_RELATION.get(op, "gt"), a, b)
     if op == "fabs":
-        return pool.where(relation, a, pool.neg(a)), relation, instant
+        return pool.where(relation, a, pool.neg(a)), relation, passage
     if op == "sign":
-        return pool.where(relation, pool.one, pool.neg(pool.one)), relation, instant
-    return pool.where(relation, a, b), relation, instant
+        return pool.where(relation, pool.one, pool.neg(pool.one)), relation, passage
+    return pool.where(relation, a, b), relation, passage

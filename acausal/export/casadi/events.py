@@ -21,6 +21,8 @@ from acausal.lower.symbols import Symbols
 _ARGUMENTS = ["t", "x", "z", "u", "p", "m"]
 # No step is taken: relations of time hold from their instants on.
 _INSTANT = 1e-9
+# An integrator that carries discrete variables as states of rate zero may move them by this share in rounding.
+_ROUNDING = 1e-9
 
 
 def events_of(compiled: CompiledModel, wanted: Sequence[Output]) -> tuple[CasadiEvents, Begin]:
@@ -66,12 +68,33 @@ def _react(compiled: CompiledModel, hybrid: HybridStep) -> Any:
     sizes = (1, len(compiled.states), len(compiled.algebraic), len(compiled.inputs), len(compiled.parameters))
     t, x, z, u, p = (ca.MX.sym(n, k) for n, k in zip("txzup", sizes, strict=True))
     m, ticks = ca.MX.sym("m", compiled.n_modes), ca.MX.sym("ticks", settling.samples.stop - settling.samples.start)
-    timely = ca.vertsplit(compiled.modes(t, p), [0, compiled.n_timely, compiled.n_modes])[0]
-    after = ca.vertcat(timely, m[compiled.n_timely :])
-    found = settling.settled(t, x, z, u, p, after, m, ticks, 0)
+    parts = [0, compiled.n_timely, compiled.n_modes]
+    after = ca.vertcat(ca.vertsplit(compiled.modes(t, p), parts)[0], ca.vertsplit(m, parts)[1])
+    found = settling.settled(t, _unmoved(compiled)(x, m), z, u, p, after, m, ticks, 0)
     return ca.Function(
         "react", [t, x, z, u, p, m, ticks], found, [*_ARGUMENTS, "ticks"], ["x_after", "z_after", "m_after", "settled"]
     )
+
+
+def _unmoved(compiled: CompiledModel) -> Any:
+    """`(x, m) -> x`: discrete variables as the last event left them, where an integrator has moved them by rounding.
+
+    `change(d)` and `edge(b)` ask whether a value is exactly what it was; `pre(d)` and whole numbers are known exactly.
+    """
+    s, events, reduced = Symbols(compiled), compiled.state_events, compiled.solution.structure.reduced
+    x, first = ca.SX(s.x), compiled.n_timely + len(events.samples)
+    nodes = reduced.pool.nodes
+    known = {nodes[nodes[n][1]]: s.m[first + k] for k, n in enumerate(events.memories)}
+    for k in range(len(compiled.states) - compiled.discretes, len(compiled.states)):
+        v = compiled.state_variables[k]
+        declared = reduced.flat.declaration(reduced.scalar[v])
+        exact = known.get(("var", v))
+        if exact is None and (declared.boolean or declared.integer):
+            exact = ca.floor(s.x[k] + 0.5)
+        if exact is not None:
+            moved = ca.fabs(s.x[k] - exact) > _ROUNDING * (ca.fabs(exact) + compiled.nominal_x[k])
+            x[k] = ca.if_else(moved, s.x[k], exact)
+    return ca.Function("unmoved", [s.x, s.m], [ca.densify(x)])
 
 
 def _clocks(compiled: CompiledModel) -> Any:

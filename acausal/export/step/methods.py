@@ -43,11 +43,14 @@ _DIAGONAL = 1.0 - sqrt(0.5)
 class Method:
     """A method for `rates`: `(t, x[nx], z[nz], *held) -> (ode, alg)`, an SX function.
 
-    `held` is what does not change in a step: inputs, parameters, modes.
+    `held` is what does not change in a step: inputs, parameters, modes. So are the last `constant` entries of x, the
+    discrete variables: they are no unknowns of the implicit methods, whose rounding errors would move them, and
+    `change(d)` asks whether a value is exactly what it was.
     """
 
     name: str
     rates: Any
+    constant: int = 0
 
     @property
     def limit(self) -> float | None:
@@ -86,6 +89,10 @@ class Method:
 
     def step(self, t: Any, h: Any, x: Any, z: Any, held: Sequence[Any]) -> tuple[Any, Any]:
         """States and algebraic variables after a step of length `h`, which may be an expression."""
+        if self.constant:
+            moving = ca.vertsplit(x, [0, self._nx - self.constant, self._nx])
+            new, z = self._moving.step(t, h, moving[0], z, [moving[1], *held])
+            return ca.vertcat(new, moving[1]), z
         if self.name == "rosenbrock":
             return self._rosenbrock(t, h, x, z, held)
         if self.name == "sdirk":
@@ -97,6 +104,16 @@ class Method:
         for _ in range(_NEWTON_STEPS if self._nz else 0):
             z = self._newton(t, x, z, *held)
         return z
+
+    @cached_property
+    def _moving(self) -> Method:
+        """The same method for the states that change between events: the others are the first of what is held."""
+        here = self._symbols()
+        moving, still = ca.vertsplit(here[1], [0, self._nx - self.constant, self._nx])
+        inner = [here[0], ca.SX.sym("x", moving.numel()), here[2], ca.SX.sym("d", still.numel()), *here[3:]]
+        ode, alg = self.rates(here[0], ca.vertcat(inner[1], inner[3]), *here[2:])
+        ode = ca.vertsplit(ode, [0, moving.numel(), self._nx])[0]
+        return Method(self.name, ca.Function("rates", inner, [ode, alg]))
 
     def _symbols(self) -> list[Any]:
         """Arguments of `rates`."""

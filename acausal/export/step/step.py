@@ -86,7 +86,8 @@ class _Made:
         observed = observed_function(compiled, self.wanted)(*s.inputs)
         rates = compiled.rhs(*s.inputs)
         self.y = ca.Function("y", s.inputs, [ca.densify(observed)])
-        self.method = Method(method, ca.Function("rates", s.inputs, [ca.densify(v) for v in rates]))
+        rates_of = ca.Function("rates", s.inputs, [ca.densify(v) for v in rates])
+        self.method = Method(method, rates_of, compiled.discretes)
         if self.method.limit is not None:
             size = self.method.stiffness(s.t, step, s.x, s.z, [s.u, s.p, s.m], ca.DM(compiled.nominal_x))
             self.stiffness = ca.Function("stiffness", s.inputs, [ca.densify(size)])

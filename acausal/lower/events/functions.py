@@ -12,14 +12,18 @@ from typing import Any
 import casadi as ca
 
 from acausal.analyse.events.state_events import origins
+from acausal.analyse.events.time_events import TimeEvents
 from acausal.errors import Span
 from acausal.flatten.text import to_text
+from acausal.lower.build import Builder
 from acausal.lower.events.impulses import struck
 from acausal.lower.events.round import round_of
 from acausal.lower.lowered import Lowered
 from acausal.lower.symbols import Symbols
 
 _INPUTS = ["t", "x", "z", "u", "p", "m"]
+# Rounding of an instant and of the sides of its relation, by the time.
+_SAME_INSTANT = 1e-15
 
 
 class EventFunctions:
@@ -112,6 +116,19 @@ class EventFunctions:
     @property
     def _pool(self) -> Any:
         return self.compiled.solution.structure.reduced.pool
+
+
+def just_after(builder: Builder, events: TimeEvents) -> Any:
+    """The truth of relations of time just after the builder's time, a column.
+
+    At its instant a relation is as its sides go on from there: `time > p` and `time >= p` are the same, and so is
+    `3*time > 3*p` where the products are rounded.
+    """
+    nodes = builder.pool.nodes
+    now, instants, slopes = (builder.column(v) for v in (events.relations, events.instants, events.slopes))
+    signs = ca.DM([1.0 if nodes[n][0] in ("gt", "ge") else -1.0 for n in events.relations])
+    near = ca.fabs(builder.time - instants) <= _SAME_INSTANT * (ca.fabs(builder.time) + ca.fabs(instants))
+    return ca.if_else(ca.logic_and(near, slopes != 0), slopes * signs > 0, now)
 
 
 def guard_rates(compiled: Lowered, watch: Any) -> Any:
