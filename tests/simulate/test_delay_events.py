@@ -16,10 +16,12 @@ from acausal import (
     der,
     discrete,
     fixed,
+    parameter,
     part,
     pre,
     reset,
     sample,
+    sin,
     terminate,
     time,
     variable,
@@ -159,3 +161,44 @@ def test_delays_of_delays_and_of_many_parts() -> None:
     for k in (0, 5, 11):
         own = acausal.simulate(Decay(T=0.1 * (k + 1)), stop_time=1.5, tolerance=1e-8)
         assert r.final(f"loops[{k}].x") == pytest.approx(own.final("x"), abs=1e-7)
+
+
+class Approached(Component):
+    """A corner of x at 0.4 s is read through a delay T that is a state, and an event that changes nothing is before it.
+
+    T' = -0.1 - 0.2 sin(3 t), so that T = 0.3 - 0.1 t - (1 - cos(3 t))/15; x is t up to the corner, then 0.8 - t.
+    """
+
+    at: Real = parameter(default=0.5)
+    x: Real = variable(default=fixed(0.0))
+    T: Real = variable(default=fixed(0.3))
+    clock: Real = variable(default=fixed(0.0))
+    passed: Real = variable(default=fixed(0.0))
+    y: Real = variable(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        yield der(self.x) == where(time < 0.4, 1.0, -1.0)
+        yield der(self.T) == -0.1 - 0.2 * sin(3.0 * self.clock)
+        yield der(self.clock) == 1.0
+        yield der(self.passed) == where(self.clock > self.at, 1.0, 0.0)
+        yield der(self.y) == delay(self.x, self.T, 0.35)
+
+
+@pytest.mark.parametrize("solver", ["rosenbrock", "idas"])
+def test_an_event_just_before_a_break_is_read_hides_none_of_it(solver: str) -> None:
+    """y(1) by quadrature, whatever the distance from the event to where the corner is read."""
+    from scipy.integrate import quad
+    from scipy.optimize import brentq
+
+    def read(t: float) -> float:
+        return t - 0.3 + 0.1 * t + (1.0 - np.cos(3.0 * t)) / 15.0
+
+    first, corner = (brentq(lambda t, s=s: read(t) - s, 0.0, 1.0, xtol=1e-15) for s in (0.0, 0.4))
+    exact = quad(read, first, corner)[0] + quad(lambda t: 0.8 - read(t), corner, 1.0)[0]
+    compiled = acausal.compile(Approached())
+    for before in (1e-2, 1e-4, 3e-5, 1e-6, 1e-8, -1e-5):
+        result = acausal.simulate(
+            compiled, stop_time=1.0, tolerance=1e-8, solver=solver, parameters={"at": corner - before}
+        )
+        assert result.final("y") == pytest.approx(exact, abs=1e-8)
+        assert len({e.time for e in result.events}) == 2, "the corner and the event; nothing jumps"

@@ -68,7 +68,9 @@ class Memory:
         self._gaps: list[tuple[float, float]] = []
         self._upward = [True] * len(self.items)
         self._noise = np.zeros(len(self.items))  # how far off a delay that follows from states may read [s]
-        self._exit = (0, 0.0)
+        self._exit = (0, 0.0)  # where a delay that varies left its window: which one, and at which of its edges
+        self._arrived: tuple[int, float] | None = None  # the same for a stretch that was ended there
+        self._begun = -np.inf  # where the stretch begins that `_read` is of
         self._read = np.zeros(len(self.items))
         self._reach = np.ones(len(self.items))  # width of the window of a delay that varies, by that of the stretch
         self._recording: Recording | None = None
@@ -118,7 +120,7 @@ class Memory:
             if all(good for _, good in found) or end - here <= 1e3 * instant:
                 break
             end = here + 0.5 * (end - here)
-        self._gaps, self._read = gaps, here - lags
+        self._gaps, self._read, self._begun = gaps, here - lags, here
         numbers = np.concatenate([v for v, _ in found])
         causes = self._jumps(here - lags, numbers) if here > self.history.start else ()
         self.numbers = numbers
@@ -282,13 +284,15 @@ class Memory:
         instant = _INSTANT * max(self.span, abs(here))
         self._limit = t if t > here + 10 * instant else here + 100 * instant
         k, edge = self._exit
-        if t - here < 1e-3 * abs(here - self._read[k]):  # it was there already, but for the error of the states
+        # it was there already, but for the error of the states; an event just before an edge is none of that
+        if here == self._begun and self._arrived == self._exit:
             self._noise[k] = max(self._noise[k], 2.0 * abs(edge - self._read[k]))
             self._limit = np.inf
 
     def _reached(self, t: float) -> None:
         """Breaks of what was read at the end of a stretch break the sources again."""
         self.history.cut(t)
+        self._arrived = self._exit if np.isfinite(self._limit) else None
         self._limit = np.inf
         self._reach = np.maximum(1.0, 0.8 * self._reach)
         instant = 3 * _INSTANT * max(self.span, abs(t))
