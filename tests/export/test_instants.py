@@ -11,7 +11,6 @@ import acausal
 from acausal import (
     Component,
     Equations,
-    Expr,
     Real,
     change,
     der,
@@ -48,7 +47,7 @@ class Switched(Component):
     """x' = 5 after the instant p, 2 before it."""
 
     p: Real = parameter(default=0.7)
-    on: Expr = structural()
+    on: str = structural()
     x: Real = variable(default=fixed(0.0))
     y: Real = signal_output()
 
@@ -61,14 +60,15 @@ class Switched(Component):
 def test_functions_take_the_value_after_a_switch(on: str) -> None:
     """Each of many instants p, whose products and quotients round either way; the value before is 2, after 5."""
     compiled = acausal.compile(Switched(on=on))
-    plain, made = compiled.casadi(), compiled.casadi(events=True)
+    plain, events = compiled.casadi(), compiled.casadi(events=True).events
+    assert events is not None
     for p in (0.7, 0.1, 0.3, 1.1, 2.3, 1e-3, 7.7e3):
         at = float(plain.instants([p]))
         assert at == pytest.approx(p, rel=1e-14)
         for t, rate in ((at * (1 - 1e-9), 2.0), (at, 5.0), (at * (1 + 1e-9), 5.0)):
             assert float(plain.ode(t, 0.0, [], [p])[0]) == rate
-            m = made.events.react(t, 0.0, [], [], [p], made.events.m.start, [])[2]
-            assert float(made.events.dae(t, 0.0, [], [], [p], m)[0]) == rate
+            m = events.react(t, 0.0, [], [], [p], events.m.start, [])[2]
+            assert float(events.dae(t, 0.0, [], [], [p], m)[0]) == rate
             assert float(acausal.linearize(compiled, t, parameters={"p": p}).A[0, 0]) == rate
 
 
@@ -122,6 +122,7 @@ def test_steps_leave_discrete_variables_exactly_as_they_are(method: str) -> None
 def test_reactions_do_not_take_rounding_for_a_change() -> None:
     """A loop that integrates all of x, d with the rate zero, moves d by rounding; `react` counts what an event sets."""
     made = acausal.compile(Counted()).casadi(events=True)
+    assert made.events is not None
     d = made.x.position("d")
     for moved in (0.0, 1e-22, -3e-17):
         x = np.array(made.x.start)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -87,7 +88,8 @@ def test_a_run_brings_its_parameters_and_inputs() -> None:
 
 
 def test_unknown_names() -> None:
-    for keywords in ({"x": {"mass.w": 1.0}}, {"outputs": ["mass.w"]}):
+    cases: tuple[dict[str, Any], ...] = ({"x": {"mass.w": 1.0}}, {"outputs": ["mass.w"]})
+    for keywords in cases:
         with pytest.raises(UsageError, match=r"mass\.w") as caught:
             acausal.linearize(Slider(), **keywords)
         assert caught.value.code == "AC010"

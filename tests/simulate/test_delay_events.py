@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from math import log
+from math import cos, log
+from typing import Any
 
 import numpy as np
 import pytest
@@ -191,9 +192,10 @@ def test_an_event_just_before_a_break_is_read_hides_none_of_it(solver: str) -> N
     from scipy.optimize import brentq
 
     def read(t: float) -> float:
-        return t - 0.3 + 0.1 * t + (1.0 - np.cos(3.0 * t)) / 15.0
+        return t - 0.3 + 0.1 * t + (1.0 - cos(3.0 * t)) / 15.0
 
-    first, corner = (brentq(lambda t, s=s: read(t) - s, 0.0, 1.0, xtol=1e-15) for s in (0.0, 0.4))
+    root: Any = brentq
+    first, corner = (float(root(lambda t, s=s: read(t) - s, 0.0, 1.0, xtol=1e-15)) for s in (0.0, 0.4))
     exact = quad(read, first, corner)[0] + quad(lambda t: 0.8 - read(t), corner, 1.0)[0]
     compiled = acausal.compile(Approached())
     for before in (1e-2, 1e-4, 3e-5, 1e-6, 1e-8, -1e-5):
