@@ -204,3 +204,30 @@ def test_an_event_just_before_a_break_is_read_hides_none_of_it(solver: str) -> N
         )
         assert result.final("y") == pytest.approx(exact, abs=1e-8)
         assert len({e.time for e in result.events}) == 2, "the corner and the event; nothing jumps"
+
+
+class Shrinking(Component):
+    """A delay that is a state and grows shorter: T = 0.3 exp(-t/2); a clock resets x at 0.5 s."""
+
+    T: Real = variable(default=fixed(0.3))
+    x: Real = variable(default=fixed(1.0))
+    y: Real = variable()
+
+    def equations(self) -> Equations:
+        yield der(self.T) == -0.5 * self.T
+        yield self.y == delay(self.x, self.T, 0.3)
+        yield der(self.x) == -self.y
+        yield when(sample(0.5, 10.0), reset(self.x, 2.0))
+
+
+@pytest.mark.parametrize("solver", ["rosenbrock", "idas"])
+def test_the_rows_are_those_asked_for(solver: str) -> None:
+    """The start, both sides of what happens, and nothing of the stretches that a delay needs.
+
+    x jumps at 0.5 s, and is read as it was there when t - 0.3 exp(-t/2) = 0.5: at 0.71031853 s.
+    """
+    result = acausal.simulate(Shrinking(), stop_time=1.0, output_interval=0.1, solver=solver)
+    rows = [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.5, 0.6, 0.7, 0.71031853, 0.71031853, 0.8, 0.9, 1.0]
+    assert result.time == pytest.approx(np.array(rows), abs=1e-6)
+    assert [result["x"][6], result["y"][10]] == pytest.approx([2.0, 2.0], abs=1e-9)
+    assert result["x"][5] == pytest.approx(result["y"][9], abs=1e-6)

@@ -103,6 +103,8 @@ class Driver:
     _row: int = 0
     _boundary: int = 0
     _before: Moment | None = None
+    _again: bool = False
+    """Whether the stretch begins where the one before it did."""
 
     def go(self) -> None:
         """Go from the first stop to the last, or to the end that the model asks for.
@@ -159,7 +161,9 @@ class Driver:
         if not place.entered:
             opens = place.segment != self._opened
             self._before = self.dynamics.reached
+            tried = self._stretch
             self._stretch = self.agenda.stretch(place, self._before, opens)
+            self._again = tried is not None and tried.start == self._stretch.start
             self._opened = place.segment
             self._row, self._boundary = self.recorder.count, len(self.recorder.boundaries)
             self.dynamics.enter(self._stretch)
@@ -188,14 +192,18 @@ class Driver:
         return Place(place.segment + ended, here, False, False)
 
     def _explain(self, stretch: Stretch, outputs: Vector) -> None:
-        """Say what happened where a source has cut, or leave the cut out of the result when nothing has."""
+        """Say what happened where a source has cut, or leave the cut out of the result when nothing has.
+
+        A stretch that is tried again has only its own row too many: those before it are of the start of the run, of an
+        instant of the schedule, or of what happened where it was tried first.
+        """
         causes = (*stretch.causes, *self._flipped())
         _, *happened = self.recorder.boundaries[self._boundary]
         if causes or any(happened):
             self.recorder.explain(self._boundary, causes)
             return
         self.recorder.hide(self._row, self._boundary)
-        if not (np.abs(outputs - stretch.start) <= self.agenda.margin).any():
+        if not self._again and not (np.abs(outputs - stretch.start) <= self.agenda.margin).any():
             self.recorder.hide(self._row - 1)
 
     def _flipped(self) -> tuple[Cause, ...]:
