@@ -410,10 +410,13 @@ class Component(Owner):
         twin = object.__new__(type(self))
         twin.__dict__.update(self.__dict__)
         twin.__dict__.update(own or {}, _symbols={}, _parts={**self._parts, **(parts or {})})
+        twin.__dict__["_seen"] = self.__dict__.get("_seen", self)
         return twin
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """A pickled component is its recipe, as a copy is: what `build` has made may hold functions."""
+        """A pickled component is its recipe, as `build` may have made functions; one seen anew goes as the first."""
+        if "_seen" in self.__dict__:
+            return dict.__getitem__, ({0: self.__dict__["_seen"]}, 0)
         return _again, (type(self), self.__dict__["_given"], self._marks())
 
     def __repr__(self) -> str:

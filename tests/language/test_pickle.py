@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import acausal
-from acausal import Component
+from acausal import Component, Equations, Real, connect, der, fixed, outer, parameter, part, signal_input, variable
 from acausal.errors import DeclarationError, UsageError
 from acausal.models.bouncing_ball import BouncingBall
 from acausal.models.contact_scenes import HolesSideBySide
@@ -20,6 +20,52 @@ from acausal.models.pendulum import Pendulum
 from acausal.models.turning import RegenerativeTurning
 from tests.language.test_outer import House
 
+
+class Law(Component):
+    """How a room loses heat; which one is for whoever has it to say."""
+
+    u: Real = signal_input()
+    k: Real = parameter(default=1.0)
+    T: Real = variable(default=fixed(1.0))
+
+    def equations(self) -> Equations:
+        yield der(self.T) == self.k * (self.u - self.T)
+
+
+class Surroundings(Component):
+    """Known to all that is in it."""
+
+    level: Real = parameter(default=0.7)
+
+
+class Room(Component):
+    """What it is in, and a part that was given."""
+
+    law: Law = Law()
+    around: Surroundings = outer(Surroundings)
+    s: Real = variable()
+    u: Real = signal_input()
+
+    def equations(self) -> Equations:
+        yield connect(self.u, self.law.u)
+        yield self.s == self.law.T * self.around.level
+
+
+class Rooms(Component):
+    """Two rooms with laws of their own."""
+
+    around: Surroundings = Surroundings(level=0.5)
+    first: Room = Room(law=Law(k=2.0))
+    second: Room = part()
+
+    def build(self) -> None:
+        self.second = Room(law=Law(k=3.0))
+
+    def equations(self) -> Equations:
+        yield self.first.u == self.second.s
+        yield self.second.u == 0.2
+
+
 MODELS: dict[str, Any] = {
     "plain": Oscillator,
     "frames": Pendulum,
@@ -27,6 +73,7 @@ MODELS: dict[str, Any] = {
     "delays": RegenerativeTurning,
     "contacts": lambda: HolesSideBySide(n=2),
     "outer": House,
+    "outer, with given parts": Rooms,
 }
 
 
