@@ -27,7 +27,7 @@ from acausal import (
     when,
     where,
 )
-from acausal.export.methods import METHODS
+from acausal.export.step.methods import METHODS
 
 SPELLINGS: dict[str, Any] = {
     "time > p": lambda p: time > p,
