@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from acausal.errors import AcausalError
+from acausal.flatten.instances.composition import stated_equations
 from acausal.notebook.latex import latex
 from acausal.result.signals import Array
 
@@ -68,7 +69,6 @@ def component_html(component: Any) -> str:
 
 def _equations(component: Any) -> str:
     """What the component states itself, typeset by MathJax; what is no formula as text."""
-    from acausal.flatten.instances.composition import stated_equations
 
     try:
         stated = [(text, when) for text, message, when in stated_equations(component) if not message]

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from acausal.errors import InternalError, UsageError, nearest
 from acausal.providers import provided
+from acausal.result.files import read, write
 from acausal.result.signals import Array, Event, Signal, Table
 
 if TYPE_CHECKING:
@@ -250,7 +251,6 @@ class Result:
         UsageError
             AC012 when the file cannot be written, AC013 for another suffix, AC015 for Parquet without pyarrow.
         """
-        from acausal.result.files import write
 
         write(self.table(), Path(path), units)
 
@@ -303,7 +303,6 @@ def load(path: str | Path) -> Result:
     UsageError
         AC013 for another suffix, AC014 when the file cannot be read, AC015 for Parquet without pyarrow.
     """
-    from acausal.result.files import read
 
     return Result(**vars(read(Path(path))))
 

@@ -10,6 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from acausal.errors import UsageError, nearest
 from acausal.result.csvfile import Sheet, read_sheet
+from acausal.result.files import read
+from acausal.result.result import Result
 
 Vector = NDArray[np.float64]
 INTERPOLATIONS = ("linear", "hold", "smooth")
@@ -158,8 +160,6 @@ def _place(sheet: Sheet, column: str | None) -> int:
 
 
 def _of_result(path: Path, column: str | None, interpolation: str) -> TimeSeries:
-    from acausal.result.files import read
-    from acausal.result.result import Result
 
     result = Result(**vars(read(path)))
     if column is None:

@@ -200,6 +200,8 @@ def switched_dependents(solution: Solution, prescribed: bool = False) -> list[in
     if not pool.derivative_of.keys() - known:
         return []
     discrete = discrete_variables(reduced)
+    if not discrete and not any(node[0] in RELATIONS for node in pool.nodes):
+        return []
     ops = {pool.nodes[n][0] for n in pool.reachable(solution.residuals)}
     switched = dict.fromkeys(solution.algebraic, bool(ops & RELATIONS))
     moved = dict.fromkeys(solution.algebraic, True)

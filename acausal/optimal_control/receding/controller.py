@@ -14,22 +14,10 @@ from acausal.optimal_control.guess import guessed
 from acausal.optimal_control.phases import dynamics_of
 from acausal.optimal_control.problem import StatedProblem
 from acausal.optimal_control.program.polynomials import Basis
-from acausal.optimal_control.program.radau import Program, transcribed
+from acausal.optimal_control.program.radau import transcribed
+from acausal.optimal_control.receding.warm import Warm
 
 Vector = NDArray[np.float64]
-
-WARM = {
-    "print_level": 0,
-    "sb": "yes",
-    "max_iter": 100,
-    "warm_start_init_point": "yes",
-    # the last answer, moved by a sample, lies near the next one: no need to come from far inside
-    "warm_start_bound_push": 1e-6,
-    "warm_start_slack_bound_push": 1e-6,
-    "warm_start_mult_bound_push": 1e-6,
-    "mu_init": 1e-4,
-}
-"""Options of ipopt for solvers that begin from their last answer."""
 
 
 class Controller:
@@ -62,12 +50,14 @@ class Controller:
         self._varying = [q.parameters.position(name) for name in varying]
         self._check_circles()
         program = transcribed(problem, laws, guesses, [spec.mesh], Basis(degree, 0), q.p, self._varying)
-        self._solver, self._inputs = _compiled(program, {**WARM, "tol": tolerance, **options})
-        low, high = program.nlp.limits
-        self._limits = {"lbg": low, "ubg": high}
-        self._guess, self._duals = np.concatenate(program.nlp.begin), np.zeros(len(low))
+        self._program = Warm("controller", program.nlp, tolerance, options)
+        self._first = ca.Function("inputs", [program.nlp.x], [program.phases[0].u[:, 0]])
         self._names = q.u.names
-        self.iterations = 0
+
+    @property
+    def iterations(self) -> int:
+        """Of the last call."""
+        return self._program.iterations
 
     def __call__(self, states: Mapping[str, float] | ArrayLike, parameters: Mapping[str, float] | None = None) -> Any:
         """Values of the inputs by name, to be held for a sample.
@@ -88,19 +78,15 @@ class Controller:
         q = self.problem.quantities
         p = q.p if not parameters else self._given(parameters)
         c = q.coordinates.of(np.reshape(x, (-1, 1))).ravel()
-        given = np.concatenate([p[self._varying], c])
-        found = self._solver(x0=self._guess, lam_g0=self._duals, p=given, **self._limits)
-        stats = self._solver.stats()
-        self.iterations = int(stats.get("iter_count", 0))
-        if not stats.get("success", True):
+        found = self._program.solve(np.concatenate([p[self._varying], c]))
+        if found is None:
             raise OptimizationError(
                 "AC703",
-                f"no inputs found for the next sample: {stats.get('return_status', '')}".replace("_", " "),
+                f"no inputs found for the next sample: {self._program.status}",
                 evidence=[f"{n} = {v:.6g}" for n, v in list(zip(self.states, np.ravel(x), strict=True))[:6]],
                 help="hold the last inputs for this sample; limits on measured quantities may have to be soft",
             )
-        self._guess, self._duals = found["x"], found["lam_g"]
-        return dict(zip(self._names, np.array(self._inputs(found["x"])).ravel().tolist(), strict=True))
+        return dict(zip(self._names, np.array(self._first(found)).ravel().tolist(), strict=True))
 
     def _given(self, parameters: Mapping[str, float]) -> Vector:
         q = self.problem.quantities
@@ -157,10 +143,3 @@ def check_autonomous(problem: StatedProblem, dae: Any) -> None:
             f"{compiled.name} depends on the time, which no sample knows",
             help="make its source an input or a parameter that varies: acausal.free(model, name)",
         )
-
-
-def _compiled(program: Program, options: Mapping[str, Any]) -> tuple[Any, Any]:
-    """The solver, and `(x) -> first inputs` of its unknowns."""
-    inner: dict[str, Any] = {"ipopt": dict(options), "print_time": False, "expand": True, "error_on_fail": False}
-    solver = ca.nlpsol("controller", "ipopt", program.nlp.whole(), inner)
-    return solver, ca.Function("inputs", [program.nlp.x], [program.phases[0].u[:, 0]])

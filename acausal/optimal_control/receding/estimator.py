@@ -27,7 +27,8 @@ from acausal.optimal_control.phases import dynamics_of
 from acausal.optimal_control.problem import StatedProblem
 from acausal.optimal_control.program.polynomials import Basis
 from acausal.optimal_control.program.radau import Program, along, transcribed
-from acausal.optimal_control.receding.controller import WARM, check_autonomous, check_horizon
+from acausal.optimal_control.receding.controller import check_autonomous, check_horizon
+from acausal.optimal_control.receding.warm import Warm
 
 Vector = NDArray[np.float64]
 
@@ -72,16 +73,18 @@ class Estimator:
         laws = dynamics_of(problem, guesses)
         check_autonomous(problem, laws[0].dae)
         program = transcribed(problem, laws, guesses, [spec.mesh], Basis(degree, 0), q.p, past=True)
-        self._solver, self._answer = _compiled(program, symbols, measured, deviations, {"tol": tolerance, **options})
-        low, high = program.nlp.limits
-        self._limits = {"lbg": low, "ubg": high}
-        self._guess, self._duals = np.concatenate(program.nlp.begin), np.zeros(len(low))
+        self._answer = _weighed(program, symbols, measured, deviations)
+        self._program = Warm("estimator", program.nlp, tolerance, options)
         self._expected = np.concatenate([q.first, [q.p[place] for place, *_ in q.decided]])
         self._inputs: list[list[float]] = []
         self._seen: list[list[float]] = []
         self._path: tuple[Vector, Vector] | None = None
         self._moved = 0
-        self.iterations = 0
+
+    @property
+    def iterations(self) -> int:
+        """Of the last call."""
+        return self._program.iterations
 
     def __call__(self, inputs: Mapping[str, float], measured: Mapping[str, float]) -> Estimate:
         """The estimate at the end of a sample.
@@ -112,18 +115,15 @@ class Estimator:
                 borders, parameters = self._path
                 self._expected = np.concatenate([borders[:, min(self._moved, self._width)], parameters])
         here, given = len(self._seen), self._given()
-        found = self._solver(x0=self._guess, lam_g0=self._duals, p=given, **self._limits)
-        stats = self._solver.stats()
-        self.iterations = int(stats.get("iter_count", 0))
-        if not stats.get("success", True):
+        found = self._program.solve(given)
+        if found is None:
             raise OptimizationError(
                 "AC703",
-                f"no estimate found for this sample: {stats.get('return_status', '')}".replace("_", " "),
+                f"no estimate found for this sample: {self._program.status}",
                 evidence=[f"{name} = {measured[name]:.6g}" for name in self.measured[:6]],
                 help="keep the last estimate for this sample; limit what is decided: problem.decide(name, min=, max=)",
             )
-        self._guess, self._duals = found["x"], found["lam_g"]
-        borders, parameters = (np.array(v, dtype=float) for v in self._answer(found["x"], given))
+        borders, parameters = (np.array(v, dtype=float) for v in self._answer(found, given))
         self._path, self._moved = (borders, parameters.ravel()), 0
         states = q.coordinates.states(borders[:, [here]]).ravel()
         return Estimate(
@@ -140,14 +140,10 @@ class Estimator:
         return np.concatenate([inputs.ravel(), seen.ravel(), counts, self._expected])
 
 
-def _compiled(
-    program: Program,
-    symbols: list[Any],
-    measured: Mapping[str, float],
-    deviations: Mapping[str, float],
-    options: Mapping[str, Any],
-) -> tuple[Any, Any]:
-    """The solver, and `(x, p) -> coordinates at all borders of samples, decided parameters`."""
+def _weighed(
+    program: Program, symbols: list[Any], measured: Mapping[str, float], deviations: Mapping[str, float]
+) -> Any:
+    """Give the program its objective; `(x, p) -> coordinates at all borders of samples, decided parameters`."""
     nlp, phase, problem = program.nlp, program.phases[0], program.problem
     q, degree, width = problem.quantities, program.basis.degree, len(phase.mesh)
     seen = ca.reshape(nlp.parameter(width * len(symbols)), len(symbols), width)
@@ -162,9 +158,7 @@ def _compiled(
         if name in deviations:
             cost += ((start[k] - expected[k]) / deviations[name]) ** 2
     nlp.objective = cost
-    inner: dict[str, Any] = {"ipopt": {**WARM, **options}, "print_time": False, "expand": True, "error_on_fail": False}
-    solver = ca.nlpsol("estimator", "ipopt", nlp.whole(), inner)
-    return solver, ca.Function("answer", [nlp.x, nlp.p], [phase.x[:, ::degree], program.w])
+    return ca.Function("answer", [nlp.x, nlp.p], [phase.x[:, ::degree], program.w])
 
 
 def _check_given(given: Mapping[str, float], names: Sequence[str], kind: str) -> None:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from acausal.flatten.flat import suffixes
 from acausal.lower.compiled import CompiledModel
+from acausal.numeric.evaluate import values
 from acausal.result.result import Event, Result, Signal
 from acausal.simulate.equations.calls.columns import MOST_OPERATIONS
 from acausal.simulate.equations.calls.direct import rows
@@ -319,7 +320,6 @@ def compiled_parameters(compiled: CompiledModel, nodes: tuple[int, ...], p: Vect
     simple = [pool.nodes[n] for n in nodes]
     if all(s[0] == "par" for s in simple):
         return [float(p[s[1]]) for s in simple]
-    from acausal.numeric.evaluate import values
 
     found = values(pool, nodes, {"par": p.__getitem__, "time": lambda _: 0.0})
     return [float(found[n]) for n in nodes]

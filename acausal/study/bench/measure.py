@@ -11,6 +11,7 @@ from typing import Any
 
 from acausal.lower.compiled import CompiledModel
 from acausal.result.result import Result
+from acausal.simulate.run import simulate
 from acausal.study.bench.accuracy.trajectory import POINTS, Trajectory, sampled
 from acausal.study.bench.case import ONLY_FIXED, Case
 from acausal.study.bench.isolated import Outcome, isolated
@@ -32,7 +33,6 @@ class Task:
 
     def run(self, case: Case, points: int = POINTS) -> Result:
         """Simulate once."""
-        from acausal.simulate.run import simulate
 
         return simulate(
             self.compiled,

@@ -12,6 +12,7 @@ from acausal.errors import UsageError
 from acausal.lower.compiled import CompiledModel
 from acausal.reduce.outputs import fitting
 from acausal.result.result import Result
+from acausal.simulate.record.record import signals
 
 Vector = NDArray[np.float64]
 
@@ -42,7 +43,6 @@ def components(compiled: CompiledModel, wanted: Sequence[str] | None) -> tuple[s
     UsageError
         AC010 for an unknown name, AC040 when nothing is left that could be compared.
     """
-    from acausal.simulate.record.record import signals
 
     known = signals(compiled, np.array(compiled.parameter_values, dtype=float))
     if wanted:

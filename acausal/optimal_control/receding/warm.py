@@ -1,0 +1,57 @@
+"""A program that is solved at every sample, each time from its last answer."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.optimal_control.program.nlp import Nlp
+
+Vector = NDArray[np.float64]
+
+_OPTIONS = {
+    "print_level": 0,
+    "sb": "yes",
+    "max_iter": 100,
+    "warm_start_init_point": "yes",
+    # the last answer, moved by a sample, lies near the next one: no need to come from far inside
+    "warm_start_bound_push": 1e-6,
+    "warm_start_slack_bound_push": 1e-6,
+    "warm_start_mult_bound_push": 1e-6,
+    "mu_init": 1e-4,
+}
+
+
+class Warm:
+    """The solver of a program and its last answer.
+
+    Attributes
+    ----------
+    iterations, status
+        Of the last call, in the solver's words.
+    """
+
+    def __init__(self, name: str, nlp: Nlp, tolerance: float, options: Mapping[str, Any]) -> None:
+        ipopt = {**_OPTIONS, "tol": tolerance, **options}
+        inner: dict[str, Any] = {"ipopt": ipopt, "print_time": False, "expand": True, "error_on_fail": False}
+        self._solver = ca.nlpsol(name, "ipopt", nlp.whole(), inner)
+        low, high = nlp.limits
+        self._limits = {"lbg": low, "ubg": high}
+        self._guess: Any = np.concatenate(nlp.begin)
+        self._duals: Any = np.zeros(len(low))
+        self.iterations, self.status = 0, ""
+
+    def solve(self, p: Vector) -> Any | None:
+        """The unknowns for these parameters of the program; None where none were found, and nothing is remembered."""
+        found = self._solver(x0=self._guess, lam_g0=self._duals, p=p, **self._limits)
+        stats = self._solver.stats()
+        self.iterations = int(stats.get("iter_count", 0))
+        self.status = str(stats.get("return_status", "")).replace("_", " ")
+        if not stats.get("success", True):
+            return None
+        self._guess, self._duals = found["x"], found["lam_g"]
+        return found["x"]
