@@ -15,6 +15,8 @@ Vector = NDArray[np.float64]
 
 # Looks at once: fewer when there are many numbers to each.
 _LOOKS, _FEWEST, _NUMBERS = 256, 4, 4e6
+# The same between fixed steps: a search costs as much as some hundred of them.
+_STEPS = 4096
 # Looks move apart by this factor: evenly spaced they could fall in with an oscillation.
 _GROWTH = 1.02
 # The first look is so many first steps away, the next ones are so many times as far: a multistep method begins with a
@@ -43,9 +45,9 @@ def resolution(t: float, span: float) -> float:
     return float(_ROUNDINGS * np.spacing(max(abs(t), span)))
 
 
-def most(problem: Problem) -> int:
-    """Looks at once."""
-    return int(np.clip(_NUMBERS / (1 + problem.n_dynamic + len(problem.scale_z)), 32, _LOOKS))
+def most(problem: Problem, fixed: bool = False) -> int:
+    """Looks at once, of a solver with `fixed` steps or one that chooses them."""
+    return int(np.clip(_NUMBERS / (1 + problem.n_dynamic + len(problem.scale_z)), 32, _STEPS if fixed else _LOOKS))
 
 
 @cache
@@ -99,17 +101,16 @@ def begun(shares: Vector, length: float, first: float) -> float:
 
 def stepped(start: float, outputs: Vector, end: float, step: float, count: int) -> Vector:
     """Looks for fixed steps: every other step of those that outputs are apart by, so that they cost no further ones."""
-    stops = np.append(outputs[outputs < end], end)
-    parts, here = [], start
-    total = 0
-    for stop in stops:
-        n = max(1, int(np.ceil((stop - here) / (2.0 * step) - 1e-9)))
-        parts.append(here + (stop - here) * np.arange(1, n + 1) / n)
-        parts[-1][-1] = stop
-        total, here = total + n, float(stop)
-        if total >= count:
-            break
-    return np.concatenate(parts)[: max(count, 1)]
+    stops = np.append(outputs[(outputs > start) & (outputs < end)], end)
+    gaps = np.diff(stops, prepend=start)
+    counts = np.maximum(1, np.ceil(gaps / (2.0 * step) - 1e-9)).astype(np.int64)
+    reached = np.cumsum(counts)
+    kept = int(np.searchsorted(reached, count)) + 1
+    stops, gaps, counts, reached = stops[:kept], gaps[:kept], counts[:kept], reached[:kept]
+    place = np.arange(1, int(reached[-1]) + 1) - np.repeat(reached - counts, counts)
+    looks = np.repeat(stops - gaps, counts) + np.repeat(gaps, counts) * place / np.repeat(counts, counts)
+    looks[reached - 1] = stops
+    return np.asarray(looks[: max(count, 1)])
 
 
 def merged(looks: Vector, outputs: Vector) -> tuple[Vector, Vector]:

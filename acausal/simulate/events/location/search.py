@@ -266,7 +266,7 @@ class Search:
             first = self._first(way, asked, length) if self.solver.multistep else 0.0
             asked = replace(asked, first=first, patience=_KNOWN_STEPS)
         elif segment.step is not None:
-            count = max(1, int(looking.most(problem) * way.shrink))
+            count = max(1, int(looking.most(problem, fixed=True) * way.shrink))
             marks, times = looking.merged(looking.stepped(here, outputs, limit, segment.step, count), outputs)
             return marks, replace(asked, times=times)
         else:
