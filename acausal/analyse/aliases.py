@@ -298,7 +298,7 @@ class _Aliases:
 
     def finish(self) -> ReducedSystem:
         """Translate what is left into a pool with numbers of its own."""
-        self.users = _Users()  # the largest moment of compiling
+        self.users = _Users()  # not needed any more, and large
         pool = Pool()
         number: dict[int, int] = {}
         old = self.pool
@@ -333,6 +333,7 @@ class _Aliases:
             fresh(v)
             pool.derivative_of[number[x]] = number[v]
             pool.integral_of[number[v]] = number[x]
+        old.retire()  # the largest moment of compiling
         done = _translate(old, pool, reachable, {v: pool.var(n) for v, n in number.items()})
         for node, slope in slopes_old:
             if pool.nodes[done[node]][0] not in ("var", "const", "neg"):

@@ -9,6 +9,7 @@ compiled anew.
 from __future__ import annotations
 
 import threading
+from array import array
 from collections import OrderedDict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
@@ -49,7 +50,9 @@ def signature(flat: FlatSystem, formulation: str, wishes: Any = None) -> Signatu
         pool.n_variables,
         tuple(pool.integral_of.items()),
         tuple(pool.slope.items()),
-        tuple((e.left, e.right, e.component) for e in flat.equations),
+        array("q", [e.left for e in flat.equations]).tobytes(),
+        array("q", [e.right for e in flat.equations]).tobytes(),
+        tuple([e.component for e in flat.equations]),
         tuple(flat.variables),
         tuple((v > 0) - (v < 0) for v in flat.parameter_values),
         *(_frozen(getattr(flat, f.name)) for f in fields(flat) if f.name not in _APART),

@@ -47,7 +47,7 @@ _KIND, _SUFFIX = "models", ".model"
 _WORTH, _LEAST_NODES, _LONG, _MOST = 0.3, 4_000, 5, 100
 _SOURCES = ("language", "flatten", "structure", "numeric", "analyse", "reduce", "lower", "diagnose")
 _OWN = [["acausal", name] for name in (*_SOURCES, "errors")]
-_PLAIN = frozenset((int, float, str, bool, type(None)))
+_PLAIN = frozenset((int, float, str, bytes, bool, type(None)))
 # What is called while a model is read, beside classes of this package and components.
 _CALLED = {
     ("acausal.language.declarations.declaration", "_declaration_of"),
