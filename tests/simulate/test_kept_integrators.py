@@ -14,7 +14,7 @@ import acausal
 from acausal import Component, Equations, Real, der, fixed, parameter, quantity, variable, where
 from acausal.models.drilling_dynamic import ThickBlock
 from acausal.simulate.events.location.between import between
-from acausal.simulate.events.location.looks import growing
+from acausal.simulate.events.location.looks import growing, stepped
 
 
 @pytest.fixture
@@ -206,3 +206,12 @@ def test_integrators_of_the_same_equations_derive_them_once(monkeypatch: pytest.
     assert len(found) >= 2
     derived = [f.get_function("jacF").__hash__() for f in found]
     assert len(set(derived)) == 1
+
+
+@pytest.mark.parametrize("count", [1, 7, 500])
+def test_looks_of_fixed_steps_are_two_steps_apart_and_cut_none(count: int) -> None:
+    # each look is an output or lies on the steps between two of them, so that looking costs no further step
+    outputs, end = np.linspace(0.0, 1.0, 101)[1:], 1.0
+    assert stepped(0.0, outputs, end, 0.01, count).tolist() == outputs[:count].tolist()
+    closer = np.arange(1, 501) / 500  # outputs ten steps of 1 ms apart have four looks between them
+    assert stepped(0.0, outputs, end, 1e-3, count) == pytest.approx(closer[:count], rel=1e-14)
