@@ -86,7 +86,8 @@ class BoxStack(Component):
             P_source=self.m * _total([self.world.g_0 @ b.v_0 for b in self.boxes]),
             P_cutting=0.0,
             P_friction=self.scene.power_friction,
-            P_damping=self.scene.power_damping,
+            P_compliant=self.scene.power_normal,
+            E_compliant=self.scene.energy_normal,
             E=self.m / 2 * _total(moving) + self.scene.energy,
         )
 

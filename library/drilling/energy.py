@@ -11,18 +11,24 @@ class EnergyBalance(Component):
     A scene binds sums of its powers and energies to the inputs: `EnergyBalance(P_source=self.spindle.power +
     self.feed.power, P_cutting=self.drill.power_cutting, ...)`. What a mechanism conserves leaves `residual` at the
     error of the integration, so it is a check of the model (a force without its reaction shows) and of the tolerance.
+
+    Losses of compliances may be given as what goes in and what is stored, `P_compliant` and `E_compliant`: their power
+    is the rate of the difference, which need not be known then.
     """
 
     P_source: Real = signal_input(unit="W", doc="Power of all sources into the scene")
     P_cutting: Real = signal_input(unit="W", doc="Power of the cut")
     P_friction: Real = signal_input(unit="W", default=0.0, doc="Power lost by friction")
     P_damping: Real = signal_input(unit="W", default=0.0, doc="Power lost in dampers and compliances")
+    P_compliant: Real = signal_input(unit="W", default=0.0, doc="Power into compliances that lose a part of it")
+    E_compliant: Real = signal_input(unit="J", default=0.0, doc="Energy stored in these, which is a part of E too")
     E: Real = signal_input(unit="J", default=0.0, doc="Energy of all that moves and all springs")
 
     W_source: Real = signal_output(unit="J", doc="Work of the sources")
     W_cutting: Real = signal_output(unit="J", doc="Work of the cut")
     W_friction: Real = signal_output(unit="J", doc="Work lost by friction")
     W_damping: Real = signal_output(unit="J", doc="Work lost by damping")
+    W_given: Real = variable(unit="J", doc="Work lost by damping, and what compliances store")
     E_start: Real = variable(unit="J", doc="Energy at the start")
     residual: Real = signal_output(unit="J", doc="Work of the sources without a place: 0 but for integration errors")
 
@@ -30,7 +36,8 @@ class EnergyBalance(Component):
         yield der(self.W_source) == self.P_source
         yield der(self.W_cutting) == self.P_cutting
         yield der(self.W_friction) == self.P_friction
-        yield der(self.W_damping) == self.P_damping
+        yield der(self.W_given) == self.P_damping + self.P_compliant
+        yield self.W_damping == self.W_given - self.E_compliant
         yield der(self.E_start) == 0.0
         spent = self.W_cutting + self.W_friction + self.W_damping
         yield self.residual == self.W_source - spent - (self.E - self.E_start)

@@ -72,6 +72,8 @@ class ContactScene(Component):
     skin: float = structural(default=0.01, doc="Distance by which bounding boxes are inflated [m]")
 
     energy: Real = signal_output(unit="J", doc="Energy stored in all contacts")
+    energy_normal: Real = signal_output(unit="J", doc="Energy stored between surfaces")
+    power_normal: Real = signal_output(unit="W", doc="Power that normal forces between surfaces take: stored or lost")
     power_damping: Real = signal_output(unit="W", doc="Power lost by the damping of all contacts")
     power_friction: Real = signal_output(unit="W", doc="Power lost by friction in all contacts")
     power_cutting: Real = signal_output(unit="W", doc="Power of all cuts")
@@ -129,8 +131,9 @@ class ContactScene(Component):
             end, other_end = owner.ends(contact)
             yield connect(self._frame_of(owner), end)
             yield connect(self._frame_of(other), other_end)
-        for name in ("energy", "power_damping", "power_friction", "power_cutting"):
+        for name in ("energy", "power_normal", "power_damping", "power_friction", "power_cutting"):
             yield getattr(self, name) == self._sum(name)
+        yield self.energy_normal == self._sum("energy", "power_normal")
         for _, body in self.moving:
             if body.reach is not None:
                 yield from self._within(body, *body.reach)
@@ -148,12 +151,12 @@ class ContactScene(Component):
             f"{body.name} has left its reach, {tuple(low)} to {tuple(high)} m: what it can touch there was left out",
         )
 
-    def _sum(self, name: str) -> Expr:
-        """Sum over the contacts that have a quantity of this name."""
+    def _sum(self, name: str, *others: str) -> Expr:
+        """Sum over the contacts that have a quantity of this name, and the `others`."""
         total = as_expr(0.0)
         for pair, contact in self._present():
             for account in self.bodies[self.maker(*pair)].accounts(contact):
-                if hasattr(type(account), name):
+                if all(hasattr(type(account), n) for n in (name, *others)):
                     total = total + getattr(account, name)
         return total
 

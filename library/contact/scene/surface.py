@@ -50,8 +50,9 @@ class SurfaceContact(Component):
     The laws hold at each point of contact: four corners on the ground are four springs. Friction by bristles has one
     bristle per contact, bent by the mean velocity of sliding, weighted with the normal forces.
 
-    The work of all forces is accounted for: what the normal force takes is stored (`energy`) or damped
-    (`power_damping`), what friction takes is `power_friction`.
+    The work of all forces is accounted for: what the normal force takes (`power_normal`) is stored (`energy`) or damped
+    (`power_damping`), what friction takes is `power_friction`. Where points of contact change, `power_damping` needs
+    the rate of the stored energy, which is as long as the law: integrals are cheaper of `power_normal`.
     """
 
     frame_a: Frame = Frame()
@@ -68,6 +69,7 @@ class SurfaceContact(Component):
     F_N: Real = variable(unit="N", nominal=1e3, doc="Sum of the normal forces of all points")
     f_0: Real = variable(unit="N", shape=3, nominal=1e3, doc="Force on the body at frame_b, in world axes")
     energy: Real = variable(unit="J", doc="Energy stored in the contact")
+    power_normal: Real = variable(unit="W", doc="Power that the normal force takes, to be stored or lost")
     power_damping: Real = variable(unit="W", doc="Power lost by the damping of the normal force")
     power_fading: Real = variable(unit="W", doc="Part of power_damping that changing points of contact take")
     slip: Real = variable(unit="m/s", shape=3, doc="Mean velocity of sliding; with bristles only")
@@ -93,14 +95,11 @@ class SurfaceContact(Component):
         yield self.F_N == _total([load.pressed for load in loads])
         yield self.f_0 == axes @ _total([load.force for load in loads])
         yield self.energy == _total([load.energy for load in loads])
-        damping = _total([load.damping for load in loads])
+        elastic = _total([load.elastic for load in loads])
+        yield self.power_normal == _total([load.taken for load in loads])
         # Points that slide along edges and fade take energy with them, which the law does not know of.
-        yield self.power_fading == (
-            _total([load.elastic for load in loads]) - der(self.energy)
-            if any(p.share is not None for p in points)
-            else 0.0
-        )
-        yield self.power_damping == damping + self.power_fading
+        yield self.power_fading == (elastic - der(self.energy) if any(p.share is not None for p in points) else 0.0)
+        yield self.power_damping == self.power_normal - elastic + self.power_fading
         yield self.power_friction == _total([load.friction for load in loads])
         # Moments about one origin are one vector product per point; the rest is done once.
         moment = axes @ _total([cross(p.place, load.force) for p, load in zip(points, loads, strict=True)])
@@ -180,8 +179,8 @@ class SurfaceContact(Component):
             drag = drag + (held - point.normal * dot(held, point.normal)) * pressed
         if isinstance(self.friction, Hybrid):
             drag = self._held(self.friction, point.normal, slip) * pressed
-        damping, kept = (pressed - elastic) * rate, elastic * rate
-        return _Load(point.normal * pressed + drag, pressed, energy, damping, kept, dot(drag, slip))
+        taken, kept = pressed * rate, elastic * rate
+        return _Load(point.normal * pressed + drag, pressed, energy, taken, kept, dot(drag, slip))
 
     def _held(self, law: Hybrid, normal: Expr, slip: Expr) -> Expr:
         """Friction over the normal force at a point [1], vector in the plane of contact."""
@@ -214,13 +213,13 @@ class SurfaceContact(Component):
 class _Load:
     """What acts at one point: force on b [N] in its axes, its normal part [N], energy [J], and powers [W].
 
-    `damping` and `elastic` are the powers of the two parts of the normal force.
+    `taken` is the power of the normal force, `elastic` that of its part that the law stores.
     """
 
     force: Expr
     pressed: Expr
     energy: Expr
-    damping: Expr
+    taken: Expr
     elastic: Expr
     friction: Expr
 
