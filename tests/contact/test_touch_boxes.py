@@ -153,7 +153,7 @@ def test_a_tumbling_box_accounts_for_its_energy() -> None:
     """
     r = acausal.simulate(Tumbling(), stop_time=0.3, tolerance=1e-8, solver="idas")
     assert r["box.r_0"][-1][2] < 0.08
-    work = r.final("balance.W_source")
+    work = float(r.final("balance.W_source"))
     assert np.abs(r["balance.residual"]).max() < 1e-6 * work
     assert r["balance.W_damping"] == pytest.approx(r["by_rate.W_damping"], abs=1e-6 * work)
     assert r.final("balance.W_damping") > 0.1 * work
