@@ -45,7 +45,7 @@ class BoxStack(Component):
     scene: ContactScene = part()
     balance: EnergyBalance = part()
 
-    experiment: ClassVar[Experiment] = Experiment(stop_time=0.6, tolerance=1e-6, solver="idas")
+    experiment: ClassVar[Experiment] = Experiment(stop_time=0.6, tolerance=1e-6, solver="cvodes")
     figure: ClassVar[tuple[Panel, ...]] = (
         Panel(("boxes[0].r_0[2]", "boxes[2].r_0[2]", "boxes[4].r_0[2]"), title="Height of three boxes", unit="mm"),
         Panel(

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from acausal.lower.compiled import CompiledModel
 from acausal.simulate.equations.calls.quick import Quick
+from acausal.simulate.equations.calls.reused import Reused, pays
 from acausal.simulate.equations.factorisation import FEW, Factorisation, factorisation
 from acausal.simulate.native.equations import equations
 
@@ -33,6 +34,8 @@ _FORMS, _INTEGRATORS, _UNKNOWNS = 4, 128, 128_000
 _LARGEST_SHARED = 2000
 # What integrators derive from the equations, by CasADi's names.
 _DERIVED = "daeF", "jacF"
+# Those that ask for a Jacobian with every Newton matrix.
+_MULTISTEP = frozenset(("idas", "cvodes"))
 LARGEST = 1e100
 """Scaled rates and residuals beyond it are none."""
 UNIT = 2.0**20
@@ -66,6 +69,7 @@ class Numbered:
             self._columns = compiled.mapped(zeros)
         self._integrators: OrderedDict[tuple[Any, ...], Any] = OrderedDict()
         self._derived: OrderedDict[tuple[str, int, int], tuple[Any, dict[str, Any]]] = OrderedDict()
+        self._reused: dict[tuple[str, int, int], tuple[Any, Reused]] = {}
         self._slowed: dict[tuple[int, float], Any] = {}
         self._measured: dict[int, Any] = {}
         self._stretched: dict[int, Any] = {}
@@ -243,7 +247,13 @@ class Numbered:
         return self._stretched[key]
 
     def integrator(self, plugin: str, dae: Any, grid: Vector, settings: dict[str, Any]) -> Any:
-        """An integrator of `dae`, one of these equations in some form, from 0 over the times of `grid`."""
+        """An integrator of `dae`, one of these equations in some form, from 0 over the times of `grid`.
+
+        For one call: what is kept for its steps is forgotten here.
+        """
+        reused = self.reused(plugin, dae)
+        if reused is not None:
+            reused.begin()
         # a function has one memory that is its own: no two threads may share it
         key = plugin, dae.__hash__(), grid.tobytes(), repr(sorted(settings.items())), threading.get_ident()
         found = self._integrators.pop(key, None)
@@ -253,6 +263,11 @@ class Numbered:
         if len(self._integrators) > min(_INTEGRATORS, max(_UNKNOWNS // (self.n + self.nz), 1)):
             self._integrators.popitem(last=False)
         return found
+
+    def reused(self, plugin: str, dae: Any) -> Reused | None:
+        """The Jacobian of these integrators in this thread, where it serves several steps."""
+        found = self._reused.get((plugin, int(dae.__hash__()), threading.get_ident()))
+        return found and found[1]
 
     def _made(self, plugin: str, dae: Any, grid: Vector, settings: dict[str, Any]) -> Any:
         """A new integrator, with the equations and Jacobians that another one of this thread has derived.
@@ -267,6 +282,10 @@ class Numbered:
         # rootfinders inside of MX have a memory of their own
         if not shared and (self.nz == 0 or dae.is_a("SXFunction")):
             shared = {name: found.get_function(name) for name in _DERIVED if found.has_function(name)}
+            if plugin in _MULTISTEP and self.nz == 0 and pays(dae, shared["jacF"]):
+                shared["jacF"] = Reused(shared["jacF"])
+                self._reused[key] = dae, shared["jacF"]  # held as long as integrators that call it may be
+                found = ca.integrator("segment", plugin, dae, 0.0, grid.tolist(), {**options, "cache": shared})
         self._derived[key] = dae, shared  # a function that is held has its hash for itself
         if len(self._derived) > _FORMS:
             self._derived.popitem(last=False)

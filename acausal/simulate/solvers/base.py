@@ -239,6 +239,9 @@ class CasadiSolver:
             raise
         x, z = order.back(x, z)
         z = z if units is None else z * units
+        reused = numbered.reused(self.plugin, dae)
+        if reused is not None:
+            stats["n_jac"] = reused.evaluations
         native.interpreted(self.plugin, float(next((stats[k] for k in _EVALUATIONS if k in stats), 0.0)))
         return x, z, {**stats, "making": making}
 

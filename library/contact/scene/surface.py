@@ -173,14 +173,17 @@ class SurfaceContact(Component):
         if point.share is not None:
             pressed, energy, elastic = (point.share * q for q in (pressed, energy, elastic))
         slip = self._slip(point)
-        drag = slip * (pressed * self.friction.drag(smooth_speed(slip, _STILL)))
+        viscous = pressed * self.friction.drag(smooth_speed(slip, _STILL))
+        drag, rubbed = slip * viscous, viscous * dot(slip, slip)
         if isinstance(self.friction, LuGre):
             held = self.friction.held(self.bristle, der(self.bristle), slip)
             drag = drag + (held - point.normal * dot(held, point.normal)) * pressed
         if isinstance(self.friction, Hybrid):
             drag = self._held(self.friction, point.normal, slip) * pressed
+        if self.friction.has_bristle:
+            rubbed = dot(drag, slip)
         taken, kept = pressed * rate, elastic * rate
-        return _Load(point.normal * pressed + drag, pressed, energy, taken, kept, dot(drag, slip))
+        return _Load(point.normal * pressed + drag, pressed, energy, taken, kept, rubbed)
 
     def _held(self, law: Hybrid, normal: Expr, slip: Expr) -> Expr:
         """Friction over the normal force at a point [1], vector in the plane of contact."""
