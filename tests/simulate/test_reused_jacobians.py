@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import acausal
+from acausal import Result
 from acausal.models.contact_scenes import BoxStack
-from acausal.result import Result
 from acausal.simulate.equations.calls.reused import Reused
 
 
