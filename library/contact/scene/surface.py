@@ -99,7 +99,7 @@ class SurfaceContact(Component):
         yield self.power_normal == _total([load.taken for load in loads])
         # Points that slide along edges and fade take energy with them, which the law does not know of.
         yield self.power_fading == (elastic - der(self.energy) if any(p.share is not None for p in points) else 0.0)
-        yield self.power_damping == self.power_normal - elastic + self.power_fading
+        yield self.power_damping == _total([load.damping for load in loads]) + self.power_fading
         yield self.power_friction == _total([load.friction for load in loads])
         # Moments about one origin are one vector product per point; the rest is done once.
         moment = axes @ _total([cross(p.place, load.force) for p, load in zip(points, loads, strict=True)])
@@ -182,8 +182,8 @@ class SurfaceContact(Component):
             drag = self._held(self.friction, point.normal, slip) * pressed
         if self.friction.has_bristle:
             rubbed = dot(drag, slip)
-        taken, kept = pressed * rate, elastic * rate
-        return _Load(point.normal * pressed + drag, pressed, energy, taken, kept, rubbed)
+        taken, damping, kept = pressed * rate, (pressed - elastic) * rate, elastic * rate
+        return _Load(point.normal * pressed + drag, pressed, energy, taken, damping, kept, rubbed)
 
     def _held(self, law: Hybrid, normal: Expr, slip: Expr) -> Expr:
         """Friction over the normal force at a point [1], vector in the plane of contact."""
@@ -216,13 +216,14 @@ class SurfaceContact(Component):
 class _Load:
     """What acts at one point: force on b [N] in its axes, its normal part [N], energy [J], and powers [W].
 
-    `taken` is the power of the normal force, `elastic` that of its part that the law stores.
+    `taken` is the power of the normal force, `damping` and `elastic` are those of its two parts.
     """
 
     force: Expr
     pressed: Expr
     energy: Expr
     taken: Expr
+    damping: Expr
     elastic: Expr
     friction: Expr
 

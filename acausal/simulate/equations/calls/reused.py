@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 _REUSED = 5
 """Newton matrices in a row that are made of an older Jacobian; each serves seven steps between kinks."""
 # Instructions of a Jacobian, and how many times those of the rates, from which on it is most of the work.
-_LONG, _SHARE = 20_000, 8
+_LONG, _SHARE = 8_000, 8
 
 
 def pays(rates: Any, jacobian: Any) -> bool:
