@@ -283,8 +283,8 @@ class Numbered:
         if not shared and (self.nz == 0 or dae.is_a("SXFunction")):
             shared = {name: found.get_function(name) for name in _DERIVED if found.has_function(name)}
             if plugin in _MULTISTEP and self.nz == 0 and pays(dae, shared["jacF"]):
-                shared["jacF"] = Reused(shared["jacF"])
-                self._reused[key] = dae, shared["jacF"]  # held as long as integrators that call it may be
+                # one for all that call it, and held as long as they may be
+                _, shared["jacF"] = self._reused.setdefault(key, (dae, Reused(shared["jacF"])))
                 found = ca.integrator("segment", plugin, dae, 0.0, grid.tolist(), {**options, "cache": shared})
         self._derived[key] = dae, shared  # a function that is held has its hash for itself
         if len(self._derived) > _FORMS:
