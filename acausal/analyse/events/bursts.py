@@ -49,7 +49,8 @@ def may_burst(pool: Pool, number: int) -> bool:
     """Whether a node is of a kind that can be a burst."""
     op, *operands = pool.nodes[number]
     if op in ("div", "pow"):
-        return pool.nodes[operands[1 if op == "div" else 0]][0] not in ("const", "par")
+        fixed = operands[1 if op == "div" else 0]
+        return pool.nodes[fixed][0] not in ("const", "par") and not pool.is_constant(fixed)
     return op == "exp" or op in _STEPS
 
 
