@@ -106,14 +106,8 @@ def fit(
         record({**_content(found), "files": [] if picture is None else [str(picture)]})
         return
     _print(found)
-    if quiet:
-        return
-    for note in found.notes:
-        remark(f"note: {note}")
-    values = " ".join(f"--set {n}={v:.9g}" for n, v in found.parameters.items())
-    remark(f"run it: acausal simulate {model} {values}")
-    if picture is not None:
-        remark(f"wrote {picture}")
+    if not quiet:
+        _remark(found, model, picture)
 
 
 def _limits(texts: Sequence[str]) -> dict[str, tuple[float, float]]:
@@ -150,6 +144,15 @@ def _content(found: Fit) -> dict[str, Any]:
         "gradients": found.gradients,
         "notes": found.notes,
     }
+
+
+def _remark(found: Fit, model: str, picture: Path | None) -> None:
+    for note in found.notes:
+        remark(f"note: {note}")
+    values = " ".join(f"--set {n}={v:.9g}" for n, v in found.parameters.items())
+    remark(f"run it: acausal simulate {model} {values}")
+    if picture is not None:
+        remark(f"wrote {picture}")
 
 
 def _print(found: Fit) -> None:

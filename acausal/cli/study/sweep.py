@@ -151,10 +151,8 @@ def sweep(
                 start=starts_of(prepared.model, start),
             )
     except KeyboardInterrupt:
-        if shown.last is not None:
-            remark(
-                f"kept {shown.last.done} of {plural(shown.last.total, 'member')} in {file}: --resume goes on with it"
-            )
+        if (last := shown.last) is not None:
+            remark(f"kept {last.done} of {plural(last.total, 'member')} in {file}: --resume goes on with it")
         raise
     written = [file]
     if table_file is not None:

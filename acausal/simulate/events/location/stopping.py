@@ -248,6 +248,8 @@ class Stepper:
         self.library = compiled_program(regime, segment, plugin)
         self.first = segment.first
         self.counters: dict[str, float] = {}
+        # but for the time at which an interval begins, which comes last
+        self._numbers = regime.problem.numbers(segment.p, segment.x, segment.start)
         self.interpreted = 0.0
         self._integrators: dict[tuple[float, ...], Repeated] = {}
         if self.library is None:
@@ -263,7 +265,8 @@ class Stepper:
         problem, segment = self.regime.problem, self.segment
         n = problem.n_dynamic
         x0 = np.concatenate([after.x / problem.scale_x, [0.0, 0.0]])
-        numbers = problem.numbers(segment.p, segment.x, after.t)
+        numbers = self._numbers
+        numbers[-1] = after.t
         length = end - after.t
         if self.library is not None:
             p = np.concatenate([self._constants, numbers, band])
