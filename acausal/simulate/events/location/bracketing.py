@@ -107,8 +107,11 @@ def _cubic(p0: float, a: float, p1: float, b: float) -> tuple[float, float]:
 def _turns(p0: float, a: float, p1: float, b: float) -> list[float]:
     """Where that cubic is level inside (0, 1), in order."""
     square, cube = _cubic(p0, a, p1, b)
+    # a frozen mode may lead to numbers whose squares are none: the cubic is judged by its size
+    size = max(abs(square), abs(cube), abs(a), 1e-300)
+    square, cube, a = square / size, cube / size, a / size
     inside = square * square - 3 * a * cube
-    if inside <= 0.0:
+    if not inside > 0.0:
         return []
     q = -(square + np.copysign(inside**0.5, square))
     found = [q / (3 * cube) if cube else 2.0, a / q if q else 2.0]
