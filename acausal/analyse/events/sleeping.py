@@ -20,7 +20,7 @@ Kinks whose sides both move and that are no rates are not watched then, without 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,8 +59,16 @@ class Sleeping:
     """Relations that change in the middle of a burst (`acausal.analyse.events.bursts`)."""
     left: tuple[int, ...] = ()
     """Those that are too many to be watched."""
+    more: tuple[int, ...] = ()
+    """Middles of bursts that are too many."""
+    bursts: bool = False
+    """Whether there are bursts, whose traces are cut off (`acausal.analyse.bursts.without_traces`)."""
     numbers: tuple[int, ...] = ()
     """Numbers of the stretches of long tables, whose relations are watched (`acausal.analyse.events.table_stops`)."""
+
+    def without_bursts(self) -> Sleeping:
+        """The same with bursts that are not watched."""
+        return replace(self, middles=(), more=())
 
 
 def sleeping(solution: Solution, located: Iterable[int], discrete: frozenset[int]) -> Sleeping:
@@ -94,9 +102,9 @@ def sleeping(solution: Solution, located: Iterable[int], discrete: frozenset[int
     if len(found) > MOST:
         found = [n for n in found if n not in others]
     if len(found) <= MOST:
-        return Sleeping(tuple(found), middles, more)
+        return Sleeping(tuple(found), middles, (), more, bool(middles))
     kept = [n for n in found if n in rates or not choices][:MOST_PLAIN]
-    return Sleeping(tuple(kept), middles, (*(n for n in found if n not in set(kept)), *more))
+    return Sleeping(tuple(kept), middles, tuple(n for n in found if n not in set(kept)), more, bool(middles))
 
 
 def _relations(graph: _Graph, middles: Iterable[int], taken: set[bytes]) -> tuple[int, ...]:

@@ -147,7 +147,7 @@ def find_state_events(
     done = {**rewritten, **branches}
     branches |= guarded(pool, roots, done, _assigned(reduced), solution.definitions)
     done = {**rewritten, **branches}
-    if asleep.middles:
+    if asleep.bursts:
         branches |= without_traces(pool, roots, done)
     pool.rewrite(roots, pool.var, done)
     found = _conditions(pool, [done[r] for r in roots], set(time_events.relations), discrete)

@@ -17,7 +17,7 @@ from acausal.lower.compile import lower
 from acausal.lower.compiled import CompiledModel
 
 _Made = tuple[CompiledModel | None, str]
-_MADE: WeakKeyDictionary[CompiledModel, dict[tuple[int, ...], _Made]] = WeakKeyDictionary()
+_MADE: WeakKeyDictionary[CompiledModel, dict[tuple[tuple[int, ...], bool], _Made]] = WeakKeyDictionary()
 UNWATCHED_STEPS = 5000
 """No step is longer than this part of a run whose kinks are not all watched."""
 _KINKS = frozenset(("min", "max", "fabs", "noevent"))
@@ -35,22 +35,24 @@ def _bounded(steps: int) -> str:
     return f"no step is longer than 1/{steps} of the run instead, and what wakes for less may be passed"
 
 
-def with_watched(compiled: CompiledModel, relative: float) -> tuple[CompiledModel, tuple[str, ...]]:
+def with_watched(compiled: CompiledModel, relative: float, stops: bool = True) -> tuple[CompiledModel, tuple[str, ...]]:
     """The model for a solver that chooses its steps, at a relative tolerance, and notes; itself where nothing sleeps.
 
-    Made once for each, and for what of its tables the tolerance can tell.
+    Made once for each, and for what of its tables the tolerance can tell. Bursts are watched where something else is,
+    and the solver `stops` at guards by itself; otherwise what it hands over is searched for what it has passed over
+    (`acausal.simulate.driver.overlooked`).
     """
     made = _MADE.setdefault(compiled, {})
     numbers: tuple[int, ...] = ()
-    if _has_tables(compiled) or not made:  # without, it is the same for all tolerances
+    if _has_tables(compiled) or ((), stops) not in made:  # without, it is the same for all tolerances
         solution = compiled.solution
         pool = solution.structure.reduced.pool
         roots = [*(n for v, n in solution.definitions if v in solution.needed), *solution.residuals]
         if _has_tables(compiled):
             numbers = stretch_numbers(pool, roots, dict(solution.definitions), relative)
-        if numbers not in made:
-            made[numbers] = _watched(compiled, roots, numbers)
-    model, note = made[numbers]
+        if (numbers, stops) not in made:
+            made[numbers, stops] = _watched(compiled, roots, numbers, stops)
+    model, note = made[numbers, stops]
     return model or compiled, (note,) if note else ()
 
 
@@ -65,7 +67,7 @@ def _has_tables(compiled: CompiledModel) -> bool:
     return _TABLES[compiled]
 
 
-def _watched(compiled: CompiledModel, roots: Sequence[int], numbers: tuple[int, ...]) -> _Made:
+def _watched(compiled: CompiledModel, roots: Sequence[int], numbers: tuple[int, ...], stops: bool) -> _Made:
     solution = compiled.solution
     reduced = solution.structure.reduced
     pool = reduced.pool
@@ -73,8 +75,10 @@ def _watched(compiled: CompiledModel, roots: Sequence[int], numbers: tuple[int, 
     if any(pool.nodes[n][0] in _KINKS or may_burst(pool, n) for n in pool.reachable(roots)):
         located = *compiled.state_events.relations, *compiled.time_events.relations
         found = sleeping(solution, located, discrete_variables(reduced))
-        note = _left(compiled, found) if found.left else ""
-    if not found.watched and not found.middles and not numbers:
+        if not stops or (compiled.state_events.are_silent and not found.watched and not numbers):
+            found = found.without_bursts()
+        note = _left(compiled, found) if found.left or found.more else ""
+    if not found.watched and not found.bursts and not numbers:
         return None, note
     lowered = lower(solution, compiled.driven, replace(found, numbers=numbers))
     lowered = replace(lowered, selection=compiled.selection, recipe=compiled.recipe, start=compiled.start)
@@ -95,11 +99,12 @@ def _left(compiled: CompiledModel, found: Sleeping) -> str:
         ]
         return " against ".join(to_text(reduced.pool, n, name_of, _WIDTH) for n in inside)
 
-    texts = "; ".join(said(n) for n in found.left[:_NAMED])
-    more = f"; and {len(found.left) - _NAMED} more" if len(found.left) > _NAMED else ""
-    left, whole = len(found.left), len(found.left) + len(found.watched) + len(found.middles)
+    left = *found.left, *found.more
+    texts = "; ".join(said(n) for n in left[:_NAMED])
+    more = f"; and {len(left) - _NAMED} more" if len(left) > _NAMED else ""
+    whole = len(left) + len(found.watched) + len(found.middles)
     return (
-        f"AC414: {left} of {whole} kinks and bursts where rates may wake are too many to be watched ({texts}{more}): "
-        f"{_bounded(UNWATCHED_STEPS)}; locate those that matter by a relation without no_event, or give a max_step "
-        "that is shorter than what they are awake"
+        f"AC414: {len(left)} of {whole} kinks and bursts where rates may wake are too many to be watched "
+        f"({texts}{more}): {_bounded(UNWATCHED_STEPS)}; locate those that matter by a relation without no_event, or "
+        "give a max_step that is shorter than what they are awake"
     )

@@ -24,6 +24,7 @@ from acausal.simulate.delay.start import begin, opened
 from acausal.simulate.driver.agenda import Agenda, Source, known_instants, schedule
 from acausal.simulate.driver.driver import Driver
 from acausal.simulate.driver.hybrid import Hybrid
+from acausal.simulate.driver.overlooked import Overlooked
 from acausal.simulate.driver.smooth import Smooth
 from acausal.simulate.equations.kept import kept
 from acausal.simulate.equations.kinks import NONE, Kinks, kinks
@@ -139,7 +140,8 @@ class Run:
         self.why = self.why or reason
         notes: tuple[str, ...] = ()
         if not self.solver.fixed_step and opts.step is None and not self.traced:  # fixed steps sleep through nothing
-            watched = with_watched(self.compiled, opts.tolerance) if self.watches else (self.compiled, ())
+            plain, stops = self.compiled, self.solver.stops and not self.compiled.algebraic and not self.compiled.delays
+            watched = with_watched(plain, opts.tolerance, stops) if self.watches else (plain, ())
             self.compiled, notes = watched
             notes = notes if self.watches else (unwatched(self.least_steps),)
             if notes and opts.max_step is None:  # what sleeps wakes within a step, where its error is seen
@@ -243,7 +245,7 @@ class Run:
     def integrate(self, problem: Problem, segment: Segment) -> Piece:
         """The solver, whose failure is KeyboardInterrupt when Ctrl-C was its reason."""
         try:
-            piece = self.solver.integrate(problem, segment)
+            piece = Overlooked(self.solver.integrate)(problem, segment)
         except RuntimeError:
             self.interrupt.check()
             raise

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from acausal.simulate.driver.agenda import Place, Schedule, Stretch
 from acausal.simulate.driver.flight import Flight, can_fly
+from acausal.simulate.equations.arguments import arguments
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.guards import Moment
 from acausal.simulate.events.regime import Regime
@@ -192,8 +193,9 @@ class Smooth:
 
     def flight(self, schedule: Schedule) -> Flight | None:
         """How compiled code passes the segments by itself, if it can."""
-        # one segment is faster as it is, and can be passed in parts
-        if schedule.segments < 2 or not can_fly(self.problem, self.solver):
+        # one segment is faster as it is, and can be passed in parts; what is steep is looked at behind the solver
+        is_steep = arguments(self.problem.compiled) is not None
+        if schedule.segments < 2 or is_steep or not can_fly(self.problem, self.solver):
             return None
         return Flight(self.problem, self.recorder, schedule, self.template, self.span)
 

@@ -30,16 +30,16 @@ def between(nodes: Vector, values: Vector, times: Vector, allowed: Vector) -> tu
         How far each of the values may be off; shape (m, k).
     """
     count = min(_FINE, len(nodes))
-    fine, grown = _interpolated(nodes, values, times, count)
+    fine, grown = interpolated(nodes, values, times, count)
     exact = nodes[np.minimum(np.searchsorted(nodes, times), len(nodes) - 1)] == times
     if count < _FEWEST:
         return fine, np.asarray(exact)
-    coarse, _ = _interpolated(nodes, values, times, min(_COARSE, count - 1))
+    coarse, _ = interpolated(nodes, values, times, min(_COARSE, count - 1))
     good = (np.abs(fine - coarse) <= allowed).all(axis=1) & (grown <= _LARGEST)  # false for nan
     return fine, np.asarray(good | exact)
 
 
-def _interpolated(nodes: Vector, values: Vector, times: Vector, count: int) -> tuple[Vector, Vector]:
+def interpolated(nodes: Vector, values: Vector, times: Vector, count: int) -> tuple[Vector, Vector]:
     """Values by Lagrange's formula through the nearest nodes, and the sums of the sizes of its weights."""
     low = np.clip(np.searchsorted(nodes, times) - count // 2, 0, len(nodes) - count)
     chosen = low[:, None] + np.arange(count)

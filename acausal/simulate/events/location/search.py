@@ -53,8 +53,6 @@ _MANY, _PROGRESS = 100, 1e-6
 _PATIENCE, _ADVANCE = 20_000, 1e-4
 # Pieces of what is left where a stretch without guards needs more steps than one call of a solver may take.
 _FINER = 1000
-# A middle is another one where it is earlier by this share of the way to it.
-_AGAIN = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +134,6 @@ class _Way:
     since: float = 0.0
     steps: float = 0.0
     is_finer: bool = False
-    middle: float = np.inf
 
 
 class _NotDelivered(RuntimeError):
@@ -176,7 +173,7 @@ class Search:
         while True:
             here = way.segment.start
             ahead = max(8.0 * gap, _FARTHER * (here - segment.start), 1e-9 * self.span)
-            marks, asked = self._asked(way, min(end, here + ahead, way.middle))
+            marks, asked = self._asked(way, min(end, here + ahead))
             piece = self._tried(moment.regime, asked)
             count = piece.x.shape[1]
             if not count:
@@ -185,13 +182,6 @@ class Search:
             rows = np.arange(count) if asked.shares is not None else np.flatnonzero(np.isin(asked.times[:count], marks))
             seen = self._seen(way, asked, piece, rows)
             found = self._suspicion(way, seen, piece, rows)
-            if found is not None and found[1] and not way.closer and self._is_middle(way, seen, found[0]):
-                there, reached = self._middle(way, seen, found[0]), float(seen.times[found[0] + 1])
-                if there < way.middle - _AGAIN * min(way.middle - here, self.span):
-                    way.middle = there
-                    continue
-                self._accept(way, asked, piece, seen, int(np.searchsorted(asked.times, reached, side="right")))
-                return Arrival(reached, self._whole(way, reached, way.segment.x), way.segment.z)
             keep, closer = self._cleared(rows, count, piece), way.closer[:0]
             if found is not None:
                 row, passed = found
@@ -211,8 +201,6 @@ class Search:
             if found is None:
                 self._adapt(way, np.append(here, asked.times[rows]), piece)
             way.closer += closer
-            if way.segment.start >= way.middle:
-                way.middle = self._later(way)
             while way.closer and way.segment.start >= way.closer[-1][0]:
                 way.closer.pop()
                 self._rest(way, way.segment.start, way.segment.x, way.segment.z)
@@ -463,34 +451,6 @@ class Search:
             return True
         passed = seen.values[row + 1] < 0.0
         return not (float(seen.times[row]) == way.start.time and way.start.leaving[passed].all())
-
-    def _is_middle(self, way: _Way, seen: _Seen, row: int) -> bool:
-        """Whether all guards that are passed behind a row are middles of bursts.
-
-        A solver that was not stopped there has perhaps passed the burst, and what it tells before is of this step: the
-        same is solved again, up to the middle.
-        """
-        middles = self.guards.problem.compiled.state_events.middles
-        passed = np.flatnonzero(seen.values[row + 1] < 0.0).tolist()
-        return bool(middles) and all(way.moment.regime.owners[k][0] in middles for k in passed)
-
-    def _middle(self, way: _Way, seen: _Seen, row: int) -> float:
-        """Where the first of these is, but for the error of a polynomial."""
-        passed = np.flatnonzero(seen.values[row + 1] < 0.0).tolist()
-        here = float(seen.times[seen.here])
-        return max(min(self._root(seen, row, k) for k in passed), here + 4.0 * looking.resolution(here, self.span))
-
-    def _later(self, way: _Way) -> float:
-        """Where a middle is that was not reached where it was expected; inf where none is near."""
-        t, at = way.segment.start, replace(way.moment, x=way.segment.x, z=way.segment.z)
-        distances, rates, _ = self.guards.state(t, at)
-        middles = self.guards.problem.compiled.state_events.middles
-        ours = np.array([relation in middles for relation, _ in way.moment.regime.owners])
-        with np.errstate(divide="ignore", invalid="ignore"):
-            left = np.where(ours & (rates < 0.0), distances / -rates, np.inf)
-        step = float(left.min())
-        near = _DIVISION * (t - way.start.time)
-        return t + max(2.0 * step, 4.0 * looking.resolution(t, self.span)) if 0.0 <= step <= near else np.inf
 
     def _rests(self, way: _Way, seen: _Seen, row: int, piece: Piece, rows: NDArray[np.int64]) -> bool:
         """Whether all guards that are passed behind a row have come to rest there."""

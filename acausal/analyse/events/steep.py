@@ -1,0 +1,133 @@
+"""Functions that hardly change but in a narrow range of their argument, and what this argument is.
+
+`tanh`, `atan`, `exp`, high powers, and roots and quotients of squares with a floor: far from that range a rate that
+holds one is constant, and nothing bounds the step of a solver but its argument. The argument is smooth. What such a
+function does between two instants shows at their ends as long as its argument goes one way: it may come and go where
+the argument turns, and, of several steps in one rate, where one of these is in its middle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from acausal.flatten.pool import Pool
+from acausal.numeric.samples import SamplePoints
+
+_NAMED = frozenset(("tanh", "atan", "exp"))
+_KINKS = frozenset(("min", "max", "noevent"))
+_LARGE = 8.0
+# What changes by less than this factor at the points that the compiler samples wakes nothing.
+_FACTOR = 300.0
+_STEPS = frozenset(("tanh", "atan"))
+_THROUGH = frozenset(("add", "sub", "neg", "mul", "div", "sqrt", "pow"))
+_SUMS = frozenset(("add", "sub"))
+
+
+@dataclass(frozen=True)
+class Steep:
+    """Arguments of steep functions, as nodes, and of each the `kind` of function.
+
+    That is "tanh", "atan", "exp", or the exponent of a power; roots and denominators are powers. `middles` are nodes
+    that are zero where something happens: of a step its argument, of an argument that is even in w this w; each with
+    the place of its argument.
+    """
+
+    arguments: tuple[int, ...] = ()
+    kinds: tuple[str | float, ...] = ()
+    middles: tuple[tuple[int, int], ...] = ()
+
+
+def steep(pool: Pool, points: SamplePoints, reachable: Iterable[int], moves: Callable[[int], bool]) -> Steep:
+    """Those among the `reachable` nodes whose argument `moves` between events."""
+    found: dict[tuple[int, str | float], None] = {}
+    for number in reachable:
+        op, *operands = pool.nodes[number]
+        kind: str | float | None = None
+        argument = operands[-1 if op == "div" else 0] if operands else -1
+        if op in _NAMED:
+            kind = op
+        elif op in ("sqrt", "div") and _has_floor(pool, argument, moves) and _is_wide(points, argument):
+            kind = 0.5 if op == "sqrt" else -1.0
+        elif op == "pow" and not moves(operands[1]):
+            exponent = float(points.of(operands[1])[0])
+            is_floored = exponent < 1.0 and _has_floor(pool, argument, moves) and _is_wide(points, argument)
+            if exponent >= _LARGE or is_floored:
+                kind = exponent
+        if kind is not None and moves(argument):
+            found |= dict.fromkeys((n, kind) for n in _behind_kinks(pool, argument, moves))
+    middles = [
+        (w, place)
+        for place, (argument, kind) in enumerate(found)
+        for w in ([argument] if kind in _STEPS else _evens(pool, argument, moves))
+    ]
+    return Steep(tuple(n for n, _ in found), tuple(kind for _, kind in found), tuple(middles))
+
+
+def _evens(pool: Pool, number: int, moves: Callable[[int], bool]) -> list[int]:
+    """What an expression is an even function of, as far as its sums, products and roots show it."""
+    found, stack, seen = [], [number], set[int]()
+    while stack:
+        here = stack.pop()
+        op, *operands = pool.nodes[here]
+        if here in seen or not moves(here):
+            continue
+        seen.add(here)
+        if _is_even(pool, op, operands):
+            found.append(operands[0])
+        elif op in _THROUGH:
+            stack += operands
+    return found
+
+
+def _is_even(pool: Pool, op: str, operands: list[int]) -> bool:
+    if op == "mul":
+        return operands[0] == operands[1]
+    if op == "pow":
+        node = pool.nodes[operands[1]]
+        return node[0] == "const" and float(node[1]) % 2.0 == 0.0
+    return op in ("fabs", "cosh")
+
+
+def _behind_kinks(pool: Pool, number: int, moves: Callable[[int], bool]) -> list[int]:
+    """An argument, or the sides of `minimum` and `maximum` in it, of which one may be constant for long."""
+    found, stack = [], [number]
+    while stack:
+        here = stack.pop()
+        op, *operands = pool.nodes[here]
+        if op in _KINKS:
+            stack += [n for n in operands if moves(n)]
+        else:
+            found.append(here)
+    return found
+
+
+def _is_wide(points: SamplePoints, number: int) -> bool:
+    """Whether a sum of a floor and a square is a narrow valley: elsewhere it is by far larger."""
+    values = np.abs(points.everywhere(number))
+    values = values[np.isfinite(values)]
+    return bool(values.size and values.max() > _FACTOR * values.min())
+
+
+def _has_floor(pool: Pool, number: int, moves: Callable[[int], bool]) -> bool:
+    """Whether a sum holds a constant and an even power: w**2 + eps**2."""
+    stack, is_constant, is_even = [number], False, False
+    while stack:
+        here = stack.pop()
+        op, *operands = pool.nodes[here]
+        if not moves(here):
+            is_constant = True
+        elif op in _SUMS:
+            stack += operands
+        elif op == "mul":
+            if operands[0] == operands[1]:
+                is_even = True
+            else:
+                stack += [n for n in operands if moves(n)]
+        elif op == "div":
+            stack += [n for n in operands if moves(n)]
+        elif op == "pow" and not moves(operands[1]):
+            is_even = True
+    return is_constant and is_even

@@ -1,0 +1,401 @@
+"""Steps that pass over what a steep function does between their ends: found behind a solver, and solved again.
+
+A solver sees a rate where it evaluates it. `1 + tanh(k*(sin(w*t) - 0.999))` is zero but for a moment in each period;
+where no evaluation falls into that moment, nothing tells of it. But the argument of the function is smooth and is known
+wherever the solution is: what a solver hands over is searched for the instants at which such an argument turns, or a
+step is in its middle (`acausal.analyse.events.steep`), for between them nothing can come and go. There the solution that was
+handed over is asked whether it satisfies the equations; where it does not, it is integrated again up to that instant,
+which is the end of a step then, and from there on. If this leads back to the next row, nothing was overlooked.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.simulate.equations.arguments import Arguments, arguments
+from acausal.simulate.equations.kept import kept
+from acausal.simulate.equations.problem import Problem
+from acausal.simulate.events.location.between import interpolated
+from acausal.simulate.solvers.base import Piece, Segment, on_equations
+
+Vector = NDArray[np.float64]
+Truth = NDArray[np.bool_]
+Integrate = Callable[[Problem, Segment], Piece]
+# Rows of a piece at least, and at most where arguments are not resolved by fewer.
+_FEWEST, _MOST = 64, 200_000
+_FINER = 8
+# An argument is resolved where every other row tells the rows between to this share of its variation there.
+_SHARE = 0.2
+# Share of rows that may not be resolved: kinks, and what follows a start.
+_KINKS = 0.1
+# How far the equations may not be satisfied, and two solutions may be apart, in tolerances of the solver.
+_DEFECT, _SAME = 1.0, 10.0
+# A rate that is another by more than this share was not seen at all.
+_LARGE = 0.5
+_NODES = 8
+# How many rows before what was overlooked is awake may be at most.
+_BACK = 64
+# A function is told by the rows around where it is what they say to this share; less than nothing is none.
+_TOLD, _NOTHING, _FEW = 0.02, 1e-14, 4
+_TURNS = 15
+# How far beside such an instant a function is looked at too, in distances of rows.
+_BESIDE = 0.2
+# Points are one that are closer than this share of the rows around.
+_NEAR = 1e-6
+# What is solved at once behind what was overlooked, by how far that was; and how it grows.
+_BEHIND, _GROWTH = 2.0, 4.0
+
+
+@dataclass(frozen=True, eq=False)
+class Overlooked:
+    """Integrates as `solve` does, and again what it has passed over."""
+
+    solve: Integrate
+
+    def __call__(self, problem: Problem, segment: Segment) -> Piece:
+        """The solution at the times of a segment; RuntimeError when the solver cannot go on."""
+        known = arguments(problem.compiled) if problem.n_dynamic and segment.step is None else None
+        if known is None:
+            return self.solve(problem, segment)
+        return _Search(self.solve, problem, known).integrated(segment)
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """Points of one solution: the start of a segment, and what was handed over; shapes (n,), (nx, n) and (nz, n)."""
+
+    times: Vector
+    x: Vector
+    z: Vector
+
+
+@dataclass(frozen=True, eq=False)
+class _Search:
+    solve: Integrate
+    problem: Problem
+    known: Arguments
+
+    def integrated(self, segment: Segment) -> Piece:
+        """The segment, piece by piece once something was overlooked."""
+        parts: list[Piece] = []
+        asked, reach, whole = segment, np.inf, segment
+        while True:
+            piece, done = self._part(asked, reach)
+            parts.append(piece)
+            if done is None:
+                return _joined(parts)
+            here, x, z, length = done
+            later = whole.times[whole.times > here]
+            if not len(later):
+                return _joined(parts)
+            whole = replace(whole, start=here, times=later, x=x, z=z, shares=None, first=0.0)
+            reach = here + length
+            asked = whole
+
+    def _part(self, segment: Segment, reach: float) -> tuple[Piece, tuple[float, Vector, Vector, float] | None]:
+        """Rows of a segment up to the first that may be wrong, or up to `reach`; where it goes on, and how far."""
+        is_last = reach >= segment.times[-1]
+        inside = segment.times if is_last else segment.times[segment.times < reach]
+        wide = segment
+        if not is_last:
+            wide = replace(segment, times=np.append(inside, reach))
+        wide, piece = self._resolved(wide)
+        rows = _rows(wide, piece)
+        steps = int(piece.counters.get("steps", 0.0))
+        places, doubt = self._places(wide, rows, steps)
+        if doubt.any() and steps > len(rows.times) and wide.shares is None and not wide.partial:
+            wide = _finer(wide, 2 * steps)  # between rows that are farther apart than steps little is known
+            piece = self.solve(self.problem, wide)
+            rows = _rows(wide, piece)
+        times = rows.times[1:]
+        asked = np.isin(times, segment.times)
+        for low, high, points in self._suspects(wide, rows, places, doubt):
+            try:
+                again = self._through(wide, rows, low, high, points)
+            except RuntimeError:
+                continue
+            if self._is_same(wide, again.x[:, -1], rows.x[:, high]):
+                continue
+            keep = asked & (times <= rows.times[low])
+            first = Piece(piece.x[:, keep], piece.z[:, keep], piece.counters)
+            own = np.isin(rows.times[low + 1 : high + 1], segment.times)
+            second = Piece(again.x[:, own], again.z[:, own], again.counters)
+            here = float(rows.times[high])
+            gone = here - segment.start
+            return _joined([first, second]), (here, again.x[:, -1], again.z[:, -1], _BEHIND * gone)
+        found = Piece(piece.x[:, asked], piece.z[:, asked], piece.counters, piece.stopped)
+        if is_last or piece.stopped:
+            return found, None
+        return found, (reach, piece.x[:, -1], piece.z[:, -1], _GROWTH * (reach - segment.start))
+
+    def _resolved(self, segment: Segment) -> tuple[Segment, Piece]:
+        """A solution with rows so close that they tell how arguments go between them."""
+        wide = segment
+        if segment.shares is None and not segment.partial and len(segment.times) < _FEWEST:
+            wide = _finer(segment, _FEWEST)
+        while True:
+            piece = self.solve(self.problem, wide)
+            count = piece.x.shape[1]
+            if count < 2 * _NODES or self._are_resolved(wide, piece) or segment.partial:
+                return wide, piece
+            if len(wide.times) * _FINER > _MOST:
+                return wide, piece
+            wide = _finer(replace(wide, shares=None, first=0.0), _FINER * len(wide.times))
+
+    def _are_resolved(self, segment: Segment, piece: Piece) -> bool:
+        """Whether every other row tells the ones between."""
+        times = segment.times[: piece.x.shape[1]]
+        values = self._values(segment, times, piece.x, piece.z)[:, : len(self.known.kinds)]
+        found = interpolated(times[::2], values[::2], times[1:-1:2], 6)[0]
+        off = np.abs(found - values[1:-1:2])
+        moved = np.abs(np.diff(values, axis=0))
+        local = np.maximum(moved[:-1:2][: len(off)], moved[1::2][: len(off)])
+        size = np.abs(values).max(axis=0) * segment.tolerances.relative
+        return bool(((off > _SHARE * local + size).mean(axis=0) <= _KINKS).all())
+
+    def _values(self, segment: Segment, times: Vector, x: Vector, z: Vector) -> Vector:
+        p = self.problem
+        found = self.known.at(times, x, z, p.u, p.p, segment.p)
+        return np.where(np.isfinite(found), found, 0.0)
+
+    def _suspects(
+        self, segment: Segment, rows: _Rows, places: Vector, doubt: Truth
+    ) -> Iterator[tuple[int, int, Vector]]:
+        """Where equations are not satisfied: first and last row around, and the instants to stop at in between."""
+        if not len(places):
+            return
+        off, large = self._defects(segment, rows, places)
+        bad = np.unique(places[large | (off & doubt)])
+        k = np.clip(np.searchsorted(rows.times, bad, side="right"), 1, len(rows.times) - 1)
+        while len(bad):
+            high = int(k[0])
+            here = k == high
+            yield self._asleep(segment, rows, high), high, bad[here]
+            bad, k = bad[~here], k[~here]
+
+    def _asleep(self, segment: Segment, rows: _Rows, high: int) -> int:
+        """The last row that stands before all that may have been overlooked."""
+        before = np.arange(max(high - _BACK, 1), high)
+        if not len(before):
+            return 0
+        good = ~self._defects(segment, rows, rows.times[before])[0]
+        if good[0] or before[0] == 1:
+            k = int(before[np.flatnonzero(good)[-1]]) if good.any() else 0
+            return max(min(k, high - 1) - 1, 0)
+        return max(high - 2, 0)  # rows are never as good as that
+
+    def _places(self, segment: Segment, rows: _Rows, steps: float) -> tuple[Vector, Truth]:
+        """Instants at which an argument turns or is in the middle of a step; and where rows do not tell its function.
+
+        That is where the rows around, no closer than the `steps` that were taken are, say another value.
+        """
+        nothing = np.zeros(0), np.zeros(0, dtype=bool)
+        if len(rows.times) < _FEW:
+            return nothing
+        times, values = rows.times, self._values(segment, rows.times, rows.x, rows.z)
+        slopes, first = _slopes(times, values), len(self.known.kinds)
+        turns, columns = np.nonzero(slopes[:-1] * slopes[1:] < 0.0)
+        crossed, own = np.nonzero(values[:-1, first:] * values[1:, first:] < 0.0)
+        if not len(turns) and not len(crossed):
+            return nothing
+        own += first
+        found = _roots(times, slopes[:, columns], turns)
+        # a middle that turns may be zero on both sides of this
+        inside = np.flatnonzero(columns >= first)
+        k, j, there = turns[inside], columns[inside], found[inside]
+        top = interpolated(times, values, there, min(_NODES, len(times)))[0][np.arange(len(j)), j]
+        both = (top * values[k, j] < 0.0) & (top * values[k + 1, j] < 0.0)
+        k, j, there, top = k[both], j[both], there[both], top[both]
+        sides = (
+            _roots(times, values[:, own], crossed),
+            _roots(times, values[:, j], k, end=(there, top)),
+            _roots(times, values[:, j], k, begin=(there, top)),
+        )
+        found, columns = np.concatenate([found, *sides]), np.concatenate([columns, own, j, j])
+        doubt = self._are_doubtful(times, values[:, :first], steps, found, self.known.owners[columns])
+        order = np.argsort(found)
+        return found[order], doubt[order]
+
+    def _are_doubtful(
+        self, times: Vector, values: Vector, steps: float, found: Vector, columns: NDArray[np.int64]
+    ) -> Truth:
+        """Whether the values of functions at these instants are others than the rows say that are as far as steps."""
+        apart = max(1, round(len(times) / max(steps, 1.0)))
+        some = np.unique(np.append(np.arange(0, len(times), apart), len(times) - 1))
+        known, k = self.known.heights(values[some]), np.arange(len(found))
+        place = np.clip(np.searchsorted(times[some], found), 1, len(some) - 1)
+        gap = times[some][place] - times[some][place - 1]
+        doubt = np.zeros(len(found), dtype=bool)
+        for share in (0.0, -_BESIDE, _BESIDE):  # in its middle a step is what the rows around it say by symmetry
+            at = np.clip(found + share * gap, times[0], times[-1])
+            here = interpolated(times, values, at, min(_NODES, len(times)))[0]
+            there, told = self.known.heights(here)[k, :, columns], _told(times[some], known, at, columns)
+            doubt |= (np.abs(there - told) > _TOLD * np.abs(there) + _NOTHING).any(axis=1)
+        return doubt
+
+    def _defects(self, segment: Segment, rows: _Rows, places: Vector) -> tuple[Truth, Truth]:
+        """Whether the solution between rows does not satisfy its equations at some places, and whether not at all."""
+        p, n = self.problem, self.problem.n_dynamic
+        k = np.clip(np.searchsorted(rows.times, places), 1, len(rows.times) - 1)
+        width = rows.times[k] - rows.times[k - 1]
+        both = np.vstack([rows.x, rows.z]).T
+        near = 0.01 * width
+        count = min(_NODES, len(rows.times))
+        at, before, after = (interpolated(rows.times, both, places + d, count)[0] for d in (0.0 * near, -near, near))
+        slope = (after - before)[:, :n] / (2.0 * near[:, None])
+        x, z = at[:, : len(rows.x)].T, at[:, len(rows.x) :].T
+        if len(z):
+            try:
+                z = on_equations(p, replace(segment, times=places), x, z)
+            except RuntimeError:
+                return np.ones(len(places), dtype=bool), np.zeros(len(places), dtype=bool)
+        rates = kept(p.compiled).rhs.many(places[:, None], x.T, z.T, p.u, p.p, segment.p)[:, :n]
+        allowed = segment.tolerances.of(x[:n].T, p.scale_x)
+        off = np.abs(rates - slope)
+        is_off = ~(off * width[:, None] <= _DEFECT * allowed)
+        is_large = is_off & ~(off <= _LARGE * np.maximum(np.abs(rates), np.abs(slope)))
+        return np.asarray(is_off.any(axis=1)), np.asarray(is_large.any(axis=1))
+
+    def _through(self, segment: Segment, rows: _Rows, low: int, high: int, points: Vector) -> Piece:
+        """Rows behind `low` up to `high`, integrated with a step that ends at each of some points."""
+        own = rows.times[low + 1 : high + 1]
+        here, x, z = float(rows.times[low]), rows.x[:, low], rows.z[:, low]
+        parts: list[Piece] = []
+        for stop in _apart(points, np.append(here, own)):
+            times = own[(own > here) & (own < stop)]
+            asked = replace(segment, start=here, times=np.append(times, stop), x=x, z=z, shares=None, first=0.0)
+            piece = self.solve(self.problem, replace(asked, partial=False, patience=None))
+            keep = np.isin(asked.times, own)
+            parts.append(Piece(piece.x[:, keep], piece.z[:, keep], piece.counters))
+            here, x, z = stop, piece.x[:, -1], piece.z[:, -1]
+        return _joined(parts)
+
+    def _is_same(self, segment: Segment, a: Vector, b: Vector) -> bool:
+        n = self.problem.n_dynamic
+        allowed = _SAME * segment.tolerances.of(np.maximum(np.abs(a[:n]), np.abs(b[:n])), self.problem.scale_x)
+        return bool((np.abs(a - b)[:n] <= allowed).all())
+
+
+def _rows(segment: Segment, piece: Piece) -> _Rows:
+    """The start of a segment and what was handed over of it."""
+    times = np.append(segment.start, segment.times[: piece.x.shape[1]])
+    return _Rows(times, np.column_stack([segment.x, piece.x]), np.column_stack([segment.z, piece.z]))
+
+
+def _finer(segment: Segment, count: int) -> Segment:
+    """The same with so many rows at least, at distances that are no multiples of each other."""
+    parts = max(1, -(-count // (2 * len(segment.times))))
+    ends = np.append(segment.start, segment.times)
+    even = ends[:-1, None] + np.diff(ends)[:, None] * np.arange(1, parts + 1) / parts
+    gap = np.diff(ends)[:, None] / parts
+    between = even - 0.382 * gap
+    return replace(segment, times=np.unique(np.concatenate([segment.times, even.ravel(), between.ravel()])))
+
+
+def _apart(points: Vector, rows: Vector) -> list[float]:
+    """Points between rows and the last row, ascending; a point that is all but at a row is this row."""
+    nearest = rows[np.abs(points[:, None] - rows).argmin(axis=1)]
+    moved = np.where(np.abs(points - nearest) < _NEAR * (rows[-1] - rows[0]), nearest, points)
+    found: list[float] = []
+    for stop in np.unique(np.append(moved, rows[-1])).tolist():
+        if stop - (found[-1] if found else rows[0]) >= _NEAR * (rows[-1] - rows[0]):
+            found.append(stop)
+    return found
+
+
+def _slopes(times: Vector, values: Vector) -> Vector:
+    """Slopes of values at all of their times, by the polynomials through the nearest five; shape of the values."""
+    count = min(5, len(times))
+    low = np.clip(np.arange(len(times)) - count // 2, 0, len(times) - count)
+    near = low[:, None] + np.arange(count)
+    gaps = times[near][:, :, None] - times[near][:, None, :]
+    same = np.arange(count)
+    scale = times[near[:, -1]] - times[near[:, 0]]
+    gaps /= scale[:, None, None]
+    gaps[:, same, same] = 1.0
+    inverse = np.prod(gaps, axis=2)
+    own = np.arange(len(times)) - low
+    away = (times[:, None] - times[near]) / scale[:, None]
+    away[np.arange(len(times)), own] = 1.0
+    with np.errstate(divide="ignore", invalid="ignore"):  # rows behind a start are 1e-15 of the others apart
+        weights = np.nan_to_num(inverse[np.arange(len(times)), own][:, None] / inverse / away, posinf=0.0, neginf=0.0)
+    weights[np.arange(len(times)), own] = 0.0
+    return np.asarray(np.einsum("nc,nck->nk", weights, values[near] - values[:, None]) / scale[:, None])
+
+
+def _told(times: Vector, values: Vector, found: Vector, columns: NDArray[np.int64]) -> Vector:
+    """What cubics through four rows around say of columns of values at some instants, shape (n, 2).
+
+    Without a row that is all but there, as it may happen to stand where a function is awake.
+    """
+    if len(times) < _FEW + 1:
+        return np.asarray(values[np.zeros(len(found), dtype=np.int64), :, columns])
+    low = np.clip(np.abs(times[:, None] - found).argmin(axis=0) - _FEW // 2, 0, len(times) - _FEW - 1)
+    near = low[:, None] + np.arange(_FEW + 1)
+    away = found[:, None] - times[near]
+    nearest = np.abs(away).min(axis=1)
+    is_there = nearest < _BESIDE * (times[near[:, -1]] - times[near[:, 0]]) / _FEW
+    left = np.where(is_there, np.abs(away).argmin(axis=1), np.abs(away).argmax(axis=1))
+    near = near[np.arange(_FEW + 1) != left[:, None]].reshape(-1, _FEW)
+    nodes = times[near]
+    gaps = nodes[:, :, None] - nodes[:, None, :]
+    parts = np.repeat((found[:, None] - nodes)[:, None, :], _FEW, axis=1)
+    gaps[:, np.arange(_FEW), np.arange(_FEW)] = parts[:, np.arange(_FEW), np.arange(_FEW)] = 1.0
+    weights = np.prod(parts / gaps, axis=2)
+    return np.asarray(np.einsum("nc,ncs->ns", weights, values[near, :, columns[:, None]]))
+
+
+def _roots(
+    times: Vector,
+    values: Vector,
+    rows: NDArray[np.intp],
+    begin: tuple[Vector, Vector] | None = None,
+    end: tuple[Vector, Vector] | None = None,
+) -> Vector:
+    """Where columns j of values are zero behind `rows[j]`, where they change their sign; shape (columns,).
+
+    Not from the row but from `begin`, or not to the next row but to `end`: times, and values there.
+    """
+    count, own = min(_NODES, len(times)), np.arange(len(rows))
+    low = np.clip(rows + 1 - count // 2, 0, len(times) - count)
+    near = low[:, None] + np.arange(count)
+    origin, width = times[rows], times[rows + 1] - times[rows]
+    nodes = (times[near] - origin[:, None]) / width[:, None]
+    known = values[near, own[:, None]]
+    gaps = nodes[:, :, None] - nodes[:, None, :]
+    gaps[:, np.arange(count), np.arange(count)] = 1.0
+    weights = known / np.prod(gaps, axis=2)
+
+    def at(s: Vector) -> Vector:
+        away = s[:, None] - nodes
+        away[away == 0.0] = 1e-300
+        return np.asarray(np.prod(away, axis=1) * (weights / away).sum(axis=1))
+
+    a, at_a = np.zeros(len(rows)), values[rows, own]
+    b, at_b, s = np.ones(len(rows)), values[rows + 1, own], a
+    if begin is not None:
+        a, at_a = (begin[0] - origin) / width, begin[1]
+    if end is not None:
+        b, at_b = (end[0] - origin) / width, end[1]
+    for turn in range(_TURNS):
+        # a secant, and every third time the middle
+        s = 0.5 * (a + b) if turn % 3 == 2 else a + (b - a) * at_a / np.where(at_a == at_b, np.inf, at_a - at_b)
+        here = at(s)
+        same = here * at_a > 0.0
+        a, at_a = np.where(same, s, a), np.where(same, here, 0.5 * at_a)
+        b, at_b = np.where(same, b, s), np.where(same, 0.5 * at_b, here)
+    return np.asarray(origin + s * width)
+
+
+def _joined(parts: list[Piece]) -> Piece:
+    counters: dict[str, float] = {}
+    for part in parts:
+        for name, n in part.counters.items():
+            counters[name] = counters.get(name, 0.0) + n
+    return Piece(
+        np.hstack([p.x for p in parts]), np.hstack([p.z for p in parts]), counters, parts[-1].stopped if parts else ""
+    )

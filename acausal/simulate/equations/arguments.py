@@ -1,0 +1,93 @@
+"""Arguments of steep functions in the equations of a model, as one function of its variables."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from weakref import WeakKeyDictionary
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.analyse.events.state_events import discrete_variables
+from acausal.analyse.events.steep import steep
+from acausal.flatten.pool import LEAVES, Pool
+from acausal.lower.compiled import CompiledModel
+from acausal.lower.symbols import Symbols
+from acausal.simulate.equations.calls.quick import Narrow
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Arguments:
+    """Arguments of k steep functions, their kinds (`acausal.analyse.events.steep`), and then their middles.
+
+    `owners` are the arguments that these columns belong to, first each to itself.
+    """
+
+    function: Narrow
+    kinds: tuple[str | float, ...]
+    owners: NDArray[np.int64]
+
+    def at(self, times: Vector, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector) -> Vector:
+        """All of them at n instants; states and algebraic variables have shapes (nx, n) and (nz, n)."""
+        return self.function.many(times[:, None], x.T, z.T, u, p, m)
+
+    def heights(self, values: Vector) -> Vector:
+        """What the functions are above both of their ends at such values; shape (n, 2, k)."""
+        found = np.zeros((len(values), 2, len(self.kinds)))
+        for j, kind in enumerate(self.kinds):
+            own = values[:, j]
+            with np.errstate(all="ignore"):
+                if kind == "tanh":
+                    found[:, :, j] = np.stack([1.0 / (1.0 + np.exp(-2.0 * s * own)) for s in (1.0, -1.0)], axis=1)
+                elif kind == "atan":
+                    found[:, :, j] = np.stack([0.5 + np.arctan(s * own) / np.pi for s in (1.0, -1.0)], axis=1)
+                elif kind == "exp":
+                    found[:, 0, j] = np.exp(own)
+                else:
+                    found[:, 0, j] = np.abs(own) ** float(kind)
+        return np.nan_to_num(found)
+
+
+_MADE: WeakKeyDictionary[CompiledModel, Arguments | None] = WeakKeyDictionary()
+
+
+def arguments(compiled: CompiledModel) -> Arguments | None:
+    """Those of a model; None where no rate depends on such a function."""
+    if compiled not in _MADE:
+        _MADE[compiled] = _made(compiled)
+    return _MADE[compiled]
+
+
+def _made(compiled: CompiledModel) -> Arguments | None:
+    solution = compiled.solution
+    pool = solution.structure.reduced.pool
+    roots = [*(n for v, n in solution.definitions if v in solution.needed), *solution.residuals]
+    moving = _Moving(pool, discrete_variables(solution.structure.reduced))
+    found = steep(pool, solution.structure.points, pool.reachable(roots), moving)
+    if not found.arguments:
+        return None
+    symbols = Symbols(compiled)
+    builder = symbols.builder(compiled)
+    builder.define(solution.definitions, compiled.rewritten)
+    nodes = *found.arguments, *(w for w, _ in found.middles)
+    column = builder.column([builder.replaced(n) for n in nodes])
+    owners = [*range(len(found.arguments)), *(place for _, place in found.middles)]
+    return Arguments(Narrow("arguments", symbols.inputs, ca.densify(column)), found.kinds, np.array(owners))
+
+
+class _Moving:
+    """Whether a node changes between events."""
+
+    def __init__(self, pool: Pool, discrete: frozenset[int]) -> None:
+        self._pool, self._discrete = pool, discrete
+        self._known: dict[int, bool] = {}
+
+    def __call__(self, number: int) -> bool:
+        for n in self._pool.reachable([number], self._known):
+            op, *rest = self._pool.nodes[n]
+            moving = (op == "var" and rest[0] not in self._discrete) or op == "time"
+            self._known[n] = moving or (op not in LEAVES and any(self._known[c] for c in rest))
+        return self._known[number]
