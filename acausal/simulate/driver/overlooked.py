@@ -3,8 +3,8 @@
 A solver sees a rate where it evaluates it. `1 + tanh(k*(sin(w*t) - 0.999))` is zero but for a moment in each period;
 where no evaluation falls into that moment, nothing tells of it. But the argument of the function is smooth and is known
 wherever the solution is: what a solver hands over is searched for the instants at which such an argument turns, or a
-step is in its middle (`acausal.analyse.events.steep`), for between them nothing can come and go. There the solution that was
-handed over is asked whether it satisfies the equations; where it does not, it is integrated again up to that instant,
+step is in its middle (`acausal.analyse.events.steep`), for between them nothing can come and go. There the solution
+that was handed over is asked whether it satisfies the equations; where it does not, it is integrated again up to that instant,
 which is the end of a step then, and from there on. If this leads back to the next row, nothing was overlooked.
 """
 
@@ -293,7 +293,7 @@ def _finer(segment: Segment, count: int) -> Segment:
     even = ends[:-1, None] + np.diff(ends)[:, None] * np.arange(1, parts + 1) / parts
     gap = np.diff(ends)[:, None] / parts
     between = even - 0.382 * gap
-    return replace(segment, times=np.unique(np.concatenate([segment.times, even.ravel(), between.ravel()])))
+    return replace(segment, times=np.unique(np.concatenate([segment.times, even[:, :-1].ravel(), between.ravel()])))
 
 
 def _apart(points: Vector, rows: Vector) -> list[float]:
@@ -368,12 +368,13 @@ def _roots(
     known = values[near, own[:, None]]
     gaps = nodes[:, :, None] - nodes[:, None, :]
     gaps[:, np.arange(count), np.arange(count)] = 1.0
-    weights = known / np.prod(gaps, axis=2)
+    with np.errstate(divide="ignore", invalid="ignore"):  # rows behind a start are 1e-15 of the others apart
+        weights = known / np.prod(gaps, axis=2)
 
     def at(s: Vector) -> Vector:
         away = s[:, None] - nodes
         away[away == 0.0] = 1e-300
-        return np.asarray(np.prod(away, axis=1) * (weights / away).sum(axis=1))
+        return np.nan_to_num(np.prod(away, axis=1) * (weights / away).sum(axis=1))
 
     a, at_a = np.zeros(len(rows)), values[rows, own]
     b, at_b, s = np.ones(len(rows)), values[rows + 1, own], a
