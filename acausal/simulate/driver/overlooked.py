@@ -4,8 +4,8 @@ A solver sees a rate where it evaluates it. `1 + tanh(k*(sin(w*t) - 0.999))` is 
 where no evaluation falls into that moment, nothing tells of it. But the argument of the function is smooth and is known
 wherever the solution is: what a solver hands over is searched for the instants at which such an argument turns, or a
 step is in its middle (`acausal.analyse.events.steep`), for between them nothing can come and go. There the solution
-that was handed over is asked whether it satisfies the equations; where it does not, it is integrated again up to that instant,
-which is the end of a step then, and from there on. If this leads back to the next row, nothing was overlooked.
+that was handed over is asked whether it satisfies the equations; where it does not, it is integrated again up to that
+instant, which is the end of a step then, and from there on. If this leads back to the next row, nothing was overlooked.
 """
 
 from __future__ import annotations
@@ -42,6 +42,7 @@ _BACK = 64
 # A function is told by the rows around where it is what they say to this share; less than nothing is none.
 _TOLD, _NOTHING, _FEW = 0.02, 1e-14, 4
 _TURNS = 15
+_ONE = 1e-13
 # How far beside such an instant a function is looked at too, in distances of rows.
 _BESIDE = 0.2
 # Points are one that are closer than this share of the rows around.
@@ -111,7 +112,7 @@ class _Search:
             wide = _finer(wide, 2 * steps)  # between rows that are farther apart than steps little is known
             piece = self.solve(self.problem, wide)
             rows = _rows(wide, piece)
-        times = rows.times[1:]
+        times = wide.times[: piece.x.shape[1]]
         asked = np.isin(times, segment.times)
         for low, high, points in self._suspects(wide, rows, places, doubt):
             try:
@@ -283,7 +284,10 @@ class _Search:
 def _rows(segment: Segment, piece: Piece) -> _Rows:
     """The start of a segment and what was handed over of it."""
     times = np.append(segment.start, segment.times[: piece.x.shape[1]])
-    return _Rows(times, np.column_stack([segment.x, piece.x]), np.column_stack([segment.z, piece.z]))
+    # instants that are one to rounding tell nothing of what is between them
+    keep = np.append(True, np.diff(times) > _ONE * np.abs(times[-1] - times[0]))
+    x, z = np.column_stack([segment.x, piece.x]), np.column_stack([segment.z, piece.z])
+    return _Rows(times[keep], x[:, keep], z[:, keep])
 
 
 def _finer(segment: Segment, count: int) -> Segment:
@@ -374,7 +378,7 @@ def _roots(
     def at(s: Vector) -> Vector:
         away = s[:, None] - nodes
         away[away == 0.0] = 1e-300
-        return np.nan_to_num(np.prod(away, axis=1) * (weights / away).sum(axis=1))
+        return np.asarray(np.nan_to_num(np.prod(away, axis=1) * (weights / away).sum(axis=1)))
 
     a, at_a = np.zeros(len(rows)), values[rows, own]
     b, at_b, s = np.ones(len(rows)), values[rows + 1, own], a
