@@ -16,6 +16,7 @@ from acausal.analyse.blocks.solve import Solution
 from acausal.analyse.delays import Delays
 from acausal.analyse.events.bursts import without_traces
 from acausal.analyse.events.domains import guarded
+from acausal.analyse.events.resting import at_their_kinks
 from acausal.analyse.events.sleeping import Sleeping
 from acausal.analyse.events.time_events import TimeEvents
 from acausal.errors import Span, StructureError
@@ -143,7 +144,9 @@ def find_state_events(
     # what a `when` computes is computed at its instants only: a quantiser with a clock is no event at each of its steps
     values = {v for c in clauses for _, v in c.actions}
     steps = set(_visible(pool, [*(n for n in own if n not in values), *inside]))
-    branches = _jumps(pool, _visible(pool, roots), steps, discrete, rewritten)
+    visible = _visible(pool, roots)
+    branches = at_their_kinks(pool, solution.structure.points, visible, solution.definitions, dict(rewritten))
+    branches |= _jumps(pool, [*visible, *_visible(pool, branches.values())], steps, discrete, {**rewritten, **branches})
     done = {**rewritten, **branches}
     branches |= guarded(pool, roots, done, _assigned(reduced), solution.definitions)
     done = {**rewritten, **branches}

@@ -10,6 +10,7 @@ from acausal.analyse.events.bursts import may_burst
 from acausal.analyse.events.sleeping import Sleeping, sleeping
 from acausal.analyse.events.state_events import discrete_variables
 from acausal.analyse.events.table_stops import stretch_numbers
+from acausal.flatten.pool import RELATIONS
 from acausal.flatten.text import to_text
 from acausal.language.expressions.external import Call
 from acausal.language.expressions.lookup import Lookup
@@ -73,7 +74,8 @@ def _watched(compiled: CompiledModel, roots: Sequence[int], numbers: tuple[int, 
     pool = reduced.pool
     found, note = Sleeping(), ""
     if any(pool.nodes[n][0] in _KINKS or may_burst(pool, n) for n in pool.reachable(roots)):
-        located = *compiled.state_events.relations, *compiled.time_events.relations
+        split = [n for n in compiled.state_events.rewritten if pool.nodes[n][0] in RELATIONS]
+        located = *compiled.state_events.relations, *compiled.time_events.relations, *split
         found = sleeping(solution, located, discrete_variables(reduced))
         if not stops or (compiled.state_events.are_silent and not found.watched and not numbers):
             found = found.without_bursts()

@@ -1,0 +1,198 @@
+"""Relations of what rests on its kink: `maximum(k*u, 0) > 0` becomes `u > 0 and k*u > 0`.
+
+The instant of a relation is a zero of the difference of its sides. Where this is constant beyond a kink of `minimum`,
+`maximum`, `fabs` or a choice below `no_event`, it reaches zero and does not pass it: the relation changes, and no sign.
+Such a relation is split at its kink, whose place is a relation then: on each side stands what the kink is there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from acausal.flatten.pool import LEAVES, RELATIONS, Pool
+from acausal.language.expressions.external import Call
+from acausal.numeric.evaluate import Samples
+from acausal.numeric.samples import SamplePoints
+
+_MOST = 4
+"""Kinks one within the other at which a relation is split."""
+_SAME = 1e-12
+_OTHER = frozenset(("pre", "sample", "initial", "terminal", "infinitesimal"))
+_TURNED = {"gt": "lt", "lt": "gt", "ge": "le", "le": "ge"}
+_PLAIN = frozenset(("min", "max", "fabs"))
+_KINKS = _PLAIN | {"where"}
+
+
+def at_their_kinks(
+    pool: Pool,
+    points: SamplePoints,
+    visible: Iterable[int],
+    definitions: Sequence[tuple[int, int]],
+    done: dict[int, int],
+) -> dict[int, int]:
+    """Images of the `visible` relations that rest beyond a kink; `done` has images of other nodes and gets these."""
+    found: dict[int, int] = {}
+    split = _Split(pool, points, definitions)
+    for number in visible:
+        if pool.nodes[number][0] in RELATIONS and number not in done:
+            image = split.image(number)
+            if image != number:
+                found[number] = done[number] = image
+    return found
+
+
+class _Split:
+    """Relations of one model, and what their variables are."""
+
+    def __init__(self, pool: Pool, points: SamplePoints, definitions: Sequence[tuple[int, int]]) -> None:
+        self.pool, self.points = pool, points
+        self.definitions = definitions
+        self.defined = dict(definitions)
+        self._known: dict[int, int] = {}
+        self._of: dict[int, int] = {}
+        for v, node in definitions:  # in the order of evaluation
+            self._of[v] = self._holds(node)
+
+    def _holds(self, root: int) -> int:
+        """1 for a node with a kink somewhere below, 0 for none, 2 for one with what is computed elsewhere."""
+        nodes, known = self.pool.nodes, self._known
+        for number in self.pool.reachable([root], known):
+            op, *rest = nodes[number]
+            if op == "var":
+                known[number] = self._of.get(rest[0], 0)
+            elif isinstance(op, Call):
+                known[number] = 2
+            else:
+                inside = [known[n] for n in rest[op == "where" :]] if op not in LEAVES and op not in _OTHER else []
+                is_exempt = op == "noevent" or (op == "where" and nodes[rest[0]][0] == "noevent")
+                known[number] = max((is_exempt or op in _PLAIN, *inside))
+        return known[root]
+
+    def image(self, relation: int, depth: int = _MOST) -> int:
+        """The relation, or what it is on either side of the first kink beyond which it rests."""
+        pool = self.pool
+        op, *sides = pool.nodes[relation]
+        if op not in RELATIONS or not depth or max(self._holds(n) for n in sides) != 1:
+            return relation  # what is computed elsewhere may rest by itself
+        if not self._repeats(self._distance(sides)):
+            return relation
+        for kink, is_exempt in sorted(self._below(sides).items()):
+            condition, here, there = self._branches(kink, is_exempt)
+            if not condition or not self._rests(sides, condition):
+                continue
+            inside, outside = (self._on(op, sides, kink, branch, condition, depth) for branch in (here, there))
+            kind, *places = pool.nodes[condition]
+            turned = pool.make(kind, *reversed(places))
+            if outside == turned:  # one relation says it all
+                condition, inside, outside = turned, outside, inside
+            is_all = (inside, outside) == (condition, pool.zero)
+            return condition if is_all else pool.where(condition, inside, outside)
+        return relation
+
+    def _on(self, op: str, sides: Sequence[int], kink: int, branch: int, condition: int, depth: int) -> int:
+        """The relation with a branch in the place of a kink."""
+        pool = self.pool
+        left, right = self._with(sides, kink, branch)
+        if left == right:
+            return pool.const(float(op in ("le", "ge")))
+        if not np.isfinite(self.points.everywhere(pool.sub(left, right))).all():
+            return self._by_factors(op, sides, depth - 1)
+        return self.image(pool.make(op, left, right), depth - 1)
+
+    def _by_factors(self, op: str, sides: Sequence[int], depth: int) -> int:
+        """The relation where a root or power has no value with the branch: by the signs of its factors."""
+        pool = self.pool
+        left, right = sides
+        if left == pool.zero:
+            left, right, op = right, left, _TURNED[op]
+        if right != pool.zero:
+            return pool.make(op, left, right)
+        if op in ("ge", "le"):
+            return pool.make("not", self._by_factors("lt" if op == "ge" else "gt", (left, right), depth))
+        node = pool.nodes[left]
+        if node[0] == "var" and node[1] in self.defined:
+            return self._by_factors(op, (self.defined[node[1]], right), depth)
+        opposite = _TURNED[op]
+        if node[0] == "neg":
+            return self._by_factors(opposite, (node[1], right), depth)
+        if node[0] in ("mul", "div"):
+            signs = ("gt", op), ("lt", opposite)
+            both = [[self._by_factors(s, (n, right), depth) for s, n in zip(k, node[1:], strict=True)] for k in signs]
+            return pool.make("or", pool.make("and", *both[0]), pool.make("and", *both[1]))
+        power = 0.5 if node[0] == "sqrt" else pool.value(node[2]) if node[0] == "pow" else None
+        if power is not None and power > 0.0 and power % 1.0:
+            return self._by_factors("gt", (node[1], right), depth) if op == "gt" else pool.zero
+        return self.image(pool.make(op, left, right), depth)
+
+    def _below(self, sides: Iterable[int]) -> dict[int, bool]:
+        """All nodes of the sides, through definitions, without conditions; whether they are below `no_event`."""
+        nodes = self.pool.nodes
+        found: dict[int, bool] = {}
+        stack = [(n, False) for n in sides]
+        while stack:
+            number, is_exempt = stack.pop()
+            if found.get(number, False) or found.get(number) == is_exempt:
+                continue
+            found[number] = is_exempt
+            op, *rest = nodes[number]
+            is_exempt |= op == "noevent"
+            if op == "var":
+                stack += [(self.defined[v], is_exempt) for v in rest if v in self.defined]
+            elif op == "where":
+                stack += [(n, is_exempt) for n in rest[1:]]
+            elif op not in LEAVES and op not in _OTHER:
+                stack += [(n, is_exempt) for n in rest]
+        return found
+
+    def _branches(self, kink: int, is_exempt: bool) -> tuple[int, int, int]:
+        """The relation at a kink, what the kink is where it holds, and what elsewhere; 0 for no relation."""
+        pool = self.pool
+        op, *operands = pool.nodes[kink]
+        if op == "fabs":
+            return pool.make("gt", operands[0], pool.zero), operands[0], pool.neg(operands[0])
+        if op not in _KINKS:
+            return 0, 0, 0
+        if op == "where":
+            condition, *rest = operands
+            while pool.nodes[condition][0] == "noevent":
+                condition, is_exempt = pool.nodes[condition][1], True
+            return (condition if is_exempt and pool.nodes[condition][0] in RELATIONS else 0), *rest
+        return pool.make("gt" if op == "max" else "lt", *operands), operands[0], operands[1]
+
+    def _rests(self, sides: Sequence[int], condition: int) -> bool:
+        """Whether the difference of the sides is constant somewhere on one side of a condition."""
+        if not self.points.varies(condition):
+            return False
+        distance, holds = self._distance(sides), self.points.everywhere(condition) != 0.0
+        # two points at which it is the same are enough: it may rest beyond several kinks together only
+        return self._repeats(distance[holds]) or self._repeats(distance[~holds])
+
+    def _distance(self, sides: Sequence[int]) -> Samples:
+        return self.points.everywhere(self.pool.sub(*sides))
+
+    @staticmethod
+    def _repeats(values: Samples) -> bool:
+        """Whether two values are the same; of what has no value somewhere nothing is known."""
+        if not np.isfinite(values).all():
+            return False
+        return bool((np.diff(np.sort(values)) <= _SAME * float(np.abs(values).max(initial=0.0))).any())
+
+    def _with(self, sides: Sequence[int], kink: int, branch: int) -> list[int]:
+        """The sides with a branch in the place of a kink, and definitions that hold it written out."""
+        pool = self.pool
+        done = {kink: branch}
+        images: dict[int, int] = {}
+
+        def leaf(v: int) -> int:
+            return images.get(v, pool.var(v))
+
+        needed = {pool.nodes[n][1] for n in self._below(sides) if pool.nodes[n][0] == "var"}
+        for v, node in self.definitions:
+            if v in needed:
+                pool.rewrite([node], leaf, done)
+                if done[node] != node:
+                    images[v] = done[node]
+        pool.rewrite(sides, leaf, done)
+        return [done[n] for n in sides]
