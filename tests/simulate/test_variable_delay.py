@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from math import sin
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,7 +12,27 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import acausal
-from acausal import Component, Equations, Real, cos, delay, der, fixed, parameter, part, quantity, time, variable, where
+from acausal import (
+    Component,
+    Equations,
+    Real,
+    boolean,
+    cos,
+    delay,
+    der,
+    fixed,
+    parameter,
+    part,
+    pre,
+    quantity,
+    reset,
+    sample,
+    structural,
+    time,
+    variable,
+    when,
+    where,
+)
 from acausal.errors import AcausalError, DeclarationError, EventError, UsageError
 from tests.simulate.delayed import Decay
 
@@ -57,7 +79,8 @@ class Edges(Component):
 @pytest.mark.parametrize("solver", ["idas", "rosenbrock"])
 def test_edges_are_found_where_they_are_read(solver: str) -> None:
     """t - T(t) = 1 and = 2.3, by bisection; between them z rises, then falls."""
-    up, down = (brentq(lambda t, b: t - lag(t) - b, 0.0, 5.0, args=(b,), xtol=1e-15) for b in (1.0, 2.3))
+    root: Any = brentq
+    up, down = (float(root(lambda t, b: t - lag(t) - b, 0.0, 5.0, args=(b,), xtol=1e-15)) for b in (1.0, 2.3))
     r = acausal.simulate(Edges(), stop_time=4.0, solver=solver, output_interval=1.0)
     assert [e.time for e in r.events if "jumps" in e.condition] == pytest.approx([up, down], abs=1e-13)
     assert r.final("z") == pytest.approx((down - up) - (4.0 - down), abs=1e-9)
@@ -216,3 +239,52 @@ def test_conditions_and_vectors() -> None:
 def test_a_delay_far_too_short_for_the_run_is_refused() -> None:
     with pytest.raises(UsageError, match="AC036"):
         acausal.simulate(Decay(T=1e-9), stop_time=1.0)
+
+
+class Switched(Component):
+    """A sawtooth of 0.5 s and sin(t), delayed by 0.5 s that become 0.3 s and 0.5 s again."""
+
+    kind: str = structural(default="state")
+    s: Real = variable(default=fixed(0.0))
+    c: Real = variable(default=fixed(1.0))
+    saw: Real = variable(default=fixed(0.0))
+    near: Real = boolean()
+    T: Real = variable()
+    y: Real = variable(default=fixed(0.0), doc="Integral of the delayed sine")
+    q: Real = variable(default=fixed(0.0), doc="Integral of the delayed sawtooth")
+
+    def equations(self) -> Equations:
+        yield der(self.s) == self.c
+        yield der(self.c) == -self.s
+        yield der(self.saw) == 1.0
+        yield when(self.saw > 0.5, reset(self.saw, 0.0))
+        if self.kind == "clock":
+            yield when(sample(SWITCHES[0], SWITCHES[1] - SWITCHES[0]), reset(self.near, ~pre(self.near)))
+        else:
+            inside = (time > SWITCHES[0]) & (time < SWITCHES[1])
+            yield self.near == (self.s > 0.2 if self.kind == "state" else inside)
+        yield self.T == where(self.near, 0.3, 0.5)
+        yield der(self.y) == delay(self.s, self.T, 2.0)
+        yield der(self.q) == delay(self.saw, self.T, 2.0)
+
+
+SWITCHES = math.asin(0.2), math.pi - math.asin(0.2)
+
+
+@pytest.mark.parametrize("kind", ["state", "clock", "time"])
+@pytest.mark.parametrize("solver", ["auto", "idas"])
+def test_a_delay_that_jumps_reads_on_from_where_it_has_jumped_to(solver: str, kind: str) -> None:
+    """Until asin(0.2) both read before the start, where they are zero; from there on 0.3 s, from pi - that 0.5 s."""
+
+    def area(u: float) -> float:
+        """Of the sawtooth from 0 to u."""
+        return math.floor(u / 0.5) * 0.125 + 0.5 * math.fmod(u, 0.5) ** 2
+
+    last = SWITCHES[1]
+    for stop, interval in ((4.0, 4.0), (3.8, 0.05)):
+        r = acausal.simulate(
+            Switched(kind=kind), stop_time=stop, solver=solver, tolerance=1e-7, output_interval=interval
+        )
+        sine = 1.0 - math.cos(last - 0.3) + math.cos(last - 0.5) - math.cos(stop - 0.5)
+        assert r.final("y") == pytest.approx(sine, abs=1e-6)
+        assert r.final("q") == pytest.approx(area(last - 0.3) + area(stop - 0.5) - area(last - 0.5), abs=1e-6)
