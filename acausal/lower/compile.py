@@ -211,17 +211,24 @@ def lower(solution: Solution, driven: tuple[int, ...] = (), asleep: Sleeping = _
     shell = replace(
         shell, state_events=find_state_events(solution, states, events, asleep), delays=delays, driven=driven
     )
+    compiled = with_functions(shell)
+    impulses_of(compiled, Symbols(compiled))  # refused here, not at the first event
+    return compiled
+
+
+def with_functions(shell: CompiledModel) -> CompiledModel:
+    """A compiled model with its right-hand side, the modes of time, and when they change."""
+    solution = shell.solution
+    pool = solution.structure.reduced.pool
     symbols = Symbols(shell)
     builder = symbols.builder(shell)
     builder.define([d for d in solution.definitions if d[0] in solution.needed], shell.rewritten)
-    ode = builder.column([reduced.pool.var(solution.structure.derivative(x)) for x in states])
+    ode = builder.column([pool.var(solution.structure.derivative(x)) for x in shell.state_variables])
     alg = builder.lower([builder.replaced(r) for r in solution.residuals])
     names = ["t", "x", "z", "u", "p", "m"]
     rhs = ca.Function("rhs", symbols.inputs, [ode, _column(alg)], names, ["ode", "alg"])
-    modes, instants = _event_functions(shell, events)
-    compiled = replace(shell, rhs=rhs, modes=modes, instants=instants)
-    impulses_of(compiled, symbols)  # refused here, not at the first event
-    return compiled
+    modes, instants = _event_functions(shell, shell.time_events)
+    return replace(shell, rhs=rhs, modes=modes, instants=instants)
 
 
 def _sort_states(solution: Solution) -> tuple[tuple[int, ...], int, int]:

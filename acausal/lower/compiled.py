@@ -25,7 +25,18 @@ _INPUTS = ["t", "x", "z", "u", "p", "m"]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CompiledModel(Lowered):
-    """A model ready to run; made by `acausal.compile`, never changed. Its data are those of `Lowered`."""
+    """A model ready to run; made by `acausal.compile`, never changed. Its data are those of `Lowered`.
+
+    `like` is a model with the same functions, made for all that differ from it in words and numbers only
+    (`acausal.lower.subsystems`).
+    """
+
+    like: CompiledModel | None = None
+
+    @property
+    def common(self) -> CompiledModel:
+        """The model by which functions are kept."""
+        return self if self.like is None else self.like
 
     def __repr__(self) -> str:
         return (

@@ -19,7 +19,7 @@ Kinks whose sides both move and that are no rates are not watched then, without 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -34,7 +34,7 @@ from acausal.numeric.samples import SamplePoints
 
 Truth = NDArray[np.bool_]
 MOST = 120
-"""Kinks that are watched of whatever kind; with more, no choices, and with choices among them only rates."""
+"""Kinks of one system that are watched of whatever kind; with more, no choices, with choices among them only rates."""
 MOST_PLAIN = 1000
 """Kinks that are watched at all."""
 
@@ -71,8 +71,13 @@ class Sleeping:
         return replace(self, middles=(), more=())
 
 
-def sleeping(solution: Solution, located: Iterable[int], discrete: frozenset[int]) -> Sleeping:
-    """The kinks that sleep, but those at the place of a `located` relation, and of operands that rest at the kink."""
+def sleeping(
+    solution: Solution, located: Iterable[int], discrete: frozenset[int], system: Callable[[int], int]
+) -> Sleeping:
+    """The kinks that sleep, but those at the place of a `located` relation, and of operands that rest at the kink.
+
+    They are as many as can be watched in each `system`, whose number is told of a relation.
+    """
     known = set(located)
     graph = _Graph(solution, discrete)
     pool, points = graph.pool, graph.points
@@ -99,12 +104,17 @@ def sleeping(solution: Solution, located: Iterable[int], discrete: frozenset[int
                 choices.add(found[-1])
     middles = _relations(graph, bursts(solution, graph.unknowns, graph.reachable, graph.moves), taken)
     middles, more = middles[:MOST_BURSTS], middles[MOST_BURSTS:]
-    if len(found) > MOST:
-        found = [n for n in found if n not in others]
-    if len(found) <= MOST:
-        return Sleeping(tuple(found), middles, (), more, bool(middles))
-    kept = [n for n in found if n in rates or not choices][:MOST_PLAIN]
-    return Sleeping(tuple(kept), middles, tuple(n for n in found if n not in set(kept)), more, bool(middles))
+    systems: dict[int, list[int]] = {}
+    for n in found:
+        systems.setdefault(system(n), []).append(n)
+    watched, left = set[int](), set[int]()
+    for own in systems.values():
+        few = own if len(own) <= MOST else [n for n in own if n not in others]
+        own_kept = few if len(few) <= MOST else [n for n in few if n in rates or not choices & set(few)][:MOST_PLAIN]
+        watched.update(own_kept)
+        left.update(set(few) - set(own_kept))
+    kept, passed_over = (tuple(n for n in found if n in some) for some in (watched, left))
+    return Sleeping(kept, middles, passed_over, more, bool(middles))
 
 
 def _relations(graph: _Graph, middles: Iterable[int], taken: set[bytes]) -> tuple[int, ...]:

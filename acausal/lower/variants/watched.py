@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from weakref import WeakKeyDictionary
 
 from acausal.analyse.events.bursts import may_burst
-from acausal.analyse.events.sleeping import Sleeping, sleeping
+from acausal.analyse.events.sleeping import MOST, Sleeping, sleeping
 from acausal.analyse.events.state_events import discrete_variables
 from acausal.analyse.events.table_stops import stretch_numbers
 from acausal.flatten.pool import RELATIONS
@@ -16,6 +16,8 @@ from acausal.language.expressions.external import Call
 from acausal.language.expressions.lookup import Lookup
 from acausal.lower.compile import lower
 from acausal.lower.compiled import CompiledModel
+from acausal.lower.subsystems.partition import system_of
+from acausal.lower.subsystems.split import subsystems
 
 _Made = tuple[CompiledModel | None, str]
 _MADE: WeakKeyDictionary[CompiledModel, dict[tuple[tuple[int, ...], bool], _Made]] = WeakKeyDictionary()
@@ -69,22 +71,35 @@ def _has_tables(compiled: CompiledModel) -> bool:
 
 
 def _watched(compiled: CompiledModel, roots: Sequence[int], numbers: tuple[int, ...], stops: bool) -> _Made:
+    """As much as can be watched in each of the systems that the model is split into, or else in the whole."""
+    model, found = _lowered(compiled, roots, numbers, stops, system_of(compiled))
+    if len(found.watched) > MOST and model is not None and not subsystems(model):
+        model, found = _lowered(compiled, roots, numbers, stops, lambda node: 0)
+    return model, _left(compiled, found) if found.left or found.more else ""
+
+
+def _lowered(
+    compiled: CompiledModel,
+    roots: Sequence[int],
+    numbers: tuple[int, ...],
+    stops: bool,
+    system: Callable[[int], int],
+) -> tuple[CompiledModel | None, Sleeping]:
     solution = compiled.solution
     reduced = solution.structure.reduced
     pool = reduced.pool
-    found, note = Sleeping(), ""
+    found = Sleeping()
     if any(pool.nodes[n][0] in _KINKS or may_burst(pool, n) for n in pool.reachable(roots)):
         split = [n for n in compiled.state_events.rewritten if pool.nodes[n][0] in RELATIONS]
         located = *compiled.state_events.relations, *compiled.time_events.relations, *split
-        found = sleeping(solution, located, discrete_variables(reduced))
+        found = sleeping(solution, located, discrete_variables(reduced), system)
         if not stops or (compiled.state_events.are_silent and not found.watched and not numbers):
             found = found.without_bursts()
-        note = _left(compiled, found) if found.left or found.more else ""
     if not found.watched and not found.bursts and not numbers:
-        return None, note
+        return None, found
     lowered = lower(solution, compiled.driven, replace(found, numbers=numbers))
     lowered = replace(lowered, selection=compiled.selection, recipe=compiled.recipe, start=compiled.start)
-    return replace(lowered, timings=dict(compiled.timings)), note
+    return replace(lowered, timings=dict(compiled.timings)), found
 
 
 def _left(compiled: CompiledModel, found: Sleeping) -> str:

@@ -98,7 +98,8 @@ class Driver:
     """Where the solver could not go on."""
     ended: bool = False
     """Whether a source of stops has ended the run."""
-    _stretch: Stretch | None = None
+    entered: Stretch | None = None
+    """The stretch that is under way, for a driver that begins within one."""
     _opened: int = -1
     _row: int = 0
     _boundary: int = 0
@@ -115,28 +116,32 @@ class Driver:
             AC400 to AC407 where the solver cannot go on.
         """
         known = self.agenda.schedule
-        flight = None if self.agenda.sources else self.dynamics.flight(known)
-        place = Place(0, float(known.instants[0]), False, False)
         try:
-            while place.segment < known.segments and not self.ended:
-                if self.dynamics.terminated is not None and self.recorder.count:
-                    break
-                place = self._flown(flight, place) or self._step(place)
-                if self.report is not None and not place.entered:
-                    self.report(self.recorder.time)
+            self.through(Place(0, float(known.instants[0]), False, False))
         except InitializationError:  # no values at a point that was reached: said by name where that is known
-            stopped = self.dynamics.failed(self._stretch.times if self._stretch else known.times)
+            stopped = self.dynamics.failed(self.entered.times if self.entered else known.times)
             if is_constraining(self.dynamics.equations, stopped):
                 raise integration_error(self.dynamics.equations, self.solver, stopped, "") from None
             raise
         except RuntimeError as error:
             self.interrupted()
-            self.stopped = self.dynamics.failed(self._stretch.times if self._stretch else known.times)
+            self.stopped = self.dynamics.failed(self.entered.times if self.entered else known.times)
             raise integration_error(self.dynamics.equations, self.solver, self.stopped, str(error)) from None
         if self.ended:
             return
         samples = known.samples[-1]
         self.dynamics.end(self.recorder.time, samples if self.dynamics.terminated is None else 0.0 * samples)
+
+    def through(self, place: Place) -> None:
+        """From a place to the last stop; the event there is not passed, and failures are the solver's own."""
+        known = self.agenda.schedule
+        flight = None if self.agenda.sources else self.dynamics.flight(known)
+        while place.segment < known.segments and not self.ended:
+            if self.dynamics.terminated is not None and self.recorder.count:
+                break
+            place = self._flown(flight, place) or self._step(place)
+            if self.report is not None and not place.entered:
+                self.report(self.recorder.time)
 
     def _flown(self, flight: Flight | None, place: Place) -> Place | None:
         """Where compiled code comes to from here, if it does."""
@@ -153,7 +158,7 @@ class Driver:
         self.dynamics.moved(landing.x, moment.z, landing.m)
         self.dynamics.pace = landing.pace
         if landing.place.entered:
-            self._stretch = self.agenda.stretch(landing.place, self.dynamics.reached, True)
+            self.entered = self.agenda.stretch(landing.place, self.dynamics.reached, True)
         return landing.place
 
     def _step(self, place: Place) -> Place:
@@ -161,23 +166,23 @@ class Driver:
         if not place.entered:
             opens = place.segment != self._opened
             self._before = self.dynamics.reached
-            tried = self._stretch
-            self._stretch = self.agenda.stretch(place, self._before, opens)
-            self._again = tried is not None and tried.start == self._stretch.start
+            tried = self.entered
+            self.entered = self.agenda.stretch(place, self._before, opens)
+            self._again = tried is not None and tried.start == self.entered.start
             self._opened = place.segment
             self._row, self._boundary = self.recorder.count, len(self.recorder.boundaries)
-            self.dynamics.enter(self._stretch)
-            return Place(place.segment, self._stretch.start, True, True)
-        assert self._stretch is not None, "a stretch is entered before it is passed"
+            self.dynamics.enter(self.entered)
+            return Place(place.segment, self.entered.start, True, True)
+        assert self.entered is not None, "a stretch is entered before it is passed"
         try:
-            stop = self.dynamics.advance(self._stretch, place)
+            stop = self.dynamics.advance(self.entered, place)
         except TooFar:
             _, x, z, _ = self.recorder.point(self.recorder.count - 1)
             self.dynamics.moved(x, z, self.dynamics.reached.m)
-            return self._left(self._stretch, place, complete=False)
+            return self._left(self.entered, place, complete=False)
         if stop is not None and self.dynamics.terminated is None:
             return replace(place, here=stop, fresh=False)
-        return self._left(self._stretch, place, complete=True)
+        return self._left(self.entered, place, complete=True)
 
     def _left(self, stretch: Stretch, place: Place, complete: bool) -> Place:
         """The end of a stretch: what a source had to do with its start is told, and the sources are."""

@@ -7,7 +7,7 @@ import math
 import time as clock
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,16 +16,19 @@ from acausal.analyse.delays import refuse_delays
 from acausal.errors import IntegrationError, RunError
 from acausal.flatten.parameters import doubtful_values
 from acausal.lower.compiled import CompiledModel
+from acausal.lower.subsystems.split import Subsystem, subsystems
 from acausal.lower.variants.watched import UNWATCHED_STEPS, unwatched, with_watched
 from acausal.numeric.samples import STABILISATION_RATE
 from acausal.result.result import Result
 from acausal.simulate.delay.memory import Memory, check_undelayed
 from acausal.simulate.delay.start import begin, opened
-from acausal.simulate.driver.agenda import Agenda, Source, known_instants, schedule
+from acausal.simulate.driver.agenda import Agenda, Schedule, Source, known_instants, schedule
+from acausal.simulate.driver.apart import Apart, Member
 from acausal.simulate.driver.driver import Driver
 from acausal.simulate.driver.hybrid import Hybrid
 from acausal.simulate.driver.overlooked import Overlooked
 from acausal.simulate.driver.smooth import Smooth
+from acausal.simulate.equations.arguments import arguments
 from acausal.simulate.equations.kept import kept
 from acausal.simulate.equations.kinks import NONE, Kinks, kinks
 from acausal.simulate.equations.problem import Problem
@@ -53,6 +56,8 @@ _log = logging.getLogger(__name__)
 _MOVED_FIXED, _MOVED_LEAST = 1e-2, 1e-9
 # Steps from one burst to the next where there are more.
 _STEPS_BETWEEN = 20.0
+# Stops known in advance up to which systems are run apart: each of them is entered at every one.
+_MOST_STOPS = 50
 MOST_MIDDLES = 300
 """Stops of a run in the middles of bursts; with more it is made again with bounded steps (AC414)."""
 
@@ -87,7 +92,7 @@ class Run:
     interrupt: Interruptible = field(default_factory=Interruptible)
     recorder: Recorder | None = None
     stopped: Segment | None = None
-    dynamics: Smooth | Hybrid | None = None
+    dynamics: Smooth | Hybrid | Apart | None = None
     _ask_at: float = STRETCHES * STRETCH
 
     @property
@@ -97,8 +102,14 @@ class Run:
 
     @property
     def hybrid(self) -> Hybrid | None:
-        """The events of variables, where there may be some."""
-        return self.dynamics if isinstance(self.dynamics, Hybrid) else None
+        """The events of variables, where there may be some, of the model as one system."""
+        one = self.dynamics.one if isinstance(self.dynamics, Apart) else self.dynamics
+        return one if isinstance(one, Hybrid) else None
+
+    @property
+    def apart(self) -> Apart | None:
+        """The systems that share no equation, where it is made of some."""
+        return self.dynamics if isinstance(self.dynamics, Apart) else None
 
     @cached_property
     def problem(self) -> Problem:
@@ -182,7 +193,7 @@ class Run:
             raise
         finally:
             self.timings["integrate"] = clock.perf_counter() - began
-        long = memory is None and recorder.counters.get("steps", 0.0) >= MANY
+        long = memory is None and self.apart is None and recorder.counters.get("steps", 0.0) >= MANY
         notes = self.ruled_by_rounding(recorder, opts.stop_time) if long else ()
         result = self.finished(recorder, (*start.notes, *notes, *corners(recorder)))
         limit.check_run(recorder, result)
@@ -230,22 +241,58 @@ class Run:
             integrate = explore if memory is None else memory.recorded(explore, solver.multistep)
             # sources have looked at the run when it is found to have many, and it is not begun again
             most = math.inf if self.sources else MOST_MIDDLES
-            self.dynamics = Hybrid(
-                problem, solver, recorder, integrate, explore, self.tolerances, template, opts.span, self.traced, most
-            )
+
+            def whole() -> Hybrid:
+                parts = integrate, explore, self.tolerances, template, opts.span, self.traced, most
+                return Hybrid(problem, solver, recorder, *parts)
+
+            members = self.members(known, template) if memory is None else []
+            if members:
+                self.dynamics = Apart(problem, recorder, members, whole, self.interrupt.check, report)
+            else:
+                self.dynamics = whole()
         else:
             self.dynamics = Smooth(problem, solver, recorder, self.integrate, template, opts.span, report)
         agenda = Agenda(known, sources, opts.span)
         return Driver(agenda, self.dynamics, recorder, solver.name, report, self.interrupt.check)
 
+    def members(self, known: Schedule, template: Segment) -> list[Member]:
+        """The systems of the model that share no equation; none where it is run as one."""
+        opts = self.options
+        if self.solver.fixed_step or opts.step is not None or self.traced or len(self.tables.instants):
+            return []
+        # steep functions are searched for what was overlooked in the whole
+        if known.segments > _MOST_STOPS or arguments(self.compiled) is not None:
+            return []
+        return [self.member(part, template) for part in subsystems(self.compiled)]
+
+    def member(self, part: Subsystem, template: Segment) -> Member:
+        """One of these systems, with a solver that fits its own size."""
+        opts, model, none = self.options, part.model, np.zeros(0)
+        problem = Problem(model, part.p(self.p, self.u), none, opts.native)
+        solver, self.why = choose(model, opts.solver, None)
+        tolerances = opts.tolerances.scaled(share_of(model, solver, opts.tolerance))
+        recorder = Recorder(model, problem.p, none, self.most_moved())
+        own = replace(template, x=template.x[part.states], z=none, p=template.p[part.modes], tolerances=tolerances)
+
+        def under(regime: Regime, segment: Segment) -> Piece:
+            return self.integrate(regime.problem, segment, solver)
+
+        if model.state_events:
+            parts = under, under, tolerances, own, opts.span, False, math.inf if self.sources else MOST_MIDDLES
+            return Member(part, problem, solver, recorder, Hybrid(problem, solver, recorder, *parts), opts.span)
+        smooth = Smooth(problem, solver, recorder, partial(self.integrate, solver=solver), own, opts.span)
+        return Member(part, problem, solver, recorder, smooth, opts.span)
+
     def under(self, regime: Regime, segment: Segment) -> Piece:
         """The solver under any regime; RuntimeError when it cannot go on."""
         return self.integrate(regime.problem, segment)
 
-    def integrate(self, problem: Problem, segment: Segment) -> Piece:
+    def integrate(self, problem: Problem, segment: Segment, solver: Solver | None = None) -> Piece:
         """The solver, whose failure is KeyboardInterrupt when Ctrl-C was its reason."""
         try:
-            piece = Overlooked(self.solver.integrate)(problem, segment)
+            integrate = Overlooked(self.solver.integrate) if solver is None else solver.integrate
+            piece = integrate(problem, segment)
         except RuntimeError:
             self.interrupt.check()
             raise
@@ -271,7 +318,9 @@ class Run:
         assert self.recorder is not None, "a run under way records"
         steps = self.recorder.counters.get("steps", 0.0)
         done = (t - self.options.start_time) / self.options.span
-        if not 0.0 < done < 1.0 or steps < self._ask_at or steps / done < MANY or self.compiled.delays:
+        if not 0.0 < done < 1.0 or steps < self._ask_at or steps / done < MANY:
+            return
+        if self.compiled.delays or self.apart is not None:
             return
         self._ask_at = 2.0 * steps
         for note in self.ruled_by_rounding(self.recorder, t):
@@ -317,6 +366,8 @@ class Run:
     def again(self, recorder: Recorder, row: int, times: Vector) -> tuple[Piece, Vector]:
         """The solution integrated again from a recorded row, and its modes at `times`; RuntimeError where it fails."""
         here, x, z, m = recorder.point(row)
+        if self.apart is not None and here < self.apart.joined:
+            return self.apart.again(here, (x, m), times)
         segment = self.segment(here, times, x, z, m)
         segment = replace(segment, max_step=self.tables.longest(here, float(times[-1]), segment.max_step))
         if self.hybrid is None:
@@ -347,20 +398,23 @@ class Run:
         recorder.hide_at(self.tables.instants, np.append(grid, self.inputs.breaks))
         known = kept(self.compiled).instants(self.p)[0]
         events = event_log(recorder.boundaries, known, self.inputs, self.tables.instants)
-        hybrid, native = self.hybrid, self.problem.native
-        more = hybrid.notes if hybrid is not None else ()
+        hybrid, apart, native = self.hybrid, self.apart, self.problem.native
+        more = apart.notes if apart is not None else tuple(hybrid.notes) if hybrid is not None else ()
+        solvers = [m.solver.name for m in apart.members] if apart is not None else [self.solver.name]
+        used = [native, *(m.problem.native for m in apart.members)] if apart is not None else [native]
         stats = {
-            "solver": self.solver.name,
+            "solver": ", ".join(dict.fromkeys(solvers)),
             "reason": self.why,
+            **({"subsystems": len(solvers)} if apart is not None else {}),
             "tolerance": self.options.tolerance,
             "states": self.compiled.n_dynamic,
             "quadratures": self.compiled.quadratures,
             "algebraic": len(self.compiled.algebraic),
             **recorder.counters,
             "segments": recorder.segments,
-            "native": bool(native.used),
+            "native": any(n.used for n in used),
             "outputs": self.compiled.asked,
-            "notes": (*self.compiled.flat.notes, *notes, *more, *native.notes(self.solver.name)),
+            "notes": tuple(dict.fromkeys((*self.compiled.flat.notes, *notes, *more, *used[-1].notes(solvers[-1])))),
             **({"terminated": hybrid.terminated} if hybrid is not None and hybrid.terminated is not None else {}),
             **({"events": len(events)} if events else {}),
             "time": {**self.compiled.timings, **self.timings},

@@ -206,6 +206,7 @@ _KEPT: WeakKeyDictionary[CompiledModel, Kept] = WeakKeyDictionary()
 
 def kept(compiled: CompiledModel) -> Kept:
     """What is kept for a model; models are compared by identity, and forgotten when nobody else holds them."""
+    compiled = compiled.common
     found = _KEPT.get(compiled)
     if found is None:
         found = _KEPT[compiled] = Kept(compiled)

@@ -359,6 +359,7 @@ def with_values(compiled: CompiledModel, p: Vector, u: Vector) -> Numbered:
 
 
 def _kept(compiled: CompiledModel, zeros: tuple[int, ...], values: tuple[Vector, Vector] | None) -> Numbered:
+    compiled = compiled.common
     made = _MADE.setdefault(compiled, OrderedDict())
     key = zeros if values is None else tuple(v.tobytes() for v in values)
     found = made.pop(key, None)

@@ -274,6 +274,7 @@ _MADE: WeakKeyDictionary[CompiledModel, OrderedDict[Any, Held]] = WeakKeyDiction
 
 def held(free: CompiledModel, holds: tuple[Hold, ...], border: Border | None) -> Held:
     """The equations of a model for these holds, from those that were asked for before."""
+    free = free.common
     made = _MADE.setdefault(free, OrderedDict())
     key = holds, border
     found = made.pop(key, None)

@@ -111,7 +111,7 @@ class Native:
 
     def __init__(self, compiled: CompiledModel, wanted: bool | None, p: Vector | None = None) -> None:
         """`p` are the parameters of the run: those that are zero stay so in a library."""
-        self.compiled = compiled
+        self.compiled = compiled = compiled.common
         self.zeros: tuple[int, ...] = () if p is None else tuple(np.flatnonzero(np.asarray(p) == 0.0).tolist())
         self.wanted = wanted
         self.memory = _MEMORIES.setdefault(compiled, Memory())

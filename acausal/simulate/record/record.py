@@ -127,11 +127,7 @@ class Recorder:
 
     def since(self, row: int) -> Result:
         """What was recorded from one row on."""
-        part = bisect_right(self._starts, row) - 1
-        skip = row - self._starts[part]
-        times = np.concatenate(self._times[part:])[skip:]
-        x, z, m = (joined(columns[part:])[:, skip:] for columns in (self._x, self._z, self._m))
-        return _table(self, (times, x, z, m))
+        return _table(self, self.rows(row))
 
     def hide(self, row: int, boundary: int | None = None) -> None:
         """Leave a row out of the result, and a boundary at which nothing has happened."""
@@ -166,9 +162,13 @@ class Recorder:
         for name, count in counters.items():
             self.counters[name] = self.counters.get(name, 0.0) + count
 
-    def rows(self) -> tuple[Vector, Vector, Vector, Vector]:
-        """(times, x, z, modes) of all rows; columns are instants."""
-        return np.concatenate(self._times), joined(self._x), joined(self._z), joined(self._m)
+    def rows(self, first: int = 0) -> tuple[Vector, Vector, Vector, Vector]:
+        """(times, x, z, modes) of all rows from one on; columns are instants."""
+        part = bisect_right(self._starts, first) - 1
+        skip = first - self._starts[part]
+        times = np.concatenate(self._times[part:])[skip:]
+        x, z, m = (joined(columns[part:])[:, skip:] for columns in (self._x, self._z, self._m))
+        return times, x, z, m
 
     def before(self, t: float) -> int:
         """The last row not after `t`."""

@@ -1,0 +1,145 @@
+"""Which states of a model never act on each other, through equations, clauses or assertions.
+
+Two variables belong together where an equation that is integrated, a relation, a clause or an assertion holds both.
+What follows from time, parameters and inputs alone joins nothing: a source that drives two systems is a part of each.
+What is observed only joins nothing either: it is computed of the whole, as the energy of all bodies is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+
+from acausal.flatten.connections.connections import UnionFind
+from acausal.flatten.pool import IMPULSE
+from acausal.lower.lowered import Lowered
+
+
+@dataclass(frozen=True)
+class Group:
+    """Places in vectors and lists of the whole: of states, relations, clauses, assignments, assertions and `pre`."""
+
+    states: tuple[int, ...]
+    relations: tuple[int, ...]
+    clauses: tuple[int, ...]
+    assignments: tuple[int, ...]
+    asserts: tuple[int, ...]
+    memories: tuple[int, ...]
+
+    @property
+    def is_silent(self) -> bool:
+        """Whether nothing can happen in it."""
+        return not (self.relations or self.clauses or self.assignments or self.asserts)
+
+
+def may_be_split(compiled: Lowered) -> bool:
+    """Whether a model has only what its parts can have on their own: an ODE, events of its variables and of time."""
+    nodes = compiled.solution.structure.reduced.pool.nodes
+    actions = (node for c in compiled.state_events.clauses for _, node in c.actions)
+    return (
+        not compiled.solution.algebraic
+        and compiled.solution.structure.rate is None
+        and not (compiled.quadratures or compiled.delays or compiled.driven or compiled.varied)
+        and not any(nodes[node][0] == IMPULSE for node in actions)
+    )
+
+
+def groups(compiled: Lowered) -> list[Group]:
+    """The groups in the order of their first states; those in which nothing can happen are one, the last.
+
+    None at all where something that happens belongs to no state.
+    """
+    return _Partition(compiled).groups()
+
+
+def system_of(compiled: Lowered) -> Callable[[int], int]:
+    """By a node the number of the system that it belongs to; 0 for all nodes where the model is not split."""
+    if not may_be_split(compiled):
+        return lambda node: 0
+    return _Partition(compiled).system
+
+
+class _Partition:
+    def __init__(self, compiled: Lowered) -> None:
+        self.compiled = compiled
+        solution = compiled.solution
+        self.pool, self.events = solution.structure.reduced.pool, compiled.state_events
+        self.image = dict(compiled.rewritten)
+        self.moving = set(compiled.state_variables)
+        self.sets = UnionFind(self.pool.n_variables)
+        rates = {x: self.pool.var(solution.structure.derivative(x)) for x in compiled.state_variables}
+        own = [n for nodes in self._statements() for n in nodes]
+        wanted = self._behind([*rates.values(), *own])
+        for variable, node in solution.definitions:
+            if variable in wanted:
+                inside = self._moving(node)
+                if inside:
+                    self.moving.add(variable)
+                    self._join([variable, *inside])
+        for x, rate in rates.items():
+            self._join([x, *self._moving(rate)])
+        for nodes in self._statements():
+            self._join([v for n in nodes for v in self._moving(n)])
+
+    def _statements(self) -> Iterator[list[int]]:
+        """Nodes of each thing that can happen, with the states it acts on."""
+        events, var, states = self.events, self.pool.var, self.compiled.state_variables
+        yield from ([n] for n in (*events.relations, *events.memories, *events.samples))
+        for c in events.clauses:
+            yield [*c.conditions, *c.earlier, *(n for k, v in c.actions for n in (v, var(states[k])))]
+        yield from ([a.node, var(states[a.position])] for a in events.assignments)
+        yield from ([a.condition] for a in events.asserts)
+
+    def _behind(self, roots: Iterable[int]) -> set[int]:
+        """Variables on which nodes depend, through definitions."""
+        wanted = {v for n in roots for v in self._variables(n)}
+        for variable, node in reversed(self.compiled.solution.definitions):
+            if variable in wanted:
+                wanted |= self._variables(node)
+        return wanted
+
+    def _variables(self, node: int) -> frozenset[int]:
+        """Those in a node, and in the branches that stand for its kinks and jumps."""
+        if not self.image:
+            return self.pool.variables_in(node)
+        self.pool.rewrite([node], self.pool.var, self.image)
+        return self.pool.variables_in(node) | self.pool.variables_in(self.image[node])
+
+    def _moving(self, node: int) -> list[int]:
+        return [v for v in self._variables(node) if v in self.moving]
+
+    def _join(self, variables: list[int]) -> None:
+        for v in variables[1:]:
+            self.sets.union(variables[0], v)
+
+    def groups(self) -> list[Group]:
+        """See `groups`."""
+        states, events = self.compiled.state_variables, self.events
+        own = {"states": self._owners([self.pool.var(x)] for x in states)}
+        own["relations"] = self._owners([[n] for n in events.relations])
+        own["clauses"] = self._owners(
+            [*c.conditions, *c.earlier, *(self.pool.var(states[k]) for k, _ in c.actions)] for c in events.clauses
+        )
+        own["assignments"] = self._owners([self.pool.var(states[a.position])] for a in events.assignments)
+        own["asserts"] = self._owners([a.condition] for a in events.asserts)
+        own["memories"] = self._owners([[n] for n in events.memories])
+        if any(-1 in owners for owners in own.values()):
+            return []  # what time alone decides would happen in all of them
+        places: dict[int, dict[str, list[int]]] = {root: {name: [] for name in own} for root in own["states"]}
+        for name, owners in own.items():
+            for k, root in enumerate(owners):
+                places[root][name].append(k)
+        found = [Group(**{name: tuple(at) for name, at in own.items()}) for own in places.values()]
+        loud, silent = [g for g in found if not g.is_silent], [g for g in found if g.is_silent]
+        together = {name: tuple(sorted(k for g in silent for k in getattr(g, name))) for name in own}
+        return [*loud, Group(**together)] if silent else loud
+
+    def system(self, node: int) -> int:
+        """A number of the system that a node belongs to; -1 where it has no variable that moves."""
+        first = next(iter(self._moving(node)), -1)
+        return self.sets.find(first) if first >= 0 else -1
+
+    def _owners(self, statements: Iterable[Iterable[int]]) -> list[int]:
+        """The set that each statement belongs to; -1 where it has no variable that moves."""
+        first = (next((v for n in nodes for v in self._moving(n)), -1) for nodes in statements)
+        return [self.sets.find(v) if v >= 0 else -1 for v in first]

@@ -1,0 +1,341 @@
+"""A compiled model as several that share no equation, each with its own steps and its own events in a run.
+
+Bodies that touch nothing in common were integrated as one system: each impact made all of them take small steps. Equal
+systems use the same functions, with what differs between them as parameters, so neither the time to compile nor memory
+grows with their number. They are found in the lowered model: what is eliminated, chosen and located is as in the whole.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+from weakref import WeakKeyDictionary, ref
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.analyse.blocks.solve import Solution
+from acausal.analyse.events.state_events import StateEvents
+from acausal.analyse.events.time_events import TimeEvents
+from acausal.analyse.start import StartProblem
+from acausal.errors import Span
+from acausal.flatten.pool import Pool
+from acausal.lower.compile import with_functions
+from acausal.lower.compiled import CompiledModel
+from acausal.lower.events.functions import EventFunctions
+from acausal.lower.subsystems.extract import Extract, extract
+from acausal.lower.subsystems.partition import Group, groups, may_be_split
+
+Vector = NDArray[np.float64]
+Indices = NDArray[np.int64]
+FEWEST = 4
+"""Systems with steps and located events from which a model is split: fewer cost no more together."""
+_MOST_KINDS = 32
+
+
+@dataclass(frozen=True, eq=False)
+class Subsystem:
+    """One of the systems.
+
+    Attributes
+    ----------
+    model
+        It has names of its own; its functions are those of all that are equal to it (`CompiledModel.like`).
+    states, modes
+        Places of its states and modes in those of the whole.
+    parameters, inputs, numbers
+        Its parameters: first some of the whole's, by place, then some of its inputs, then numbers.
+    """
+
+    model: CompiledModel
+    states: Indices
+    modes: Indices
+    parameters: Indices
+    inputs: Indices
+    numbers: Vector
+
+    def p(self, p: Vector, u: Vector) -> Vector:
+        """Its parameters from those of the whole and the inputs."""
+        return np.concatenate([p[self.parameters], u[self.inputs], self.numbers])
+
+
+_MADE: WeakKeyDictionary[CompiledModel, tuple[Subsystem, ...]] = WeakKeyDictionary()
+
+
+def subsystems(compiled: CompiledModel) -> tuple[Subsystem, ...]:
+    """The systems of a model, made once; none where it is one, or has what its parts cannot have on their own.
+
+    States that are in none of them never change.
+    """
+    if compiled not in _MADE:
+        _MADE[compiled] = _made(compiled) if compiled.state_events and may_be_split(compiled) else ()
+    return _MADE[compiled]
+
+
+def _made(compiled: CompiledModel) -> tuple[Subsystem, ...]:
+    found = [g for g in groups(compiled) if not _stays(compiled, g)]
+    # what has no steps of its own gains nothing
+    if sum(bool(g.relations) and g.states[0] < compiled.n_dynamic for g in found) < FEWEST:
+        return ()
+    definition = {v: (k, node) for k, (v, node) in enumerate(compiled.solution.definitions)}
+    inputs = {v: k for k, v in enumerate(compiled.solution.structure.reduced.inputs)}
+    wholes = [_Whole(compiled, g) for g in found]
+    pool = compiled.solution.structure.reduced.pool
+    extracts = [extract(pool, w.roots, definition, compiled.rewritten, inputs) for w in wholes]
+    kinds: dict[Any, list[int]] = {}
+    for k, (w, e) in enumerate(zip(wholes, extracts, strict=True)):
+        kinds.setdefault((e.key, w.key(e)), []).append(k)
+    if len(kinds) > _MOST_KINDS:
+        return ()
+    made: dict[int, Subsystem] = {}
+    for members in kinds.values():
+        kind = _Kind([extracts[k] for k in members], wholes[members[0]])
+        for k in members:
+            made[k] = kind.subsystem(wholes[k], extracts[k])
+    return tuple(made[k] for k in range(len(found)))
+
+
+def _stays(compiled: CompiledModel, group: Group) -> bool:
+    """Whether nothing of a group ever changes: discrete variables that no clause sets."""
+    return group.is_silent and min(group.states) >= len(compiled.states) - compiled.discretes
+
+
+class _Whole:
+    """What of the whole a group has, as nodes."""
+
+    def __init__(self, compiled: CompiledModel, group: Group) -> None:
+        self.compiled, self.group = compiled, group
+        events, pool = compiled.state_events, compiled.solution.structure.reduced.pool
+        structure = compiled.solution.structure
+        self.variables = [compiled.state_variables[k] for k in group.states]
+        self.relations = [events.relations[k] for k in group.relations]
+        self.clauses = [events.clauses[k] for k in group.clauses]
+        self.assignments = [events.assignments[k] for k in group.assignments]
+        self.asserts = [events.asserts[k] for k in group.asserts]
+        self.memories = [events.memories[k] for k in group.memories]
+        self.rates = [structure.derivative(x) for x in self.variables]
+        self.roots = [
+            *map(pool.var, self.variables),
+            *map(pool.var, self.rates),
+            *self.relations,
+            *(n for c in self.clauses for n in (*c.conditions, *c.earlier, *(v for _, v in c.actions))),
+            *(a.node for a in self.assignments),
+            *(a.condition for a in self.asserts),
+            *self.memories,
+        ]
+        discretes = len(compiled.state_variables) - compiled.discretes
+        self.discretes = sum(k >= discretes for k in group.states)
+
+    def key(self, e: Extract) -> Any:
+        """What equal groups have in common beside their expressions."""
+        group, events = self.group, self.compiled.state_events
+        at = {k: place for place, k in enumerate(group.states)}
+        return (
+            self.discretes,
+            tuple(self.compiled.nominal_x[list(group.states)].tolist()),
+            tuple(k in events.watched for k in group.relations),
+            tuple(k in events.middles for k in group.relations),
+            tuple(
+                (len(c.conditions), len(c.earlier), tuple(at[k] for k, _ in c.actions), c.terminate is None)
+                for c in self.clauses
+            ),
+            tuple(at[a.position] for a in self.assignments),
+            tuple(a.level for a in self.asserts),
+            *(tuple(place for place, _ in self.shared(e, nodes)) for nodes in self._shared_nodes),
+        )
+
+    @property
+    def _shared_nodes(self) -> tuple[Sequence[int], ...]:
+        """Relations of time, samples and flags of the whole: a group has those that it mentions."""
+        return self.compiled.time_events.relations, self.compiled.state_events.samples, self.compiled.state_events.flags
+
+    @staticmethod
+    def shared(e: Extract, nodes: Sequence[int]) -> list[tuple[int, int]]:
+        """(place in the extract, number among these nodes) of those that a group mentions, by place."""
+        number = {n: k for k, n in enumerate(nodes)}
+        return [(place, number[n]) for place, n in enumerate(e.nodes) if n in number]
+
+    def timely(self, e: Extract) -> tuple[list[int], list[int], list[int]]:
+        """Numbers of the relations of time, samples and flags that the group mentions."""
+        found = [[k for _, k in self.shared(e, nodes)] for nodes in self._shared_nodes]
+        return found[0], found[1], found[2]
+
+    def modes(self, e: Extract) -> Indices:
+        """Places of its modes in those of the whole, in the order of `mode_nodes`."""
+        timely, samples, flags = self.timely(e)
+        events, places = self.compiled.state_events, self.compiled.mode_places
+        first = np.cumsum([0, len(self.compiled.time_events.relations), len(events.samples), len(events.memories)])
+        last = len(self.compiled.mode_nodes) - len(events.relations)
+        numbers = [
+            *timely,
+            *(first[1] + k for k in samples),
+            *(first[2] + k for k in self.group.memories),
+            *(first[3] + k for k in flags),
+            *(last + k for k in self.group.relations),
+        ]
+        return np.array([places[k] for k in numbers], dtype=np.int64)
+
+
+class _Kind:
+    """Equal systems: one model, and the holes that are parameters of it because their numbers differ."""
+
+    def __init__(self, members: Sequence[Extract], whole: _Whole) -> None:
+        e = members[0]
+        fills = list(zip(*(m.holes for m in members), strict=True))
+        numbers = [k for k, fill in enumerate(fills) if fill[0][0] == "const" and len(set(fill)) > 1]
+        by_kind = {kind: [k for k, (kind_, _) in enumerate(e.holes) if kind_ == kind] for kind in ("par", "input")}
+        self.holes = *by_kind["par"], *by_kind["input"], *numbers
+        slot = {hole: k for k, hole in enumerate(self.holes)}
+        pool = Pool()
+        pool.n_variables = len(e.variables)
+        self.node: list[int] = []
+        for op, *below in e.entries:
+            if op == "hole":
+                k = below[0]
+                self.node.append(pool.par(slot[k]) if k in slot else pool.const(e.holes[k][1]))
+            elif op in ("const", "var", "time"):
+                self.node.append(pool.intern((op, *below)))
+            else:
+                self.node.append(pool.intern((op, *(self.node[c] for c in below))))
+        self.model = self._model(pool, e, whole)
+
+    def _model(self, pool: Pool, e: Extract, whole: _Whole) -> CompiledModel:
+        compiled = whole.compiled
+        node = dict(zip(e.nodes, self.node, strict=True))
+        number = {v: k for k, v in enumerate(e.variables)}
+        states = tuple(number[v] for v in whole.variables)
+        pool.derivative_of = {number[x]: number[dx] for x, dx in zip(whole.variables, whole.rates, strict=True)}
+        pool.integral_of = {dx: x for x, dx in pool.derivative_of.items()}
+        definitions = tuple((v, self.node[place]) for v, place in e.definitions)
+        old = compiled.solution.structure
+        flat = replace(old.reduced.flat, parameters=(), inputs=(), parameter_values=(0.0,) * len(self.holes))
+        flat.__dict__["parameter_names"] = tuple(f"number {k}" for k in range(len(self.holes)))
+        reduced = replace(
+            old.reduced,
+            flat=flat,
+            pool=pool,
+            scalar=tuple(old.reduced.scalar[v] if v < len(old.reduced.scalar) else -1 for v in e.variables),
+            image=(),
+            inputs=(),
+            residuals=(),
+            equation=(),
+            initial=(),
+            whens=(),
+            assignments=(),
+            asserts=(),
+        )
+        structure = replace(
+            old, reduced=reduced, residuals=(), integral={}, states=states, blocks=(), choices=(), invariants=()
+        )
+        solution = Solution(
+            structure, definitions, (), (), frozenset(v for v, _ in definitions), (), compiled.solution.formulation
+        )
+        shell = CompiledModel(
+            compiled.name,
+            solution,
+            states,
+            0,
+            whole.discretes,
+            StartProblem({}, (), (), (), {}),
+            self._time_events(e, whole, node, pool),
+            None,
+            None,
+            None,
+            state_events=self._events(e, whole, node),
+        )
+        own = with_functions(shell)
+        own.__dict__["nominal_x"] = compiled.nominal_x[list(whole.group.states)]
+        own.__dict__["nominal_z"] = np.zeros(0)
+        return own
+
+    def _time_events(self, e: Extract, whole: _Whole, node: dict[int, int], pool: Pool) -> TimeEvents:
+        """Its relations of time; where they change is asked of the whole."""
+        relations = tuple(node[whole.compiled.time_events.relations[k]] for k in whole.timely(e)[0])
+        return TimeEvents(relations, (pool.zero,) * len(relations), {})
+
+    def _events(self, e: Extract, whole: _Whole, node: dict[int, int]) -> StateEvents:
+        events, group = whole.compiled.state_events, whole.group
+        _, samples, flags = whole.timely(e)
+        at = {k: place for place, k in enumerate(group.states)}
+
+        def nodes(numbers: Sequence[int]) -> tuple[int, ...]:
+            return tuple(node[n] for n in numbers)
+
+        return StateEvents(
+            nodes([events.samples[k] for k in samples]),
+            nodes(whole.memories),
+            nodes([events.flags[k] for k in flags]),
+            nodes(whole.relations),
+            {self.node[a]: self.node[b] for a, b in e.images},
+            tuple(
+                replace(
+                    c,
+                    conditions=nodes(c.conditions),
+                    earlier=nodes(c.earlier),
+                    actions=tuple((at[k], node[v]) for k, v in c.actions),
+                )
+                for c in whole.clauses
+            ),
+            tuple(replace(a, position=at[a.position], node=node[a.node]) for a in whole.assignments),
+            tuple(replace(a, condition=node[a.condition]) for a in whole.asserts),
+            frozenset(place for place, k in enumerate(group.relations) if k in events.watched),
+            frozenset(place for place, k in enumerate(group.relations) if k in events.middles),
+        )
+
+    def subsystem(self, whole: _Whole, e: Extract) -> Subsystem:
+        """One of the members: it has words of its own."""
+        like, compiled = self.model, whole.compiled
+        events = like.state_events
+        clauses = zip(events.clauses, whole.clauses, strict=True)
+        worded = replace(
+            events,
+            clauses=tuple(replace(own, text=c.text, component=c.component, where=c.where) for own, c in clauses),
+            assignments=tuple(
+                replace(own, text=a.text) for own, a in zip(events.assignments, whole.assignments, strict=True)
+            ),
+            asserts=tuple(
+                replace(own, message=a.message, component=a.component, where=a.where)
+                for own, a in zip(events.asserts, whole.asserts, strict=True)
+            ),
+        )
+        model = replace(like, state_events=worded, like=like)
+        names = tuple(compiled.states[k] for k in whole.group.states)
+        model.__dict__.update(states=names, nominal_x=like.nominal_x, nominal_z=like.nominal_z)
+        model.__dict__["events"] = _Words(like, compiled, whole.group.relations)
+        by_kind: dict[str, list[float]] = {"par": [], "input": [], "const": []}
+        for k in self.holes:
+            by_kind[e.holes[k][0]].append(e.holes[k][1])
+        return Subsystem(
+            model,
+            np.array(whole.group.states, dtype=np.int64),
+            whole.modes(e),
+            np.array(by_kind["par"], dtype=np.int64),
+            np.array(by_kind["input"], dtype=np.int64),
+            np.array(by_kind["const"]),
+        )
+
+
+class _Words(EventFunctions):
+    """The functions of all equal systems, with the words of one."""
+
+    def __init__(self, like: CompiledModel, whole: CompiledModel, relations: Sequence[int]) -> None:
+        super().__init__(like)
+        self._whole_ref, self._relations = ref(whole), relations  # what is kept for a model must not keep it alive
+
+    @property
+    def _whole(self) -> CompiledModel:
+        whole = self._whole_ref()
+        assert whole is not None, "only who holds the model asks"
+        return whole
+
+    @cached_property
+    def texts(self) -> tuple[str, ...]:
+        """The relations as the user reads them."""
+        return tuple(self._whole.events.texts[k] for k in self._relations)
+
+    @cached_property
+    def places(self) -> tuple[tuple[Span | None, str], ...]:
+        """Place and component of the first statement that holds each relation."""
+        return tuple(self._whole.events.places[k] for k in self._relations)

@@ -1,0 +1,331 @@
+"""Systems that share no equation, each with its own steps and events between the stops that concern all of them.
+
+One impact of one body made all bodies take small steps. Here each system goes from stop to stop by the same driver, as
+a model of its own with a record of its own, and the records are put together: outputs are common, and at an event of
+one system the others are integrated to its instant from where they began anew.
+
+What concerns the run as a whole is left to the whole: where a system ends the run, breaks an assertion or cannot go on,
+the stretch is integrated again as one system, whose events, messages and places are then those of any other run.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.errors import AcausalError
+from acausal.lower.subsystems.split import Subsystem
+from acausal.simulate.driver.agenda import Agenda, Place, Schedule, Stretch
+from acausal.simulate.driver.driver import Driver
+from acausal.simulate.driver.flight import Flight
+from acausal.simulate.driver.hybrid import Hybrid
+from acausal.simulate.driver.smooth import Smooth
+from acausal.simulate.equations.problem import Problem
+from acausal.simulate.events.guards import Cause, Moment
+from acausal.simulate.events.regime import Regime
+from acausal.simulate.native.flight import FlightProgram
+from acausal.simulate.native.policy import Library
+from acausal.simulate.record.merge import Rows, merged
+from acausal.simulate.record.record import Recorder
+from acausal.simulate.solvers import Solver
+from acausal.simulate.solvers.base import Piece, Segment
+from acausal.simulate.start.initialize import Start
+
+Vector = NDArray[np.float64]
+_log = logging.getLogger(__name__)
+_NO_Z = np.zeros(0)
+# Parts of a stretch of a run that reports its progress.
+_PARTS = 20
+
+
+@dataclass
+class Member:
+    """One system on its way."""
+
+    part: Subsystem
+    problem: Problem
+    solver: Solver
+    recorder: Recorder
+    dynamics: Hybrid | Smooth
+    span: float
+    _first: int = 0
+    _boundary: int = 0
+
+    @property
+    def template(self) -> Segment:
+        """What its solver is asked."""
+        return self.dynamics.template
+
+    def begin(self, t: float, start: Start, m: Vector, flag: str | None) -> None:
+        """The start of the run, from states and modes of the whole."""
+        self.dynamics.begin(t, Start(start.x[self.part.states], _NO_Z, ()), m[self.part.modes], flag)
+
+    def enter(self, stretch: Stretch) -> tuple[tuple[Cause, ...], tuple[str, ...]]:
+        """The event at the start of a stretch of the whole: why, and what clauses did."""
+        self._first = self.recorder.count
+        self.dynamics.enter(self._own(stretch))
+        self._boundary = len(self.recorder.boundaries)
+        if isinstance(self.dynamics, Smooth):
+            return (), ()
+        happened = self.dynamics.passages[-1].happened
+        return happened.causes, happened.changed
+
+    def advance(self, stretch: Stretch, interrupted: Callable[[], None]) -> None:
+        """To the end of the stretch that it has entered, or of a part of it, from where it has come to."""
+        if self.recorder.count > self._first + 1:
+            self._first, self._boundary = self.recorder.count - 1, len(self.recorder.boundaries)
+        own = replace(self._own(stretch), opens=True)
+        samples = np.stack([own.samples, np.zeros_like(own.samples)])
+        ends = np.array([len(own.times)])
+        known = Schedule(np.array([own.start, own.end]), own.modes[None], samples, own.times, ends, (own.longest,))
+        agenda = Agenda(known, (), self.span)
+        driver = Driver(agenda, self.dynamics, self.recorder, self.solver.name, None, interrupted, entered=own)
+        driver.through(Place(0, own.start, True, True))
+
+    def _own(self, stretch: Stretch) -> Stretch:
+        """The stretch with its own modes of time and its own samples."""
+        timely, model = len(stretch.modes), self.part.model
+        places = self.part.modes
+        samples = places[model.n_timely : model.n_timely + len(model.state_events.samples)] - timely
+        return replace(stretch, modes=stretch.modes[places[: model.n_timely]], samples=stretch.samples[samples])
+
+    def rows(self) -> Rows:
+        """What it recorded in the last part of a stretch, from the row at its start on."""
+        times, x, _, m = self.recorder.rows(self._first)
+        return Rows(times, x, m, tuple(self.recorder.boundaries[self._boundary :]))
+
+    def between(self, rows: Rows, starts: NDArray[np.int64], times: Vector) -> tuple[Vector, Vector]:
+        """States and modes at further times, shapes (nx, n) and (nm, n), integrated again from some of its rows.
+
+        Raises
+        ------
+        RuntimeError
+            When the solver cannot go there.
+        """
+        x, m = np.empty((len(rows.x), len(times))), np.empty((len(rows.m), len(times)))
+        begun = starts[np.searchsorted(rows.times[starts], times, side="right") - 1]
+        for row in np.unique(begun).tolist():
+            here = np.flatnonzero(begun == row)
+            t = float(rows.times[row])
+            near = times[here] - t <= 1e-13 * max(self.span, abs(t))
+            x[:, here[near]], m[:, here[near]] = rows.x[:, [row]], rows.m[:, [row]]
+            here = here[~near]
+            if not len(here):
+                continue
+            regime = self.dynamics.regime_at(t) if isinstance(self.dynamics, Hybrid) else Regime(self.problem)
+            segment = replace(self.template, start=t, times=times[here], x=rows.x[:, row], z=_NO_Z, p=rows.m[:, row])
+            piece = self.solver.integrate(regime.problem, segment)
+            x[:, here] = piece.x
+            m[:, here] = _columns(regime.modes(times[here], piece.x, piece.z, rows.m[:, row]), len(here))
+        return x, m
+
+
+@dataclass
+class Apart:
+    """The dynamics of several systems; see `driver.Dynamics`.
+
+    `problem` and `recorder` are those of the whole, `as_one` makes its dynamics.
+    """
+
+    problem: Problem
+    recorder: Recorder
+    members: Sequence[Member]
+    as_one: Callable[[], Hybrid]
+    interrupted: Callable[[], None]
+    report: Callable[[float], None] | None = None
+    terminated: str | None = None
+    pace: float = 0.0
+    one: Hybrid | None = None
+    """The dynamics of the whole, from where it is integrated as one system again."""
+    joined: float = np.inf
+    """Where that is [s]."""
+    _x: Vector = field(default_factory=lambda: np.zeros(0))
+    _m: Vector = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def reached(self) -> Moment:
+        """Where the run is."""
+        if self.one is not None:
+            return self.one.reached
+        holds = []
+        first = self.problem.compiled.n_modes - len(self.problem.compiled.state_events.relations)
+        for member in self.members:
+            own, model = member.dynamics.reached, member.part.model
+            relations = member.part.modes[model.n_modes - len(model.state_events.relations) :] - first
+            holds += [replace(h, relation=int(relations[h.relation])) for h in own.regime.holds]
+        return Moment(self._x, _NO_Z, self._m, Regime(self.problem, tuple(holds)))
+
+    @property
+    def equations(self) -> Problem:
+        """What is integrated now."""
+        return self.problem if self.one is None else self.one.equations
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What is to be said of the run."""
+        own = (n for member in self.members if isinstance(member.dynamics, Hybrid) for n in member.dynamics.notes)
+        return tuple(dict.fromkeys((*own, *(self.one.notes if self.one is not None else ()))))
+
+    def begin(self, t: float, start: Start, m: Vector, flag: str | None) -> None:
+        """The start of the run."""
+        self._x, self._m = start.x.copy(), m.copy()
+        try:
+            for member in self.members:
+                member.begin(t, start, m, flag)
+        except (AcausalError, RuntimeError) as error:
+            self._join(t, error, flag)
+        self._gather()
+
+    def enter(self, stretch: Stretch) -> None:
+        """The event at the start of a stretch."""
+        happened: list[tuple[tuple[Cause, ...], tuple[str, ...]]] = []
+        if self.one is None:
+            try:
+                happened = [member.enter(stretch) for member in self.members]
+            except (AcausalError, RuntimeError) as error:
+                self._join(stretch.start, error)
+        if self.one is not None:
+            self.one.enter(stretch)
+            self._gather()
+            return
+        self._gather()
+        self._m[: len(stretch.modes)] = stretch.modes
+        causes = tuple(c for own, _ in happened for c in own)
+        if any(c.text for c in causes) or not all(own for own, _ in happened):
+            causes = tuple(c for c in causes if c.text)  # without any it is an event of time
+        changed = tuple(c for _, own in happened for c in own)
+        m = self._m.copy()
+        for member in self.members:
+            m[member.part.modes] = member.rows().m[:, 0]
+        self.recorder.begin(stretch.start, self._x, _NO_Z, m, causes, changed)
+
+    def advance(self, stretch: Stretch, place: Place) -> float | None:
+        """Each system to the end of the stretch; in parts, after each of which progress is reported."""
+        few = self.report is None or len(stretch.times) < 2 * _PARTS
+        for times in [stretch.times] if few else np.array_split(stretch.times, _PARTS):
+            if self.one is None:
+                self._passed(replace(stretch, start=place.here, end=float(times[-1]), times=times))
+            if self.one is not None:
+                stop = self.one.advance(stretch, place)
+                self._gather()
+                return stop
+            place = replace(place, here=float(times[-1]), fresh=False)
+            if self.report is not None:
+                self.report(place.here)
+        return None
+
+    def _passed(self, part: Stretch) -> None:
+        """A part of a stretch, by each system; what could not be passed apart is left to the whole."""
+        try:
+            for member in self.members:
+                member.advance(part, self.interrupted)
+                if member.dynamics.terminated is not None:
+                    self._join(part.start, member.dynamics.terminated)
+                    return
+            self._record(part)
+            self._gather()
+        except (AcausalError, RuntimeError) as error:
+            self._join(part.start, error)
+
+    def _join(self, t: float, why: object, flag: str | None = None) -> None:
+        """Go on as one system from values of the whole."""
+        self.interrupted()
+        _log.debug("%s: one system from t = %g s on: %s", self.problem.compiled.name, t, why)
+        self.one, self.joined = self.as_one(), t
+        self.one.begin(t, Start(self._x, _NO_Z, ()), self._m, flag)
+
+    def _gather(self) -> None:
+        """Where the systems are, as values of the whole."""
+        if self.one is not None:
+            self._x, self._m = self.one.reached.x, self.one.reached.m
+            self.terminated, self.pace = self.one.terminated, self.one.pace
+            return
+        self._x, self._m = self._x.copy(), self._m.copy()  # recorded, and held by moments
+        for member in self.members:
+            moment = member.dynamics.reached
+            self._x[member.part.states], self._m[member.part.modes] = moment.x, moment.m
+
+    def _record(self, stretch: Stretch) -> None:
+        """The rows of all systems as rows of the whole."""
+        found = merged([member.rows() for member in self.members], stretch.times, self._filled)
+        x, m = (np.repeat(values[:, None], len(found.times), axis=1) for values in (self._x, self._m))
+        for k, member in enumerate(self.members):
+            x[member.part.states], m[member.part.modes] = found.values(k)
+        counters: dict[str, float] = {}
+        for member in self.members:
+            for name, count in member.recorder.counters.items():
+                counters[name] = counters.get(name, 0.0) + count
+            member.recorder.counters.clear()
+        at = 0
+        for row, causes, changed in found.events:
+            self._add(found.times[at:row], x[:, at:row], m[:, at:row], {})
+            self.recorder.begin(float(found.times[row]), x[:, row], _NO_Z, m[:, row], causes, changed)
+            at = row + 1
+        self._add(found.times[at:], x[:, at:], m[:, at:], counters)
+
+    def _add(self, times: Vector, x: Vector, m: Vector, counters: dict[str, float]) -> None:
+        self.recorder.add(times, Piece(x, np.zeros((0, len(times))), counters), m)
+
+    def _filled(self, k: int, rows: Rows, times: Vector) -> tuple[Vector, Vector]:
+        """States and modes of one system at events of the others."""
+        return self.members[k].between(rows, rows.starts, times)
+
+    def again(self, t: float, row: tuple[Vector, Vector], times: Vector) -> tuple[Piece, Vector]:
+        """The solution integrated again behind a recorded row at `t`, of states and modes, and its modes."""
+        x, m = (np.repeat(values[:, None], len(times), axis=1) for values in row)
+        for member in self.members:
+            own_times, own_x, _, own_m = member.recorder.rows()
+            rows = Rows(own_times, own_x, own_m, ())
+            found = member.between(rows, np.arange(len(own_times)), times)
+            x[member.part.states], m[member.part.modes] = found
+        return Piece(x, np.zeros((0, len(times))), {}), m
+
+    def moved(self, x: Vector, z: Vector, m: Vector) -> None:
+        """The run was brought to these values from outside."""
+        if self.one is not None:
+            self.one.moved(x, z, m)
+        self._x, self._m = x.copy(), m.copy()
+        for member in self.members:
+            member.dynamics.moved(x[member.part.states], _NO_Z, m[member.part.modes])
+
+    def flight(self, schedule: Schedule) -> Flight | None:
+        """Each system flies by itself."""
+        return None
+
+    def library(self) -> Library[FlightProgram] | None:
+        """There is none for all of them."""
+        return None
+
+    def failed(self, times: Vector) -> Segment:
+        """What could not be passed."""
+        return (self.one or self.as_one()).failed(times)
+
+    def end(self, t: float, samples: Vector) -> None:
+        """The event at the end of the run."""
+        if self.one is not None:
+            self.one.end(t, samples)
+            return
+        first = self.problem.compiled.n_timely
+        before = [len(member.recorder.boundaries) for member in self.members]
+        for member in self.members:
+            model = member.part.model
+            own = member.part.modes[model.n_timely : model.n_timely + len(model.state_events.samples)] - first
+            member.dynamics.end(t, samples[own])
+        found = [b for member, k in zip(self.members, before, strict=True) for b in member.recorder.boundaries[k:]]
+        if not found:
+            return
+        self._gather()
+        m = self._m.copy()
+        for member in self.members:
+            m[member.part.modes] = member.recorder.point(member.recorder.count - 1)[3]
+        causes = tuple(c for _, own, _ in found for c in own)
+        changed = tuple(c for _, _, own in found for c in own)
+        self.recorder.begin(t, self._x, _NO_Z, m, causes, changed)
+
+
+def _columns(m: Vector, count: int) -> Vector:
+    return m if m.ndim == 2 else np.repeat(m[:, None], count, axis=1)
