@@ -253,7 +253,8 @@ class _Kind:
     def _time_events(self, e: Extract, whole: _Whole, node: dict[int, int], pool: Pool) -> TimeEvents:
         """Its relations of time; where they change is asked of the whole."""
         relations = tuple(node[whole.compiled.time_events.relations[k]] for k in whole.timely(e)[0])
-        return TimeEvents(relations, (pool.zero,) * len(relations), {})
+        unknown = (pool.zero,) * len(relations)
+        return TimeEvents(relations, unknown, unknown, {})
 
     def _events(self, e: Extract, whole: _Whole, node: dict[int, int]) -> StateEvents:
         events, group = whole.compiled.state_events, whole.group
