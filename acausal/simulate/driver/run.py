@@ -261,10 +261,13 @@ class Run:
         opts = self.options
         if self.solver.fixed_step or opts.step is not None or self.traced or len(self.tables.instants):
             return []
-        # steep functions are searched for what was overlooked in the whole
-        if known.segments > _MOST_STOPS or arguments(self.compiled) is not None:
+        if known.segments > _MOST_STOPS:
             return []
-        return [self.member(part, template) for part in subsystems(self.compiled)]
+        members = [self.member(part, template) for part in subsystems(self.compiled)]
+        # what such solvers overlook of steep functions is searched for in the whole; others are stopped at events
+        if any(not m.solver.stops for m in members) and arguments(self.compiled) is not None:
+            return []
+        return members
 
     def member(self, part: Subsystem, template: Segment) -> Member:
         """One of these systems, with a solver that fits its own size."""
