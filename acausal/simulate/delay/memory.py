@@ -285,8 +285,9 @@ class Memory:
         self._limit = t if t > here + 10 * instant else here + 100 * instant
         k, edge = self._exit
         # it was there already, but for the error of the states; an event just before an edge is none of that
-        if here == self._begun and self._arrived == self._exit:
-            self._noise[k] = max(self._noise[k], 2.0 * abs(edge - self._read[k]))
+        off = abs(edge - self._read[k])
+        if here == self._begun and self._arrived == self._exit and off < 1e-3 * abs(here - self._read[k]):
+            self._noise[k] = max(self._noise[k], 2.0 * off)
             self._limit = np.inf
 
     def _reached(self, t: float) -> None:
