@@ -263,9 +263,12 @@ class Run:
             return []
         if known.segments > _MOST_STOPS:
             return []
+        whole = self.why
         members = [self.member(part, template) for part in subsystems(self.compiled)]
-        # what such solvers overlook of steep functions is searched for in the whole; others are stopped at events
-        if any(not m.solver.stops for m in members) and arguments(self.compiled) is not None:
+        # what solvers overlook of steep functions is searched for in the whole, but where they stop at events
+        searched = any(isinstance(m.dynamics, Smooth) or not m.solver.stops for m in members)
+        if searched and arguments(self.compiled) is not None:
+            self.why = whole
             return []
         return members
 
