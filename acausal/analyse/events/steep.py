@@ -21,7 +21,8 @@ _KINKS = frozenset(("min", "max", "noevent"))
 _LARGE = 8.0
 # What changes by less than this factor at the points that the compiler samples wakes nothing.
 _FACTOR = 300.0
-_STEPS = frozenset(("tanh", "atan"))
+STEPS = frozenset(("tanh", "atan"))
+"""Functions that go from one value to another, around zero."""
 _THROUGH = frozenset(("add", "sub", "neg", "mul", "div", "sqrt", "pow"))
 _SUMS = frozenset(("add", "sub"))
 
@@ -61,7 +62,7 @@ def steep(pool: Pool, points: SamplePoints, reachable: Iterable[int], moves: Cal
     middles = [
         (w, place)
         for place, (argument, kind) in enumerate(found)
-        for w in ([argument] if kind in _STEPS else _evens(pool, argument, moves))
+        for w in ([argument] if kind in STEPS else _evens(pool, argument, moves))
     ]
     return Steep(tuple(n for n, _ in found), tuple(kind for _, kind in found), tuple(middles))
 

@@ -26,7 +26,7 @@ Vector = NDArray[np.float64]
 Truth = NDArray[np.bool_]
 Integrate = Callable[[Problem, Segment], Piece]
 # Rows of a piece at least, and at most where arguments are not resolved by fewer.
-_FEWEST, _MOST = 64, 200_000
+_FEWEST, _MOST = 32, 200_000
 _FINER = 8
 # An argument is resolved where every other row tells the rows between to this share of its variation there.
 _SHARE = 0.2
@@ -67,11 +67,16 @@ class Overlooked:
 
 @dataclass(frozen=True, eq=False)
 class _Rows:
-    """Points of one solution: the start of a segment, and what was handed over; shapes (n,), (nx, n) and (nz, n)."""
+    """Points of one solution: the start of a segment, and what was handed over; shapes (n,), (nx, n) and (nz, n).
+
+    With the arguments and middles there, shape (n, columns), and which of these columns are steep where they go.
+    """
 
     times: Vector
     x: Vector
     z: Vector
+    values: Vector
+    is_steep: Truth
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,14 +109,13 @@ class _Search:
         wide = segment
         if not is_last:
             wide = replace(segment, times=np.append(inside, reach))
-        wide, piece = self._resolved(wide)
-        rows = _rows(wide, piece)
+        wide, piece, rows = self._resolved(wide)
         steps = int(piece.counters.get("steps", 0.0))
-        places, doubt = self._places(wide, rows, steps)
+        places, doubt = self._places(rows, steps)
         if doubt.any() and steps > len(rows.times) and wide.shares is None and not wide.partial:
             wide = _finer(wide, 2 * steps)  # between rows that are farther apart than steps little is known
             piece = self.solve(self.problem, wide)
-            rows = _rows(wide, piece)
+            rows = self._rows(wide, piece)
         times = wide.times[: piece.x.shape[1]]
         asked = np.isin(times, segment.times)
         for low, high, points in self._suspects(wide, rows, places, doubt):
@@ -133,24 +137,26 @@ class _Search:
             return found, None
         return found, (reach, piece.x[:, -1], piece.z[:, -1], _GROWTH * (reach - segment.start))
 
-    def _resolved(self, segment: Segment) -> tuple[Segment, Piece]:
+    def _resolved(self, segment: Segment) -> tuple[Segment, Piece, _Rows]:
         """A solution with rows so close that they tell how arguments go between them."""
         wide = segment
         if segment.shares is None and not segment.partial and len(segment.times) < _FEWEST:
             wide = _finer(segment, _FEWEST)
         while True:
             piece = self.solve(self.problem, wide)
-            count = piece.x.shape[1]
-            if count < 2 * _NODES or self._are_resolved(wide, piece) or segment.partial:
-                return wide, piece
+            rows = self._rows(wide, piece)
+            if piece.x.shape[1] < 2 * _NODES or self._are_resolved(wide, rows) or segment.partial:
+                return wide, piece, rows
             if len(wide.times) * _FINER > _MOST:
-                return wide, piece
+                return wide, piece, rows
             wide = _finer(replace(wide, shares=None, first=0.0), _FINER * len(wide.times))
 
-    def _are_resolved(self, segment: Segment, piece: Piece) -> bool:
+    def _are_resolved(self, segment: Segment, rows: _Rows) -> bool:
         """Whether every other row tells the ones between."""
-        times = segment.times[: piece.x.shape[1]]
-        values = self._values(segment, times, piece.x, piece.z)[:, : len(self.known.kinds)]
+        first = len(self.known.kinds)
+        if not rows.is_steep[:first].any():
+            return True
+        times, values = rows.times[1:], rows.values[1:, :first][:, rows.is_steep[:first]]
         found = interpolated(times[::2], values[::2], times[1:-1:2], 6)[0]
         off = np.abs(found - values[1:-1:2])
         moved = np.abs(np.diff(values, axis=0))
@@ -158,10 +164,17 @@ class _Search:
         size = np.abs(values).max(axis=0) * segment.tolerances.relative
         return bool(((off > _SHARE * local + size).mean(axis=0) <= _KINKS).all())
 
-    def _values(self, segment: Segment, times: Vector, x: Vector, z: Vector) -> Vector:
+    def _rows(self, segment: Segment, piece: Piece) -> _Rows:
+        """The start of a segment and what was handed over of it."""
+        times = np.append(segment.start, segment.times[: piece.x.shape[1]])
+        # instants that are one to rounding tell nothing of what is between them
+        keep = np.append(True, np.diff(times) > _ONE * np.abs(times[-1] - times[0]))
+        x, z = np.column_stack([segment.x, piece.x]), np.column_stack([segment.z, piece.z])
+        times, x, z = times[keep], x[:, keep], z[:, keep]
         p = self.problem
-        found = self.known.at(times, x, z, p.u, p.p, segment.p)
-        return np.where(np.isfinite(found), found, 0.0)
+        values = self.known.at(times, x, z, p.u, p.p, segment.p)
+        values = np.where(np.isfinite(values), values, 0.0)
+        return _Rows(times, x, z, values, self.known.are_steep(values))
 
     def _suspects(
         self, segment: Segment, rows: _Rows, places: Vector, doubt: Truth
@@ -189,18 +202,18 @@ class _Search:
             return max(min(k, high - 1) - 1, 0)
         return max(high - 2, 0)  # rows are never as good as that
 
-    def _places(self, segment: Segment, rows: _Rows, steps: float) -> tuple[Vector, Truth]:
+    def _places(self, rows: _Rows, steps: float) -> tuple[Vector, Truth]:
         """Instants at which an argument turns or is in the middle of a step; and where rows do not tell its function.
 
         That is where the rows around, no closer than the `steps` that were taken are, say another value.
         """
         nothing = np.zeros(0), np.zeros(0, dtype=bool)
-        if len(rows.times) < _FEW:
+        times, values, is_steep, first = rows.times, rows.values, rows.is_steep, len(self.known.kinds)
+        if len(times) < _FEW or not is_steep.any():
             return nothing
-        times, values = rows.times, self._values(segment, rows.times, rows.x, rows.z)
-        slopes, first = _slopes(times, values), len(self.known.kinds)
-        turns, columns = np.nonzero(slopes[:-1] * slopes[1:] < 0.0)
-        crossed, own = np.nonzero(values[:-1, first:] * values[1:, first:] < 0.0)
+        slopes = _slopes(times, values)
+        turns, columns = np.nonzero((slopes[:-1] * slopes[1:] < 0.0) & is_steep)
+        crossed, own = np.nonzero((values[:-1, first:] * values[1:, first:] < 0.0) & is_steep[first:])
         if not len(turns) and not len(crossed):
             return nothing
         own += first
@@ -279,15 +292,6 @@ class _Search:
         n = self.problem.n_dynamic
         allowed = _SAME * segment.tolerances.of(np.maximum(np.abs(a[:n]), np.abs(b[:n])), self.problem.scale_x)
         return bool((np.abs(a - b)[:n] <= allowed).all())
-
-
-def _rows(segment: Segment, piece: Piece) -> _Rows:
-    """The start of a segment and what was handed over of it."""
-    times = np.append(segment.start, segment.times[: piece.x.shape[1]])
-    # instants that are one to rounding tell nothing of what is between them
-    keep = np.append(True, np.diff(times) > _ONE * np.abs(times[-1] - times[0]))
-    x, z = np.column_stack([segment.x, piece.x]), np.column_stack([segment.z, piece.z])
-    return _Rows(times[keep], x[:, keep], z[:, keep])
 
 
 def _finer(segment: Segment, count: int) -> Segment:

@@ -10,13 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.analyse.events.state_events import discrete_variables
-from acausal.analyse.events.steep import steep
+from acausal.analyse.events.steep import STEPS, steep
 from acausal.flatten.pool import LEAVES, Pool
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.symbols import Symbols
 from acausal.simulate.equations.calls.quick import Narrow
 
 Vector = NDArray[np.float64]
+# Functions that change by less than this factor, or of which less than this share of a step changes, are not steep.
+_MILD, _ROUNDING = 2.0, 1e-16
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +35,22 @@ class Arguments:
     def at(self, times: Vector, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector) -> Vector:
         """All of them at n instants; states and algebraic variables have shapes (nx, n) and (nz, n)."""
         return self.function.many(times[:, None], x.T, z.T, u, p, m)
+
+    def are_steep(self, values: Vector) -> NDArray[np.bool_]:
+        """Whether these columns belong to functions that are steep where their arguments go; shape of the columns.
+
+        Arguments may go as far beyond their values at the n instants as they go from any of them to the next.
+        """
+        own = values[:, : len(self.kinds)]
+        beyond = np.abs(np.diff(own, axis=0)).max(axis=0, initial=0.0)
+        ends = np.stack([own.min(axis=0) - beyond, own.max(axis=0) + beyond])
+        heights = self.heights(ends)
+        is_step = np.array([kind in STEPS for kind in self.kinds])
+        heights = np.where(is_step, np.maximum(heights, _ROUNDING), heights)
+        change = heights.max(axis=0) > _MILD * heights.min(axis=0)
+        is_power = np.array([not isinstance(kind, str) for kind in self.kinds])
+        through = is_power & (ends[0] <= 0.0) & (ends[1] >= 0.0)
+        return np.asarray((change.any(axis=0) | through)[self.owners])
 
     def heights(self, values: Vector) -> Vector:
         """What the functions are above both of their ends at such values; shape (n, 2, k)."""
