@@ -296,6 +296,23 @@ def test_a_single_step_that_comes_and_goes(solver: str, count: int) -> None:
         assert r.final("y") == pytest.approx(exact, abs=allowed), (step, argument, values, tolerance)
 
 
+CRESTS = {
+    "two peaks on each crest, closer than rows": ("idas", "Gauss", 1.4 * math.pi, 3.1590876773075603e-4, 94.79),
+    "crests at quarters between rows": ("cvodes", "exp", 4.0 * math.pi, 1.2508e-3, 6.62),
+}
+
+
+@pytest.mark.parametrize("case", CRESTS.values(), ids=CRESTS)
+def test_crests_that_were_passed_over(case: tuple[str, str, float, float, float]) -> None:
+    """An argument is no polynomial between rows though the sine in it is one, and its slope may be zero on a row."""
+    solver, step, w, h, steep = case
+    values, tolerance = {"w": w, "h": h, "k": steep / h**2, "a": w / h, "b": 1.0}, 2.6e-9
+    exact = _crests(step, "time", values, 10.0)
+    run: dict[str, Any] = {"stop_time": 10.0, "solver": solver, "tolerance": tolerance, "native": False}
+    r = acausal.simulate(_crest(step, "time"), parameters=values, **run)
+    assert r.final("y") == pytest.approx(exact, abs=20.0 * tolerance * max(1.0, exact))
+
+
 HARMLESS: dict[str, Callable[[Any, Any], Expr]] = {
     "diode": lambda x, v: 1e-9 * (exp(x / 0.025) - 1.0),
     "friction": lambda x, v: -tanh(v / 1e-3),

@@ -41,7 +41,11 @@ _NODES = 8
 _BACK = 64
 # A function is told by the rows around where it is what they say to this share; less than nothing is none.
 _TOLD, _NOTHING, _FEW = 0.02, 1e-14, 4
-_TURNS = 15
+_TURNS = 30
+# Parts of what is between two rows, where an argument turns or crosses its middle.
+_DENSER = 8
+# Rows are too close for that where they are one to this share of the time.
+_CLOSE = 1e-11
 _ONE = 1e-13
 # How far beside such an instant a function is looked at too, in distances of rows.
 _BESIDE = 0.2
@@ -111,7 +115,7 @@ class _Search:
             wide = replace(segment, times=np.append(inside, reach))
         wide, piece, rows = self._resolved(wide)
         steps = int(piece.counters.get("steps", 0.0))
-        places, doubt = self._places(rows, steps)
+        places, doubt = self._places(wide, rows, steps)
         if doubt.any() and steps > len(rows.times) and wide.shares is None and not wide.partial:
             wide = _finer(wide, 2 * steps)  # between rows that are farther apart than steps little is known
             piece = self.solve(self.problem, wide)
@@ -171,10 +175,13 @@ class _Search:
         keep = np.append(True, np.diff(times) > _ONE * np.abs(times[-1] - times[0]))
         x, z = np.column_stack([segment.x, piece.x]), np.column_stack([segment.z, piece.z])
         times, x, z = times[keep], x[:, keep], z[:, keep]
-        p = self.problem
-        values = self.known.at(times, x, z, p.u, p.p, segment.p)
-        values = np.where(np.isfinite(values), values, 0.0)
+        values = self._values(segment, times, x, z)
         return _Rows(times, x, z, values, self.known.are_steep(values))
+
+    def _values(self, segment: Segment, times: Vector, x: Vector, z: Vector) -> Vector:
+        p = self.problem
+        found = self.known.at(times, x, z, p.u, p.p, segment.p)
+        return np.where(np.isfinite(found), found, 0.0)
 
     def _suspects(
         self, segment: Segment, rows: _Rows, places: Vector, doubt: Truth
@@ -202,20 +209,45 @@ class _Search:
             return max(min(k, high - 1) - 1, 0)
         return max(high - 2, 0)  # rows are never as good as that
 
-    def _places(self, rows: _Rows, steps: float) -> tuple[Vector, Truth]:
+    def _denser(self, segment: Segment, rows: _Rows, behind: NDArray[np.intp]) -> tuple[Vector, Vector]:
+        """Instants, and columns of values there, with more of them around some rows.
+
+        States between rows are polynomials; what is a function of them need not be as good a one.
+        """
+        near = np.unique(np.clip(behind[:, None] + np.array([-1, 0, 1]), 0, len(rows.times) - 2))
+        near = near[np.diff(rows.times)[near] > _CLOSE * np.abs(rows.times).max()]
+        if not len(near):
+            return rows.times, rows.values
+        gap = rows.times[near + 1] - rows.times[near]
+        more = (rows.times[near][:, None] + gap[:, None] * np.arange(1, _DENSER) / _DENSER).ravel()
+        times, values = np.append(rows.times, more), np.vstack([rows.values, self._between(segment, rows, more)])
+        order = np.argsort(times)
+        return times[order], values[order]
+
+    def _between(self, segment: Segment, rows: _Rows, times: Vector) -> Vector:
+        """Columns of values at instants between rows."""
+        both = interpolated(rows.times, np.vstack([rows.x, rows.z]).T, times, min(_NODES, len(rows.times)))[0]
+        return self._values(segment, times, both[:, : len(rows.x)].T, both[:, len(rows.x) :].T)
+
+    def _places(self, segment: Segment, rows: _Rows, steps: float) -> tuple[Vector, Truth]:
         """Instants at which an argument turns or is in the middle of a step; and where rows do not tell its function.
 
         That is where the rows around, no closer than the `steps` that were taken are, say another value.
         """
         nothing = np.zeros(0), np.zeros(0, dtype=bool)
-        times, values, is_steep, first = rows.times, rows.values, rows.is_steep, len(self.known.kinds)
-        if len(times) < _FEW or not is_steep.any():
+        if len(rows.times) < _FEW or not rows.is_steep.any():
             return nothing
-        slopes = _slopes(times, values)
-        turns, columns = np.nonzero((slopes[:-1] * slopes[1:] < 0.0) & is_steep)
-        crossed, own = np.nonzero((values[:-1, first:] * values[1:, first:] < 0.0) & is_steep[first:])
-        if not len(turns) and not len(crossed):
-            return nothing
+        times, values, first = rows.times, rows.values, len(self.known.kinds)
+        turns = crossed = np.zeros(0, dtype=np.intp)
+        for is_dense in (False, True):
+            if is_dense:
+                times, values = self._denser(segment, rows, np.concatenate([turns, crossed]))
+            slopes = _slopes(times, values)
+            is_down, is_below = slopes < 0.0, values[:, first:] < 0.0  # a row may stand where one of them is zero
+            turns, columns = np.nonzero((is_down[:-1] != is_down[1:]) & rows.is_steep)
+            crossed, own = np.nonzero((is_below[:-1] != is_below[1:]) & rows.is_steep[first:])
+            if not len(turns) and not len(crossed):
+                return nothing
         own += first
         found = _roots(times, slopes[:, columns], turns)
         # a middle that turns may be zero on both sides of this
@@ -230,23 +262,24 @@ class _Search:
             _roots(times, values[:, j], k, begin=(there, top)),
         )
         found, columns = np.concatenate([found, *sides]), np.concatenate([columns, own, j, j])
-        doubt = self._are_doubtful(times, values[:, :first], steps, found, self.known.owners[columns])
+        doubt = self._are_doubtful(segment, rows, steps, found, self.known.owners[columns])
         order = np.argsort(found)
         return found[order], doubt[order]
 
     def _are_doubtful(
-        self, times: Vector, values: Vector, steps: float, found: Vector, columns: NDArray[np.int64]
+        self, segment: Segment, rows: _Rows, steps: float, found: Vector, columns: NDArray[np.int64]
     ) -> Truth:
         """Whether the values of functions at these instants are others than the rows say that are as far as steps."""
+        times = rows.times
         apart = max(1, round(len(times) / max(steps, 1.0)))
         some = np.unique(np.append(np.arange(0, len(times), apart), len(times) - 1))
-        known, k = self.known.heights(values[some]), np.arange(len(found))
+        known, k = self.known.heights(rows.values[some]), np.arange(len(found))
         place = np.clip(np.searchsorted(times[some], found), 1, len(some) - 1)
         gap = times[some][place] - times[some][place - 1]
         doubt = np.zeros(len(found), dtype=bool)
         for share in (0.0, -_BESIDE, _BESIDE):  # in its middle a step is what the rows around it say by symmetry
             at = np.clip(found + share * gap, times[0], times[-1])
-            here = interpolated(times, values, at, min(_NODES, len(times)))[0]
+            here = self._between(segment, rows, at)
             there, told = self.known.heights(here)[k, :, columns], _told(times[some], known, at, columns)
             doubt |= (np.abs(there - told) > _TOLD * np.abs(there) + _NOTHING).any(axis=1)
         return doubt
