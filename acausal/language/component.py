@@ -414,10 +414,14 @@ class Component(Owner):
         return twin
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """A pickled component is its recipe, as `build` may have made functions; one seen anew goes as the first."""
+        """A pickled component is its recipe, as `build` may have made functions; one seen anew goes as the first.
+
+        One of another keeps where it stood: equations that are pickled name it by that.
+        """
         if "_seen" in self.__dict__:
             return dict.__getitem__, ({0: self.__dict__["_seen"]}, 0)
-        return _again, (type(self), self.__dict__["_given"], self._marks())
+        stood = self._path_to("").removesuffix(".")
+        return _again, (type(self), self.__dict__["_given"], {**self._marks(), **({"_stood": stood} if stood else {})})
 
     def __repr__(self) -> str:
         given = ", ".join(f"{k}={_shown(v)}" for k, v in self.__dict__["_given"].items())

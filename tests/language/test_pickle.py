@@ -11,7 +11,25 @@ import numpy as np
 import pytest
 
 import acausal
-from acausal import Component, Equations, Real, connect, der, fixed, outer, parameter, part, signal_input, variable
+from acausal import (
+    Component,
+    Equations,
+    Real,
+    connect,
+    der,
+    discrete,
+    fixed,
+    maximum,
+    outer,
+    parameter,
+    part,
+    pre,
+    reset,
+    signal_input,
+    variable,
+    when,
+    where,
+)
 from acausal.errors import DeclarationError, UsageError
 from acausal.models.bouncing_ball import BouncingBall
 from acausal.models.contact_scenes import HolesSideBySide
@@ -122,3 +140,45 @@ def test_a_compiled_model_works_in_worker_processes() -> None:
     for g, height in zip(gravities, found, strict=True):
         own = acausal.simulate(compiled, stop_time=1.0, parameters={"g": g}).final("h")
         assert height == pytest.approx(own, rel=1e-9)
+
+
+class Switching(Component):
+    """A state with an event and a discrete equation, and a kink at which a rate sleeps."""
+
+    x: Real = variable(default=fixed(1.0))
+    y: Real = variable(default=fixed(0.0))
+    n: Real = discrete()
+    above: Real = discrete()
+
+    def equations(self) -> Equations:
+        yield der(self.x) == -2.0
+        yield der(self.y) == maximum(-self.x - 0.5, 0.0)
+        yield self.above == where(self.x > 0.25, 1.0, 0.0)
+        yield when(self.x < 0.0, reset(self.n, pre(self.n) + 1.0))
+
+
+class Switchings(Component):
+    """Two of them, one in a list that `build` makes."""
+
+    first: Switching = Switching()
+    others: list[Any] = part()
+
+    def build(self) -> None:
+        self.others = [Switching(x=fixed(2.0))]
+
+
+def test_words_of_a_copy_are_those_of_the_model() -> None:
+    """Names of parts were lost in equations of a copy: `parts[0].v` was told as `v`, in events and in errors."""
+    model = acausal.compile(Switchings())
+    copy = pickle.loads(pickle.dumps(pickle.loads(pickle.dumps(model))))
+    for kind in ("equations", "whens", "assignments"):
+        told, again = ([str(s.source) for s in getattr(m.flat, kind)] for m in (model, copy))
+        assert any("others[0]." in text for text in told)
+        assert again == told
+        if kind != "whens":
+            assert [copy.flat.text(e) for e in getattr(copy.flat, kind)] == [
+                model.flat.text(e) for e in getattr(model.flat, kind)
+            ]
+    listed = [[(e.condition, e.component) for e in acausal.simulate(m, stop_time=1.5).events] for m in (model, copy)]
+    assert listed[1] == listed[0]
+    assert any("when(others[0].x" in condition for condition, _ in listed[0])

@@ -101,12 +101,14 @@ class Owner:
     _is_sized: ClassVar[bool] = False
 
     def _path_to(self, name: str) -> str:
-        """Path of a field as seen from the outermost owner, for messages."""
+        """Path of a field as seen from the outermost owner, or from that of what was pickled, for messages."""
         names = [name]
         here: Owner = self
         while here.__dict__["_owner"] is not None:
             here, own_name = here.__dict__["_owner"]
             names.append(own_name)
+        if "_stood" in here.__dict__:
+            names.append(here.__dict__["_stood"])
         return ".".join(reversed(names))
 
     def _refuse_unmade(self) -> None:
