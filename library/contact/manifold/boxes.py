@@ -26,7 +26,7 @@ def boxes(
     flat_a, flat_b = _flat(R_a.T @ normal), _flat(R_b.T @ normal)
     edge, crossing = crossed_edges(r_a, R_a, r_b, R_b, half_a, half_b, overlap)
     edge_share = crossing * (1 - flat_a * flat_b)
-    edge = replace(edge, share=edge_share)
+    edge = replace(edge, share=edge_share, overlap=minimum(edge.depth, overlap))
     margin = 0.02 * min(*half_a, *half_b)
     found = [edge]
     for r, R, half, other_r, other_R, other, direction, flat in (

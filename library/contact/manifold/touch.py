@@ -32,7 +32,15 @@ def touches(a: Shape, b: Shape) -> Touches:
     def in_metres(r_a: Expr, R_a: Expr, r_b: Expr, R_b: Expr) -> tuple[Touch, ...]:
         metre = quantity(1.0, "m")
         points = found(unitless(r_a), R_a, unitless(r_b), R_b)
-        return tuple(replace(p, depth=unitless(p.depth) * metre, place=unitless(p.place) * metre) for p in points)
+        return tuple(
+            replace(
+                p,
+                depth=unitless(p.depth) * metre,
+                place=unitless(p.place) * metre,
+                overlap=None if p.overlap is None else unitless(p.overlap) * metre,
+            )
+            for p in points
+        )
 
     return in_metres
 
@@ -135,6 +143,6 @@ def _by_mpr(a: Shape, b: Shape) -> Touches:
 
 def _swapped(found: Touches) -> Touches:
     def turned(r_a: Expr, R_a: Expr, r_b: Expr, R_b: Expr) -> tuple[Touch, ...]:
-        return tuple(Touch(t.depth, -t.normal, t.place, t.share) for t in found(r_b, R_b, r_a, R_a))
+        return tuple(replace(t, normal=-t.normal) for t in found(r_b, R_b, r_a, R_a))
 
     return turned

@@ -25,6 +25,7 @@ from acausal import (
     where,
 )
 from acausal.library.contact.collide.shapes import Box, Shape
+from acausal.library.contact.manifold.point import deepest
 from acausal.library.contact.manifold.touch import Touch, touches
 from acausal.library.contact.scene.friction import Coulomb, FrictionLaw, Hybrid, LuGre, smooth_speed
 from acausal.library.contact.scene.laws import NormalLaw
@@ -65,7 +66,7 @@ class SurfaceContact(Component):
     law: NormalLaw = structural(doc="Normal force at each point")
     friction: FrictionLaw = structural(default=Coulomb(mu=0.0), doc="Friction force")
 
-    depth: Real = variable(unit="m", nominal=1e-3, doc="Overlap at the deepest point; negative when apart")
+    depth: Real = variable(unit="m", nominal=1e-3, doc="Overlap at the deepest point that counts; negative when apart")
     F_N: Real = variable(unit="N", nominal=1e3, doc="Sum of the normal forces of all points")
     f_0: Real = variable(unit="N", shape=3, nominal=1e3, doc="Force on the body at frame_b, in world axes")
     energy: Real = variable(unit="J", doc="Energy stored in the contact")
@@ -91,7 +92,7 @@ class SurfaceContact(Component):
         own = _STRAIGHT if self._is_relative() else _placed(a, self.pose_a)
         points = touches(self.shape_a, self.shape_b)(*own, axes.T @ (r_b - origin), axes.T @ R_b)
         loads = [self._load(point) for point in points]
-        yield self.depth == _largest([p.depth for p in points])
+        yield self.depth == deepest(points)
         yield self.F_N == _total([load.pressed for load in loads])
         yield self.f_0 == axes @ _total([load.force for load in loads])
         yield self.energy == _total([load.energy for load in loads])
@@ -240,10 +241,3 @@ def _total(terms: list[Expr]) -> Expr:
     for term in terms[1:]:
         total = total + term
     return total
-
-
-def _largest(terms: list[Expr]) -> Expr:
-    largest = terms[0]
-    for term in terms[1:]:
-        largest = maximum(largest, term)
-    return largest
