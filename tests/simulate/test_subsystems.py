@@ -236,6 +236,18 @@ def test_a_broken_assertion_is_told_of_its_place() -> None:
     assert run.final("parts[1].v") == pytest.approx(0.8 * G * falls(0.5) - G * (run.time[-1] - falls(0.5)), abs=1e-5)
 
 
+def test_notes_of_what_was_thrown_away_are_none() -> None:
+    """A relay comes to its switching line at 0.3 s; a ball falls by 0.1 m before, and ends the run."""
+    members = (("Relay", {}), *BALLS[1:4], ("Ball", {"height": 2.0, "lowest": 1.9}))
+    with pytest.raises(EventError, match="too low") as found:
+        acausal.simulate(Together(members=members), stop_time=1.0, tolerance=1e-8)
+    run = found.value.result
+    assert run is not None
+    assert run.stats["subsystems"] == len(members)
+    assert run.time[-1] == pytest.approx(falls(0.1), abs=1e-6)
+    assert run.stats["notes"] == ()
+
+
 class Passed(Together):
     """A clause that reads two systems makes them one."""
 

@@ -145,6 +145,7 @@ class Apart:
     """Where that is [s]."""
     _x: Vector = field(default_factory=lambda: np.zeros(0))
     _m: Vector = field(default_factory=lambda: np.zeros(0))
+    _told: tuple[str, ...] = ()
 
     @property
     def reached(self) -> Moment:
@@ -167,8 +168,7 @@ class Apart:
     @property
     def notes(self) -> tuple[str, ...]:
         """What is to be said of the run."""
-        own = (n for member in self.members if isinstance(member.dynamics, Hybrid) for n in member.dynamics.notes)
-        return tuple(dict.fromkeys((*own, *(self.one.notes if self.one is not None else ()))))
+        return self._told if self.one is None else tuple(dict.fromkeys((*self._told, *self.one.notes)))
 
     def begin(self, t: float, start: Start, m: Vector, flag: str | None) -> None:
         """The start of the run."""
@@ -239,11 +239,13 @@ class Apart:
         self.one.begin(t, Start(self._x, _NO_Z, ()), self._m, flag)
 
     def _gather(self) -> None:
-        """Where the systems are, as values of the whole."""
+        """Where the systems are, as values of the whole, and notes of what has happened up to there."""
         if self.one is not None:
             self._x, self._m = self.one.reached.x, self.one.reached.m
             self.terminated, self.pace = self.one.terminated, self.one.pace
             return
+        all_ = (member.dynamics for member in self.members)
+        self._told = tuple(dict.fromkeys(n for own in all_ if isinstance(own, Hybrid) for n in own.notes))
         self._x, self._m = self._x.copy(), self._m.copy()  # recorded, and held by moments
         for member in self.members:
             moment = member.dynamics.reached
@@ -316,9 +318,9 @@ class Apart:
             own = member.part.modes[model.n_timely : model.n_timely + len(model.state_events.samples)] - first
             member.dynamics.end(t, samples[own])
         found = [b for member, k in zip(self.members, before, strict=True) for b in member.recorder.boundaries[k:]]
+        self._gather()
         if not found:
             return
-        self._gather()
         m = self._m.copy()
         for member in self.members:
             m[member.part.modes] = member.recorder.point(member.recorder.count - 1)[3]
