@@ -104,7 +104,7 @@ if TYPE_CHECKING:
     from acausal.export.casadi.casadi_file import load_casadi as load_casadi
     from acausal.export.linearize import linearize as linearize
     from acausal.export.operating_point import operating_point as operating_point
-    from acausal.export.sensitivity import sensitivities as sensitivities
+    from acausal.export.sensitivity.sensitivities import sensitivities as sensitivities
     from acausal.export.step.step import step_function as step_function
     from acausal.flatten.flatten import flatten as flatten
     from acausal.lower.compile import compile as compile
@@ -136,7 +136,7 @@ _LAZY = {
     "fit": "acausal.study.fit.fit",
     "linearize": "acausal.export.linearize",
     "operating_point": "acausal.export.operating_point",
-    "sensitivities": "acausal.export.sensitivity",
+    "sensitivities": "acausal.export.sensitivity.sensitivities",
     "load_casadi": "acausal.export.casadi.casadi_file",
     "step_function": "acausal.export.step.step",
     "bench": "acausal.study.bench.bench",

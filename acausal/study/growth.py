@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from acausal.errors import AcausalError
 from acausal.export.forms import SENSITIVITIES, check
-from acausal.export.sensitivity import Chain
+from acausal.export.sensitivity.chain import Chain
 from acausal.lower.compiled import CompiledModel
 from acausal.result.result import Result
 from acausal.simulate.arguments import input_vector, parameter_vector

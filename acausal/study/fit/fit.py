@@ -1,7 +1,7 @@
 """Parameters by least squares on runs, with what the data say about each of them.
 
 Gauss and Newton's method in a trust region (scipy's `least_squares`). Derivatives are those of the runs
-(`acausal/export/sensitivity.py`) where compiled steps, or none, lead to them, and differences of runs elsewhere: these
+(`acausal/export/sensitivity/`) where compiled steps, or none, lead to them, and differences of runs elsewhere: these
 go through delays, varying inputs and contacts as the runs do. The search ends where a step would be small beside the
 confidence intervals: by the relative offset. Every signal is weighted by the standard deviation of its noise; where
 that is not known it is estimated from the residuals of a first fit, and the fit is made again (Bates and Watts,

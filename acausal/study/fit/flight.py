@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from acausal.errors import AcausalError, RunError
 from acausal.export.forms import SENSITIVITIES, check
 from acausal.export.ports import Output, named_outputs
-from acausal.export.sensitivity import Chain
+from acausal.export.sensitivity.chain import Chain
 from acausal.lower.cache.cache import choices_stand_for
 from acausal.lower.compiled import CompiledModel
 from acausal.result.result import Result

@@ -1,0 +1,1 @@
+"""Derivatives of a run by its parameters, through its events."""

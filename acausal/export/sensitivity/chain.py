@@ -1,0 +1,265 @@
+"""The linear maps of a run, stretch by stretch and event by event.
+
+Between events steps of a method of their own are differentiated (`acausal/export/variation/`). The adjoint form is the
+transpose of the forward one, in reverse order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.export.observed import observed_function
+from acausal.export.ports import Output
+from acausal.export.sensitivity.saltation import Saltation
+from acausal.export.sensitivity.slopes import Matrices, Slopes
+from acausal.export.variation.element import Temper, Way
+from acausal.export.variation.variation import Variation
+from acausal.lower.symbols import Symbols
+from acausal.simulate.driver.hybrid import Passage
+from acausal.simulate.driver.run import Run
+from acausal.simulate.equations.calls.quick import Quick
+from acausal.simulate.events.regime import Regime
+
+Vector = NDArray[np.float64]
+
+
+class Chain:
+    """The linear maps of a run, stretch by stretch and event by event."""
+
+    def __init__(self, run: Run, chosen: list[int], wanted: Sequence[Output], tolerance: float) -> None:
+        assert run.hybrid is not None, "a traced run keeps its events"
+        assert run.hybrid.moment is not None, "it has begun"
+        self.compiled, self.p, self.u = run.compiled, run.p, run.u
+        self.chosen, self.wanted, self.tolerance = chosen, wanted, tolerance
+        self.passages: list[Passage] = run.hybrid.passages
+        self.last = run.hybrid.moment
+        self.stop = run.hybrid.recorder.time
+        self.slopes = Slopes(run.compiled, run.p, run.u, chosen)
+        self.event = Saltation(self.slopes, run.hybrid, self.stop - self.passages[0].time)
+        self.nx, self.count = self.slopes.nx, self.slopes.count
+        self.temper, self.native = Temper(), run.options.native
+
+    def forward(self) -> tuple[Vector, Vector]:
+        """(d outputs, d event times) / d parameters; states are carried along."""
+        x = self.start()
+        of_times = np.zeros((len(self.passages), self.count))
+        for k, passage in enumerate(self.passages):
+            by_x, by_p, time_x, time_p = self.event(passage)
+            of_times[k] = time_x @ x + time_p
+            x = by_x @ x + by_p
+            x = self.stretch(k).forward(x)
+        y_x, y_p = self.output()
+        return y_x @ x + y_p, of_times
+
+    def trajectory(self, times: Vector, states: Callable[[Vector], Vector] | None = None) -> Vector:
+        """d outputs / d parameters at `times`, shape (times, outputs, parameters); at events just after them.
+
+        `states` are those of the run at some instants, shape (instants, nx): where nothing varies along a stretch, no
+        step is made to know them.
+        """
+        found = np.zeros((len(times), len(self.wanted), self.count))
+        x = self.start()
+        for k, passage in enumerate(self.passages):
+            by_x, by_p, *_ = self.event(passage)
+            x = by_x @ x + by_p
+            last = k + 1 == len(self.passages)
+            until = np.inf if last else self.passages[k + 1].time
+            inside = np.flatnonzero((times >= passage.time) & (times < until))
+            stretch, at = self.stretch(k), times[inside]
+            w, there = [np.concatenate([stretch.x, stretch.z])], [x]
+            stops = np.unique(at[at > passage.time])
+            if states is not None and self.is_still(stretch.regime, x):
+                w += list(states(stops))
+                there += [x] * len(stops)
+            else:
+                for t, variables, carried in stretch.carry(stops[stops < stretch.end], x):
+                    x = carried
+                    if t in stops:
+                        w.append(variables)
+                        there.append(x)
+            if not len(inside):
+                continue
+            place = np.searchsorted(stops, at, side="right")
+            found[inside] = self._shown(stretch, at, np.array(w)[place], np.array(there)[place])
+        return found
+
+    def is_still(self, regime: Regime, x: Vector) -> bool:
+        """Whether states without variations `x` have none from the parameters under this regime, either."""
+        slopes = self.variation(regime).slopes
+        return not x.any() and slopes.n == slopes.nx and not (slopes.columns >= slopes.n).any()
+
+    def is_quick(self) -> bool:
+        """Whether a trajectory takes compiled steps, or none: in Python it costs many runs."""
+        still, regimes = not self.start().any(), [passage.happened.moment.regime for passage in self.passages]
+        for passage, regime in zip(self.passages, regimes, strict=True):
+            _, by_p, *_ = self.event(passage)
+            still = still and self.is_still(regime, by_p)
+        return still or all(self.variation(regime).is_compiled(self.native) for regime in regimes)
+
+    def _shown(self, stretch: Stretch, times: Vector, w: Vector, x: Vector) -> Vector:
+        """d outputs / d parameters at k instants of one stretch; `w` are variables, `x` variations, (k, nx, count)."""
+        c, regime, k = self.compiled, stretch.regime, len(times)
+        outputs = tuple(output.name for output in self.wanted)
+        key = "shown", *outputs, tuple(self.chosen), regime.holds, regime.border
+        packed = self.slopes.kept(key, lambda: Quick(self._packed(regime)))
+        rows = packed.many(times[:, None], w[:, : self.nx], w[:, self.nx :], self.u, self.p, stretch.m)
+        nz, width = len(c.algebraic), (self.nx, self.count, len(c.algebraic))
+        shapes = [(size, n) for size in (len(outputs), nz) for n in width]
+        ends = np.cumsum([a * b for a, b in shapes])[:-1]
+        parts = [
+            part.reshape(k, n, size).transpose(0, 2, 1)
+            for part, (size, n) in zip(np.split(rows, ends, axis=1), shapes, strict=True)
+        ]
+        by_x, by_p, by_z, implied_x, implied_p, implied_z = parts
+        if nz:
+            inner = by_z @ np.linalg.pinv(implied_z)
+            by_x, by_p = by_x - inner @ implied_x, by_p - inner @ implied_p
+        return np.asarray(by_x @ x + by_p)
+
+    def _packed(self, regime: Regime) -> Any:
+        """Derivatives of the outputs and of the algebraic equations by x, the chosen parameters, and z, in a row."""
+        s = Symbols(self.compiled)
+        pieces = []
+        for value in (self._observed(*s.inputs), regime.compiled.rhs(*s.inputs)[1]):
+            by_p = ca.jacobian(value, s.p)[:, self.chosen]
+            pieces += [ca.jacobian(value, s.x), by_p, ca.jacobian(value, s.z)]
+        return ca.Function("shown", s.inputs, [ca.vertcat(*(ca.vec(ca.densify(piece)) for piece in pieces))])
+
+    def _shown_by(self, regime: Regime, t: float, moment: Any) -> tuple[Vector, Vector, Vector]:
+        """Derivatives of the outputs by states, parameters and time."""
+        key = "outputs", *(output.name for output in self.wanted)
+        return self.slopes.total(regime, key, lambda *a: self._observed(*a), t, moment)
+
+    @cached_property
+    def _observed(self) -> Any:
+        key = "observed", *(output.name for output in self.wanted)
+        return self.slopes.kept(key, lambda: observed_function(self.compiled, self.wanted))
+
+    def adjoint(self) -> tuple[Vector, Vector]:
+        """The same, from the end backwards: one sweep, in which each event time joins at its event."""
+        rows, total = self.output()
+        for k in reversed(range(len(self.passages))):
+            rows, by_p = self.stretch(k).adjoint(rows)
+            on_x, on_p, time_x, time_p = self.event(self.passages[k])
+            total = total + by_p + rows @ on_p
+            rows = np.vstack([rows @ on_x, time_x])
+            total = np.vstack([total, time_p])
+        total = total + rows @ self.start()
+        count = len(self.wanted)
+        return total[:count], total[count:][::-1]
+
+    def is_unseen(self, k: int) -> bool:
+        """Whether a stretch only ends there, without an event: at a kink or in the middle of a burst."""
+        passage = self.passages[k]
+        if passage.guard is None:
+            return True
+        return passage.left.regime.owners[passage.guard][0] in self.compiled.state_events.watched
+
+    def stretch(self, k: int) -> Stretch:
+        """The linear map from just after event k to the next one, or to the end."""
+        moment = self.passages[k].happened.moment
+        until = self.passages[k + 1].time if k + 1 < len(self.passages) else self.stop
+        return Stretch(self, moment.regime, moment.x, moment.z, moment.m, self.passages[k].time, until)
+
+    def variation(self, regime: Regime) -> Variation:
+        """The equations of a regime with their slopes."""
+        key = "variation", regime.holds, regime.border, tuple(self.chosen)
+        return self.slopes.kept(key, lambda: Variation(regime.compiled, self.chosen))
+
+    def start(self) -> Vector:
+        """Derivatives of the states at the start."""
+        passage = self.passages[0]
+        moment, c = passage.left, self.compiled
+        (direct,) = self.slopes.kept("given", self._given)(self.p)
+        direct = direct[:, self.chosen]
+        free = [k for k, v in enumerate(c.state_variables) if v not in c.start.direct and v not in c.start.defaulted]
+        if not free:
+            return direct
+        slopes = self.slopes.kept("start", self._start_slopes)
+        by_x, by_z, by_p = slopes(passage.time, moment.x, moment.z, self.u, self.p, moment.m)
+        direct[free] = 0.0
+        right = by_x @ direct + by_p[:, self.chosen]
+        unknown = np.linalg.lstsq(np.hstack([by_x[:, free], by_z]), -right, rcond=None)[0]
+        direct[free] = unknown[: len(free)]
+        return direct
+
+    def _given(self) -> Matrices:
+        """`(p) -> derivatives of the declared starts`."""
+        p = ca.SX.sym("p", len(self.p))
+        return Matrices(ca.Function("given", [p], [ca.densify(ca.jacobian(self.compiled.guess(p)[0], p))]))
+
+    def _start_slopes(self) -> Matrices:
+        """`(t, x, z, u, p, m) -> derivatives of the start conditions by x, z and p`."""
+        c, s = self.compiled, Symbols(self.compiled)
+        r = ca.vertcat(c.conditions(*s.inputs)[0], c.rhs(*s.inputs)[1])
+        return Matrices(ca.Function("slopes", s.inputs, [ca.densify(ca.jacobian(r, v)) for v in (s.x, s.z, s.p)]))
+
+    def output(self) -> tuple[Vector, Vector]:
+        """d output / d states and d output / d parameters at the end."""
+        return self._shown_by(self.last.regime, self.stop, self.last)[:2]
+
+    def values(self) -> Vector:
+        """The outputs at the end."""
+        at = self.last
+        return np.array(self._observed(self.stop, at.x, at.z, self.u, self.p, at.m)).ravel()
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """One stretch without events."""
+
+    chain: Chain
+    regime: Regime
+    x: Vector
+    z: Vector
+    m: Vector
+    start: float
+    end: float
+
+    def carry(self, stops: Vector, x: Vector, *, parameters: bool = True) -> Iterator[tuple[float, Vector, Vector]]:
+        """At the stops, which are in order and inside, and at the end: the time, all variables, and the variations."""
+        c = self.chain
+        if self.end <= self.start:
+            return
+        variation, scale = c.variation(self.regime), c.compiled.nominal_x[:, None]
+        way = self._way([*stops.tolist(), self.end], variation)
+        for t, w, there in variation.carry(way, x / scale, c.temper, c.native, parameters=parameters):
+            yield t, w * variation.slopes.scale, there * scale
+
+    def forward(self, x: Vector) -> Vector:
+        """Variations of the states at the end from those at the start, and from the parameters."""
+        found = x
+        for *_, there in self.carry(np.zeros(0), x):
+            found = there
+        return found
+
+    def parts(self, ends: Vector) -> Iterator[tuple[float, Vector]]:
+        """For each part of the stretch its end, and the map of variations of the states over it."""
+        unit = np.eye(len(self.chain.compiled.nominal_x))
+        here = self
+        for end in ends.tolist():
+            part = replace(here, end=end)
+            for t, w, through in part.carry(np.zeros(0), unit, parameters=False):
+                yield t, through
+                here = replace(here, start=t, x=w[: len(unit)], z=w[len(unit) :])
+
+    def adjoint(self, rows: Vector) -> tuple[Vector, Vector]:
+        """Derivatives with respect to the states at the start, and to the parameters, of what has `rows` at the end."""
+        c = self.chain
+        if self.end <= self.start:
+            return rows, np.zeros((len(rows), c.count))
+        variation, scale = c.variation(self.regime), c.compiled.nominal_x
+        rows, total = variation.back(self._way([self.end], variation), rows * scale, c.temper, c.native)
+        return rows / scale, total
+
+    def _way(self, ends: Sequence[float], variation: Variation) -> Way:
+        c = self.chain
+        w = np.concatenate([self.x, self.z]) / variation.slopes.scale
+        return Way(self.start, ends, w, (np.concatenate([c.u, c.p]), self.m), c.tolerance)

@@ -1,0 +1,210 @@
+"""The linear map over one event of a run, and how its instant moves with the parameters.
+
+At an event at t* with guard g the derivative of the time is dt* = -(g_x X + g_p) / (g_t + g_x f), and the variations of
+the states jump: with x+ = r(t, x-, p), X+ = r_x (X- + f- dt*) + r_t dt* + r_p - f+ dt* (the saltation matrix). Instants
+of time events and samples move with the parameters that they depend on.
+
+Source: W. S. Galán, P. I. Barton, W. F. Feehery, Parametric sensitivity functions for hybrid discrete/continuous
+systems, Applied Numerical Mathematics 31 (1999).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.errors import ExportError
+from acausal.export.sensitivity.slopes import Matrices, Slopes
+from acausal.lower.build import Builder
+from acausal.lower.events.impulses import impulses
+from acausal.lower.symbols import Symbols
+from acausal.simulate.driver.hybrid import Hybrid, Passage
+from acausal.simulate.events.regime import Regime
+from acausal.simulate.events.sampling import due
+
+Vector = NDArray[np.float64]
+
+# How far back the rate of a guard is compared, as a share of the run and of the time in which states change.
+_BACK = 1e-6
+
+
+class Saltation:
+    """The maps over the events of one run, which lasts `duration` [s]."""
+
+    def __init__(self, slopes: Slopes, hybrid: Hybrid, duration: float) -> None:
+        self.slopes, self.hybrid, self.duration = slopes, hybrid, duration
+        self.compiled, self.p, self.u = slopes.compiled, slopes.p, slopes.u
+        self.nx, self.count, self.chosen = slopes.nx, slopes.count, slopes.chosen
+
+    def __call__(self, passage: Passage) -> tuple[Vector, Vector, Vector, Vector]:
+        """(dx+/dx-, dx+/dp, dt*/dx-, dt*/dp) of one event, at fixed time on both sides."""
+        left, right, t = passage.left, passage.happened.moment, passage.time
+        time_x, time_p = self._instant(passage)
+        f_left, f_right = self.slopes.rate(left.regime, t, left), self.slopes.rate(right.regime, t, right)
+        columns = self.nx + self.count + 1
+        x = np.eye(self.nx, columns)  # variations of the states by the states before, the parameters, and the time
+        past = self._after(left.regime, 4, None, t, left, x, np.zeros((len(self.slopes.memories), columns)))
+        past[:, -1] = 0.0  # what is remembered does not change until the event
+        for jump in passage.happened.jumps:
+            moment = jump.moment
+            x = self._set(self._assigned, self._after(moment.regime, 1, None, t, moment, x, past), x)
+            acting = np.flatnonzero(jump.applied).tolist()
+            hits = [k for k in acting if k in self._impulses]
+            rows = [k for k in acting if k not in self._impulses]
+            places = [self._places[k] for k in rows]
+            values = self._after(moment.regime, 3, rows, t, moment, x, past)
+            struck = self._struck(moment, hits, places, t, x, past)
+            x = self._set(places, values, x) + struck
+            if jump.advances:
+                past = self._after(moment.regime, 4, None, t, moment, x, past)
+        x = self._set(self._assigned, self._after(right.regime, 1, None, t, right, x, past), x)
+        by_x, by_p, by_t = x[:, : self.nx], x[:, self.nx : -1], x[:, -1]
+        shift = by_x @ f_left + by_t - f_right
+        by_x, by_p = by_x + np.outer(shift, time_x), by_p + np.outer(shift, time_p)
+        if len(right.regime.holds) > len(left.regime.holds):
+            ways = self._onto(right.regime, t, right)
+            by_x, by_p = by_x - ways[0] @ by_x, by_p - ways[0] @ by_p - ways[1]
+        return by_x, by_p, time_x, time_p
+
+    def _instant(self, passage: Passage) -> tuple[Vector, Vector]:
+        left, t = passage.left, passage.time
+        if passage.guard is None:
+            instants, by_p = self.slopes.kept("instants", self._instants)(self.p)
+            at = [k for k, v in enumerate(instants.ravel()) if abs(v - t) <= 1e-12 * max(1.0, abs(t))]
+            return np.zeros(self.nx), by_p[at[0], self.chosen] if at else self._tick(t)
+        guard, place = left.regime.watch, passage.guard
+        own = self.slopes.total(left.regime, ("guard", place), lambda *a: guard(*a)[place], t, left)
+        slope_x, slope_p, slope_t = own
+        rate = float(slope_t[0] + slope_x[0] @ self.slopes.rate(left.regime, t, left))
+        if self._is_grazed(passage, place, rate):
+            relation = left.regime.owners[place][0]
+            if relation in self.compiled.state_events.watched:  # nothing jumps there
+                return np.zeros(self.nx), np.zeros(self.count)
+            cause = self.hybrid.guards.causes[relation]
+            raise ExportError(
+                "AC615",
+                f"sensitivities do not take {self.compiled.name}: at t = {t:.9g} s a relation is only grazed",
+                where=() if cause.where is None else (cause.where,),
+                evidence=[f"{cause.text}: its rate there, {rate:.3g} in SI units, cannot be told from zero"],
+                help="a tighter tolerance where it is passed by more than the error of a run; else the instant has no "
+                "derivative: choose parameters by which the relation is passed clearly or not at all",
+            )
+        return -slope_x[0] / rate, -slope_p[0] / rate
+
+    def _is_grazed(self, passage: Passage, place: int, rate: float) -> bool:
+        """Whether the rate at which a guard is passed would be another one, or none, within the error of the guard.
+
+        A guard that turns at the rate a, passed at r, is r^2/(2 a) deep behind zero at most: an error e of it changes r
+        by a e/r.
+        """
+        t, left, guards = passage.time, passage.left, self.hybrid.guards
+        noise = float(guards.rates(t, left)[1][place])
+        if abs(rate) * self.duration <= noise:
+            return True
+        ode = self.slopes.rate(left.regime, t, left)
+        size = np.maximum(np.abs(left.x), self.compiled.nominal_x)
+        h = _BACK * min(self.duration, float(1.0 / (np.abs(ode) / size).max(initial=1e-300)))
+        before = self.hybrid.iteration.consistent(t - h, replace(left, x=left.x - h * ode))
+        turns = (float(guards.rates(t, left)[0][place]) - float(guards.rates(t - h, before)[0][place])) / h
+        return rate**2 <= abs(turns) * noise
+
+    def _instants(self) -> Matrices:
+        """`(p) -> instants of time events, and their derivatives`."""
+        p = ca.SX.sym("p", len(self.p))
+        instants = ca.densify(self.compiled.instants(p))
+        return Matrices(ca.Function("instants", [p], [instants, ca.densify(ca.jacobian(instants, p))]))
+
+    def _tick(self, t: float) -> Vector:
+        """How an instant of a sample moves: start + k * interval, with the number k of the tick."""
+        acting = np.flatnonzero(due(self.compiled, self.p, np.array([t]))[0])
+        if not len(acting):
+            return np.zeros(self.count)
+        sample = int(acting[0])
+        value, slope = self.slopes.kept(("clock", sample), lambda: self._clock(sample))(self.p)
+        first, interval = value.ravel()
+        by_p = slope[0] + round((t - first) / interval) * slope[1]
+        return np.asarray(by_p[self.chosen], dtype=np.float64)
+
+    def _clock(self, sample: int) -> Matrices:
+        """`(p) -> start and interval of a sample, and their derivatives`."""
+        pool = self.compiled.solution.structure.reduced.pool
+        _, *nodes = pool.nodes[self.compiled.state_events.samples[sample]]
+        p = ca.SX.sym("p", len(self.p))
+        clock = ca.densify(ca.vertcat(*Builder(pool, ca.SX(0), p, {}).lower(nodes)))
+        return Matrices(ca.Function("clock", [p], [clock, ca.densify(ca.jacobian(clock, p))]))
+
+    @cached_property
+    def _assigned(self) -> list[int]:
+        """Places of the variables of discrete equations."""
+        return [a.position for a in self.compiled.state_events.assignments]
+
+    @cached_property
+    def _places(self) -> list[int]:
+        """The state that each action sets."""
+        return [position for clause in self.compiled.state_events.clauses for position, _ in clause.actions]
+
+    @cached_property
+    def _impulses(self) -> set[int]:
+        """Actions that are impulses."""
+        return {k for k, _ in impulses(self.compiled)}
+
+    def _struck(self, moment: Any, hits: list[int], places: list[int], t: float, x: Vector, past: Vector) -> Vector:
+        """Variations of what impulses add to the states."""
+        if not hits:
+            return np.zeros_like(x)
+        if any(place < self.compiled.n_dynamic for place in places):
+            clauses = [self.compiled.state_events.clauses[k] for a, k in impulses(self.compiled) if a in hits]
+            raise ExportError(
+                "AC608",
+                f"sensitivities do not take {self.compiled.name}: at t = {t:.9g} s states are reset together with an "
+                "impulse",
+                where=tuple(c.where for c in clauses[:2]),
+                evidence=[c.text for c in clauses[:2]],
+                help="let the impulse act alone, or compare two runs",
+            )
+        key = "struck", tuple(hits)
+        return self.slopes.carried(
+            moment.regime, key, lambda *a: self.compiled.events.struck(hits)(*a), t, moment, x, past
+        )
+
+    @staticmethod
+    def _set(places: list[int], values: Vector, x: Vector) -> Vector:
+        """Variations in which some states take new ones."""
+        if not places:
+            return x
+        x = x.copy()
+        x[places] = values
+        return x
+
+    def _after(
+        self, regime: Regime, output: int, rows: list[int] | None, t: float, moment: Any, x: Vector, past: Vector
+    ) -> Vector:
+        """Variations of what the model reacts with, given those of the states and of what is remembered."""
+        reactions = self.compiled.events.reactions
+        count = reactions.numel_out(output) if rows is None else len(rows)
+        if not count:
+            return np.zeros((0, x.shape[1]))
+        chosen = list(range(count)) if rows is None else rows
+        key = "reactions", output, tuple(chosen)
+        return self.slopes.carried(regime, key, lambda *a: reactions(*a)[output][chosen], t, moment, x, past)
+
+    def _onto(self, regime: Regime, t: float, moment: Any) -> tuple[Vector, Vector]:
+        """Projection of a variation onto what a new hold keeps: `(by states, by parameters)` to subtract."""
+        value, slope, ways = regime.kept(t, moment.x, moment.z, self.u, self.p, moment.m)
+        slope, ways = slope.reshape(len(value), -1), ways.reshape(self.nx, -1)
+        inverse = ways @ np.linalg.pinv(slope @ ways)
+        key = "kept", regime.holds, regime.border
+        (by_p,) = self.slopes.kept(key, lambda: self._kept_slopes(regime))(
+            t, moment.x, moment.z, self.u, self.p, moment.m
+        )
+        return inverse @ slope, inverse @ by_p[:, self.chosen]
+
+    def _kept_slopes(self, regime: Regime) -> Matrices:
+        """`(t, x, z, u, p, m) -> derivatives by p of what a hold keeps`."""
+        s = Symbols(self.compiled)
+        return Matrices(ca.Function("kept", s.inputs, [ca.densify(ca.jacobian(regime.kept_of(*s.inputs), s.p))]))

@@ -1,0 +1,164 @@
+"""Derivatives of final values, trajectories and event times with respect to parameters, through all events of a run.
+
+The sequence of events is that of the nominal run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.errors import UsageError, nearest
+from acausal.export.forms import SENSITIVITIES, check
+from acausal.export.ports import named_outputs
+from acausal.export.sensitivity.chain import Chain
+from acausal.language.component import Component
+from acausal.lower.compile import compile
+from acausal.lower.compiled import CompiledModel
+from acausal.result.result import Result
+from acausal.simulate.arguments import input_vector, parameter_vector
+from acausal.simulate.driver.run import Run
+from acausal.simulate.inputs.given import Inputs
+from acausal.simulate.options import options
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Sensitivities:
+    """First derivatives of one run.
+
+    Attributes
+    ----------
+    parameters, outputs
+        Names, in the order of columns and rows.
+    final
+        d output / d parameter at the stop time, shape (outputs, parameters), SI.
+    values
+        The outputs at the stop time.
+    event_times
+        Instants of the located events [s], shape (events,).
+    of_event_times
+        d instant / d parameter, shape (events, parameters).
+    result
+        The run itself.
+    times, along
+        Instants that were asked for [s], and d output / d parameter at each, shape (times, outputs, parameters); at
+        an event just after it.
+    """
+
+    parameters: tuple[str, ...]
+    outputs: tuple[str, ...]
+    final: Vector
+    values: Vector
+    event_times: Vector
+    of_event_times: Vector
+    result: Result
+    times: Vector = field(default_factory=lambda: np.zeros(0))
+    along: Vector = field(default_factory=lambda: np.zeros((0, 0, 0)))
+
+
+def sensitivities(
+    model: Component | CompiledModel,
+    parameters: Sequence[str],
+    outputs: Sequence[str],
+    *,
+    start_time: float | None = None,
+    stop_time: float | None = None,
+    tolerance: float = 1e-10,
+    solver: str | None = None,
+    values: Mapping[str, float] | None = None,
+    inputs: Mapping[str, float] | None = None,
+    method: Literal["forward", "adjoint"] = "forward",
+    times: Sequence[float] | Vector = (),
+    native: bool | None = None,
+) -> Sensitivities:
+    """Differentiate the final values of `outputs` and all event times with respect to `parameters`.
+
+    Parameters
+    ----------
+    parameters
+        Names of scalar parameters that are free (no numbers) in the compiled model.
+    outputs
+        Names of variables, as in a `Result`.
+    values
+        Values of parameters for this run, by path, in SI.
+    method
+        "forward" integrates a column per parameter, "adjoint" a row per output and event backwards. The results are
+        equal, and the times nearly so: both share the steps of `acausal.export.variation`.
+    times
+        Instants at which the outputs are differentiated, too.
+    native
+        Whether the run and its derivatives use compiled C, as in `simulate`; what was compiled is kept on disk.
+
+    Raises
+    ------
+    UsageError
+        AC020 for an unknown parameter or none at all, AC010 for an unknown output, AC025 for an unknown method, AC044
+        for `times` outside of the run.
+    ExportError
+        AC608 where states are reset together with an impulse, AC615 where a relation is only grazed.
+    AcausalError
+        What the run itself raises.
+    """
+    if method not in ("forward", "adjoint"):
+        raise UsageError("AC025", f"there is no method '{method}'", help="methods: forward, adjoint")
+    compiled = model if isinstance(model, CompiledModel) else compile(model, parameters=values)
+    wanted = named_outputs(compiled, outputs)
+    check(compiled, SENSITIVITIES, wanted)
+    chosen = _places_of(compiled, parameters)
+    opts = options(
+        compiled.flat.experiment,
+        start_time=start_time,
+        stop_time=stop_time,
+        tolerance=tolerance,
+        solver=solver,
+        native=native,
+    )
+    p = parameter_vector(compiled, (values or {}) if isinstance(model, CompiledModel) else {})
+    run = Run(compiled, opts, p, Inputs(input_vector(compiled, inputs or {})), None, traced=True)
+    result = run.result()
+    chain = Chain(run, chosen, wanted, tolerance)
+    asked = np.asarray(times, dtype=float)
+    _check_times(asked, chain)
+    final, of_times = chain.forward() if method == "forward" else chain.adjoint()
+    located = [k for k in range(len(chain.passages)) if not chain.is_unseen(k)]
+    return Sensitivities(
+        tuple(parameters),
+        tuple(output.name for output in wanted),
+        final,
+        chain.values(),
+        np.array([chain.passages[k].time for k in located]),
+        of_times[located],
+        result,
+        asked,
+        chain.trajectory(asked) if len(asked) else np.zeros((0, len(wanted), len(parameters))),
+    )
+
+
+def _check_times(asked: Vector, chain: Chain) -> None:
+    """UsageError AC044 for instants outside of the run."""
+    start, stop = chain.passages[0].time, chain.stop
+    if len(asked) and not (start <= asked.min() and asked.max() <= stop):
+        raise UsageError(
+            "AC044",
+            f"derivatives are asked for from {asked.min():g} to {asked.max():g} s, outside of the run",
+            help=f"the run goes from {start:g} to {stop:g} s",
+        )
+
+
+def _places_of(compiled: CompiledModel, parameters: Sequence[str]) -> list[int]:
+    """Where parameters stand among those of the model; UsageError AC020 for one that is not there, or for none."""
+    if not parameters:
+        free = ", ".join(compiled.parameters[:6]) or "none"
+        raise UsageError("AC020", "there is no parameter to differentiate for", evidence=[f"parameters: {free}"])
+    for name in parameters:
+        if name not in compiled.parameters:
+            close = nearest(name, list(compiled.parameters))
+            evidence = [f"did you mean {', '.join(close)}?"] if close else []
+            raise UsageError("AC020", f"there is no parameter '{name}'", evidence=evidence)
+    return [compiled.parameters.index(name) for name in parameters]

@@ -1,0 +1,103 @@
+"""First derivatives of functions of a model at a point of a run, with the algebraic variables eliminated."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+from typing import Any, TypeVar
+from weakref import WeakKeyDictionary
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.lower.compiled import CompiledModel
+from acausal.lower.symbols import Symbols
+from acausal.simulate.equations.calls.quick import Quick
+from acausal.simulate.equations.kept import kept
+from acausal.simulate.events.regime import Regime
+
+Vector = NDArray[np.float64]
+
+# Models are compared by identity, and forgotten when nobody else holds them.
+_KEPT: WeakKeyDictionary[CompiledModel, dict[Any, Any]] = WeakKeyDictionary()
+T = TypeVar("T")
+
+
+class Matrices:
+    """A function whose outputs are matrices, called quickly."""
+
+    def __init__(self, function: Any) -> None:
+        self._quick = Quick(function)
+        self._shapes = [function.size_out(k) for k in range(function.n_out())]
+
+    def __call__(self, *arguments: Any) -> list[Vector]:
+        """Its outputs."""
+        return [v.reshape(shape) for v, shape in zip(self._quick(*arguments), self._shapes, strict=True)]
+
+
+class Slopes:
+    """Derivatives by states, chosen parameters, time, and what `pre` remembers."""
+
+    def __init__(self, compiled: CompiledModel, p: Vector, u: Vector, chosen: list[int]) -> None:
+        self.compiled, self.p, self.u, self.chosen = compiled, p, u, chosen
+        self.nx, self.count = len(compiled.states), len(chosen)
+
+    def kept(self, key: Any, make: Callable[[], T]) -> T:
+        """What is made once for a model."""
+        own = _KEPT.setdefault(self.compiled, {})
+        if key not in own:
+            own[key] = make()
+        found: T = own[key]
+        return found
+
+    def total(
+        self, regime: Regime, key: tuple[Any, ...], function: Any, t: float, moment: Any
+    ) -> tuple[Vector, Vector, Vector]:
+        """Derivatives with respect to (x, chosen p, t) of a function of all, algebraic variables eliminated."""
+        return self.full(regime, key, function, t, moment)[:3]
+
+    def full(
+        self, regime: Regime, key: tuple[Any, ...], function: Any, t: float, moment: Any
+    ) -> tuple[Vector, Vector, Vector, Vector]:
+        """The same, and with respect to what is remembered; `key` tells the functions of a regime apart."""
+        own_key = *key, regime.holds, regime.border
+        slopes = self.kept(own_key, lambda: self._slopes(regime, function))
+        *own, by_z, implied_x, implied_p, implied_t, implied_past, implied_z = slopes(
+            t, moment.x, moment.z, self.u, self.p, moment.m
+        )
+        if len(regime.compiled.algebraic):
+            inner = by_z @ np.linalg.pinv(implied_z)
+            implied = implied_x, implied_p, implied_t, implied_past
+            own = [a - inner @ b for a, b in zip(own, implied, strict=True)]
+        return own[0], own[1][:, self.chosen], own[2].ravel(), own[3]
+
+    def carried(
+        self, regime: Regime, key: tuple[Any, ...], function: Any, t: float, moment: Any, x: Vector, past: Vector
+    ) -> Vector:
+        """Variations of a function of all, given those of the states and of what is remembered."""
+        by_x, by_p, by_t, by_past = self.full(regime, key, function, t, moment)
+        found = by_x @ x + by_past @ past
+        found[:, self.nx : -1] += by_p
+        found[:, -1] += by_t
+        return np.asarray(found, dtype=np.float64)
+
+    def _slopes(self, regime: Regime, function: Any) -> Matrices:
+        """Derivatives of a function and of the algebraic equations by x, p, t, what is remembered, and z."""
+        s, c = Symbols(self.compiled), regime.compiled
+        pieces = []
+        for value in (function(*s.inputs), c.rhs(*s.inputs)[1]):
+            pieces += [ca.jacobian(value, v) for v in (s.x, s.p, s.t)]
+            pieces += [ca.jacobian(value, s.m)[:, self.memories.tolist()], ca.jacobian(value, s.z)]
+        return Matrices(ca.Function("slopes", s.inputs, [ca.densify(piece) for piece in pieces]))
+
+    @cached_property
+    def memories(self) -> NDArray[np.int64]:
+        """Places among the modes of what `pre` remembers."""
+        events = self.compiled.state_events
+        first = self.compiled.n_timely + len(events.samples)
+        return np.arange(first, first + len(events.memories))
+
+    def rate(self, regime: Regime, t: float, moment: Any) -> Vector:
+        """The rates of the states there."""
+        return kept(regime.compiled).rhs(t, moment.x, moment.z, self.u, self.p, moment.m)[0]
