@@ -127,8 +127,10 @@ def just_after(builder: Builder, events: TimeEvents) -> Any:
     nodes = builder.pool.nodes
     now, instants, slopes = (builder.column(v) for v in (events.relations, events.instants, events.slopes))
     signs = ca.DM([1.0 if nodes[n][0] in ("gt", "ge") else -1.0 for n in events.relations])
-    near = ca.fabs(builder.time - instants) <= _SAME_INSTANT * (ca.fabs(builder.time) + ca.fabs(instants))
-    return ca.if_else(ca.logic_and(near, slopes != 0), slopes * signs > 0, now)
+    # One comparison, since optimal control asks how each goes inside of a phase: `is it the instant?` is false in all.
+    reached = builder.time >= instants - _SAME_INSTANT * (ca.fabs(builder.time) + ca.fabs(instants))
+    passed = ca.if_else(slopes * signs > 0, reached, ca.logic_not(reached))
+    return ca.if_else(slopes != 0, passed, now)
 
 
 def guard_rates(compiled: Lowered, watch: Any) -> Any:
