@@ -108,4 +108,4 @@ def test_a_compiler_that_hangs_is_ended_with_all_it_has_started(
     assert not kept(folder)
     time.sleep(0.1)
     state = subprocess.run(["ps", "-o", "stat=", "-p", pid.read_text().strip()], capture_output=True, text=True)
-    assert state.stdout.strip() in ("", "Z")
+    assert state.stdout.strip()[:1] in ("", "Z")  # what follows is its priority
