@@ -5,7 +5,8 @@ step ends behind it. While one side is on, nothing of the other bounds the step,
 single evaluation there. These kinks are watched: a stretch ends where one is reached, and the next one begins there,
 in front of what may wake, without an event.
 
-Where both sides move, all are watched but those of `fabs` that do not cancel, whose two sides are equally steep. With
+Where both sides move, all are watched but those of `fabs` that do not cancel, whose two sides are equally steep, and
+those of external functions. With
 one constant side, kinks that bound a factor, as in `v / maximum(r, r_min)`, do not sleep: the rest of the expression
 goes on. Such a kink is taken to sleep where it, or a sum that holds it, is zero on one side, or where it is constant
 there and enters the rate of a state linearly.
@@ -29,6 +30,8 @@ from acausal.analyse.blocks.solve import Solution
 from acausal.analyse.events.bursts import MOST as MOST_BURSTS
 from acausal.analyse.events.bursts import bursts
 from acausal.flatten.pool import LEAVES, RELATIONS, Pool
+from acausal.language.expressions.external import Call
+from acausal.language.expressions.lookup import Lookup
 from acausal.numeric.evaluate import Samples
 from acausal.numeric.samples import SamplePoints
 
@@ -90,6 +93,8 @@ def sleeping(
             continue  # it rests at its kink, and what wakes it is elsewhere: maximum(f(maximum(u, 0)), 0)
         shape = _shape(distance)
         if shape in taken:
+            continue
+        if not sides and graph.is_called(a, b):
             continue
         asleep = not sides or any(graph.vanishes(number, side * distance > 0.0) for side in sides)
         if asleep or graph.is_rate(number):
@@ -180,6 +185,11 @@ class _Graph:
             moving = (op == "var" and rest[0] not in self.discrete) or op == "time"
             self.moving[n] = moving or (op not in LEAVES and any(self.moving[c] for c in rest))
         return self.moving[number]
+
+    def is_called(self, *numbers: int) -> bool:
+        """Whether a function from outside computes them, which may jump, as where a ray leaves a body."""
+        operations = (self.pool.nodes[n][0] for n in self.pool.reachable(numbers))
+        return any(isinstance(op, Call) and not isinstance(op.external, Lookup) for op in operations)
 
     def vanishes(self, number: int, asleep: Truth) -> bool:
         """Whether a node, or a sum that holds it, is zero at those points."""
