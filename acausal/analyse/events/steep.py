@@ -42,19 +42,21 @@ class Steep:
 
 
 def steep(pool: Pool, points: SamplePoints, reachable: Iterable[int], moves: Callable[[int], bool]) -> Steep:
-    """Those among the `reachable` nodes whose argument `moves` between events."""
+    """Those among the `reachable` nodes, in evaluation order, whose argument `moves` between events."""
     found: dict[tuple[int, str | float], None] = {}
+    reachable = list(reachable)
+    has_floor = _floors(pool, reachable, moves)
     for number in reachable:
         op, *operands = pool.nodes[number]
         kind: str | float | None = None
         argument = operands[-1 if op == "div" else 0] if operands else -1
         if op in _NAMED:
             kind = op
-        elif op in ("sqrt", "div") and _has_floor(pool, argument, moves) and _is_wide(points, argument):
+        elif op in ("sqrt", "div") and has_floor[argument] and _is_wide(points, argument):
             kind = 0.5 if op == "sqrt" else -1.0
         elif op == "pow" and not moves(operands[1]):
             exponent = float(points.of(operands[1])[0])
-            is_floored = exponent < 1.0 and _has_floor(pool, argument, moves) and _is_wide(points, argument)
+            is_floored = exponent < 1.0 and has_floor[argument] and _is_wide(points, argument)
             if exponent >= _LARGE or is_floored:
                 kind = exponent
         if kind is not None and moves(argument):
@@ -94,10 +96,13 @@ def _is_even(pool: Pool, op: str, operands: list[int]) -> bool:
 
 def _behind_kinks(pool: Pool, number: int, moves: Callable[[int], bool]) -> list[int]:
     """An argument, or the sides of `minimum` and `maximum` in it, of which one may be constant for long."""
-    found, stack = [], [number]
+    found, stack, seen = [], [number], set[int]()
     while stack:
         here = stack.pop()
         op, *operands = pool.nodes[here]
+        if here in seen:
+            continue
+        seen.add(here)
         if op in _KINKS:
             stack += [n for n in operands if moves(n)]
         else:
@@ -112,23 +117,23 @@ def _is_wide(points: SamplePoints, number: int) -> bool:
     return bool(values.size and values.max() > _FACTOR * values.min())
 
 
-def _has_floor(pool: Pool, number: int, moves: Callable[[int], bool]) -> bool:
-    """Whether a sum holds a constant and an even power: w**2 + eps**2."""
-    stack, is_constant, is_even = [number], False, False
-    while stack:
-        here = stack.pop()
+def _floors(pool: Pool, reachable: Iterable[int], moves: Callable[[int], bool]) -> dict[int, bool]:
+    """Whether each sum among these nodes holds a constant and an even power: w**2 + eps**2.
+
+    What is below a node comes before it: walks from every root would take shared expressions again and again.
+    """
+    constant: dict[int, bool] = {}
+    even: dict[int, bool] = {}
+    for here in reachable:
         op, *operands = pool.nodes[here]
-        if not moves(here):
-            is_constant = True
-        elif op in _SUMS:
-            stack += operands
-        elif op == "mul":
-            if operands[0] == operands[1]:
-                is_even = True
-            else:
-                stack += [n for n in operands if moves(n)]
-        elif op == "div":
-            stack += [n for n in operands if moves(n)]
-        elif op == "pow" and not moves(operands[1]):
-            is_even = True
-    return is_constant and is_even
+        constant[here], even[here] = not moves(here), False
+        if constant[here]:
+            continue
+        if op == "pow":
+            even[here] = not moves(operands[1])
+        elif op == "mul" and operands[0] == operands[1]:
+            even[here] = True
+        elif op in _SUMS or op in ("mul", "div"):
+            inside = operands if op in _SUMS else [n for n in operands if moves(n)]
+            constant[here], even[here] = (any(known[n] for n in inside) for known in (constant, even))
+    return {n: constant[n] and even[n] for n in constant}
