@@ -249,7 +249,7 @@ class _Search:
             if not len(turns) and not len(crossed):
                 return nothing
         own += first
-        found = _roots(times, slopes[:, columns], turns)
+        found = _roots(times, slopes, columns, turns)
         # a middle that turns may be zero on both sides of this
         inside = np.flatnonzero(columns >= first)
         k, j, there = turns[inside], columns[inside], found[inside]
@@ -257,9 +257,9 @@ class _Search:
         both = (top * values[k, j] < 0.0) & (top * values[k + 1, j] < 0.0)
         k, j, there, top = k[both], j[both], there[both], top[both]
         sides = (
-            _roots(times, values[:, own], crossed),
-            _roots(times, values[:, j], k, end=(there, top)),
-            _roots(times, values[:, j], k, begin=(there, top)),
+            _roots(times, values, own, crossed),
+            _roots(times, values, j, k, end=(there, top)),
+            _roots(times, values, j, k, begin=(there, top)),
         )
         found, columns = np.concatenate([found, *sides]), np.concatenate([columns, own, j, j])
         doubt = self._are_doubtful(segment, rows, steps, found, self.known.owners[columns])
@@ -339,13 +339,19 @@ def _finer(segment: Segment, count: int) -> Segment:
 
 def _apart(points: Vector, rows: Vector) -> list[float]:
     """Points between rows and the last row, ascending; a point that is all but at a row is this row."""
-    nearest = rows[np.abs(points[:, None] - rows).argmin(axis=1)]
+    nearest = rows[_nearest(rows, points)]
     moved = np.where(np.abs(points - nearest) < _NEAR * (rows[-1] - rows[0]), nearest, points)
     found: list[float] = []
     for stop in np.unique(np.append(moved, rows[-1])).tolist():
         if stop - (found[-1] if found else rows[0]) >= _NEAR * (rows[-1] - rows[0]):
             found.append(stop)
     return found
+
+
+def _nearest(times: Vector, found: Vector) -> NDArray[np.intp]:
+    """The places of the nearest times, which ascend, to some instants."""
+    k = np.clip(np.searchsorted(times, found), 1, len(times) - 1)
+    return np.asarray(k - (found - times[k - 1] <= times[k] - found))
 
 
 def _slopes(times: Vector, values: Vector) -> Vector:
@@ -375,7 +381,7 @@ def _told(times: Vector, values: Vector, found: Vector, columns: NDArray[np.int6
     """
     if len(times) < _FEW + 1:
         return np.asarray(values[np.zeros(len(found), dtype=np.int64), :, columns])
-    low = np.clip(np.abs(times[:, None] - found).argmin(axis=0) - _FEW // 2, 0, len(times) - _FEW - 1)
+    low = np.clip(_nearest(times, found) - _FEW // 2, 0, len(times) - _FEW - 1)
     near = low[:, None] + np.arange(_FEW + 1)
     away = found[:, None] - times[near]
     nearest = np.abs(away).min(axis=1)
@@ -393,20 +399,21 @@ def _told(times: Vector, values: Vector, found: Vector, columns: NDArray[np.int6
 def _roots(
     times: Vector,
     values: Vector,
+    columns: NDArray[np.intp],
     rows: NDArray[np.intp],
     begin: tuple[Vector, Vector] | None = None,
     end: tuple[Vector, Vector] | None = None,
 ) -> Vector:
-    """Where columns j of values are zero behind `rows[j]`, where they change their sign; shape (columns,).
+    """Where `columns[j]` of values is zero behind `rows[j]`, where it changes its sign; shape of `rows`.
 
     Not from the row but from `begin`, or not to the next row but to `end`: times, and values there.
     """
-    count, own = min(_NODES, len(times)), np.arange(len(rows))
+    count = min(_NODES, len(times))
     low = np.clip(rows + 1 - count // 2, 0, len(times) - count)
     near = low[:, None] + np.arange(count)
     origin, width = times[rows], times[rows + 1] - times[rows]
     nodes = (times[near] - origin[:, None]) / width[:, None]
-    known = values[near, own[:, None]]
+    known = values[near, columns[:, None]]
     gaps = nodes[:, :, None] - nodes[:, None, :]
     gaps[:, np.arange(count), np.arange(count)] = 1.0
     with np.errstate(divide="ignore", invalid="ignore"):  # rows behind a start are 1e-15 of the others apart
@@ -417,8 +424,8 @@ def _roots(
         away[away == 0.0] = 1e-300
         return np.asarray(np.nan_to_num(np.prod(away, axis=1) * (weights / away).sum(axis=1)))
 
-    a, at_a = np.zeros(len(rows)), values[rows, own]
-    b, at_b, s = np.ones(len(rows)), values[rows + 1, own], a
+    a, at_a = np.zeros(len(rows)), values[rows, columns]
+    b, at_b, s = np.ones(len(rows)), values[rows + 1, columns], a
     if begin is not None:
         a, at_a = (begin[0] - origin) / width, begin[1]
     if end is not None:
