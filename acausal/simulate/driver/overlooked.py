@@ -25,8 +25,9 @@ from acausal.simulate.solvers.base import Piece, Segment, on_equations
 Vector = NDArray[np.float64]
 Truth = NDArray[np.bool_]
 Integrate = Callable[[Problem, Segment], Piece]
-# Rows of a piece at least, and at most where arguments are not resolved by fewer.
-_FEWEST, _MOST = 32, 200_000
+# Rows of a piece at least, and at most where arguments are not resolved by fewer. Pieces of more steps are not searched:
+# between its rows the solution is no polynomial, and every place would be integrated again.
+_FEWEST, _MOST = 32, 20_000
 _FINER = 8
 # An argument is resolved where every other row tells the rows between to this share of its variation there.
 _SHARE = 0.2
@@ -51,6 +52,7 @@ _ONE = 1e-13
 _BESIDE = 0.2
 # Points are one that are closer than this share of the rows around.
 _NEAR = 1e-6
+_NOWHERE: tuple[Vector, Truth] = np.zeros(0), np.zeros(0, dtype=bool)
 # What is solved at once behind what was overlooked, by how far that was; and how it grows.
 _BEHIND, _GROWTH = 2.0, 4.0
 
@@ -115,9 +117,10 @@ class _Search:
             wide = replace(segment, times=np.append(inside, reach))
         wide, piece, rows = self._resolved(wide)
         steps = int(piece.counters.get("steps", 0.0))
-        places, doubt = self._places(wide, rows, steps)
-        if doubt.any() and steps > len(rows.times) and wide.shares is None and not wide.partial:
-            wide = _finer(wide, 2 * steps)  # between rows that are farther apart than steps little is known
+        places, doubt = self._places(wide, rows, steps) if steps <= _MOST else _NOWHERE
+        count = min(2 * steps, _MOST)  # between rows that are farther apart than steps little is known
+        if doubt.any() and len(rows.times) < min(steps, count // 2) and wide.shares is None and not wide.partial:
+            wide = _finer(wide, count)
             piece = self.solve(self.problem, wide)
             rows = self._rows(wide, piece)
         times = wide.times[: piece.x.shape[1]]
@@ -151,7 +154,7 @@ class _Search:
             rows = self._rows(wide, piece)
             if piece.x.shape[1] < 2 * _NODES or self._are_resolved(wide, rows) or segment.partial:
                 return wide, piece, rows
-            if len(wide.times) * _FINER > _MOST:
+            if max(len(wide.times) * _FINER, piece.counters.get("steps", 0.0)) > _MOST:
                 return wide, piece, rows
             wide = _finer(replace(wide, shares=None, first=0.0), _FINER * len(wide.times))
 
@@ -234,9 +237,8 @@ class _Search:
 
         That is where the rows around, no closer than the `steps` that were taken are, say another value.
         """
-        nothing = np.zeros(0), np.zeros(0, dtype=bool)
         if len(rows.times) < _FEW or not rows.is_steep.any():
-            return nothing
+            return _NOWHERE
         times, values, first = rows.times, rows.values, len(self.known.kinds)
         turns = crossed = np.zeros(0, dtype=np.intp)
         for is_dense in (False, True):
@@ -247,7 +249,7 @@ class _Search:
             turns, columns = np.nonzero((is_down[:-1] != is_down[1:]) & rows.is_steep)
             crossed, own = np.nonzero((is_below[:-1] != is_below[1:]) & rows.is_steep[first:])
             if not len(turns) and not len(crossed):
-                return nothing
+                return _NOWHERE
         own += first
         found = _roots(times, slopes, columns, turns)
         # a middle that turns may be zero on both sides of this
