@@ -25,9 +25,10 @@ from acausal.simulate.solvers.base import Piece, Segment, on_equations
 Vector = NDArray[np.float64]
 Truth = NDArray[np.bool_]
 Integrate = Callable[[Problem, Segment], Piece]
-# Rows of a piece at least, and at most where arguments are not resolved by fewer. Pieces of more steps are not searched:
-# between its rows the solution is no polynomial, and every place would be integrated again.
-_FEWEST, _MOST = 32, 20_000
+# Rows of a piece at least, and at most where arguments are not resolved by fewer. Many functions, as of contacts,
+# have fewer: `_VALUES` of their arguments in all. Pieces of more steps are not searched: between its rows such a
+# solution is no polynomial, and every place would be integrated again.
+_FEWEST, _MOST, _VALUES = 32, 20_000, 400_000
 _FINER = 8
 # An argument is resolved where every other row tells the rows between to this share of its variation there.
 _SHARE = 0.2
@@ -91,6 +92,11 @@ class _Search:
     problem: Problem
     known: Arguments
 
+    @property
+    def _most(self) -> int:
+        """Rows, or steps, at most."""
+        return min(_MOST, _VALUES // len(self.known.kinds))
+
     def integrated(self, segment: Segment) -> Piece:
         """The segment, piece by piece once something was overlooked."""
         parts: list[Piece] = []
@@ -117,8 +123,8 @@ class _Search:
             wide = replace(segment, times=np.append(inside, reach))
         wide, piece, rows = self._resolved(wide)
         steps = int(piece.counters.get("steps", 0.0))
-        places, doubt = self._places(wide, rows, steps) if steps <= _MOST else _NOWHERE
-        count = min(2 * steps, _MOST)  # between rows that are farther apart than steps little is known
+        places, doubt = self._places(wide, rows, steps) if steps <= self._most else _NOWHERE
+        count = min(2 * steps, self._most)  # between rows that are farther apart than steps little is known
         if doubt.any() and len(rows.times) < min(steps, count // 2) and wide.shares is None and not wide.partial:
             wide = _finer(wide, count)
             piece = self.solve(self.problem, wide)
@@ -154,7 +160,7 @@ class _Search:
             rows = self._rows(wide, piece)
             if piece.x.shape[1] < 2 * _NODES or self._are_resolved(wide, rows) or segment.partial:
                 return wide, piece, rows
-            if max(len(wide.times) * _FINER, piece.counters.get("steps", 0.0)) > _MOST:
+            if max(len(wide.times) * _FINER, piece.counters.get("steps", 0.0)) > self._most:
                 return wide, piece, rows
             wide = _finer(replace(wide, shares=None, first=0.0), _FINER * len(wide.times))
 

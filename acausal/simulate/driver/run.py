@@ -71,6 +71,7 @@ class Run:
     start, `traced` whether all events are kept. `why` is said of a solver instead of the reason it was chosen for.
     `least_steps` is what a run takes in which not all that sleeps is watched.
     `watches` says whether kinks at which rates may wake are watched: only a run that this ends goes without.
+    `searches` says whether what steep functions do between rows is searched: not under a bound on all steps.
     """
 
     compiled: CompiledModel
@@ -86,6 +87,7 @@ class Run:
     sources: tuple[Source, ...] = ()
     why: str = ""
     watches: bool = True
+    searches: bool = True
     least_steps: int = UNWATCHED_STEPS
     solver: Solver = field(init=False)
     timings: dict[str, float] = field(default_factory=dict)
@@ -157,6 +159,7 @@ class Run:
             notes = notes if self.watches else (unwatched(self.least_steps),)
             if notes and opts.max_step is None:  # what sleeps wakes within a step, where its error is seen
                 opts = self.options = replace(opts, max_step=opts.span / self.least_steps)
+                self.searches = False  # the message says what may be passed over under this bound
         began = clock.perf_counter()
         instants = self.instants()
         m = self.modes(instants[0], instants[1])
@@ -297,8 +300,9 @@ class Run:
     def integrate(self, problem: Problem, segment: Segment, solver: Solver | None = None) -> Piece:
         """The solver, whose failure is KeyboardInterrupt when Ctrl-C was its reason."""
         try:
-            integrate = Overlooked(self.solver.integrate) if solver is None else solver.integrate
-            piece = integrate(problem, segment)
+            own = solver or self.solver
+            searches = self.searches and solver is None
+            piece = (Overlooked(own.integrate) if searches else own.integrate)(problem, segment)
         except RuntimeError:
             self.interrupt.check()
             raise
