@@ -323,6 +323,17 @@ HARMLESS: dict[str, Callable[[Any, Any], Expr]] = {
 }
 
 
+@pytest.mark.parametrize("most", [20_000, 50])
+def test_what_is_not_searched_is_said(most: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A stretch of more steps than the search takes may pass something: not without a word, and no word else."""
+    from acausal.simulate.driver import overlooked
+
+    monkeypatch.setattr(overlooked, "_MOST", most)
+    r = acausal.simulate(_crest("tanh", "time"), stop_time=10.0, solver="cvodes", tolerance=1e-8)
+    notes: Any = r.stats["notes"]
+    assert any("too many steps to be searched" in note for note in notes) == (most == 50)
+
+
 class Harmless(Component):
     force: Callable[[Any, Any], Expr] = structural(default=HARMLESS["diode"])
     x: Real = variable(default=fixed(0.1))

@@ -60,16 +60,17 @@ _BEHIND, _GROWTH = 2.0, 4.0
 
 @dataclass(frozen=True, eq=False)
 class Overlooked:
-    """Integrates as `solve` does, and again what it has passed over."""
+    """Integrates as `solve` does, and again what it has passed over; `skip` is told where a piece is not searched."""
 
     solve: Integrate
+    skip: Callable[[float], None]
 
     def __call__(self, problem: Problem, segment: Segment) -> Piece:
         """The solution at the times of a segment; RuntimeError when the solver cannot go on."""
         known = arguments(problem.compiled) if problem.n_dynamic and segment.step is None else None
         if known is None:
             return self.solve(problem, segment)
-        return _Search(self.solve, problem, known).integrated(segment)
+        return _Search(self.solve, self.skip, problem, known).integrated(segment)
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +90,7 @@ class _Rows:
 @dataclass(frozen=True, eq=False)
 class _Search:
     solve: Integrate
+    skip: Callable[[float], None]
     problem: Problem
     known: Arguments
 
@@ -123,7 +125,9 @@ class _Search:
             wide = replace(segment, times=np.append(inside, reach))
         wide, piece, rows = self._resolved(wide)
         steps = int(piece.counters.get("steps", 0.0))
-        places, doubt = self._places(wide, rows, steps) if steps <= self._most else _NOWHERE
+        if is_long := steps > self._most and bool(rows.is_steep.any()):
+            self.skip(segment.start)
+        places, doubt = _NOWHERE if is_long else self._places(wide, rows, steps)
         count = min(2 * steps, self._most)  # between rows that are farther apart than steps little is known
         if doubt.any() and len(rows.times) < min(steps, count // 2) and wide.shares is None and not wide.partial:
             wide = _finer(wide, count)

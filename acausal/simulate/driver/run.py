@@ -62,6 +62,12 @@ MOST_MIDDLES = 300
 """Stops of a run in the middles of bursts; with more it is made again with bounded steps (AC414)."""
 
 
+_UNSEARCHED = (
+    "stretches from t = {:.6g} s on have too many steps to be searched for what steep functions (exp, tanh, atan, high "
+    "powers) do between them: what comes and goes within one step may be passed; compare with a run with a max_step"
+)
+
+
 @dataclass
 class Run:
     """The run while it is under way.
@@ -72,6 +78,7 @@ class Run:
     `least_steps` is what a run takes in which not all that sleeps is watched.
     `watches` says whether kinks at which rates may wake are watched: only a run that this ends goes without.
     `searches` says whether what steep functions do between rows is searched: not under a bound on all steps.
+    `unsearched` are starts of stretches of too many steps for that [s].
     """
 
     compiled: CompiledModel
@@ -92,6 +99,7 @@ class Run:
     solver: Solver = field(init=False)
     timings: dict[str, float] = field(default_factory=dict)
     interrupt: Interruptible = field(default_factory=Interruptible)
+    unsearched: list[float] = field(default_factory=list)
     recorder: Recorder | None = None
     stopped: Segment | None = None
     dynamics: Smooth | Hybrid | Apart | None = None
@@ -142,6 +150,7 @@ class Run:
             if isinstance(error, RestlessKink):
                 self.least_steps = max(self.least_steps, math.ceil(_STEPS_BETWEEN * self.options.span / error.apart))
             self.compiled, self.watches, self.timings, self.interrupt = plain, False, {}, Interruptible()
+            self.unsearched.clear()
             self.__dict__.pop("problem", None)
             self.__dict__.pop("tolerances", None)
             return self._result()
@@ -302,7 +311,8 @@ class Run:
         try:
             own = solver or self.solver
             searches = self.searches and solver is None
-            piece = (Overlooked(own.integrate) if searches else own.integrate)(problem, segment)
+            search = Overlooked(own.integrate, self.unsearched.append) if searches else own.integrate
+            piece = search(problem, segment)
         except RuntimeError:
             self.interrupt.check()
             raise
@@ -410,6 +420,8 @@ class Run:
         events = event_log(recorder.boundaries, known, self.inputs, self.tables.instants)
         hybrid, apart, native = self.hybrid, self.apart, self.problem.native
         more = apart.notes if apart is not None else tuple(hybrid.notes) if hybrid is not None else ()
+        if self.unsearched:
+            more = (*more, _UNSEARCHED.format(min(self.unsearched)))
         solvers = [m.solver.name for m in apart.members] if apart is not None else [self.solver.name]
         used = [native, *(m.problem.native for m in apart.members)] if apart is not None else [native]
         stats = {
