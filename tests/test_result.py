@@ -87,6 +87,7 @@ def test_names_units_membership() -> None:
     assert "time" in r
     assert "mass" not in r
     assert r.final("mass.s") == -2.0
+    assert tuple(r) == r.names
 
 
 def test_what_is_read_is_a_copy() -> None:

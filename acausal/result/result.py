@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -142,6 +142,10 @@ class Result:
 
     def __contains__(self, name: object) -> bool:
         return name == "time" or name in self.signals or name in self._arrays
+
+    def __iter__(self) -> Iterator[str]:
+        """Names of the signals, as `names`."""
+        return iter(self.names)
 
     def __getitem__(self, name: str) -> Array:
         """Values over the run: shape (n,) for a scalar, (n, 3) for a vector, (n, 3, 3) for a matrix."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -77,6 +77,10 @@ class Sweep:
 
     def __contains__(self, name: object) -> bool:
         return name == "time" or name in self._places
+
+    def __iter__(self) -> Iterator[str]:
+        """Names of what was varied and of the signals that were kept, as columns of a table: its length is its rows."""
+        return iter(self._places)
 
     def __getitem__(self, name: str) -> Vector:
         """Values of a signal over time, shape (n, r), of a varied parameter, shape (n,), or of `time`, shape (r,).

@@ -48,6 +48,8 @@ def test_members_are_exponentials() -> None:
     np.testing.assert_allclose(found.final("x"), a * np.exp(-k), atol=1e-7)
     assert found.status == ("ok",) * 8
     assert (found.unit("x"), found.unit("k")) == ("m", "1/s")
+    assert {"k", "a", "x", "y"} <= set(found)
+    assert all(name in found for name in found)
 
 
 @pytest.fixture(scope="module")
