@@ -138,25 +138,15 @@ _MAX_EXPONENT = 99
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit as written, its dimension, and how it turns into the coherent SI unit of that dimension.
+    """A unit as written, its dimension, and how it turns into the coherent SI unit of that dimension."""
 
-    Attributes
-    ----------
-    text
-        The unit as the user wrote it.
-    dimension
-        Exponents of (m, kg, s, A, K, mol, cd).
-    factor, offset
-        value in SI = factor * value + offset; the offset is non-zero for temperature scales standing alone only.
-    exact
-        The factor as a rational, or None where it holds pi or a root.
-    """
-
-    text: str
-    dimension: Dimension
+    text: str  # the unit as the user wrote it
+    dimension: Dimension  # exponents of (m, kg, s, A, K, mol, cd)
+    # `factor`, `offset`: value in SI = factor * value + offset; the offset is non-zero for temperature scales standing
+    # alone only.
     factor: float
     offset: float = 0.0
-    exact: Fraction | None = None
+    exact: Fraction | None = None  # the factor as a rational, or None where it holds pi or a root
 
 
 # Cached: asked once per operation of every equation, and nearly always for the same few dimensions.
@@ -190,10 +180,7 @@ def parse(unit: str) -> Unit:
     A product after a division (`J/kg.K`) is refused: Modelica forbids it, Python multiplies, and most people mean the
     other thing.
 
-    Raises
-    ------
-    UnitError
-        AC150 when a name is unknown (the nearest known ones are listed) or the string cannot be read.
+    Raises UnitError: AC150 when a name is unknown (the nearest known ones are listed) or the string cannot be read.
     """
     text = unit.strip().translate(_SUPERSCRIPTS)
     if len(text) > _MAX_LENGTH:
@@ -212,10 +199,8 @@ def parse(unit: str) -> Unit:
 def declared(unit: str) -> Unit:
     """The unit of a declaration, which is the coherent one of SI.
 
-    Raises
-    ------
-    UnitError
-        AC150 as `parse`, with advice that a declaration accepts, AC153 for a unit that has a factor or an offset.
+    Raises UnitError: AC150 as `parse`, with advice that a declaration accepts, AC153 for a unit that has a factor or an
+    offset.
     """
     try:
         parsed = parse(unit)
@@ -248,10 +233,8 @@ def convert(text: str, unit: str) -> float:
 
     A number without a unit is in `unit` already. `unit` is normally SI-coherent, as declarations are.
 
-    Raises
-    ------
-    UnitError
-        AC150 for an unknown unit, AC151 when the dimensions differ, AC152 when there is no number to read.
+    Raises UnitError: AC150 for an unknown unit, AC151 when the dimensions differ, AC152 when there is no number to
+    read.
     """
     match = _NUMBER.fullmatch(text)
     if match is None:
@@ -290,10 +273,7 @@ def _in(digits: str, source: Unit, target: Unit) -> float:
 def in_si(value: float, unit: str) -> float:
     """`value` of `unit` in the coherent SI unit of its dimension: 16 of "mm" is 0.016, 20 of "degC" is 293.15.
 
-    Raises
-    ------
-    UnitError
-        AC150 for an unknown unit.
+    Raises UnitError: AC150 for an unknown unit.
     """
     source = parse(unit)
     return _in(repr(float(value)), source, Unit("", source.dimension, 1.0, 0.0, Fraction(1)))

@@ -139,10 +139,7 @@ def reordered(
 
     `states` are others than before, if given; variables `gone` stand nowhere any more and are not solved for.
 
-    Raises
-    ------
-    StructureError
-        When they do not determine the unknowns any more.
+    Raises StructureError when they do not determine the unknowns any more.
     """
     system = _System(structure.reduced)
     system.residuals = list(residuals)

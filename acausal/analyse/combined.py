@@ -37,19 +37,11 @@ class _Combination:
 
 @dataclass(frozen=True, eq=False)
 class Combined:
-    """A flat system with variables for combinations.
+    """A flat system with variables for combinations."""
 
-    Attributes
-    ----------
-    flat
-        Its equations `rewritten` are stated as the reduced system had them.
-    image
-        Its nodes for those of the system that it was made of.
-    """
-
-    flat: FlatSystem
+    flat: FlatSystem  # its equations `rewritten` are stated as the reduced system had them
     rewritten: frozenset[int]
-    image: dict[int, int]
+    image: dict[int, int]  # its nodes for those of the system that it was made of
 
 
 def holding_combinations(structure: Structure, rows: Iterable[int], unknowns: Collection[int]) -> list[int]:

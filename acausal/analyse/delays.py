@@ -116,10 +116,7 @@ def _smoother(solution: Solution, sources: list[int]) -> dict[tuple[int, int], i
 def refuse_delays(flat: FlatSystem, what: str, help_: str) -> None:
     """Refuse what has no meaning, or is not done, for a model that remembers its past.
 
-    Raises
-    ------
-    UsageError
-        AC035 with the first delay, its place and a remedy.
+    Raises UsageError: AC035 with the first delay, its place and a remedy.
     """
     if not flat.delays:
         return

@@ -26,27 +26,15 @@ class Condition:
 
 @dataclass(frozen=True, eq=False)
 class StartProblem:
-    """What is known at the start.
+    """What is known at the start."""
 
-    Attributes
-    ----------
-    direct
-        States given outright: variable -> node of parameters only.
-    conditions
-        All other conditions, to be solved for the remaining states together with the algebraic variables.
-    surplus
-        Conditions that the remaining states cannot be used for; they must hold by themselves.
-    defaulted
-        States that nothing determines: they take their guess, and the user is told.
-    guesses
-        Variable (state or algebraic) -> node of parameters where its iteration starts.
-    """
-
-    direct: dict[int, int]
+    direct: dict[int, int]  # states given outright: variable -> node of parameters only
+    # All other conditions, to be solved for the remaining states together with the algebraic variables.
     conditions: tuple[Condition, ...]
+    # Conditions that the remaining states cannot be used for; they must hold by themselves.
     surplus: tuple[Condition, ...]
-    defaulted: tuple[int, ...]
-    guesses: dict[int, int]
+    defaulted: tuple[int, ...]  # states that nothing determines: they take their guess, and the user is told
+    guesses: dict[int, int]  # variable (state or algebraic) -> node of parameters where its iteration starts
 
 
 def start_problem(solution: Solution) -> StartProblem:

@@ -14,6 +14,7 @@ from acausal.animate.scene import Scene, scene_of
 from acausal.language.component import Component
 from acausal.result.files import atomic, check_suffix
 from acausal.result.result import Result
+from acausal.simulate.run import simulate
 
 FORMATS = (".html", ".glb", ".gif")
 
@@ -83,8 +84,6 @@ def animate(
         AC082 when the result is not of this model, AC083 when nothing in the model has a shape.
     """
     if result is None:
-        from acausal.simulate.run import simulate
-
         experiment = type(model).experiment
         start, stop = (options.get(n) for n in ("start_time", "stop_time"))
         start = experiment.start_time if start is None else start

@@ -57,10 +57,7 @@ class _Buffer:
 def to_glb(scene: Scene) -> bytes:
     """The bytes of a `.glb` file. Times count from the start of the run, in s: they are single numbers there.
 
-    Raises
-    ------
-    UsageError
-        AC084 when pygltflib is not installed.
+    Raises UsageError: AC084 when pygltflib is not installed.
     """
     try:
         import pygltflib as kinds

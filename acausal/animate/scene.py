@@ -65,10 +65,7 @@ def scene_of(
 ) -> Scene:
     """The scene of a run of `model`, at up to `poses` of the rows of its result.
 
-    Raises
-    ------
-    UsageError
-        AC083 when the model has nothing with a shape, AC082 when the result is not of this model.
+    Raises UsageError: AC083 when the model has nothing with a shape, AC082 when the result is not of this model.
     """
     found, _ = placed(model)
     found = [*found, *_named_to_last(found, result)]

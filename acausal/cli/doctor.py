@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from acausal.cli.arguments.options import JsonOption, QuietOption
+from acausal.cli.arguments import options
 from acausal.cli.output.failure import FAILED
 from acausal.cli.output.report import record
 
@@ -36,7 +36,7 @@ class Finding:
     detail: str
 
 
-def doctor(as_json: JsonOption = False, quiet: QuietOption = False) -> None:
+def doctor(as_json: options.Json = False, quiet: options.Quiet = False) -> None:
     """Check the installation; exit 1 when something is broken; --quiet prints only what is broken.
 
     Versions, the solvers on a small model against its closed form, a C compiler, the folder of

@@ -17,11 +17,9 @@ from acausal.structure import Incidence, dulmage_mendelsohn, match, minimal_over
 def balance(reduced: ReducedSystem) -> None:
     """Refuse systems whose equations cannot determine the unknowns, derivatives counting as their variable.
 
-    Raises
-    ------
-    StructureError
-        With the probable cause (AC203 ... AC209) where one is found; else AC201 when an unknown has no equation, AC202
-        when there is an equation too many, with the smallest set of equations and unknowns that shows it.
+    Raises StructureError with the probable cause (AC203 ... AC209) where one is found; else AC201 when an unknown has
+    no equation, AC202 when there is an equation too many, with the smallest set of equations and unknowns that shows
+    it.
     """
     root = _roots(reduced)
     chains = sorted({root[v] for v in range(reduced.pool.n_variables)} - set(reduced.inputs))

@@ -36,17 +36,14 @@ def refuse_changing_structure(
 ) -> None:
     """Refuse blocks that cannot be solved in one of their modes.
 
+    Raises StructureError: AC213, with the equation and the condition.
+
     Parameters
     ----------
     residuals, blocks
         Nodes that must be zero, and which of them are solved for which variables.
     sources
         The flat equation that each residual comes from.
-
-    Raises
-    ------
-    StructureError
-        AC213, with the equation and the condition.
     """
     pool = reduced.pool
     switched = _switched(pool, residuals)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
+from typing import Any
 
+from acausal.browser.page import Wrapped, asset, page
 from acausal.diagram.graph import Graph, graph_of
-from acausal.diagram.layout import to_svg
-from acausal.diagram.page import to_page
-from acausal.errors import UsageError, nearest
+from acausal.errors import InternalError, UsageError, nearest
 from acausal.language.component import Component
 from acausal.result.files import atomic, check_suffix
 
@@ -88,3 +89,60 @@ def _composites(graph: Graph, level: int) -> Iterator[tuple[str, int]]:
         if block["blocks"]:
             yield block["path"], level + 1
             yield from _composites(block, level + 1)
+
+
+# ELK asks for a worker of its own; without one it works at once, when there is something that waits.
+_SHIMS = """
+var global = this, module = {exports: {}}, exports = module.exports;
+var setTimeout = function (call) { call(); };
+"""
+
+
+def to_svg(graph: Graph, opened: list[str]) -> str:
+    """The picture of a graph with the inside of the blocks at `opened` shown, too.
+
+    Raises UsageError: AC084 when dukpy is not installed.
+    """
+    answer: dict[str, Any] = _engine().evaljs(
+        """
+        var found = {}, opened = {};
+        for (var i = 0; i < dukpy.opened.length; i++) opened[dukpy.opened[i]] = true;
+        function drawn(layout) { found.svg = diagramSvg(layout); }
+        function failed(error) { found.error = String(error.message || error); }
+        diagramLayout(dukpy.graph, opened, Elk, drawn, failed);
+        found
+        """,
+        graph=graph,
+        opened=opened,
+    )
+    if "svg" not in answer:
+        raise InternalError("AC908", f"the layout of {graph['name']} failed: {answer.get('error')}")
+    return str(answer["svg"])
+
+
+@cache
+def _engine() -> Any:
+    """An interpreter that has read ELK, which takes a second, and the drawing."""
+    try:
+        import dukpy
+    except ImportError as error:
+        raise UsageError("AC084", "diagrams are laid out with dukpy", help="python -m pip install dukpy") from error
+    engine = dukpy.JSInterpreter()
+    engine.evaljs(
+        f"{_SHIMS}\n(function () {{ {asset('elk-worker.min.js')} \n}})(); var Elk = module.exports['default']; 1"
+    )
+    engine.evaljs(asset("diagram.js") + "\n1")
+    return engine
+
+
+_BODY = """\
+<header><h1></h1><span class="hint">click a block marked + to open it, its title to close it; wheel and drag to look
+around</span><button id="fit">whole diagram</button></header>
+<div id="view"></div>"""
+ELK = Wrapped("elk-worker.min.js", "elkModule")
+
+
+def to_page(graph: Graph, opened: list[str]) -> str:
+    """One HTML file with the graph and ELK, which lays it out again whenever a block opens."""
+    data = {"graph": graph, "opened": opened}
+    return page(graph["name"], _BODY, data, (ELK, "diagram.js", "diagram-page.js"), ("diagram-page.css",))

@@ -27,10 +27,8 @@ _LONGEST = 24
 def graph_of(model: Component) -> Graph:
     """The graph of a model with all it is composed of.
 
-    Raises
-    ------
-    AcausalError
-        What is wrong with the composition itself: ends that are no part of the model, missing outer components.
+    Raises AcausalError: what is wrong with the composition itself: ends that are no part of the model, missing outer
+    components.
     """
     composition = compose(model)
     edges: dict[int, list[Graph]] = {}

@@ -41,10 +41,7 @@ class AcadosModel:
 def acados_model(model: CasadiModel) -> AcadosModel:
     """The shape of `AcadosModel`.
 
-    Raises
-    ------
-    ExportError
-        AC614 for a model that depends on the time, or whose events act.
+    Raises ExportError: AC614 for a model that depends on the time, or whose events act.
     """
     _refuse(model, "acados")
     x, z, u, p = (ca.SX.sym(v, len(getattr(model, v))) for v in "xzup")
@@ -70,10 +67,7 @@ def do_mpc_model(model: CasadiModel, variables: Any) -> Any:
     `.` and brackets of names become `_`: `mass.s` is `mass_s`. Outputs are expressions under their names. Parameters
     are do-mpc's `_p`: give it `model.p.start`.
 
-    Raises
-    ------
-    ExportError
-        AC614 for a model that depends on the time, whose events act, or whose names coincide.
+    Raises ExportError: AC614 for a model that depends on the time, whose events act, or whose names coincide.
     """
     _refuse(model, "do-mpc")
     columns = []
@@ -130,10 +124,7 @@ def rockit_stage(model: CasadiModel, ocp: Any) -> Stage:
 
     States and their start are left free: `ocp.subject_to(ocp.at_t0(stage.x) == model.x.start)`.
 
-    Raises
-    ------
-    ExportError
-        AC614 for a model whose events act.
+    Raises ExportError: AC614 for a model whose events act.
     """
     _refuse(model, "rockit", timed=True)
     makers = {"x": ocp.state, "z": ocp.algebraic, "u": ocp.control}

@@ -48,13 +48,10 @@ SENSITIVITIES = Form("sensitivities", events=True, ends=True)
 def check(compiled: CompiledModel, form: Form, outputs: Sequence[Output]) -> tuple[str, ...]:
     """Notes on what the form leaves out of this model.
 
-    Raises
-    ------
-    UsageError
-        AC035 for a model with delays, AC027 for one whose contacts change its equations.
-    ExportError
-        AC608 when `when`s or discrete equations change what the rates or the outputs are made of, and the form does
-        not carry events; or when what a `when` resets is bound by a stabilised constraint, which others then follow.
+    Raises UsageError: AC035 for a model with delays, AC027 for one whose contacts change its equations.
+    Raises ExportError: AC608 when `when`s or discrete equations change what the rates or the outputs are made of, and
+    the form does not carry events; or when what a `when` resets is bound by a stabilised constraint, which others then
+    follow.
     """
     compiled = compiled.unchanging(form.name)
     refuse_delays(compiled.flat, form.name, PADE)

@@ -26,10 +26,7 @@ class Output(NamedTuple):
 def named_outputs(compiled: CompiledModel, names: Sequence[str] | None) -> tuple[Output, ...]:
     """The outputs behind names, arrays entry by entry; None stands for everything declared in the model's own class.
 
-    Raises
-    ------
-    UsageError
-        AC010 for a name that is no variable of the model, AC028 for what is no compiled model.
+    Raises UsageError: AC010 for a name that is no variable of the model, AC028 for what is no compiled model.
     """
     if not isinstance(compiled, CompiledModel):
         shown = f"the class {compiled.__name__}" if isinstance(compiled, type) else type(compiled).__name__

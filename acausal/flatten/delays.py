@@ -22,10 +22,8 @@ def delays(
 ) -> tuple[FlatDelay, ...]:
     """Every delay of the pool with the first statement that holds it.
 
-    Raises
-    ------
-    DeclarationError
-        AC182 when a delay is negative, or longer than its maximum; AC183 when it varies and has no maximum.
+    Raises DeclarationError: AC182 when a delay is negative, or longer than its maximum; AC183 when it varies and has no
+    maximum.
     """
     if not pool.delays:
         return ()

@@ -75,11 +75,8 @@ def check_assigned(
 ) -> None:
     """Refuse what is determined twice, and signals that nothing determines.
 
-    Raises
-    ------
-    DeclarationError
-        AC145 for two discrete equations, or an equation and a reset, of one variable; AC148 for a discrete signal
-        without a source.
+    Raises DeclarationError: AC145 for two discrete equations, or an equation and a reset, of one variable; AC148 for a
+    discrete signal without a source.
     """
     outside = set(inputs)
     first: dict[int, tuple[Origin | None, str]] = {}

@@ -170,10 +170,7 @@ def _limits(declaration: Declaration) -> str:
 def check_values(flat: FlatSystem, values: Sequence[float]) -> None:
     """Refuse values of the free parameters that put bound ones outside their limits, or that break a demand.
 
-    Raises
-    ------
-    DeclarationError
-        AC136 for a limit, AC139 for an assertion about parameters alone.
+    Raises DeclarationError: AC136 for a limit, AC139 for an assertion about parameters alone.
     """
     for node, p, k in flat.limited:
         value, declaration = flat.pool.parameter_value(node, values), p.declaration
@@ -288,12 +285,8 @@ def entries(path: str, shape: Shape, value: object, unit: str) -> tuple[float, .
 
     One number fills a vector or a matrix.
 
-    Raises
-    ------
-    UsageError
-        AC023 for anything else.
-    UnitError
-        AC150 to AC152 for the unit of a text.
+    Raises UsageError: AC023 for anything else.
+    Raises UnitError: AC150 to AC152 for the unit of a text.
     """
     try:
         given = _numbers(path, value, unit)

@@ -30,50 +30,25 @@ class ReducedWhen(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ReducedSystem:
-    """The equations that remain, over numbered variables of their own pool.
+    """The equations that remain, over numbered variables of their own pool."""
 
-    Attributes
-    ----------
-    flat
-        Where it comes from.
-    pool
-        Expressions over the remaining variables 0 ... n_variables-1; `pool.derivative_of` links x to der(x).
-    scalar
-        Flat scalar that names each remaining variable.
-    residuals
-        Nodes that must be zero.
-    equation
-        Index of the flat equation of each residual.
-    image
-        Node of every flat scalar: a variable, its negative, a constant, or a known expression.
-    inputs
-        Variables that are the model's own inputs.
-    redundant
-        Flat equations that follow from others.
-    initial
-        Nodes of the initial equations that must be zero at the start, in the order of `flat.initial_equations`.
-    whens
-        Nodes of `flat.whens`.
-    assignments, asserts
-        Nodes of `flat.assignments`, the new values, and of the conditions of `flat.asserts`.
-    left_out
-        Flat scalars that results do not hold, because no wanted output needs them (`acausal.reduce.cone`); their
-        images mean nothing any more.
-    """
-
-    flat: FlatSystem
-    pool: Pool
-    scalar: tuple[int, ...]
-    residuals: tuple[int, ...]
-    equation: tuple[int, ...]
-    image: tuple[int, ...]
-    inputs: tuple[int, ...]
-    redundant: tuple[int, ...]
+    flat: FlatSystem  # where it comes from
+    pool: Pool  # expressions over the remaining variables 0 ... n_variables-1; `pool.derivative_of` links x to der(x).
+    scalar: tuple[int, ...]  # flat scalar that names each remaining variable
+    residuals: tuple[int, ...]  # nodes that must be zero
+    equation: tuple[int, ...]  # index of the flat equation of each residual
+    image: tuple[int, ...]  # node of every flat scalar: a variable, its negative, a constant, or a known expression
+    inputs: tuple[int, ...]  # variables that are the model's own inputs
+    redundant: tuple[int, ...]  # flat equations that follow from others
+    # Nodes of the initial equations that must be zero at the start, in the order of `flat.initial_equations`.
     initial: tuple[int, ...]
-    whens: tuple[ReducedWhen, ...]
+    whens: tuple[ReducedWhen, ...]  # nodes of `flat.whens`
+    # `assignments`, `asserts`: nodes of `flat.assignments`, the new values, and of the conditions of `flat.asserts`.
     assignments: tuple[int, ...] = ()
     asserts: tuple[int, ...] = ()
     delays: tuple[tuple[int, int, int | None], ...] = ()
+    # Flat scalars that results do not hold, because no wanted output needs them (`acausal.reduce.cone`); their images
+    # mean nothing any more.
     left_out: frozenset[int] = frozenset()
 
     def __repr__(self) -> str:

@@ -77,10 +77,8 @@ class When(Statement):
         Branches need not set the same variables: what a branch does not set keeps its value. Source: Modelica language
         specification 3.6, section 8.3.5.2.
 
-        Raises
-        ------
-        DeclarationError
-            AC108 when `condition` is no condition, AC140 when an action is neither a `reset` nor a `terminate`.
+        Raises DeclarationError: AC108 when `condition` is no condition, AC140 when an action is neither a `reset` nor a
+        `terminate`.
         """
         used((self,))
         return replace(self, branches=(*self.branches, _made(condition, actions, "elsewhen")))

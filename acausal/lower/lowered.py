@@ -44,47 +44,28 @@ class Lowered:
     Sizes: `nx` states (`n_dynamic` of the coupled system, then `quadratures` integrals of time that act on nothing,
     then `discretes` variables that change at events only), `nz` algebraic variables, `nu` inputs, `np` free parameters,
     `nm` modes of events; the numbers of delayed signals and of inputs over time are among them.
-
-    Attributes
-    ----------
-    solution
-        The symbolic stage it was lowered from; `solution.structure.reduced.flat` is the flat system.
-    rhs
-        `(t, x[nx], z[nz], u[nu], p[np], m[nm]) -> (ode[nx], alg[nz])`, SX, smooth in each mode.
-    instants
-        `(p) -> times[nm]` at which the modes change.
-    modes
-        `(t, p) -> m[nm]`, 0 or 1: relations of time, then all others (`mode_nodes`), undecided as 0.
-    selection
-        What was left out of the model, and why; None for the full model.
-    timings
-        Seconds per stage of the compilation.
-    driven
-        Places in u of the inputs that are functions of time: polynomials in each stretch of a run, whose numbers are
-        modes. What u holds there is not used (`acausal.lower.variants.driven`).
-    recipe
-        What `simulate` compiles again and again while the structure of the model changes; None where it never does.
-    varied
-        Whether `rhs` says something else than `solution`: a regime (`simulate/events/regime.py`).
     """
 
     name: str
-    solution: Solution
+    solution: Solution  # the symbolic stage it was lowered from; `solution.structure.reduced.flat` is the flat system
     state_variables: tuple[int, ...]
     quadratures: int
     discretes: int
     start: StartProblem
     time_events: TimeEvents
-    rhs: Any
-    modes: Any
-    instants: Any
+    rhs: Any  # `(t, x[nx], z[nz], u[nu], p[np], m[nm]) -> (ode[nx], alg[nz])`, SX, smooth in each mode
+    modes: Any  # `(t, p) -> m[nm]`, 0 or 1: relations of time, then all others (`mode_nodes`), undecided as 0
+    instants: Any  # `(p) -> times[nm]` at which the modes change
     state_events: StateEvents = field(default_factory=StateEvents)
     delays: Delays = field(default_factory=Delays)
-    selection: Selection | None = None
+    selection: Selection | None = None  # what was left out of the model, and why; None for the full model
+    # What `simulate` compiles again and again while the structure of the model changes; None where it never does.
     recipe: Recipe | None = None
+    # Places in u of the inputs that are functions of time: polynomials in each stretch of a run, whose numbers are
+    # modes. What u holds there is not used (`acausal.lower.variants.driven`).
     driven: tuple[int, ...] = ()
-    timings: dict[str, float] = field(default_factory=dict)
-    varied: bool = False
+    timings: dict[str, float] = field(default_factory=dict)  # seconds per stage of the compilation
+    varied: bool = False  # whether `rhs` says something else than `solution`: a regime (`simulate/events/regime.py`)
 
     def __getstate__(self) -> dict[str, Any]:
         """The fields: functions that were made from them are made again where they are asked for."""

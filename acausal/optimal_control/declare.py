@@ -10,15 +10,9 @@ from acausal.errors import Span
 
 @dataclass(frozen=True)
 class Mesh:
-    """Intervals of one phase.
+    """Intervals of one phase."""
 
-    Attributes
-    ----------
-    fractions
-        Lengths of the intervals as shares of the phase; their sum is 1.
-    """
-
-    fractions: tuple[float, ...]
+    fractions: tuple[float, ...]  # lengths of the intervals as shares of the phase; their sum is 1
 
     @staticmethod
     def uniform(intervals: int) -> Mesh:
@@ -36,21 +30,15 @@ class Mesh:
 
 @dataclass(frozen=True, eq=False)
 class PhaseSpec:
-    """One phase as it was declared.
-
-    Attributes
-    ----------
-    shortest, longest, expected
-        Limits of its duration, and the one that the guess has [s].
-    switch
-        Number of the guard that is zero at its end; None for an end that is free or fixed in time only.
-    """
+    """One phase as it was declared."""
 
     name: str
+    # `shortest`, `longest`, `expected`: limits of its duration, and the one that the guess has [s].
     shortest: float
     longest: float
     expected: float
     mesh: Mesh
+    # Number of the guard that is zero at its end; None for an end that is free or fixed in time only.
     switch: int | None = None
 
 
@@ -82,23 +70,13 @@ class Value:
 
 @dataclass(frozen=True, eq=False)
 class Constraint:
-    """lower <= expression <= upper: along phases where it holds quantities that vary, else once.
-
-    Attributes
-    ----------
-    phases
-        Where a path constraint holds; empty for a constraint on numbers.
-    variable
-        Name of the scalar that is bounded; None for an expression.
-    scale
-        Magnitude that the expression is divided by in the program.
-    """
+    """lower <= expression <= upper: along phases where it holds quantities that vary, else once."""
 
     name: str
     expression: Any
     lower: float
     upper: float
-    phases: tuple[int, ...]
-    variable: str | None
-    scale: float
+    phases: tuple[int, ...]  # where a path constraint holds; empty for a constraint on numbers
+    variable: str | None  # name of the scalar that is bounded; None for an expression
+    scale: float  # magnitude that the expression is divided by in the program
     where: tuple[Span, ...] = ()

@@ -39,10 +39,7 @@ class PhaseGuess:
 def guessed(problem: StatedProblem) -> list[PhaseGuess]:
     """The guess of every phase.
 
-    Raises
-    ------
-    OptimizationError
-        AC705 where the run does not get to the end of a phase.
+    Raises OptimizationError: AC705 where the run does not get to the end of a phase.
     """
     lines = _lines(problem)
     run = problem.guess_run or _run(problem)

@@ -48,12 +48,8 @@ def dynamics_of(
 
     With `free` they are not rounded: their answers become unknowns, and widths say how large what decides them is.
 
-    Raises
-    ------
-    ExportError
-        AC608 for a model that events change, where no phase ends with one.
-    OptimizationError
-        AC704 for events at the end of a phase that do more than the clauses of its relation.
+    Raises ExportError: AC608 for a model that events change, where no phase ends with one.
+    Raises OptimizationError: AC704 for events at the end of a phase that do more than the clauses of its relation.
     """
     q = problem.quantities
     compiled, dae = q.compiled, q.dae()
@@ -134,10 +130,7 @@ def _jump(problem: StatedProblem, relation: int, ends: list[Vector], following: 
 
     `ends` are the arguments at the end of the phase in the guess.
 
-    Raises
-    ------
-    OptimizationError
-        AC704 where the guess goes on somewhere else.
+    Raises OptimizationError: AC704 where the guess goes on somewhere else.
     """
     q = problem.quantities
     compiled, events = q.compiled, q.compiled.state_events
@@ -208,10 +201,7 @@ def _check_guess(q: Quantities, found: Vector, following: PhaseGuess, ends: list
 def verified(problem: StatedProblem, laws: Sequence[Dynamics], trajectory: Trajectory) -> None:
     """Refuse an optimum that takes branches which the model does not take there, or passes over an event.
 
-    Raises
-    ------
-    OptimizationError
-        AC706 for branches, AC704 for events inside of a phase.
+    Raises OptimizationError: AC706 for branches, AC704 for events inside of a phase.
     """
     dae = problem.quantities.dae()
     for phase, law in zip(trajectory.phases, laws, strict=True):

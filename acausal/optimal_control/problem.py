@@ -50,10 +50,7 @@ class StatedProblem:
     def __getitem__(self, name: str) -> Any:
         """A variable or parameter by name, as a CasADi symbol; an array as a column.
 
-        Raises
-        ------
-        UsageError
-            AC010 for an unknown name.
+        Raises UsageError: AC010 for an unknown name.
         """
         return self.quantities[name]
 

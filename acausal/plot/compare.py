@@ -27,10 +27,7 @@ def compared(first: Result, second: Result, names: Sequence[str], file: str | Pa
 
     Differences are taken at the times of the first within the second's run.
 
-    Raises
-    ------
-    UsageError
-        AC013 for a file of another format, AC016 without a signal.
+    Raises UsageError: AC013 for a file of another format, AC016 without a signal.
     """
     check_picture(file)
     if not names:

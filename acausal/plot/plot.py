@@ -192,10 +192,7 @@ def figure(
 def show(drawing: Figure) -> None:
     """Open a window with a figure and wait until it is closed.
 
-    Raises
-    ------
-    UsageError
-        AC017 where there is no display.
+    Raises UsageError: AC017 where there is no display.
     """
     from matplotlib import pyplot
 

@@ -41,10 +41,7 @@ class Scale:
 def to_unit(declared: str, shown: str) -> Scale:
     """The conversion from the declared unit to another.
 
-    Raises
-    ------
-    UnitError
-        When a unit is unknown or the dimensions differ.
+    Raises UnitError when a unit is unknown or the dimensions differ.
     """
     zero, one = (convert(f"{x} {declared or '1'}", shown) for x in (0, 1))
     return Scale(shown, one - zero, zero)
@@ -53,10 +50,7 @@ def to_unit(declared: str, shown: str) -> Scale:
 def same_unit(unit: str, other: str) -> Scale:
     """The conversion of values in the unit `other` to `unit`; a file that does not know its units has the other's.
 
-    Raises
-    ------
-    UnitError
-        AC151 for units that do not fit.
+    Raises UnitError: AC151 for units that do not fit.
     """
     return to_unit(other, unit) if unit and other and unit != other else Scale(unit)
 

@@ -32,23 +32,15 @@ _MOST_OUTLINES = 2000
 
 @dataclass(frozen=True, eq=False)
 class Pattern:
-    """Incidence of unknowns in equations, with the blocks of the solving order.
+    """Incidence of unknowns in equations, with the blocks of the solving order."""
 
-    Attributes
-    ----------
-    rows, columns
-        Entries as they come: equation by equation, unknowns in the order of their numbers.
-    row_place, column_place
-        Place of each equation and unknown in the solving order.
-    blocks
-        (first place, size, kind) of every block.
-    """
-
+    # `rows`, `columns`: entries as they come: equation by equation, unknowns in the order of their numbers.
     rows: NDArray[np.int64]
     columns: NDArray[np.int64]
+    # `row_place`, `column_place`: place of each equation and unknown in the solving order.
     row_place: NDArray[np.int64]
     column_place: NDArray[np.int64]
-    blocks: tuple[tuple[int, int, str], ...]
+    blocks: tuple[tuple[int, int, str], ...]  # (first place, size, kind) of every block
 
     @property
     def size(self) -> int:
@@ -84,17 +76,14 @@ def pattern(compiled: CompiledModel) -> Pattern:
 def spy(compiled: CompiledModel, file: str | Path | None = None, title: str | None = None) -> Figure:
     """Draw the incidence matrix before and after the block lower triangular form, side by side.
 
+    Raises UsageError: AC012 and AC013 for the file.
+
     Parameters
     ----------
     file
         `.png` (150 dpi), `.svg` or `.pdf` to write.
     title
         Text above the figure; the model's name by default.
-
-    Raises
-    ------
-    UsageError
-        AC012 and AC013 for the file.
     """
     check_picture(file)
     found = pattern(compiled)

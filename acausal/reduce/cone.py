@@ -14,18 +14,10 @@ from acausal.structure import Incidence, match
 
 @dataclass(frozen=True, eq=False)
 class Dependence:
-    """Who depends directly on whom in a solution.
+    """Who depends directly on whom in a solution."""
 
-    Attributes
-    ----------
-    nodes
-        A variable depends on all variables of its nodes.
-    at_start
-        And, for its start value, on these.
-    """
-
-    nodes: dict[int, tuple[int, ...]]
-    at_start: dict[int, frozenset[int]]
+    nodes: dict[int, tuple[int, ...]]  # A variable depends on all variables of its nodes
+    at_start: dict[int, frozenset[int]]  # and, for its start value, on these
 
     def closure(self, solution: Solution, variables: Iterable[int]) -> frozenset[int]:
         """All variables that these depend on, themselves included; inputs too."""

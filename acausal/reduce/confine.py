@@ -37,10 +37,8 @@ def changing(model: Component) -> dict[str, Changing]:
 def confined(model: Component, solved: Solved) -> tuple[dict[str, Choice], tuple[Left, ...]]:
     """Choices with the contacts that can come about, by path, and what was left out.
 
-    Raises
-    ------
-    UsageError
-        AC027 when contacts are kept that change the structure during a run: drills that leave several holes.
+    Raises UsageError: AC027 when contacts are kept that change the structure during a run: drills that leave several
+    holes.
     """
     choices: dict[str, Choice] = {path: c.least(True) for path, c in components(model) if is_changing(c)}
     growing = list(choices)

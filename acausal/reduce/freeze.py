@@ -20,16 +20,13 @@ ZEROS = "zeros"
 def freeze(flat: FlatSystem, names: Sequence[str]) -> FlatSystem:
     """The flat system with the named parameters as numbers, in a pool of its own.
 
+    Raises UsageError: AC020 for a name that is neither parameter nor component.
+
     Parameters
     ----------
     names
         Parameters, entries of array parameters (`body.r_CM[1]`), components (all their parameters), patterns with `*`,
         or "zeros": all entries whose value is zero.
-
-    Raises
-    ------
-    UsageError
-        AC020 for a name that is neither parameter nor component.
     """
     frozen = sorted(_frozen(flat, names))
     if not frozen:

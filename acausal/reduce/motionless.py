@@ -29,24 +29,13 @@ _KINKS = frozenset(("min", "max", "fabs"))
 
 @dataclass(frozen=True)
 class Constants:
-    """What does not change.
+    """What does not change."""
 
-    Attributes
-    ----------
-    variables
-        Variable -> node of parameters only that it equals all the time; states among them stay at their start.
-    equal
-        Expressions that are constant too: their nodes of parameters only.
-    branches
-        Branches and kinks of which always the same operand is taken: the operand.
-    relations
-        Relations of variables that never switch, and whether they hold.
-    """
-
+    # Variable -> node of parameters only that it equals all the time; states among them stay at their start.
     variables: Mapping[int, int]
-    equal: Mapping[int, int]
-    branches: Mapping[int, int]
-    relations: Mapping[int, bool]
+    equal: Mapping[int, int]  # expressions that are constant too: their nodes of parameters only
+    branches: Mapping[int, int]  # branches and kinks of which always the same operand is taken: the operand
+    relations: Mapping[int, bool]  # relations of variables that never switch, and whether they hold
 
 
 def constants(solution: Solution) -> Constants:

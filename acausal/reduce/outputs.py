@@ -14,10 +14,7 @@ def output_scalars(flat: FlatSystem, names: Sequence[str]) -> dict[str, int]:
 
     A name with `*` stands for all variables that it fits; `time` is always there and adds nothing.
 
-    Raises
-    ------
-    UsageError
-        AC010 for a name that is no variable of the model, AC018 when nothing is asked for.
+    Raises UsageError: AC010 for a name that is no variable of the model, AC018 when nothing is asked for.
     """
     entries: dict[str, dict[str, int]] = {}
     for v in flat.variables:

@@ -26,18 +26,14 @@ from acausal.reduce.motionless import event_nodes
 def quasi_static(solution: Solution, names: Sequence[str], formulation: str) -> Solution:
     """The solution with the named states at rest relative to all others.
 
+    Raises UsageError: AC026 for a name that is no state of the model, or a state that cannot be taken: one that an
+    event sets, or one of a stabilised constraint.
+    Raises StructureError: AC211 when the equations without these rates do not determine the states.
+
     Parameters
     ----------
     names
         States, or aliases of states up to sign; a component stands for all its states.
-
-    Raises
-    ------
-    UsageError
-        AC026 for a name that is no state of the model, or a state that cannot be taken: one that an event sets, or one
-        of a stabilised constraint.
-    StructureError
-        AC211 when the equations without these rates do not determine the states.
     """
     structure = solution.structure
     fast = states_named(structure, names)
@@ -65,10 +61,7 @@ def quasi_static(solution: Solution, names: Sequence[str], formulation: str) -> 
 def states_named(structure: Structure, names: Sequence[str]) -> set[int]:
     """States behind names.
 
-    Raises
-    ------
-    UsageError
-        AC026 for a name that stands for no state.
+    Raises UsageError: AC026 for a name that stands for no state.
     """
     reduced = structure.reduced
     states = set(structure.states)

@@ -32,21 +32,11 @@ KINDS = ("parameter", "contact", "motionless", "relation", "quasi-static", "stat
 
 @dataclass(frozen=True)
 class Selection:
-    """What was asked for, and what was left out for it.
+    """What was asked for, and what was left out for it."""
 
-    Attributes
-    ----------
-    outputs
-        Full names of the wanted outputs; None when everything was wanted.
-    constant
-        Those of them that depend on parameters only.
-    left
-        What the full model has and this one has not, with the reasons.
-    """
-
-    outputs: tuple[str, ...] | None
-    constant: tuple[str, ...]
-    left: tuple[Left, ...]
+    outputs: tuple[str, ...] | None  # full names of the wanted outputs; None when everything was wanted
+    constant: tuple[str, ...]  # those of them that depend on parameters only
+    left: tuple[Left, ...]  # what the full model has and this one has not, with the reasons
 
 
 def select(
@@ -56,10 +46,7 @@ def select(
 
     `at_once` names states that are taken in their quasi-static limit.
 
-    Raises
-    ------
-    UsageError
-        AC010 or AC018, see `acausal.reduce.outputs`; AC026, see `acausal.reduce.quasi_static`.
+    Raises UsageError: AC010 or AC018, see `acausal.reduce.outputs`; AC026, see `acausal.reduce.quasi_static`.
     """
     flat = solution.structure.reduced.flat
     scalars = output_scalars(flat, outputs) if outputs is not None else None

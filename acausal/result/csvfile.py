@@ -26,28 +26,16 @@ _DELIMITERS = ",;\t"
 
 @dataclass(frozen=True)
 class Sheet:
-    """The text of a file, cut at its header.
-
-    Attributes
-    ----------
-    header
-        The first row as it stands.
-    names, units
-        Of every column; "" where a unit is not said.
-    clock
-        Place of the column of times.
-    lines
-        The rows of numbers with the numbers of their lines.
-    delimiter, decimal
-        What separates cells, and the decimal sign.
-    """
+    """The text of a file, cut at its header."""
 
     path: Path
-    header: tuple[str, ...]
+    header: tuple[str, ...]  # the first row as it stands
+    # `names`, `units`: of every column; "" where a unit is not said.
     names: tuple[str, ...]
     units: tuple[str, ...]
-    clock: int
-    lines: tuple[tuple[int, str], ...]
+    clock: int  # place of the column of times
+    lines: tuple[tuple[int, str], ...]  # the rows of numbers with the numbers of their lines
+    # `delimiter`, `decimal`: what separates cells, and the decimal sign.
     delimiter: str
     decimal: str
 
@@ -60,10 +48,7 @@ class Sheet:
     def numbers(self, rows: Sequence[tuple[int, list[str]]], places: Sequence[int]) -> Array:
         """Some columns of some rows, shape (rows, places), as they stand.
 
-        Raises
-        ------
-        UsageError
-            AC045, with the line, for a cell that is no number.
+        Raises UsageError: AC045, with the line, for a cell that is no number.
         """
         found = np.empty((len(rows), len(places)))
         for i, (line, row) in enumerate(rows):
@@ -88,10 +73,8 @@ class Sheet:
 def read_sheet(path: Path) -> Sheet:
     """Read a file up to the end of its header.
 
-    Raises
-    ------
-    UsageError
-        AC014 for a file that cannot be read, AC045 for one without two rows, or without a column of times.
+    Raises UsageError: AC014 for a file that cannot be read, AC045 for one without two rows, or without a column of
+    times.
     """
     try:
         text = path.read_text(encoding="utf-8-sig")
@@ -154,10 +137,7 @@ def _as_si(values: Array, unit: str) -> Array:
 def read_csv(path: Path) -> Table:
     """Read a table of numbers over time, ours or of another program.
 
-    Raises
-    ------
-    UsageError
-        AC014 and AC045, as `read_sheet` and `Sheet.numbers`.
+    Raises UsageError: AC014 and AC045, as `read_sheet` and `Sheet.numbers`.
     """
     sheet = read_sheet(path)
     if len(set(sheet.names)) < len(sheet.names):

@@ -29,10 +29,7 @@ from acausal.result.signals import Array, Event, Signal, Table
 def write(table: Table, path: Path, units: bool = False) -> None:
     """Write a table in the format of the suffix, completely or not at all; `units` gives a `.csv` a second row of them.
 
-    Raises
-    ------
-    UsageError
-        AC012 when the file cannot be written, AC013 for an unknown suffix.
+    Raises UsageError: AC012 when the file cannot be written, AC013 for an unknown suffix.
     """
     writer = WRITERS[check_suffix(path, WRITERS, "result format")]
     with atomic(path) as file:

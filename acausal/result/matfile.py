@@ -94,10 +94,7 @@ def _characters(texts: Sequence[str]) -> NDArray[np.uint8]:
 def read_mat(path: Path) -> Table:
     """Read a result of acausal, Dymola or OpenModelica, in either layout of version 1.1.
 
-    Raises
-    ------
-    ValueError
-        When the file is no such result.
+    Raises ValueError when the file is no such result.
     """
     from scipy.io import loadmat
 

@@ -39,12 +39,8 @@ def write_parquet(table: Table, file: BinaryIO) -> None:
 def read_parquet(path: Path) -> Table:
     """Read numbers over a column `time` or `t`, of any program; units are those of metadata, or of names `force [kN]`.
 
-    Raises
-    ------
-    UsageError
-        AC015 without pyarrow.
-    ValueError
-        For a table without times, or with empty cells.
+    Raises UsageError: AC015 without pyarrow.
+    Raises ValueError for a table without times, or with empty cells.
     """
     _, parquet = _pyarrow()
     table = parquet.read_table(path, page_checksum_verification=True)

@@ -88,15 +88,13 @@ def read_series(file: str | Path, column: str | None = None, interpolation: str 
 
     `acausal.result.csvfile` says what a CSV file may look like.
 
+    Raises UsageError: AC014 for a file that cannot be read, AC045 for one without such a column, or with a row that is
+    no number.
+
     Parameters
     ----------
     column
         Name of the column, with or without its unit; not needed for a file with one column besides the time.
-
-    Raises
-    ------
-    UsageError
-        AC014 for a file that cannot be read, AC045 for one without such a column, or with a row that is no number.
     """
     path = Path(file)
     if path.suffix.lower() != ".csv":
@@ -111,10 +109,8 @@ def read_series(file: str | Path, column: str | None = None, interpolation: str 
 def read_all(file: str | Path) -> dict[str, TimeSeries]:
     """Every column of a CSV file, as `read_series` reads one; empty cells are left out, each column has its own rows.
 
-    Raises
-    ------
-    UsageError
-        AC014 for a file that cannot be read, AC045 for a row that is no number, or a column with less than two.
+    Raises UsageError: AC014 for a file that cannot be read, AC045 for a row that is no number, or a column with less
+    than two.
     """
     path = Path(file)
     sheet = read_sheet(path)

@@ -19,13 +19,9 @@ Vector = NDArray[np.float64]
 def parameter_vector(compiled: CompiledModel, given: Mapping[str, object]) -> Vector:
     """Values of the free parameters, some replaced.
 
-    Raises
-    ------
-    UsageError
-        AC020 for an unknown name, AC022 for a parameter that is bound to others in this compiled model, AC023 for a
-        value that is no number or has another shape.
-    DeclarationError
-        AC136 for a value outside its limits, AC139 for values that do not go together.
+    Raises UsageError: AC020 for an unknown name, AC022 for a parameter that is bound to others in this compiled model,
+    AC023 for a value that is no number or has another shape.
+    Raises DeclarationError: AC136 for a value outside its limits, AC139 for values that do not go together.
     """
     p = np.array(compiled.parameter_values, dtype=float)
     index = {name: k for k, name in enumerate(compiled.parameters)}
@@ -70,12 +66,8 @@ def input_vector(compiled: CompiledModel, given: Mapping[str, float], unchecked:
 
     `unchecked` are inputs whose numbers here are only placeholders.
 
-    Raises
-    ------
-    UsageError
-        AC033 when one is missing, unknown or no finite number.
-    DeclarationError
-        AC136 for a value outside the limits of its input.
+    Raises UsageError: AC033 when one is missing, unknown or no finite number.
+    Raises DeclarationError: AC136 for a value outside the limits of its input.
     """
     if not isinstance(given, Mapping):
         raise UsageError("AC033", f"inputs is a {type(given).__name__}", help="a dictionary: inputs={'u': 0.0}")

@@ -37,15 +37,12 @@ def refuse_jumps(
 ) -> None:
     """Refuse prescribed motions that jump.
 
+    Raises UsageError: AC039 with the first jump.
+
     Parameters
     ----------
     instants, modes
         Start, time events and stop of a run; the modes between two of them, shape (nm,).
-
-    Raises
-    ------
-    UsageError
-        AC039 with the first jump.
     """
     switched = kept(compiled).switched
     if not switched or len(instants) < 3:
@@ -73,10 +70,7 @@ def refuse_leaps(recorder: Recorder, tolerances: Tolerances) -> None:
 
     A `when` that resets a state may make others jump with it.
 
-    Raises
-    ------
-    EventError
-        AC507 with the first event.
+    Raises EventError: AC507 with the first event.
     """
     compiled = recorder.compiled
     led = _led(compiled)

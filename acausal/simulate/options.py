@@ -71,10 +71,8 @@ def options(
 ) -> Options:
     """Options from a model's experiment and what the caller overrides.
 
-    Raises
-    ------
-    UsageError
-        AC030 when times, tolerance or step make no sense, AC038 for a step given to a solver that chooses its own.
+    Raises UsageError: AC030 when times, tolerance or step make no sense, AC038 for a step given to a solver that
+    chooses its own.
     """
     start = experiment.start_time if start_time is None else _number("start_time", start_time)
     stop = experiment.stop_time if stop_time is None else _number("stop_time", stop_time)

@@ -134,10 +134,7 @@ def _result(
 ) -> Result:
     """The run; where it fails because a pivot is lost, again with others, and where `auto` chose wrong, with IDAS.
 
-    Raises
-    ------
-    UsageError
-        AC029 for parameters for which the chosen states are no longer good.
+    Raises UsageError: AC029 for parameters for which the chosen states are no longer good.
     """
     p = parameter_vector(compiled, parameters)
     if parameters:

@@ -46,24 +46,12 @@ _TOLERANCE = 1e-6
 
 @dataclass(frozen=True)
 class Growth:
-    """The largest growth of an error until the end of a run.
+    """The largest growth of an error until the end of a run."""
 
-    Attributes
-    ----------
-    factor
-        With every state in units of its largest magnitude from that instant on; at least 1.
-    relative
-        With every state in units of its magnitude at the time: what happens to the number of digits.
-    since
-        The instant [s] of the error that `factor` is for.
-    names
-        States that have most of it at the end.
-    """
-
-    factor: float
-    relative: float
-    since: float
-    names: tuple[str, ...]
+    factor: float  # with every state in units of its largest magnitude from that instant on; at least 1
+    relative: float  # with every state in units of its magnitude at the time: what happens to the number of digits
+    since: float  # the instant [s] of the error that `factor` is for
+    names: tuple[str, ...]  # states that have most of it at the end
 
     @property
     def text(self) -> str:

@@ -10,7 +10,7 @@ import pytest
 
 import acausal
 from acausal.errors import UsageError
-from acausal.explore.units import choices
+from acausal.explore.explore import choices
 from acausal.models.bouncing_ball import BouncingBall
 from acausal.models.oscillator import Oscillator
 from acausal.result.result import Result

@@ -19,17 +19,16 @@ L. Kaufman, Some stable methods for calculating inertia and solving symmetric li
 from __future__ import annotations
 
 import heapq
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from math import inf
 
 import numpy as np
 
-from acausal.analyse.blocks.operations import operations
 from acausal.analyse.blocks.orders import Order, orders
 from acausal.analyse.blocks.pivots import Pivot, determinant, is_safe, keeps_sign, safe_pairs
-from acausal.flatten.pool import Pool
+from acausal.flatten.pool import LEAVES, Pool
 from acausal.numeric.evaluate import Samples
 from acausal.numeric.samples import SamplePoints
 
@@ -309,3 +308,31 @@ class _Work:
             if w not in without:
                 total = pool.add(total, pool.mul(c, pool.var(w)))
         return total
+
+
+def operations(points: SamplePoints, roots: Iterable[int]) -> int:
+    """Number of operations below `roots` that depend on variables or time and are not trivial because of a zero."""
+    pool = points.reduced.pool
+    nodes = pool.nodes
+    zero: set[int] = set()
+    varying: set[int] = set()
+    count = 0
+    for number in pool.reachable(roots):
+        op, *below = nodes[number]
+        if op in LEAVES:
+            value = below[0] if op == "const" else points.parameters[below[0]] if op == "par" else None
+            if value == 0.0:
+                zero.add(number)
+            elif value is None:
+                varying.add(number)
+            continue
+        gone = [b in zero for b in below]
+        if (op in ("mul", "div") and (gone[0] or (op == "mul" and gone[1]))) or (op in _SUMS and all(gone)):
+            zero.add(number)
+        elif any(b in varying for b in below):
+            varying.add(number)
+            count += op not in ("add", "sub") or not any(gone)
+    return count
+
+
+_SUMS = ("add", "sub", "neg")

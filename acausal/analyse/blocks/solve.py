@@ -40,30 +40,19 @@ class Monotone:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Expressions for all unknowns.
-
-    Attributes
-    ----------
-    definitions
-        (variable, node) in evaluation order; nodes may refer to states, inputs, `algebraic` and earlier definitions.
-    algebraic, residuals
-        The unknowns left to the DAE solver, and as many nodes that must be zero.
-    needed
-        Variables on which the rates of the states or the residuals depend; all others are observed.
-    formulation
-        As it was asked for.
-    monotone
-        Definitions that are a search, and what they search.
-    """
+    """Expressions for all unknowns."""
 
     structure: Structure
+    # (variable, node) in evaluation order; nodes may refer to states, inputs, `algebraic` and earlier definitions.
     definitions: tuple[tuple[int, int], ...]
+    # `algebraic`, `residuals`: the unknowns left to the DAE solver, and as many nodes that must be zero.
     algebraic: tuple[int, ...]
     residuals: tuple[int, ...]
+    # Variables on which the rates of the states or the residuals depend; all others are observed.
     needed: frozenset[int]
     blocks: tuple[BlockReport, ...]
-    formulation: str = "torn"
-    monotone: tuple[Monotone, ...] = ()
+    formulation: str = "torn"  # as it was asked for
+    monotone: tuple[Monotone, ...] = ()  # definitions that are a search, and what they search
 
     def __repr__(self) -> str:
         observed = len(self.definitions) + len(self.algebraic) - len(self.needed)

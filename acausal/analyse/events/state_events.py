@@ -66,39 +66,23 @@ class Assert:
 
 @dataclass(frozen=True)
 class StateEvents:
-    """What can happen between the time events, as nodes of the reduced pool.
+    """What can happen between the time events, as nodes of the reduced pool."""
 
-    Attributes
-    ----------
-    samples
-        `sample(start, interval)`: true at instants only.
-    memories
-        `pre(...)`: the value in the event iteration before.
-    flags
-        `initial()`, `infinitesimal()` and `terminal()`, where the model asks for them.
-    relations
-        Relations of variables, located.
-    rewritten
-        `sign`, `floor` and `ceil` of variables, by branches on such relations; branches that would leave the domain of
-        what they compute, extended (`acausal.analyse.events.domains`).
-    clauses, assignments, asserts
-        What acts, in the order of the source.
-    watched
-        Those of `relations`, by number, that make no event: rates wake there (`sleeping.py`), or a table
-        may bend (`table_stops.py`).
-    middles
-        Those of `watched` that change in the middle of a burst (`acausal.analyse.events.bursts`).
-    """
-
-    samples: tuple[int, ...] = ()
-    memories: tuple[int, ...] = ()
-    flags: tuple[int, ...] = ()
-    relations: tuple[int, ...] = ()
+    samples: tuple[int, ...] = ()  # `sample(start, interval)`: true at instants only
+    memories: tuple[int, ...] = ()  # `pre(...)`: the value in the event iteration before
+    flags: tuple[int, ...] = ()  # `initial()`, `infinitesimal()` and `terminal()`, where the model asks for them
+    relations: tuple[int, ...] = ()  # relations of variables, located
+    # `sign`, `floor` and `ceil` of variables, by branches on such relations; branches that would leave the domain of
+    # what they compute, extended (`acausal.analyse.events.domains`).
     rewritten: dict[int, int] = field(default_factory=dict)
+    # `clauses`, `assignments`, `asserts`: what acts, in the order of the source.
     clauses: tuple[Clause, ...] = ()
     assignments: tuple[Assignment, ...] = ()
     asserts: tuple[Assert, ...] = ()
+    # Those of `relations`, by number, that make no event: rates wake there (`sleeping.py`), or a table may bend
+    # (`table_stops.py`).
     watched: frozenset[int] = frozenset()
+    # Those of `watched` that change in the middle of a burst (`acausal.analyse.events.bursts`).
     middles: frozenset[int] = frozenset()
 
     @property
@@ -120,10 +104,7 @@ def find_state_events(
 ) -> StateEvents:
     """Everything that can happen between the time events, and the relations of `sleeping.py`.
 
-    Raises
-    ------
-    StructureError
-        AC210 when a variable is reset that is neither integrated nor discrete.
+    Raises StructureError: AC210 when a variable is reset that is neither integrated nor discrete.
     """
     reduced = solution.structure.reduced
     pool = reduced.pool

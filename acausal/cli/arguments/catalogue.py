@@ -162,10 +162,7 @@ def used_in(part: Part) -> tuple[tuple[str, ...], tuple[str, ...]]:
 def find_part(reference: str) -> Part | None:
     """The part that `Resistor`, `electrical.Resistor` or `Modelica.Electrical.Analog.Basic.Resistor` names; or None.
 
-    Raises
-    ------
-    UsageError
-        AC004 when several libraries have one of this name.
+    Raises UsageError: AC004 when several libraries have one of this name.
     """
     *packages, name = reference.split(".")
     found = [p for p in library_parts() if p.name == name]

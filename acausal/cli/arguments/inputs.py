@@ -20,10 +20,8 @@ _INDEX = re.compile(r"\[[\d, ]+\]$")
 def inputs_of(model: Component, texts: Sequence[str] | None, interpolation: str) -> dict[str, Any]:
     """Constants and series by name, from texts NAME=VALUE and NAME=FILE:COLUMN.
 
-    Raises
-    ------
-    UsageError
-        AC009 for what is neither, or is given twice, AC014 and AC045 for files, AC150 to AC152 for units.
+    Raises UsageError: AC009 for what is neither, or is given twice, AC014 and AC045 for files, AC150 to AC152 for
+    units.
     """
     # both load numpy
     from acausal.result.files import WRITERS

@@ -16,145 +16,113 @@ from acausal.cli.arguments.completion import (
     complete_solver,
 )
 
-ModelArgument = Annotated[
-    str,
-    typer.Argument(
-        metavar="MODEL",
-        help="Name of a shipped model, path/file.py[:Class], or package.module:Class.",
-        show_default=False,
-        autocompletion=complete_model,
-    ),
-]
-ComponentArgument = Annotated[
-    str,
-    typer.Argument(
-        metavar="MODEL",
-        help="A model as everywhere, or a component of the library: Resistor, electrical.Resistor, its Modelica name.",
-        show_default=False,
-        autocompletion=complete_component,
-    ),
-]
-SetOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set",
-        metavar="PATH=VALUE",
-        help="Value of a parameter, with or without unit, or of a structural argument of the model; repeatable.",
-        show_default=False,
-        autocompletion=complete_parameter,
-    ),
-]
-DetailsOption = Annotated[
-    bool, typer.Option("--details", help="Print all that was found, not only the ten lines that matter most.")
-]
-JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object: the report, or the error.")]
-ResultArgument = Annotated[
-    Path,
-    typer.Argument(
-        metavar="RESULT",
-        help="A .mat, .csv, .npz or .parquet file.",
-        show_default=False,
-        autocompletion=complete_result,
-    ),
-]
-InputsOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--input",
-        metavar="NAME=VALUE",
-        help="Input of the model: a number with or without unit; simulate takes FILE:COLUMN too (.csv with units in "
-        "its first row, .mat, .npz, .parquet). Repeatable.",
-        show_default=False,
-    ),
-]
-FreeOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--free",
-        metavar="PATH",
-        help="Disconnect the source of this signal input, which becomes an input of the model: force.u; repeatable.",
-        show_default=False,
-    ),
-]
-StartOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--start",
-        metavar="PATH=VALUE",
-        help="Start value of a variable instead of the declared one, with or without unit; repeatable.",
-        show_default=False,
-    ),
-]
-InterpolationOption = Annotated[
-    str,
-    typer.Option("--interpolation", help="Between the rows of a file: linear, hold (the last row), smooth (a spline)."),
-]
+
+def option(flag: str, help: str, **more: Any) -> Any:
+    """An option whose help says its default, if it has one."""
+    return typer.Option(flag, help=help, show_default=False, **more)
 
 
-def output_file_option(help: str) -> Any:
+def output_file(help: str) -> Any:
     """Where a verb writes; `help` says which suffixes it takes, and the default."""
     return typer.Option("--output-file", "-o", help=help, show_default=False)
 
 
 def _time(flag: str, help: str) -> Any:
-    return typer.Option(flag, metavar="TIME", help=f"{help}, in s or with a unit.", show_default=False)
+    return option(flag, f"{help}, in s or with a unit.", metavar="TIME")
 
 
-StartTimeOption = Annotated[str | None, _time("--start-time", "Start of the run")]
-StopTimeOption = Annotated[str | None, _time("--stop-time", "End of the run")]
-OutputIntervalOption = Annotated[str | None, _time("--output-interval", "Time between two rows of the result")]
-StepOption = Annotated[str | None, _time("--step", "Size of a fixed step")]
-SolverOption = Annotated[
+def _argument(metavar: str, help: str, complete: Any) -> Any:
+    return typer.Argument(metavar=metavar, help=help, show_default=False, autocompletion=complete)
+
+
+Model = Annotated[
+    str, _argument("MODEL", "Name of a shipped model, path/file.py[:Class], or package.module:Class.", complete_model)
+]
+Component = Annotated[
+    str,
+    _argument(
+        "MODEL",
+        "A model as everywhere, or a component of the library: Resistor, electrical.Resistor, its Modelica name.",
+        complete_component,
+    ),
+]
+Set = Annotated[
+    list[str] | None,
+    option(
+        "--set",
+        "Value of a parameter, with or without unit, or of a structural argument of the model; repeatable.",
+        metavar="PATH=VALUE",
+        autocompletion=complete_parameter,
+    ),
+]
+Details = Annotated[
+    bool, typer.Option("--details", help="Print all that was found, not only the ten lines that matter most.")
+]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object: the report, or the error.")]
+Result = Annotated[Path, _argument("RESULT", "A .mat, .csv, .npz or .parquet file.", complete_result)]
+Inputs = Annotated[
+    list[str] | None,
+    option(
+        "--input",
+        "Input of the model: a number with or without unit; simulate takes FILE:COLUMN too (.csv with units in "
+        "its first row, .mat, .npz, .parquet). Repeatable.",
+        metavar="NAME=VALUE",
+    ),
+]
+Free = Annotated[
+    list[str] | None,
+    option(
+        "--free",
+        "Disconnect the source of this signal input, which becomes an input of the model: force.u; repeatable.",
+        metavar="PATH",
+    ),
+]
+Start = Annotated[
+    list[str] | None,
+    option(
+        "--start",
+        "Start value of a variable instead of the declared one, with or without unit; repeatable.",
+        metavar="PATH=VALUE",
+    ),
+]
+Interpolation = Annotated[
+    str,
+    typer.Option("--interpolation", help="Between the rows of a file: linear, hold (the last row), smooth (a spline)."),
+]
+StartTime = Annotated[str | None, _time("--start-time", "Start of the run")]
+StopTime = Annotated[str | None, _time("--stop-time", "End of the run")]
+OutputInterval = Annotated[str | None, _time("--output-interval", "Time between two rows of the result")]
+Step = Annotated[str | None, _time("--step", "Size of a fixed step")]
+Solver = Annotated[
     str | None,
-    typer.Option(
-        "--solver",
-        help="auto, idas, rosenbrock, cvodes, erk, collocation, rk, rk2.",
-        show_default=False,
-        autocompletion=complete_solver,
-    ),
+    option("--solver", "auto, idas, rosenbrock, cvodes, erk, collocation, rk, rk2.", autocompletion=complete_solver),
 ]
-AccuracyOption = Annotated[
-    float | None,
-    typer.Option(
-        "--accuracy",
-        help="Wanted accuracy: a bench finds the cheapest solver and tolerance.",
-        show_default=False,
-    ),
+Accuracy = Annotated[
+    float | None, option("--accuracy", "Wanted accuracy: a bench finds the cheapest solver and tolerance.")
 ]
-ToleranceOption = Annotated[
-    float | None, typer.Option("--tolerance", help="Relative tolerance of the solver.", show_default=False)
+Tolerance = Annotated[float | None, option("--tolerance", "Relative tolerance of the solver.")]
+Native = Annotated[
+    bool | None, typer.Option("--native/--no-native", help="Compile to C; decided by the run's length when not given.")
 ]
-NativeOption = Annotated[
-    bool | None,
-    typer.Option("--native/--no-native", help="Compile to C; decided by the run's length when not given."),
-]
-QuietOption = Annotated[
+Quiet = Annotated[
     bool, typer.Option("--quiet", "-q", help="Print only errors and what was asked for: no remarks, no progress.")
 ]
-RepeatOption = Annotated[
-    int, typer.Option("--repeat", help="Number of runs after a warm-up; the shortest time counts.")
-]
-OutputsOption = Annotated[
+Repeat = Annotated[int, typer.Option("--repeat", help="Number of runs after a warm-up; the shortest time counts.")]
+Outputs = Annotated[
     list[str] | None,
-    typer.Option(
-        "--outputs",
-        metavar="A,B",
-        help="Variables that y holds, separated by commas; repeatable. Default: the model's own.",
-        show_default=False,
+    option(
+        "--outputs", "Variables that y holds, separated by commas; repeatable. Default: the model's own.", metavar="A,B"
     ),
 ]
-SignalsOption = Annotated[
+Signals = Annotated[
     list[str] | None,
-    typer.Option(
+    option(
         "--signals",
+        "Signals to take, separated by commas, * for any text; repeatable.",
         metavar="A,B",
-        help="Signals to take, separated by commas, * for any text; repeatable.",
-        show_default=False,
         autocompletion=complete_signal,
     ),
 ]
-PlotOption = Annotated[bool, typer.Option("--plot", help="Draw a figure, to MODEL.png.")]
-UnitsOption = Annotated[bool, typer.Option("--units", help="Give a .csv file a second row, with the units.")]
-PlotFileOption = Annotated[
-    Path | None, typer.Option("--plot-file", help="Draw it to this file: .png, .svg or .pdf.", show_default=False)
-]
+Plot = Annotated[bool, typer.Option("--plot", help="Draw a figure, to MODEL.png.")]
+Units = Annotated[bool, typer.Option("--units", help="Give a .csv file a second row, with the units.")]
+PlotFile = Annotated[Path | None, option("--plot-file", "Draw it to this file: .png, .svg or .pdf.")]

@@ -22,12 +22,9 @@ _FORMS = "a shipped model (see: acausal list), path/file.py:Class, or package.mo
 def find_model(reference: str) -> type[Component]:
     """The class that a reference names.
 
-    Raises
-    ------
-    UsageError
-        AC001 when there is no such model, AC004 when a file holds none or several, AC005 when it is something else.
-    AcausalError
-        What the file itself raises while it is imported, with its place.
+    Raises UsageError: AC001 when there is no such model, AC004 when a file holds none or several, AC005 when it is
+    something else.
+    Raises AcausalError: what the file itself raises while it is imported, with its place.
     """
     if match := _FILE.fullmatch(reference):
         module = _load(Path(match["path"]))
@@ -44,10 +41,7 @@ def find_model(reference: str) -> type[Component]:
 def find_component(reference: str) -> tuple[type[Component], Part | None]:
     """The class that a reference names, and its entry in the catalogue when it is a component of the library.
 
-    Raises
-    ------
-    UsageError
-        As `find_model`, and AC004 when several libraries have a component of this name.
+    Raises UsageError as `find_model`, and AC004 when several libraries have a component of this name.
     """
     if _is_plain(reference) and reference not in {m.name for m in shipped_models()}:
         part = find_part(reference)

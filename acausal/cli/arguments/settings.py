@@ -38,12 +38,9 @@ class Prepared:
 def prepare(cls: type[Component], assignments: Sequence[str] = (), freed: Sequence[str] = ()) -> Prepared:
     """An instance of `cls` with the wanted structural arguments, and the other values by path; `freed` are inputs.
 
-    Raises
-    ------
-    UsageError
-        AC003 for a text that is no assignment or no value, AC006 for a value of the wrong size, AC008 for a
-        structural argument without value, AC020 and AC021 for a wrong path, AC136 for a value outside its limits,
-        AC150 to AC152 for its unit.
+    Raises UsageError: AC003 for a text that is no assignment or no value, AC006 for a value of the wrong size, AC008
+    for a structural argument without value, AC020 and AC021 for a wrong path, AC136 for a value outside its limits,
+    AC150 to AC152 for its unit.
     """
     given = _once("--set", map(_split, assignments))
     declared = cls._declarations

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from acausal.cli.arguments.options import JsonOption, ModelArgument, QuietOption, SetOption
+from acausal.cli.arguments import options
 from acausal.cli.arguments.reference import find_model
 from acausal.cli.arguments.settings import prepare
 from acausal.cli.models.names import unit_of
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def check(
-    model: ModelArgument, settings: SetOption = None, as_json: JsonOption = False, quiet: QuietOption = False
+    model: options.Model, settings: options.Set = None, as_json: options.Json = False, quiet: options.Quiet = False
 ) -> None:
     """Check that a model can be solved and find its start, without a run; --quiet leaves only the exit code.
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from acausal.cli.arguments.options import ComponentArgument, JsonOption, QuietOption, SetOption, output_file_option
+from acausal.cli.arguments import options
 from acausal.cli.arguments.outputs import check_writable
 from acausal.cli.arguments.reference import find_component
 from acausal.cli.arguments.settings import prepare
@@ -15,20 +15,17 @@ from acausal.cli.output.report import record, remark
 
 
 def diagram(
-    model: ComponentArgument,
-    settings: SetOption = None,
+    model: options.Component,
+    settings: options.Set = None,
     depth: Annotated[int, typer.Option("--depth", min=1, help="Levels of the component hierarchy to show.")] = 1,
     opened: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--open", metavar="PATH", help="A component whose parts are shown too; repeatable.", show_default=False
-        ),
+        list[str] | None, options.option("--open", "A component whose parts are shown too; repeatable.", metavar="PATH")
     ] = None,
     output_file: Annotated[
-        Path | None, output_file_option(".svg, or .html to open blocks by a click. Default: MODEL.svg.")
+        Path | None, options.output_file(".svg, or .html to open blocks by a click. Default: MODEL.svg.")
     ] = None,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
+    as_json: options.Json = False,
+    quiet: options.Quiet = False,
 ) -> None:
     """Draw the connection diagram of a model or of a component of the library.
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from acausal.cli.arguments.options import JsonOption, ModelArgument, QuietOption, SetOption
+from acausal.cli.arguments import options
 from acausal.cli.arguments.reference import find_model
 from acausal.cli.arguments.settings import prepare
 from acausal.cli.models.names import flat_names, reduced_names
@@ -33,13 +33,13 @@ class Stage(StrEnum):
 
 
 def equations(
-    model: ModelArgument,
+    model: options.Model,
     stage: Annotated[
         Stage, typer.Option("--stage", help="flat: all equations; reduced: without aliases; blt: in block order.")
     ] = (Stage.flat),
-    settings: SetOption = None,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,  # nothing but the equations is printed anyway
+    settings: options.Set = None,
+    as_json: options.Json = False,
+    quiet: options.Quiet = False,  # nothing but the equations is printed anyway
 ) -> None:
     """Print the equations of a model at a stage of the compiler.
 

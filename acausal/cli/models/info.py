@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from acausal.cli.arguments.options import ComponentArgument, JsonOption, QuietOption, SetOption
+from acausal.cli.arguments import options
 from acausal.cli.arguments.outputs import check_picture
 from acausal.cli.arguments.reference import find_component
 from acausal.cli.arguments.settings import prepare
@@ -33,8 +33,8 @@ _MOST_BLOCKS = 12
 
 
 def info(
-    model: ComponentArgument,
-    settings: SetOption = None,
+    model: options.Component,
+    settings: options.Set = None,
     stats: Annotated[
         bool, typer.Option("--stats", help="What each stage of the compiler made, and how long it took.")
     ] = False,
@@ -46,8 +46,8 @@ def info(
             help="Draw the incidence matrix, as composed and in block order (.png, .svg, .pdf).",
         ),
     ] = None,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
+    as_json: options.Json = False,
+    quiet: options.Quiet = False,
 ) -> None:
     """Show a model: text, parameters, states, signals. A component of the library: connectors, equations, where used.
 

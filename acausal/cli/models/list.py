@@ -6,9 +6,9 @@ from typing import Annotated, Any
 
 import typer
 
+from acausal.cli.arguments import options
 from acausal.cli.arguments.catalogue import Part, families, library_parts
 from acausal.cli.arguments.completion import complete_family, complete_list
-from acausal.cli.arguments.options import JsonOption, QuietOption
 from acausal.cli.arguments.shipped import ShippedModel, shipped_models
 from acausal.cli.output.report import record, say, table
 from acausal.errors import UsageError, nearest
@@ -27,8 +27,8 @@ def list_models(
         str | None,
         typer.Option("--search", metavar="WORD", help="Only those with this word in their name or description."),
     ] = None,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,  # nothing but the list is printed anyway
+    as_json: options.Json = False,
+    quiet: options.Quiet = False,  # nothing but the list is printed anyway
 ) -> None:
     """List the shipped models or the components of the library: name, module, what they show or are.
 

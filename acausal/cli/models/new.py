@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from acausal.cli.arguments.options import JsonOption, QuietOption
+from acausal.cli.arguments import options
 from acausal.cli.arguments.outputs import check_writable
 from acausal.cli.output.report import record, remark
 from acausal.errors import UsageError
@@ -75,8 +75,8 @@ class {name}(Component):
 
 def new(
     file: Annotated[Path, typer.Argument(metavar="FILE.py", help="The file to write.", show_default=False)],
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
+    as_json: options.Json = False,
+    quiet: options.Quiet = False,
 ) -> None:
     """Write a commented model that runs, as the beginning of your own.
 

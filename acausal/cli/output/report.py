@@ -16,10 +16,7 @@ from acausal.errors import AcausalError, Span, UsageError
 def say(text: str = "") -> None:
     """A line of the result, on stdout.
 
-    Raises
-    ------
-    UsageError
-        AC012 when it cannot be written: a full disk.
+    Raises UsageError: AC012 when it cannot be written: a full disk.
     """
     try:
         # At once: what is lost at the end of the process is lost without a word.

@@ -7,17 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from acausal.cli.arguments import options
 from acausal.cli.arguments.completion import complete_model, complete_shown
-from acausal.cli.arguments.options import (
-    JsonOption,
-    QuietOption,
-    SetOption,
-    SolverOption,
-    StartTimeOption,
-    StopTimeOption,
-    ToleranceOption,
-    output_file_option,
-)
 from acausal.cli.arguments.outputs import check_writable
 from acausal.cli.arguments.reference import find_model
 from acausal.cli.arguments.settings import Prepared, prepare, seconds_of
@@ -44,24 +35,23 @@ def animate(
     shown: ShownArgument,
     model: Annotated[
         str | None,
-        typer.Option(
+        options.option(
             "--model",
+            "The model that the result file was made with; a shipped model is found by the file's name.",
             metavar="MODEL",
-            help="The model that the result file was made with; a shipped model is found by the file's name.",
-            show_default=False,
             autocompletion=complete_model,
         ),
     ] = None,
-    settings: SetOption = None,
-    start_time: StartTimeOption = None,
-    stop_time: StopTimeOption = None,
-    tolerance: ToleranceOption = None,
-    solver: SolverOption = None,
+    settings: options.Set = None,
+    start_time: options.StartTime = None,
+    stop_time: options.StopTime = None,
+    tolerance: options.Tolerance = None,
+    solver: options.Solver = None,
     poses: Annotated[int, typer.Option("--poses", min=2, help="Most poses to store of each body.")] = 2000,
-    output_file: Annotated[Path | None, output_file_option(".html, .glb or .gif. Default: MODEL.html.")] = None,
+    output_file: Annotated[Path | None, options.output_file(".html, .glb or .gif. Default: MODEL.html.")] = None,
     gif: Annotated[bool, typer.Option("--gif", help="Write a moving picture, MODEL.gif, too.")] = False,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
+    as_json: options.Json = False,
+    quiet: options.Quiet = False,
 ) -> None:
     """Show a run of a multibody model as a moving 3D scene, with its curves and a time slider: one HTML file.
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from acausal.cli.arguments.options import JsonOption, PlotFileOption, QuietOption, SignalsOption
+from acausal.cli.arguments import options
 from acausal.cli.arguments.outputs import check_picture
 from acausal.cli.arguments.settings import listed
 from acausal.cli.output.failure import OUT_OF_TOLERANCE
@@ -26,21 +26,15 @@ _MOST_DRAWN = 5
 
 @dataclass(frozen=True)
 class Deviation:
-    """How far one signal is apart, in the unit of the first result.
-
-    Attributes
-    ----------
-    absolute, relative, time
-        The largest difference, that in parts of the signal's range in the first result, and when.
-    rms
-        Root of the mean square of the differences.
-    """
+    """How far one signal is apart, in the unit of the first result."""
 
     name: str
+    # `absolute`, `relative`, `time`: the largest difference, that in parts of the signal's range in the first result,
+    # and when.
     absolute: float
     relative: float
     time: float
-    rms: float = 0.0
+    rms: float = 0.0  # root of the mean square of the differences
     unit: str = ""
 
 
@@ -58,14 +52,14 @@ def compare(
             "--floor", help="Least range to divide by, so that rounding errors of a constant are no deviation."
         ),
     ] = 1e-9,
-    signals: SignalsOption = None,
+    signals: options.Signals = None,
     count: Annotated[
         int, typer.Option("--count", help="Number of signals to list, the largest differences first.")
     ] = 10,
     plot: Annotated[bool, typer.Option("--plot", help="Draw the signals that differ most, to B.png.")] = False,
-    plot_file: PlotFileOption = None,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
+    plot_file: options.PlotFile = None,
+    as_json: options.Json = False,
+    quiet: options.Quiet = False,
 ) -> None:
     """Compare two result files, or a result with measurements; exit 3 when out of tolerance, --quiet prints no more.
 
@@ -119,12 +113,8 @@ def compare(
 def deviations(a: Result, b: Result, wanted: list[str], floor: float) -> list[Deviation]:
     """Deviations of the common (or the wanted) signals, the largest first.
 
-    Raises
-    ------
-    UsageError
-        AC007 when the results have no signal or no time in common, AC010 for an unknown wanted signal.
-    UnitError
-        AC151 for units that do not fit.
+    Raises UsageError: AC007 when the results have no signal or no time in common, AC010 for an unknown wanted signal.
+    Raises UnitError: AC151 for units that do not fit.
     """
     import numpy as np
 

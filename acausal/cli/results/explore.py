@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
+from acausal.cli.arguments import options
 from acausal.cli.arguments.completion import complete_result
-from acausal.cli.arguments.options import JsonOption, QuietOption, SignalsOption, output_file_option
 from acausal.cli.arguments.outputs import check_writable
 from acausal.cli.arguments.settings import listed
 from acausal.cli.output.report import record, remark
@@ -24,10 +24,10 @@ def explore(
             autocompletion=complete_result,
         ),
     ],
-    signals: SignalsOption = None,
-    output_file: Annotated[Path | None, output_file_option("The page. Default: RESULT.html.")] = None,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
+    signals: options.Signals = None,
+    output_file: Annotated[Path | None, options.output_file("The page. Default: RESULT.html.")] = None,
+    as_json: options.Json = False,
+    quiet: options.Quiet = False,
 ) -> None:
     """Write a page to look at results: all signals with units and meanings, curves over each other, differences.
 

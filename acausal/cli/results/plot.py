@@ -8,13 +8,13 @@ from typing import Annotated
 
 import typer
 
+from acausal.cli.arguments import options
 from acausal.cli.arguments.completion import complete_drawn, complete_signal
-from acausal.cli.arguments.options import JsonOption, QuietOption, ResultArgument, output_file_option
 from acausal.cli.output.report import record, remark, say
 
 
 def plot(
-    result: ResultArgument,
+    result: options.Result,
     signals: Annotated[
         list[str] | None,
         typer.Argument(
@@ -24,7 +24,7 @@ def plot(
             autocompletion=complete_drawn,
         ),
     ] = None,
-    file: Annotated[Path | None, output_file_option(".png, .svg or .pdf. Default: RESULT.png.")] = None,
+    file: Annotated[Path | None, options.output_file(".png, .svg or .pdf. Default: RESULT.png.")] = None,
     together: Annotated[bool, typer.Option("--together", help="One panel for all, with up to two axes.")] = False,
     against: Annotated[
         str | None,
@@ -35,9 +35,9 @@ def plot(
             autocompletion=complete_signal,
         ),
     ] = None,
-    title: Annotated[str | None, typer.Option("--title", help="Text above the figure.", show_default=False)] = None,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
+    title: Annotated[str | None, options.option("--title", "Text above the figure.")] = None,
+    as_json: options.Json = False,
+    quiet: options.Quiet = False,
     window: Annotated[bool, typer.Option("--show", help="Open a window too.")] = False,
 ) -> None:
     """Draw signals of result files, one panel per unit.

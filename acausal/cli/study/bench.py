@@ -9,20 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from acausal.cli.arguments import options
 from acausal.cli.arguments.completion import complete_solver
-from acausal.cli.arguments.options import (
-    AccuracyOption,
-    DetailsOption,
-    InputsOption,
-    JsonOption,
-    ModelArgument,
-    QuietOption,
-    RepeatOption,
-    SetOption,
-    SignalsOption,
-    StartTimeOption,
-    StopTimeOption,
-)
 from acausal.cli.arguments.outputs import check_picture, check_writable
 from acausal.cli.arguments.reference import find_model
 from acausal.cli.arguments.settings import listed, numbers_of, prepare, seconds_of
@@ -35,35 +23,20 @@ if TYPE_CHECKING:
 
 
 SolversOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--solver", help="Try only this solver; repeatable.", show_default=False, autocompletion=complete_solver
-    ),
+    list[str] | None, options.option("--solver", "Try only this solver; repeatable.", autocompletion=complete_solver)
 ]
 TolerancesOption = Annotated[
-    list[float] | None,
-    typer.Option("--tolerance", help="Tolerance to try; repeatable. Default: 1e-3 to 1e-10.", show_default=False),
+    list[float] | None, options.option("--tolerance", "Tolerance to try; repeatable. Default: 1e-3 to 1e-10.")
 ]
 FormulationsOption = Annotated[
-    list[str] | None,
-    typer.Option("--formulation", help="torn, dae or projected; repeatable. Default: all.", show_default=False),
+    list[str] | None, options.option("--formulation", "torn, dae or projected; repeatable. Default: all.")
 ]
 StepsOption = Annotated[
     list[str] | None,
-    typer.Option(
-        "--step",
-        metavar="TIME",
-        help="Fixed step to try; repeatable. Default: 100, 1000, 10000 steps.",
-        show_default=False,
-    ),
+    options.option("--step", "Fixed step to try; repeatable. Default: 100, 1000, 10000 steps.", metavar="TIME"),
 ]
 ReferenceOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--reference",
-        help="Result file, or JSON with end values. Default: runs that converge.",
-        show_default=False,
-    ),
+    Path | None, options.option("--reference", "Result file, or JSON with end values. Default: runs that converge.")
 ]
 ChartsOption = Annotated[
     list[Path] | None,
@@ -77,18 +50,18 @@ ChartsOption = Annotated[
 
 
 def bench(
-    model: ModelArgument,
-    settings: SetOption = None,
-    inputs: InputsOption = None,
+    model: options.Model,
+    settings: options.Set = None,
+    inputs: options.Inputs = None,
     solver: SolversOption = None,
     tolerance: TolerancesOption = None,
     formulation: FormulationsOption = None,
     step: StepsOption = None,
-    start_time: StartTimeOption = None,
-    stop_time: StopTimeOption = None,
+    start_time: options.StartTime = None,
+    stop_time: options.StopTime = None,
     reference: ReferenceOption = None,
-    signals: SignalsOption = None,
-    repeat: RepeatOption = 5,
+    signals: options.Signals = None,
+    repeat: options.Repeat = 5,
     time_limit: Annotated[float, typer.Option("--time-limit", help="Seconds that a single run may take.")] = 20.0,
     native: Annotated[
         bool, typer.Option("--native/--no-native", help="Compile to C where a solver can use it.")
@@ -96,11 +69,11 @@ def bench(
     recommend: Annotated[
         bool, typer.Option("--recommend", help="Name the cheapest solver for --accuracy, or for the model's tolerance.")
     ] = False,
-    accuracy: AccuracyOption = None,
+    accuracy: options.Accuracy = None,
     output: ChartsOption = None,
-    as_json: JsonOption = False,
-    details: DetailsOption = False,
-    quiet: QuietOption = False,
+    as_json: options.Json = False,
+    details: options.Details = False,
+    quiet: options.Quiet = False,
 ) -> None:
     """Chart speed against accuracy: solvers, tolerances, forms of the equations, fixed steps.
 

@@ -3,31 +3,21 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from acausal.cli.arguments.options import (
-    FreeOption,
-    JsonOption,
-    ModelArgument,
-    OutputsOption,
-    QuietOption,
-    SetOption,
-    output_file_option,
-)
+from acausal.cli.arguments import options
 from acausal.cli.arguments.outputs import check_writable
 from acausal.cli.arguments.reference import find_model
 from acausal.cli.arguments.settings import Prepared, listed, prepare, seconds_of
 from acausal.cli.output.report import quantity, record, remark, say, table
 
 if TYPE_CHECKING:
+    from acausal.export.step.source import StepFunction
     from acausal.lower.casadi_model import CasadiModel
 
-ParametersOption = Annotated[
-    list[str] | None,
-    typer.Option("--parameters", help="Parameters that p holds. Default: all.", show_default=False),
-]
+ParametersOption = Annotated[list[str] | None, options.option("--parameters", "Parameters that p holds. Default: all.")]
 MinimalOption = Annotated[bool, typer.Option("--minimal", help="Write the equations in minimal coordinates.")]
 EventsOption = Annotated[bool, typer.Option("--events", help="Include discrete equations, `when` clauses and samples.")]
 
@@ -41,16 +31,16 @@ def forms() -> None:
 
 @export.command()
 def casadi(
-    model: ModelArgument,
-    output_file: Annotated[Path | None, output_file_option("File to write. Default: MODEL.casadi.")] = None,
-    outputs: OutputsOption = None,
-    settings: SetOption = None,
-    freed: FreeOption = None,
+    model: options.Model,
+    output_file: Annotated[Path | None, options.output_file("File to write. Default: MODEL.casadi.")] = None,
+    outputs: options.Outputs = None,
+    settings: options.Set = None,
+    freed: options.Free = None,
     parameters: ParametersOption = None,
     minimal: MinimalOption = False,
     events: EventsOption = False,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
+    as_json: options.Json = False,
+    quiet: options.Quiet = False,
 ) -> None:
     """Write the functions of a model for CasADi: dae, ode, implicit, outputs, init, step, invariants, instants.
 
@@ -81,20 +71,31 @@ def _functions(
 
 def _show(made: CasadiModel, files: list[Path], as_json: bool, quiet: bool) -> None:
     functions = {name: str(f) for name, f in made.functions.items()}
-    vectors = {name: [vars(port) for port in getattr(made, name)] for name in ("x", "z", "u", "p", "y")}
+    _told(made, "xzupy", list(functions.values()), {"functions": functions}, files, as_json, quiet)
+
+
+def _told(
+    made: CasadiModel | StepFunction,
+    vectors: str,
+    heads: list[str],
+    content: dict[str, Any],
+    files: list[Path],
+    as_json: bool,
+    quiet: bool,
+) -> None:
+    """What was written: `heads`, a row for each entry of the vectors, notes and files; or all of it as JSON."""
+    ports = {name: [vars(port) for port in getattr(made, name)] for name in vectors}
     if as_json:
-        record(
-            {"model": made.name, "functions": functions, **vectors, "notes": made.notes, "files": [*map(str, files)]}
-        )
+        record({"model": made.name, **content, **ports, "notes": made.notes, "files": [*map(str, files)]})
         return
     if quiet:
         return
-    for text in functions.values():
+    for text in heads:
         say(text)
     rows = [
         (name if k == 0 else "", port["name"], quantity(port["start"], port["unit"]), port["doc"])
-        for name, ports in vectors.items()
-        for k, port in enumerate(ports)
+        for name, entries in ports.items()
+        for k, port in enumerate(entries)
     ]
     table(rows, ("", "name", "start", "meaning"))
     for note in made.notes:
@@ -105,19 +106,19 @@ def _show(made: CasadiModel, files: list[Path], as_json: bool, quiet: bool) -> N
 
 @export.command()
 def c(
-    model: ModelArgument,
+    model: options.Model,
     folder: Annotated[
         Path | None,
         typer.Option("--output-folder", "-o", help="Folder for the files. Default: here.", show_default=False),
     ] = None,
-    outputs: OutputsOption = None,
-    settings: SetOption = None,
-    freed: FreeOption = None,
+    outputs: options.Outputs = None,
+    settings: options.Set = None,
+    freed: options.Free = None,
     parameters: ParametersOption = None,
     minimal: MinimalOption = False,
     events: EventsOption = False,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
+    as_json: options.Json = False,
+    quiet: options.Quiet = False,
 ) -> None:
     """Write the same functions as C: MODEL.c, MODEL.h and MODEL_main.c, which prints what they give at the start.
 
@@ -139,15 +140,15 @@ def c(
 
 @export.command()
 def step(
-    model: ModelArgument,
+    model: options.Model,
     size: Annotated[str, typer.Option("--step", metavar="TIME", help="Length of a step, in s or with a unit.")] = "1ms",
     method: Annotated[str, typer.Option("--method", help="rk2, rk4, rosenbrock or sdirk.")] = "rk4",
-    output_file: Annotated[Path | None, output_file_option("C file to write. Default: MODEL_step.c.")] = None,
-    outputs: OutputsOption = None,
-    settings: SetOption = None,
-    freed: FreeOption = None,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
+    output_file: Annotated[Path | None, options.output_file("C file to write. Default: MODEL_step.c.")] = None,
+    outputs: options.Outputs = None,
+    settings: options.Set = None,
+    freed: options.Free = None,
+    as_json: options.Json = False,
+    quiet: options.Quiet = False,
 ) -> None:
     """Write step(x, u, p) -> x, y as C for real time: no allocation, no loops, the same work in every call.
 
@@ -163,22 +164,7 @@ def step(
 
     made = step_function(compile(prepared.model, parameters=prepared.parameters), seconds, method, outputs)
     made.save(target)
-    vectors = {name: [vars(port) for port in getattr(made, name)] for name in ("x", "u", "p", "y")}
-    content = {"model": made.name, "method": made.method, "step": made.step, **vectors}
-    if as_json:
-        record(
-            {**content, "operations": int(made.function.n_instructions()), "notes": made.notes, "files": [str(target)]}
-        )
-        return
-    if quiet:
-        return
-    say(f"{made.function}  {made.method}, {made.step:g} s, {made.function.n_instructions()} operations")
-    rows = [
-        (name if k == 0 else "", port["name"], quantity(port["start"], port["unit"]), port["doc"])
-        for name, ports in vectors.items()
-        for k, port in enumerate(ports)
-    ]
-    table(rows, ("", "name", "start", "meaning"))
-    for note in made.notes:
-        remark(f"note: {note}")
-    remark(f"wrote {target}")
+    operations = int(made.function.n_instructions())
+    head = f"{made.function}  {made.method}, {made.step:g} s, {operations} operations"
+    content = {"method": made.method, "step": made.step, "operations": operations}
+    _told(made, "xupy", [head], content, [target], as_json, quiet)

@@ -8,20 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from acausal.cli.arguments.options import (
-    InputsOption,
-    InterpolationOption,
-    JsonOption,
-    ModelArgument,
-    NativeOption,
-    PlotFileOption,
-    PlotOption,
-    QuietOption,
-    SetOption,
-    SolverOption,
-    StartOption,
-    ToleranceOption,
-)
+from acausal.cli.arguments import options
 from acausal.cli.arguments.outputs import check_picture
 from acausal.cli.arguments.reference import find_model
 from acausal.cli.arguments.settings import numbers_of, prepare
@@ -33,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def fit(
-    model: ModelArgument,
+    model: options.Model,
     data: Annotated[
         list[Path],
         typer.Argument(
@@ -46,10 +33,10 @@ def fit(
             "--free", metavar="PATH,...", help="Parameters to find; PATH=LOW:HIGH limits one (SI). Repeatable."
         ),
     ],
-    settings: SetOption = None,
-    inputs: InputsOption = None,
-    interpolation: InterpolationOption = "linear",
-    start: StartOption = None,
+    settings: options.Set = None,
+    inputs: options.Inputs = None,
+    interpolation: options.Interpolation = "linear",
+    start: options.Start = None,
     sigma: Annotated[
         list[str] | None,
         typer.Option(
@@ -58,13 +45,13 @@ def fit(
             help="Standard deviation of the noise of a signal, in SI units. Default: estimated.",
         ),
     ] = None,
-    tolerance: ToleranceOption = None,
-    solver: SolverOption = None,
-    native: NativeOption = None,
-    plot: PlotOption = False,
-    plot_file: PlotFileOption = None,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
+    tolerance: options.Tolerance = None,
+    solver: options.Solver = None,
+    native: options.Native = None,
+    plot: options.Plot = False,
+    plot_file: options.PlotFile = None,
+    as_json: options.Json = False,
+    quiet: options.Quiet = False,
 ) -> None:
     """Fit parameters to measurements, with 95 % confidence intervals.
 

@@ -5,17 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
-from acausal.cli.arguments.options import (
-    FreeOption,
-    InputsOption,
-    JsonOption,
-    ModelArgument,
-    OutputsOption,
-    QuietOption,
-    SetOption,
-)
+from acausal.cli.arguments import options
 from acausal.cli.arguments.reference import find_model
 from acausal.cli.arguments.settings import listed, numbers_of, prepare, seconds_of
 from acausal.cli.output.report import plural, record, remark, say, table
@@ -28,21 +18,17 @@ _MOST_COLUMNS = 12
 
 
 def linearize(
-    model: ModelArgument,
-    settings: SetOption = None,
-    at: Annotated[
-        str | None,
-        typer.Option("--at", metavar="TIME", help="Time of a run, in s or with a unit.", show_default=False),
-    ] = None,
+    model: options.Model,
+    settings: options.Set = None,
+    at: Annotated[str | None, options.option("--at", "Time of a run, in s or with a unit.", metavar="TIME")] = None,
     states: Annotated[
-        list[str] | None,
-        typer.Option("--state", metavar="NAME=VALUE", help="Value of a state, in SI; repeatable.", show_default=False),
+        list[str] | None, options.option("--state", "Value of a state, in SI; repeatable.", metavar="NAME=VALUE")
     ] = None,
-    inputs: InputsOption = None,
-    freed: FreeOption = None,
-    outputs: OutputsOption = None,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
+    inputs: options.Inputs = None,
+    freed: options.Free = None,
+    outputs: options.Outputs = None,
+    as_json: options.Json = False,
+    quiet: options.Quiet = False,
 ) -> None:
     """Linearize a model: x' = A x + B u, y = C x + D u, in deviations from a point, with the eigenvalues of A.
 

@@ -6,17 +6,8 @@ from typing import Annotated, Any
 
 import typer
 
+from acausal.cli.arguments import options
 from acausal.cli.arguments.completion import complete_solver
-from acausal.cli.arguments.options import (
-    InputsOption,
-    JsonOption,
-    ModelArgument,
-    QuietOption,
-    RepeatOption,
-    SetOption,
-    StopTimeOption,
-    ToleranceOption,
-)
 from acausal.cli.arguments.reference import find_model
 from acausal.cli.arguments.settings import listed, numbers_of, prepare, seconds_of
 from acausal.cli.output.report import record, say
@@ -24,51 +15,44 @@ from acausal.errors import UsageError
 
 
 def reduce(
-    model: ModelArgument,
+    model: options.Model,
     outputs: Annotated[
         list[str] | None,
-        typer.Option(
-            "--outputs", metavar="A,B", help="Variables to keep, separated by commas; repeatable.", show_default=False
-        ),
+        options.option("--outputs", "Variables to keep, separated by commas; repeatable.", metavar="A,B"),
     ] = None,
     more: Annotated[
         list[str] | None,
         typer.Argument(metavar="NAME", help="More variables to keep: --outputs A B.", show_default=False),
     ] = None,
-    settings: SetOption = None,
+    settings: options.Set = None,
     freeze: Annotated[
         list[str] | None,
-        typer.Option(
+        options.option(
             "--freeze",
+            "Parameters or components to replace by their numbers, separated by commas; zeros: all that are 0.",
             metavar="NAME",
-            help="Parameters or components to replace by their numbers, separated by commas; zeros: all that are 0.",
-            show_default=False,
         ),
     ] = None,
     quasi_static: Annotated[
         list[str] | None,
-        typer.Option(
+        options.option(
             "--quasi-static",
+            "States or components to put at their quasi-static limit, an approximation; repeatable.",
             metavar="NAME",
-            help="States or components to put at their quasi-static limit, an approximation; repeatable.",
-            show_default=False,
         ),
     ] = None,
-    inputs: InputsOption = None,
-    stop_time: StopTimeOption = None,
-    tolerance: ToleranceOption = None,
+    inputs: options.Inputs = None,
+    stop_time: options.StopTime = None,
+    tolerance: options.Tolerance = None,
     solver: Annotated[
-        str | None,
-        typer.Option(
-            "--solver", help="Solver of the compared runs.", show_default=False, autocompletion=complete_solver
-        ),
+        str | None, options.option("--solver", "Solver of the compared runs.", autocompletion=complete_solver)
     ] = None,
-    repeat: RepeatOption = 5,
+    repeat: options.Repeat = 5,
     compare: Annotated[
         bool, typer.Option("--compare/--no-compare", help="Run both models: speed gained and error caused.")
     ] = True,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,  # nothing but the report is printed anyway
+    as_json: options.Json = False,
+    quiet: options.Quiet = False,  # nothing but the report is printed anyway
 ) -> None:
     """Remove what the wanted outputs do not depend on and what never moves; report what was removed and why.
 

@@ -7,19 +7,8 @@ from typing import Annotated
 
 import typer
 
+from acausal.cli.arguments import options
 from acausal.cli.arguments.completion import complete_solver
-from acausal.cli.arguments.options import (
-    DetailsOption,
-    InputsOption,
-    JsonOption,
-    ModelArgument,
-    QuietOption,
-    SetOption,
-    StartTimeOption,
-    StopTimeOption,
-    ToleranceOption,
-    output_file_option,
-)
 from acausal.cli.arguments.outputs import check_picture
 from acausal.cli.arguments.reference import find_model
 from acausal.cli.arguments.settings import numbers_of, prepare, seconds_of
@@ -27,31 +16,23 @@ from acausal.cli.output.report import record, remark, say
 
 
 def stability(
-    model: ModelArgument,
-    settings: SetOption = None,
-    inputs: InputsOption = None,
+    model: options.Model,
+    settings: options.Set = None,
+    inputs: options.Inputs = None,
     points: Annotated[int, typer.Option("--points", help="Number of points of the run at which to linearise.")] = 20,
     solver: Annotated[
         str | None,
-        typer.Option(
-            "--solver",
-            help="Solver of the run: idas, rosenbrock, cvodes, erk.",
-            show_default=False,
-            autocompletion=complete_solver,
-        ),
+        options.option("--solver", "Solver of the run: idas, rosenbrock, cvodes, erk.", autocompletion=complete_solver),
     ] = None,
-    tolerance: ToleranceOption = None,
-    start_time: StartTimeOption = None,
-    stop_time: StopTimeOption = None,
-    step: Annotated[
-        str | None,
-        typer.Option("--step", metavar="TIME", help="Fixed step to scale the picture by.", show_default=False),
-    ] = None,
+    tolerance: options.Tolerance = None,
+    start_time: options.StartTime = None,
+    stop_time: options.StopTime = None,
+    step: Annotated[str | None, options.option("--step", "Fixed step to scale the picture by.", metavar="TIME")] = None,
     check: Annotated[bool, typer.Option("--check/--no-check", help="Try the largest steps by runs.")] = True,
-    output: Annotated[Path | None, output_file_option("Picture: .png, .svg or .pdf. Default: none.")] = None,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
-    details: DetailsOption = False,
+    output: Annotated[Path | None, options.output_file("Picture: .png, .svg or .pdf. Default: none.")] = None,
+    as_json: options.Json = False,
+    quiet: options.Quiet = False,
+    details: options.Details = False,
 ) -> None:
     """Recommend a solver and say what to avoid and why: from eigenvalues, largest steps, growth of errors along a run.
 

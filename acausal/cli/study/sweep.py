@@ -3,48 +3,31 @@
 from __future__ import annotations
 
 import io
+import re
 import sys
 import time
 from collections import Counter
 from collections.abc import Sequence
 from contextlib import redirect_stderr
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from acausal.cli.arguments.inputs import inputs_of, starts_of
-from acausal.cli.arguments.options import (
-    FreeOption,
-    InputsOption,
-    InterpolationOption,
-    JsonOption,
-    ModelArgument,
-    NativeOption,
-    OutputIntervalOption,
-    PlotFileOption,
-    PlotOption,
-    QuietOption,
-    SetOption,
-    SignalsOption,
-    SolverOption,
-    StartOption,
-    StartTimeOption,
-    StepOption,
-    StopTimeOption,
-    ToleranceOption,
-    output_file_option,
-)
+from acausal.cli.arguments import options
+from acausal.cli.arguments.inputs import declarations, inputs_of, starts_of
 from acausal.cli.arguments.outputs import check_picture, check_writable
 from acausal.cli.arguments.reference import find_model
-from acausal.cli.arguments.settings import listed, prepare, seconds_of
+from acausal.cli.arguments.settings import listed, number_in, prepare, seconds_of
 from acausal.cli.output.report import plural, quantity, record, remark, say, seconds, table
 from acausal.cli.run.progress import ProgressBar
-from acausal.cli.study.vary import variations_of
 from acausal.errors import UsageError
+from acausal.language.component import Component
+from acausal.language.declarations.declaration import Declaration
 
 if TYPE_CHECKING:
     from acausal.study.sweep.family import Progress, Sweep
+
 
 # Seconds between two lines of progress where there is no terminal.
 _PAUSE = 10.0
@@ -53,64 +36,57 @@ _MOST_LINES = 12
 
 VaryOption = Annotated[
     list[str] | None,
-    typer.Option(
+    options.option(
         "--vary",
+        "LOW:HIGH:COUNT, log:LOW:HIGH:COUNT, A,B,C or normal:MEAN:DEVIATION, units allowed; repeatable.",
         metavar="PATH=VALUES",
-        help="LOW:HIGH:COUNT, log:LOW:HIGH:COUNT, A,B,C or normal:MEAN:DEVIATION, units allowed; repeatable.",
-        show_default=False,
     ),
 ]
 SampleOption = Annotated[
     str | None,
-    typer.Option(
-        "--sample",
-        metavar="KIND:N",
-        help="N draws instead of the grid of all combinations: sobol, halton, lhs, random.",
-        show_default=False,
+    options.option(
+        "--sample", "N draws instead of the grid of all combinations: sobol, halton, lhs, random.", metavar="KIND:N"
     ),
 ]
 SeedOption = Annotated[int, typer.Option("--seed", help="Seed of the random draws.")]
 WorkersOption = Annotated[
-    int | None,
-    typer.Option("--workers", metavar="N", help="Number of workers. Default: one for each core.", show_default=False),
+    int | None, options.option("--workers", "Number of workers. Default: one for each core.", metavar="N")
 ]
 ExecutorOption = Annotated[
     str, typer.Option("--executor", help="processes, threads, dask://HOST:PORT, or dask:// for a cluster here.")
 ]
 ResumeOption = Annotated[bool, typer.Option("--resume", help="Run only what the .sweep file does not hold yet.")]
-MembersOption = Annotated[Path | None, output_file_option("File of the finished members. Default: MODEL.sweep.")]
-TableOption = Annotated[
-    Path | None, typer.Option("--table", help="One table: .parquet, .nc or .csv.", show_default=False)
-]
+MembersOption = Annotated[Path | None, options.output_file("File of the finished members. Default: MODEL.sweep.")]
+TableOption = Annotated[Path | None, options.option("--table", "One table: .parquet, .nc or .csv.")]
 
 
 def sweep(
-    model: ModelArgument,
+    model: options.Model,
     vary: VaryOption = None,
     sample: SampleOption = None,
     seed: SeedOption = 0,
-    signals: SignalsOption = None,
-    settings: SetOption = None,
-    start_time: StartTimeOption = None,
-    stop_time: StopTimeOption = None,
-    output_interval: OutputIntervalOption = None,
-    tolerance: ToleranceOption = None,
-    solver: SolverOption = None,
-    step: StepOption = None,
-    native: NativeOption = None,
-    inputs: InputsOption = None,
-    interpolation: InterpolationOption = "linear",
-    freed: FreeOption = None,
-    start: StartOption = None,
+    signals: options.Signals = None,
+    settings: options.Set = None,
+    start_time: options.StartTime = None,
+    stop_time: options.StopTime = None,
+    output_interval: options.OutputInterval = None,
+    tolerance: options.Tolerance = None,
+    solver: options.Solver = None,
+    step: options.Step = None,
+    native: options.Native = None,
+    inputs: options.Inputs = None,
+    interpolation: options.Interpolation = "linear",
+    freed: options.Free = None,
+    start: options.Start = None,
     workers: WorkersOption = None,
     executor: ExecutorOption = "processes",
     resume: ResumeOption = False,
     output_file: MembersOption = None,
     table_file: TableOption = None,
-    plot: PlotOption = False,
-    plot_file: PlotFileOption = None,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
+    plot: options.Plot = False,
+    plot_file: options.PlotFile = None,
+    as_json: options.Json = False,
+    quiet: options.Quiet = False,
 ) -> None:
     """Run a model with many values of its parameters.
 
@@ -246,3 +222,63 @@ def _content(found: Sweep) -> dict[str, object]:
         "stop_times": found.stop_times,
         "seconds": found.seconds,
     }
+
+
+_FORMS = "PATH=LOW:HIGH:COUNT, PATH=log:LOW:HIGH:COUNT, PATH=A,B,C or PATH=normal:MEAN:DEVIATION"
+_INDEX = re.compile(r"\[[\d, ]+\]$")
+_NUMBER = re.compile(r"\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
+
+
+def variations_of(model: Component, texts: Sequence[str] | None) -> dict[str, Any]:
+    """What to vary by path in SI, as `acausal.sweep` takes it.
+
+    Raises UsageError: AC009 for texts that are none of these, AC060 for ranges that make no sense, AC150 to AC152 for
+    units.
+    """
+    declared = declarations(model)
+    found: dict[str, Any] = {}
+    for text in texts or ():
+        name, sign, values = (part.strip() for part in text.partition("="))
+        if not sign or not name or not values:
+            raise _unreadable(text)
+        if name in found:
+            raise UsageError("AC009", f"--vary {name} is given twice")
+        found[name] = _variation(text, values, declared.get(_INDEX.sub("", name)))
+    if not found:
+        raise UsageError("AC060", "nothing is varied", help=f"--vary {_FORMS}")
+    return found
+
+
+def _variation(text: str, values: str, declared: Declaration | None) -> Any:
+    from acausal.study.sweep.vary import Range  # loads NumPy
+
+    def number(part: str) -> float:
+        return number_in("--vary", text, part.strip(), declared)
+
+    kind, _, rest = values.partition(":")
+    if kind == "normal":
+        from scipy.stats import norm
+
+        parts = rest.split(":")
+        if len(parts) != 2:
+            raise _unreadable(text)
+        return norm(number(parts[0]), _difference(number, parts[1]))
+    is_log = kind == "log"
+    parts = (rest if is_log else values).split(":")
+    if len(parts) in (2, 3):
+        if len(parts) == 3 and not parts[2].strip().isdecimal():
+            raise _unreadable(text)
+        return Range(number(parts[0]), number(parts[1]), int(parts[2]) if len(parts) == 3 else None, is_log)
+    if len(parts) > 3 or is_log:
+        raise _unreadable(text)
+    return [number(part) for part in values.split(",")]
+
+
+def _difference(number: Any, text: str) -> float:
+    """A difference in SI: of degrees Celsius it is not the temperature."""
+    match = _NUMBER.match(text)
+    return float(number(text) - number("0" + text[match.end() :])) if match else float(number(text))
+
+
+def _unreadable(text: str) -> UsageError:
+    return UsageError("AC009", f"--vary {text}: no variation", help=f"write {_FORMS}")

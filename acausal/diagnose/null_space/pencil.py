@@ -30,21 +30,12 @@ Vector = dict[int, float]
 
 @dataclass(frozen=True, eq=False)
 class Pencil:
-    """Rows are flat equations, columns flat scalars.
-
-    Attributes
-    ----------
-    matrix
-        Sparse, shape (equations, scalars); columns of the model's own inputs are empty.
-    rest
-        Left minus right side with all unknowns zero: what an equation prescribes by itself.
-    prescribes
-        True where an equation holds a source: it is not homogeneous in the unknowns for generic parameters.
-    """
+    """Rows are flat equations, columns flat scalars."""
 
     flat: FlatSystem
-    matrix: Any
-    rest: NDArray[np.float64]
+    matrix: Any  # sparse, shape (equations, scalars); columns of the model's own inputs are empty
+    rest: NDArray[np.float64]  # left minus right side with all unknowns zero: what an equation prescribes by itself
+    # True where an equation holds a source: it is not homogeneous in the unknowns for generic parameters.
     prescribes: NDArray[np.bool_]
 
     def dependent(self) -> list[Vector]:

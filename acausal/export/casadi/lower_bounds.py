@@ -18,19 +18,11 @@ _AT_LEAST_ZERO = frozenset((ca.OP_SQ, ca.OP_FABS, ca.OP_SQRT, ca.OP_HYPOT))
 
 @dataclass(frozen=True, eq=False)
 class Bounded:
-    """A scalar expression, and what it never is below.
-
-    Attributes
-    ----------
-    low
-        None where nothing is said.
-    is_known
-        Whether the expression depends on parameters alone.
-    """
+    """A scalar expression, and what it never is below."""
 
     value: Any
-    low: Any = None
-    is_known: bool = False
+    low: Any = None  # None where nothing is said
+    is_known: bool = False  # whether the expression depends on parameters alone
 
 
 @dataclass(frozen=True, eq=False)

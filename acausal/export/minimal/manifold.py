@@ -96,10 +96,7 @@ def on_constraints(
     """The point on the constraints nearest to a point; states at the places `held` stay, those with a fixed start if
     that is possible.
 
-    Raises
-    ------
-    ExportError
-        AC609 where there is none.
+    Raises ExportError: AC609 where there is none.
     """
     if not compiled.solution.structure.invariants:
         return start

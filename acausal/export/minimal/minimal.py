@@ -55,10 +55,7 @@ def invariants_of(compiled: CompiledModel, functions: Any) -> Any:
 def minimal_form(compiled: CompiledModel, form: Form, point: tuple[float, Vector, Vector, Vector, Vector]) -> Form:
     """The form in minimal coordinates; itself where no constraint is stabilised. `point` is `(t, x, z, u, p)`.
 
-    Raises
-    ------
-    ExportError
-        AC604 when the constraints depend on each other at the point.
+    Raises ExportError: AC604 when the constraints depend on each other at the point.
     """
     if not compiled.solution.structure.invariants:
         return form

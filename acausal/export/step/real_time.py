@@ -59,10 +59,7 @@ def real_time(
 ) -> tuple[RealTime, Vector]:
     """Run compiled steps from the start (or `x`) with constant inputs, each timed; also the x they end at.
 
-    Raises
-    ------
-    ExportError
-        AC607 without a C compiler.
+    Raises ExportError: AC607 without a C compiler.
     """
     source = made.source() + _TIMED.format(nx=max(len(made.x), 1), identifier=identifier(made.name))
     key = cache.key("real time", hashlib.sha256(source.encode()).hexdigest())

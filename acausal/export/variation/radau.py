@@ -80,10 +80,7 @@ class RadauElement:
 def radau(slopes: Slopes, way: Way) -> Iterator[RadauElement]:
     """The steps.
 
-    Raises
-    ------
-    IntegrationError
-        AC408 where no step is small enough.
+    Raises IntegrationError: AC408 where no step is small enough.
     """
     return _Stepping(slopes, way).elements()
 

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import scipy.sparse
 from numpy.typing import NDArray
 
 from acausal.export.variation.compiled import Program, program
-from acausal.export.variation.element import Element, Temper, Way
-from acausal.export.variation.explicit import explicit
+from acausal.export.variation.element import LEAST, SMALL, Element, Temper, Way
 from acausal.export.variation.radau import radau
 from acausal.export.variation.slopes import Slopes
+from acausal.export.variation.tables import EXPLICIT_3, EXPLICIT_5, EXPLICIT_A, EXPLICIT_C, EXPLICIT_STAGES
 from acausal.lower.compiled import CompiledModel
 from acausal.simulate.native.policy import pays
 
@@ -89,3 +92,105 @@ class Variation:
 def _rest(way: Way, t: float, w: Vector) -> Way:
     """What is left of a way from one of its points on."""
     return Way(t, [end for end in way.ends if end > t], w, way.numbers, way.tolerance)
+
+
+# The end of the method's region of stability on the negative axis; so many steps beyond it are stiff ones, so many on
+# this side of it are not (Hairer, Nørsett, Wanner, DOP853). At tight tolerances steps hover on this side of it: what
+# decays so fast and yet is not seen by their error counts as well, oscillations do not.
+_STABLE, _DAMPED, _SUSPECTS, _CLEARED = 6.1, 2.5, 15, 6
+
+
+@dataclass(frozen=True, eq=False)
+class ExplicitElement:
+    """See `Element`; `slopes` are matrices by variables and parameters, one for each stage."""
+
+    t: float
+    w: Vector
+    h: float
+    slopes: list[Any]
+
+    def forward(self, x: Vector, parameters: bool = True) -> Vector:
+        """See `Element`."""
+        n = len(x)
+        rates = np.zeros((EXPLICIT_STAGES, *x.shape))
+        for i, slope in enumerate(self.slopes):
+            at = x + self.h * np.tensordot(EXPLICIT_A[i, :i], rates[:i], 1)
+            rates[i] = slope[:, :n] @ at
+            if parameters:
+                rates[i] += _full(slope[:, n:])
+        return np.asarray(x + self.h * np.tensordot(EXPLICIT_A[-1], rates, 1))
+
+    def adjoint(self, rows: Vector) -> tuple[Vector, Vector]:
+        """See `Element`."""
+        k, n = rows.shape
+        total = np.zeros((k, self.slopes[0].shape[1] - n))
+        on = np.zeros((EXPLICIT_STAGES, k, n))  # what each stage is worth
+        for i in range(EXPLICIT_STAGES - 1, -1, -1):
+            rate = self.h * (EXPLICIT_A[-1, i] * rows + np.tensordot(EXPLICIT_A[i + 1 : -1, i], on[i + 1 :], 1))
+            found = (self.slopes[i].T @ rate.T).T
+            on[i] = found[:, :n]
+            total += found[:, n:]
+        return rows + on.sum(axis=0), total
+
+
+def explicit(slopes: Slopes, way: Way, temper: Temper) -> Iterator[ExplicitElement]:
+    """The steps, as far as they are not stiff; no more come where one fails at every length."""
+    c, m = way.numbers
+    t, w, end = way.start, way.w, way.ends[-1]
+    tolerance, ends, h = way.tolerance, iter(way.ends), 0.0
+    until = next(ends)
+    suspects = cleared = 0
+    while t < end:
+        if t >= until:
+            until = next(ends)
+        if h == 0.0:
+            rate = float(np.abs(slopes.quick(t, w, c, m)[0] / (SMALL + np.abs(w))).max(initial=1e-12))
+            h = tolerance ** (1 / 8) / rate
+        whole, h = h, until - t if t + 1.01 * h >= until else h
+        if t + h <= t or h < LEAST * (end - way.start):
+            return
+        stages, rates = np.empty((2, EXPLICIT_STAGES + 1, len(w)))
+        for i in range(EXPLICIT_STAGES + 1):
+            stages[i] = w + h * (EXPLICIT_A[i, :i] @ rates[:i])
+            rates[i] = slopes.quick(t + h * EXPLICIT_C[i], stages[i], c, m)[0]
+        error = _error(h, w, stages[-1], rates, tolerance) if np.isfinite(rates).all() else np.inf
+        if np.isfinite(error) and _is_held_back(h, stages[-1] - stages[-2], rates[-1] - rates[-2]):
+            suspects, cleared = suspects + 1, 0
+            if suspects >= _SUSPECTS:
+                temper.stiff = True
+                return
+        elif np.isfinite(error):
+            cleared += 1
+            suspects = 0 if cleared >= _CLEARED else suspects
+        grown = 0.9 * error ** (-1 / 8) if error > 0 else 8.0
+        if not error <= 1:
+            h *= max(0.2, min(grown, 0.9)) if np.isfinite(error) else 0.25
+            continue
+        _, entries = slopes.many(t + h * EXPLICIT_C[:-1], stages[:-1], c, m)
+        t, w = until if h == until - t else t + h, stages[-1].copy()
+        yield ExplicitElement(t, w, h, _matrices(slopes, entries))
+        h = max(h * min(max(grown, 0.3), 8.0), whole if h < whole else 0.0)
+
+
+def _is_held_back(h: float, points: Vector, rates: Vector) -> bool:
+    """Whether the slope that the last two points of a step tell is as large as the step allows."""
+    size = float(points @ points)
+    slope, damping = np.sqrt(float(rates @ rates) * size), -float(points @ rates)
+    return bool(size > 0 and (h * slope > _STABLE * size or h * damping > _DAMPED * size))
+
+
+def _error(h: float, w: Vector, end: Vector, rates: Vector, tolerance: float) -> float:
+    size = tolerance * (SMALL + np.maximum(np.abs(w), np.abs(end)))
+    five, three = (float(np.sum((weights @ rates / size) ** 2)) for weights in (EXPLICIT_5, EXPLICIT_3))
+    return h * five / np.sqrt((five + 0.01 * three) * len(w)) if five > 0 else 0.0
+
+
+def _matrices(slopes: Slopes, entries: Vector) -> list[Any]:
+    if slopes.is_small:
+        return list(slopes.dense(entries))
+    shape = slopes.n, slopes.n + slopes.count
+    return [scipy.sparse.csc_matrix((own, slopes.rows, slopes.starts), shape=shape) for own in entries]
+
+
+def _full(matrix: Any) -> Vector:
+    return np.asarray(matrix if isinstance(matrix, np.ndarray) else matrix.toarray())

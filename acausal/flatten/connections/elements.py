@@ -41,10 +41,7 @@ def element_joints(
 ) -> list[ElementJoint]:
     """Connections with an element at some end.
 
-    Raises
-    ------
-    DeclarationError
-        AC132 when a connection has no source or several, or when a scalar is driven twice.
+    Raises DeclarationError: AC132 when a connection has no source or several, or when a scalar is driven twice.
     """
     whole = {(*end, j.by): j.origin for j in signals for end in (j.a, j.b)}
     made: list[ElementJoint] = []

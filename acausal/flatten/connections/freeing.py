@@ -21,10 +21,7 @@ _OPEN = Guess(0.0)
 def freed(model: Component, found: Sequence[Instance]) -> frozenset[Signal]:
     """The signals that `free` has named.
 
-    Raises
-    ------
-    UsageError
-        AC047 for a name that is no input, or an input that changes at events only.
+    Raises UsageError: AC047 for a name that is no input, or an input that changes at events only.
     """
     wanted = model.__dict__.get("_freed", ())
     if not wanted:

@@ -20,10 +20,7 @@ def placed(model: Component, choices: Mapping[str, Choice] | None = None) -> tup
 def bind_outers(found: list[Instance]) -> tuple[str, ...]:
     """Let every instance see its outer components; notes on those that had to be added to the model.
 
-    Raises
-    ------
-    DeclarationError
-        AC188 when a component needs one that is not around it, AC189 when several could be meant.
+    Raises DeclarationError: AC188 when a component needs one that is not around it, AC189 when several could be meant.
     """
     known: dict[tuple[int, Outer[Component], str], Instance] = {}
     added: dict[tuple[type[Component], str], tuple[Instance, list[str]]] = {}

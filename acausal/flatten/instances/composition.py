@@ -51,10 +51,7 @@ class Composition:
 def compose(model: Component) -> Composition:
     """The composition of a model.
 
-    Raises
-    ------
-    DeclarationError
-        AC122 to AC131 and AC188, AC189: what is wrong with the composition itself.
+    Raises DeclarationError: AC122 to AC131 and AC188, AC189: what is wrong with the composition itself.
     """
     found, _ = placed(model)
     number_of = numbers(found)
@@ -72,10 +69,7 @@ def compose(model: Component) -> Composition:
 def stated_equations(component: Component) -> list[tuple[str, str, str]]:
     """Text of each, what it asserts (or ""), and whether it holds "at the start" only (or "").
 
-    Raises
-    ------
-    AcausalError
-        What stating them raises.
+    Raises AcausalError: what stating them raises.
     """
     found = [(m, item) for m, (item, _) in compose(component).stated("equations", "initial_equations")]
     return [(str(i), getattr(i, "message", ""), "at the start" if m == "initial_equations" else "") for m, i in found]

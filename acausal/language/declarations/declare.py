@@ -165,10 +165,7 @@ def _sizes(shape: Sizes) -> dict[str, Any]:
 def checked_shape(shape: Shape | int, owner: str = "") -> Shape:
     """`3` and `(3, 3)` as they are stored; `owner` is the declared name that an error tells.
 
-    Raises
-    ------
-    DeclarationError
-        AC105 for what is no shape.
+    Raises DeclarationError: AC105 for what is no shape.
     """
     sizes = shape if isinstance(shape, tuple | list) else (shape,)
     if len(sizes) > 2 or not all(isinstance(n, int) and n > 0 for n in sizes):
@@ -350,10 +347,7 @@ def _in_unit(owner: str, name: str, declaration: Declaration, given: Expr) -> Ex
 def check_discrete(name: str, declaration: Declaration, value: Expr) -> None:
     """Refuse what cannot be the value of a boolean or an integer.
 
-    Raises
-    ------
-    DeclarationError
-        AC147 when a boolean would be neither true nor false, or an integer a fraction.
+    Raises DeclarationError: AC147 when a boolean would be neither true nor false, or an integer a fraction.
     """
     numbers = value.payload if isinstance(value.payload, tuple) else (value.payload,)
     if declaration.boolean:

@@ -216,10 +216,7 @@ _PLAIN: dict[str, tuple[type, ...]] = {"int": (int,), "bool": (bool,), "str": (s
 def checked_structural(cls: type[Owner], name: str, value: Any) -> Any:
     """A structural value that was given, numbers of numpy as numbers of Python.
 
-    Raises
-    ------
-    DeclarationError
-        AC115 when it is not of the plain type that the class declares.
+    Raises DeclarationError: AC115 when it is not of the plain type that the class declares.
     """
     found = next((a[name] for base in cls.__mro__ if name in (a := inspect.get_annotations(base))), None)
     declared = found if isinstance(found, str) else getattr(found, "__name__", "")

@@ -403,10 +403,7 @@ def is_truth(e: Expr) -> bool:
 def checked_condition(e: object, example: str = "x > 0", *, several: bool = False) -> Expr:
     """`e`, if it is a condition; with `several` also if it is a vector of them.
 
-    Raises
-    ------
-    DeclarationError
-        AC108 when it is not.
+    Raises DeclarationError: AC108 when it is not.
     """
     if isinstance(e, Expr) and is_condition(e):
         if not e.shape or several:

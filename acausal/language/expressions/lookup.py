@@ -46,10 +46,7 @@ class Lookup(External):
     def partials(self) -> External:
         """Its derivative, a polynomial of one degree less on each segment.
 
-        Raises
-        ------
-        DeclarationError
-            AC128 for steps: the derivative of what jumps does not exist.
+        Raises DeclarationError: AC128 for steps: the derivative of what jumps does not exist.
         """
         if len(self.coefficients[0]) == 1:
             raise DeclarationError(

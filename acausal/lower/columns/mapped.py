@@ -33,21 +33,11 @@ MOST_STAGES, MOST_COLOURS = 8, 24
 
 @dataclass(frozen=True, eq=False)
 class Mapped:
-    """The equations of the coupled system, each pattern once.
+    """The equations of the coupled system, each pattern once."""
 
-    Attributes
-    ----------
-    constants
-        `(p, u) -> c`: what does not change during a run.
-    rhs
-        `(t, x, z, d, c, m) -> (ode, alg)`, MX, of dynamic states `x` and discrete variables `d`.
-    operations
-        Number of operations on columns and on scalars.
-    """
-
-    constants: Any
-    rhs: Any
-    operations: int
+    constants: Any  # `(p, u) -> c`: what does not change during a run
+    rhs: Any  # `(t, x, z, d, c, m) -> (ode, alg)`, MX, of dynamic states `x` and discrete variables `d`
+    operations: int  # number of operations on columns and on scalars
 
     def dae(self, scale_x: Vector, scale_z: Vector, c: Vector | None = None) -> Any:
         """`(t, x, z, [c, m, d, shift], u) -> (ode, alg, quad, zero)` as integrators take it; `c` may be given here.

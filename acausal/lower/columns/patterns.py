@@ -51,28 +51,15 @@ class Stage:
 
 @dataclass(frozen=True, eq=False)
 class Patterns:
-    """A program for some roots.
+    """A program for some roots."""
 
-    Attributes
-    ----------
-    roots
-        The nodes that stand for the roots.
-    leaves
-        Kind and index of every leaf that is used; `constants` are those of the kind `CONSTANT` in order.
-    numbers
-        Numbers that are operands so often that they are part of a shape.
-    stages
-        In the order of evaluation.
-    divided
-        Whether anything is divided by what is zero.
-    """
-
-    roots: list[int]
+    roots: list[int]  # the nodes that stand for the roots
+    # Kind and index of every leaf that is used; `constants` are those of the kind `CONSTANT` in order.
     leaves: dict[int, Leaf]
     constants: list[int]
-    numbers: dict[int, float]
-    stages: list[Stage]
-    divided: bool
+    numbers: dict[int, float]  # numbers that are operands so often that they are part of a shape
+    stages: list[Stage]  # in the order of evaluation
+    divided: bool  # whether anything is divided by what is zero
 
     @property
     def scalars(self) -> int:

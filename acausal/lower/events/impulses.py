@@ -78,10 +78,8 @@ class Impulses:
 def impulses_of(compiled: Lowered, s: Symbols) -> Impulses | None:
     """The impulses of a model; None without any.
 
-    Raises
-    ------
-    StructureError
-        AC210 for a force that moves nothing of what it is to reset, or does so in ways that change with what jumps.
+    Raises StructureError: AC210 for a force that moves nothing of what it is to reset, or does so in ways that change
+    with what jumps.
     """
     found = impulses(compiled)
     if not found:

@@ -31,38 +31,25 @@ _NAMES_IN = ["t", "x", "z", "u", "p", "m", "was", "decided", "level"]
 
 
 class Round(NamedTuple):
-    """What a call of the round gives; vectors are dense columns.
+    """What a call of the round gives; vectors are dense columns."""
 
-    Attributes
-    ----------
-    assigned
-        Values of the discrete equations, shape (assignments,). Where they are not what x holds, x takes them first and
-        all else is void: nothing else has changed then.
-    x, m, was, decided, level
-        The arguments of the next call. `was` and `decided` have an entry for each of `StateEvents.conditions`: its
-        truth in the round before and in this one; `level` counts what of this round is done, 0 when it is complete.
-    settled
-        1 when a whole round has changed nothing.
-    clash
-        1 when two clauses that act disagree about a value, or no impulse gives a velocity its new value.
-    acting
-        1 for each clause that acts in this round; complete when `level` is 0.
-    applied
-        1 for each action that was taken by this call, in the order of clauses and their actions.
-    conditions, remembered, asserts
-        The truth of the conditions, what each `pre` would remember, the truth of the assertions, all at the arguments.
-    """
-
+    # Values of the discrete equations, shape (assignments,). Where they are not what x holds, x takes them first and
+    # all else is void: nothing else has changed then.
     assigned: Any
+    # `x`, `m`, `was`, `decided`, `level`: the arguments of the next call. `was` and `decided` have an entry for each of
+    # `StateEvents.conditions`: its truth in the round before and in this one; `level` counts what of this round is
+    # done, 0 when it is complete.
     x: Any
     m: Any
     was: Any
     decided: Any
     level: Any
-    settled: Any
-    clash: Any
-    acting: Any
-    applied: Any
+    settled: Any  # 1 when a whole round has changed nothing
+    clash: Any  # 1 when two clauses that act disagree about a value, or no impulse gives a velocity its new value
+    acting: Any  # 1 for each clause that acts in this round; complete when `level` is 0
+    applied: Any  # 1 for each action that was taken by this call, in the order of clauses and their actions
+    # `conditions`, `remembered`, `asserts`: the truth of the conditions, what each `pre` would remember, the truth of
+    # the assertions, all at the arguments.
     conditions: Any
     remembered: Any
     asserts: Any

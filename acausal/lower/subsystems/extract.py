@@ -18,34 +18,18 @@ _PLAIN = frozenset((0.0, 1.0, -1.0, 2.0, 0.5))
 
 @dataclass(frozen=True, eq=False)
 class Extract:
-    """The expressions of a group.
+    """The expressions of a group."""
 
-    Attributes
-    ----------
-    entries
-        Nodes over numbers of this list, variables and holes: `("hole", k)`. With `roots` and `definitions` they are
-        what equal groups have in common.
-    roots
-        Where the given roots are.
-    definitions
-        (variable, place of its node) in the order of evaluation.
-    images
-        (place, place) of nodes that stand for others.
-    variables
-        Variables of the whole in the order of their numbers here.
-    holes
-        What fills each hole: `("par", k)`, `("const", value)` or `("input", k)` of the whole.
-    nodes
-        Nodes of the whole by their places here.
-    """
-
+    # Nodes over numbers of this list, variables and holes: `("hole", k)`. With `roots` and `definitions` they are what
+    # equal groups have in common.
     entries: tuple[tuple[Any, ...], ...]
-    roots: tuple[int, ...]
-    definitions: tuple[tuple[int, int], ...]
-    images: tuple[tuple[int, int], ...]
-    variables: tuple[int, ...]
+    roots: tuple[int, ...]  # where the given roots are
+    definitions: tuple[tuple[int, int], ...]  # (variable, place of its node) in the order of evaluation
+    images: tuple[tuple[int, int], ...]  # (place, place) of nodes that stand for others
+    variables: tuple[int, ...]  # variables of the whole in the order of their numbers here
+    # What fills each hole: `("par", k)`, `("const", value)` or `("input", k)` of the whole.
     holes: tuple[tuple[str, float], ...]
-    nodes: tuple[int, ...]
+    nodes: tuple[int, ...]  # nodes of the whole by their places here
 
     @property
     def key(self) -> tuple[Any, ...]:

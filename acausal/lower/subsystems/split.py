@@ -37,21 +37,15 @@ _MOST_KINDS = 32
 
 @dataclass(frozen=True, eq=False)
 class Subsystem:
-    """One of the systems.
+    """One of the systems."""
 
-    Attributes
-    ----------
-    model
-        It has names of its own; its functions are those of all that are equal to it (`CompiledModel.like`).
-    states, modes
-        Places of its states and modes in those of the whole.
-    parameters, inputs, numbers
-        Its parameters: first some of the whole's, by place, then some of its inputs, then numbers.
-    """
-
+    # It has names of its own; its functions are those of all that are equal to it (`CompiledModel.like`).
     model: CompiledModel
+    # `states`, `modes`: places of its states and modes in those of the whole.
     states: Indices
     modes: Indices
+    # `parameters`, `inputs`, `numbers`: its parameters: first some of the whole's, by place, then some of its inputs,
+    # then numbers.
     parameters: Indices
     inputs: Indices
     numbers: Vector

@@ -25,10 +25,8 @@ def with_starts(compiled: CompiledModel, given: Mapping[str, object]) -> Compile
 
     Declared starts of the same variable, under any of its names, give way; all others stay, and must agree.
 
-    Raises
-    ------
-    UsageError
-        AC046 for what is no variable of the model, or follows from parameters alone; AC023 for what is no number.
+    Raises UsageError: AC046 for what is no variable of the model, or follows from parameters alone; AC023 for what is
+    no number.
     """
     if not given:
         return compiled

@@ -22,27 +22,15 @@ _MOST_SOLVED = 8
 
 @dataclass(frozen=True, eq=False)
 class Law:
-    """The equations with open parameters w.
+    """The equations with open parameters w."""
 
-    Attributes
-    ----------
-    equations
-        `(t, x, z, u, w) -> (ode, alg, y)`: y has the rows that were wanted; z and alg are empty where they are solved.
-    algebraic
-        `(t, x, u, w) -> z` where the algebraic equations are linear and solved; else None.
-    wanted
-        Places of the rows of y among all outputs.
-    parameters
-        `(w) -> p`; `guess` are values of w, shape (nw,).
-    answers
-        How many entries at the end of z are answers of branches; y has as many rows more, of what decides them.
-    """
-
+    # `(t, x, z, u, w) -> (ode, alg, y)`: y has the rows that were wanted; z and alg are empty where they are solved.
     equations: Any
-    algebraic: Any
-    wanted: tuple[int, ...]
-    parameters: Any
+    algebraic: Any  # `(t, x, u, w) -> z` where the algebraic equations are linear and solved; else None
+    wanted: tuple[int, ...]  # places of the rows of y among all outputs
+    parameters: Any  # `(w) -> p`; `guess` are values of w, shape (nw,)
     guess: Vector
+    # How many entries at the end of z are answers of branches; y has as many rows more, of what decides them.
     answers: int = 0
 
     def slopes(self, at: Sequence[Vector], sizes: Vector) -> Vector:

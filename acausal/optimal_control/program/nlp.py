@@ -20,22 +20,13 @@ _SAME = 1e-12
 
 @dataclass(eq=False)
 class Nlp:
-    """minimize objective subject to lower <= demands <= upper, over the unknowns; built up by `radau.py`.
+    """minimize objective subject to lower <= demands <= upper, over the unknowns; built up by `radau.py`."""
 
-    Attributes
-    ----------
-    unknowns, begin
-        Symbols, and for each where the search begins, in its order of columns.
-    parameters
-        Symbols that are given at each solution.
-    points
-        What is evaluated at many instants.
-    """
-
+    # `unknowns`, `begin`: symbols, and for each where the search begins, in its order of columns.
     unknowns: list[Any] = field(default_factory=list)
     begin: list[Vector] = field(default_factory=list)
-    parameters: list[Any] = field(default_factory=list)
-    points: list[Points] = field(default_factory=list)
+    parameters: list[Any] = field(default_factory=list)  # symbols that are given at each solution
+    points: list[Points] = field(default_factory=list)  # what is evaluated at many instants
     demands: list[Any] = field(default_factory=list)
     lower: list[Vector] = field(default_factory=list)
     upper: list[Vector] = field(default_factory=list)
@@ -103,21 +94,15 @@ class Nlp:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """What a solver ended with.
-
-    Attributes
-    ----------
-    x, g, duals
-        The unknowns, the demanded values, and the multipliers of all demands.
-    success, status, iterations
-        Of the solver.
-    """
+    """What a solver ended with."""
 
     nlp: Nlp
+    # `x`, `g`, `duals`: the unknowns, the demanded values, and the multipliers of all demands.
     x: Vector
     g: Vector
     duals: Vector
     objective: float
+    # `success`, `status`, `iterations`: of the solver.
     success: bool
     status: str
     iterations: int

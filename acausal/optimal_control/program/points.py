@@ -25,21 +25,14 @@ def key(symbol: Any) -> int:
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """Instants with the same equations.
+    """Instants with the same equations."""
 
-    Attributes
-    ----------
-    inputs
-        SX symbols of the quantities at one instant, columns.
-    arguments
-        What they are at all instants: expressions of the unknowns, shape (rows, n), which are linear.
-    rows, symbols
-        SX expressions that were asked for, columns, and the MX symbols that stand for them, each of shape (rows, n).
-    """
-
-    inputs: list[Any]
+    inputs: list[Any]  # SX symbols of the quantities at one instant, columns
+    # What they are at all instants: expressions of the unknowns, shape (rows, n), which are linear.
     arguments: list[Any]
     n: int
+    # `rows`, `symbols`: SX expressions that were asked for, columns, and the MX symbols that stand for them, each of
+    # shape (rows, n).
     rows: list[Any] = field(default_factory=list)
     symbols: list[Any] = field(default_factory=list)
 

@@ -30,69 +30,39 @@ Vector = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Dynamics:
-    """What holds within a phase, and what happens at its end.
+    """What holds within a phase, and what happens at its end."""
 
-    Attributes
-    ----------
-    dae
-        `(t, x, z, u, p) -> (ode, alg, y)`.
-    guard
-        `(t, x, z, u, p) -> g`, zero at the end of the phase; None without a switch of the model.
-    jump
-        `(t, x, z, u, p) -> x` after the end; None where nothing jumps.
-    sharp
-        `dae` without what is rounded in it; None where nothing is.
-    freed
-        `(t, x, z, u, p, y) -> (ode, alg, y, deciding)` with answers of branches that the program chooses; None without.
-    """
-
-    dae: Any
-    guard: Any = None
-    jump: Any = None
-    sharp: Any = None
+    dae: Any  # `(t, x, z, u, p) -> (ode, alg, y)`
+    guard: Any = None  # `(t, x, z, u, p) -> g`, zero at the end of the phase; None without a switch of the model
+    jump: Any = None  # `(t, x, z, u, p) -> x` after the end; None where nothing jumps
+    sharp: Any = None  # `dae` without what is rounded in it; None where nothing is
+    # `(t, x, z, u, p, y) -> (ode, alg, y, deciding)` with answers of branches that the program chooses; None without.
     freed: Any = None
 
 
 @dataclass(frozen=True, eq=False)
 class PhaseProgram:
-    """Unknowns of one phase in SI units; columns are instants.
-
-    Attributes
-    ----------
-    x
-        States at the start and at the collocation points, shape (nx, n + 1).
-    z
-        Algebraic variables at the collocation points, shape (nz, n).
-    u
-        Bernstein coefficients of the inputs, shape (nu, intervals * (control + 1)).
-    inside, first, last
-        What is evaluated at the collocation points, at the start, and at the end.
-    begin, duration
-        Time of the start and duration [s].
-    shares
-        The collocation points as shares of the phase, shape (n,); `weights` those of the quadrature.
-    integrals
-        With shooting, the integrals over the phase by the symbols that stand for them.
-    answers
-        Answers of branches that the program chooses at the collocation points, shape (branches, n).
-    """
+    """Unknowns of one phase in SI units; columns are instants."""
 
     spec: PhaseSpec
     mesh: Mesh
     dynamics: Dynamics
     law: Law
-    x: Any
-    z: Any
-    u: Any
+    x: Any  # states at the start and at the collocation points, shape (nx, n + 1)
+    z: Any  # algebraic variables at the collocation points, shape (nz, n)
+    u: Any  # bernstein coefficients of the inputs, shape (nu, intervals * (control + 1))
+    # `inside`, `first`, `last`: what is evaluated at the collocation points, at the start, and at the end.
     inside: Site
     first: Site
     last: Site
+    # `begin`, `duration`: time of the start and duration [s].
     begin: Any
     duration: Any
-    shares: Vector
+    shares: Vector  # the collocation points as shares of the phase, shape (n,); `weights` those of the quadrature
     weights: Vector
+    # With shooting, the integrals over the phase by the symbols that stand for them.
     integrals: dict[int, Any] = field(default_factory=dict)
-    answers: Any = None
+    answers: Any = None  # answers of branches that the program chooses at the collocation points, shape (branches, n)
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,10 +118,7 @@ def transcribed(
     With `steps` intervals are bridged by them instead, from border to border. With `past` inputs are what was given, as
     parameters of the program, and all first states are unknown.
 
-    Raises
-    ------
-    UsageError
-        AC052 for values at a start that are not known there, with shooting or complementarity.
+    Raises UsageError: AC052 for values at a start that are not known there, with shooting or complementarity.
     """
     nlp, q = Nlp(), problem.quantities
     places = [d[0] for d in q.decided] if varying is None else list(varying)

@@ -18,23 +18,14 @@ from acausal.optimal_control.quantities import Quantities
 
 @dataclass(frozen=True, eq=False)
 class Site:
-    """Instants of a phase with the equations that hold there.
-
-    Attributes
-    ----------
-    point
-        SX symbols of t, x, z, u and the open parameters w at one instant.
-    places
-        Vector, place and sign of the variables that were asked for where they are states or inputs, None for others.
-    arguments
-        t, x, z, u at all instants.
-    """
+    """Instants of a phase with the equations that hold there."""
 
     points: Points
-    point: list[Any]
+    point: list[Any]  # SX symbols of t, x, z, u and the open parameters w at one instant
     law: Law
+    # Vector, place and sign of the variables that were asked for where they are states or inputs, None for others.
     places: list[tuple[str, int, int] | None]
-    arguments: Sequence[Any]
+    arguments: Sequence[Any]  # t, x, z, u at all instants
 
     @cached_property
     def equations(self) -> Any:
@@ -67,10 +58,7 @@ class Site:
     def integrand(self, q: Quantities, expression: Any) -> Any:
         """An expression of variables, the time and decided parameters at one instant, SX.
 
-        Raises
-        ------
-        UsageError
-            AC053 where it holds durations or other values.
+        Raises UsageError: AC053 where it holds durations or other values.
         """
         symbols = [q.time, *q.symbols, *(d[3] for d in q.decided)]
         known = {key(s) for s in symbols}

@@ -62,17 +62,15 @@ class Controller:
     def __call__(self, states: Mapping[str, float] | ArrayLike, parameters: Mapping[str, float] | None = None) -> Any:
         """Values of the inputs by name, to be held for a sample.
 
+        Raises OptimizationError: AC703 where no answer was found from these states; the next call begins from the last
+        answer again.
+
         Parameters
         ----------
         states
             By name, or all in the order of `self.states`.
         parameters
             Values that differ from those of the problem, by name.
-
-        Raises
-        ------
-        OptimizationError
-            AC703 where no answer was found from these states; the next call begins from the last answer again.
         """
         x = [states[n] for n in self.states] if isinstance(states, Mapping) else np.asarray(states, dtype=float)
         q = self.problem.quantities

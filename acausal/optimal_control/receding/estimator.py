@@ -89,19 +89,15 @@ class Estimator:
     def __call__(self, inputs: Mapping[str, float], measured: Mapping[str, float]) -> Estimate:
         """The estimate at the end of a sample.
 
+        Raises OptimizationError: AC703 where no estimate was found; the next call begins from the last answer again.
+        Raises UsageError: AC033 for an input or a measured value that is missing, or is no number.
+
         Parameters
         ----------
         inputs
             What was held in the sample, by name.
         measured
             What was measured at its end, by name.
-
-        Raises
-        ------
-        OptimizationError
-            AC703 where no estimate was found; the next call begins from the last answer again.
-        UsageError
-            AC033 for an input or a measured value that is missing, or is no number.
         """
         q = self.problem.quantities
         _check_given(inputs, q.u.names, "input")

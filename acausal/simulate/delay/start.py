@@ -22,10 +22,7 @@ _CLOSE = 1e-12
 def opened(memory: Memory, problem: Problem, t: float, begun: Callable[[Vector], Start], m: Vector) -> Start:
     """Start values under which every delayed signal is what it is at the start; `m` is filled in.
 
-    Raises
-    ------
-    InitializationError
-        AC305 when there are none.
+    Raises InitializationError: AC305 when there are none.
     """
     own = memory.own
 

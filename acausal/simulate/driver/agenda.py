@@ -31,27 +31,15 @@ _MARGIN = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class Schedule:
-    """The segments of a run, between `n` instants that are known before it starts.
+    """The segments of a run, between `n` instants that are known before it starts."""
 
-    Attributes
-    ----------
-    instants
-        Start, time events and samples, stop [s]; ascending, shape (n,).
-    modes
-        Modes of the relations of time and numbers of inputs over time in each segment, shape (n - 1, n_timely).
-    samples
-        Which samples are true at each instant, shape (n, samples).
-    times
-        Output times of all segments, each up to its end, and `ends`, where those of each segment end.
-    bounds
-        The longest step of a method of several steps in each segment [s], where there is one.
-    """
-
-    instants: Vector
+    instants: Vector  # start, time events and samples, stop [s]; ascending, shape (n,)
+    # Modes of the relations of time and numbers of inputs over time in each segment, shape (n - 1, n_timely).
     modes: Vector
-    samples: Vector
-    times: Vector
+    samples: Vector  # which samples are true at each instant, shape (n, samples)
+    times: Vector  # output times of all segments, each up to its end, and `ends`, where those of each segment end
     ends: NDArray[np.int64]
+    # The longest step of a method of several steps in each segment [s], where there is one.
     bounds: tuple[float | None, ...]
 
     @property
@@ -144,30 +132,16 @@ class TooFar(Exception):
 
 @dataclass(frozen=True, eq=False)
 class Stretch:
-    """From one stop to the next.
+    """From one stop to the next."""
 
-    Attributes
-    ----------
-    start, end
-        Its stops [s].
-    modes
-        Modes that depend on time alone while it lasts, shape (n_timely,).
-    samples
-        Which samples are true at its start.
-    times
-        Output times, the last one is `end`.
-    longest
-        The longest step [s], where there is one.
-    opens
-        Whether it begins at an instant of the schedule; else a source has cut there, because of `causes`.
-    """
-
+    # `start`, `end`: its stops [s].
     start: float
     end: float
-    modes: Vector
-    samples: Vector
-    times: Vector
-    longest: float | None = None
+    modes: Vector  # modes that depend on time alone while it lasts, shape (n_timely,)
+    samples: Vector  # which samples are true at its start
+    times: Vector  # output times, the last one is `end`
+    longest: float | None = None  # the longest step [s], where there is one
+    # Whether it begins at an instant of the schedule; else a source has cut there, because of `causes`.
     opens: bool = True
     causes: tuple[Cause, ...] = ()
 

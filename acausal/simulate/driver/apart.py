@@ -101,10 +101,7 @@ class Member:
     def between(self, rows: Rows, starts: NDArray[np.int64], times: Vector) -> tuple[Vector, Vector]:
         """States and modes at further times, shapes (nx, n) and (nm, n), integrated again from some of its rows.
 
-        Raises
-        ------
-        RuntimeError
-            When the solver cannot go there.
+        Raises RuntimeError when the solver cannot go there.
         """
         x, m = np.empty((len(rows.x), len(times))), np.empty((len(rows.m), len(times)))
         begun = starts[np.searchsorted(rows.times[starts], times, side="right") - 1]

@@ -54,12 +54,8 @@ class Dynamics(Protocol):
     def advance(self, stretch: Stretch, place: Place) -> float | None:
         """Go on to the next event of a variable and pass it: its time, None at the end of the stretch.
 
-        Raises
-        ------
-        RuntimeError
-            When the solver cannot go on.
-        TooFar
-            When a source of stops must be asked again.
+        Raises RuntimeError when the solver cannot go on.
+        Raises TooFar when a source of stops must be asked again.
         """
         ...
 
@@ -110,10 +106,7 @@ class Driver:
     def go(self) -> None:
         """Go from the first stop to the last, or to the end that the model asks for.
 
-        Raises
-        ------
-        IntegrationError
-            AC400 to AC407 where the solver cannot go on.
+        Raises IntegrationError: AC400 to AC407 where the solver cannot go on.
         """
         known = self.agenda.schedule
         try:

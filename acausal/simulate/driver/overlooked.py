@@ -178,7 +178,7 @@ class _Search:
         off = np.abs(found - values[1:-1:2])
         moved = np.abs(np.diff(values, axis=0))
         local = np.maximum(moved[:-1:2][: len(off)], moved[1::2][: len(off)])
-        size = np.abs(values).max(axis=0) * segment.tolerances.relative
+        size = replace(segment.tolerances, factor=0.0).of(np.abs(values).max(axis=0))
         return bool(((off > _SHARE * local + size).mean(axis=0) <= _KINKS).all())
 
     def _rows(self, segment: Segment, piece: Piece) -> _Rows:

@@ -136,10 +136,7 @@ class Run:
     def result(self) -> Result:
         """Run; once more without watching kinks where that holds or ends it: they make no event, whatever they tell.
 
-        Raises
-        ------
-        RunError
-            With what was computed as its `result`.
+        Raises RunError with what was computed as its `result`.
         """
         plain = self.compiled
         try:

@@ -25,18 +25,11 @@ _APART = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class Kinks:
-    """The ends of stretches of all tables of time within a run.
+    """The ends of stretches of all tables of time within a run."""
 
-    Attributes
-    ----------
-    instants
-        Where they are [s], ascending, shape (n,).
-    cuts, bounds
-        For methods of several steps: where the run is cut [s], and the longest step before, between and behind the
-        cuts [s], infinite where there is no bound; shapes (k,) and (k + 1,).
-    """
-
-    instants: Vector
+    instants: Vector  # where they are [s], ascending, shape (n,)
+    # `cuts`, `bounds`: for methods of several steps: where the run is cut [s], and the longest step before, between and
+    # behind the cuts [s], infinite where there is no bound; shapes (k,) and (k + 1,).
     cuts: Vector
     bounds: Vector
 

@@ -36,22 +36,12 @@ _MOST_KEPT = 64
 
 @dataclass(frozen=True, eq=False)
 class Border:
-    """What is added to singular equations.
+    """What is added to singular equations."""
 
-    Attributes
-    ----------
-    projector
-        P, shape (nz, nz), of rank `rank`.
-    place
-        Of what is infinitesimal among the modes.
-    compiled
-        The model with these equations.
-    """
-
-    projector: Vector
+    projector: Vector  # p, shape (nz, nz), of rank `rank`
     rank: int
-    place: int
-    compiled: CompiledModel
+    place: int  # of what is infinitesimal among the modes
+    compiled: CompiledModel  # the model with these equations
 
     def added(self, alg: Any, m: Any) -> Any:
         """The algebraic equations of these, and modes, as symbols."""

@@ -31,17 +31,10 @@ _SHARE = 0.1
 
 @dataclass(frozen=True, eq=False)
 class Inputs:
-    """Inputs of one run.
+    """Inputs of one run."""
 
-    Attributes
-    ----------
-    u
-        Constants, shape (nu,); 0 for what varies.
-    places, pieces
-        Places in u of what varies, and its polynomials over the run.
-    """
-
-    u: Vector
+    u: Vector  # constants, shape (nu,); 0 for what varies
+    # `places`, `pieces`: places in u of what varies, and its polynomials over the run.
     places: tuple[int, ...] = ()
     pieces: tuple[Pieces, ...] = ()
 
@@ -69,14 +62,10 @@ class Inputs:
 def given_inputs(compiled: CompiledModel, given: Any, start: float, stop: float, tolerances: Tolerances) -> Inputs:
     """What `simulate(inputs=...)` was given, for a run from `start` to `stop` [s].
 
-    Raises
-    ------
-    UsageError
-        AC033 for names and constants, AC044 for what is no function of time or does not cover the run, AC045 for files.
-    DeclarationError
-        AC136 for values outside the limits of the input.
-    UnitError
-        AC151 for a unit that does not fit.
+    Raises UsageError: AC033 for names and constants, AC044 for what is no function of time or does not cover the run,
+    AC045 for files.
+    Raises DeclarationError: AC136 for values outside the limits of the input.
+    Raises UnitError: AC151 for a unit that does not fit.
     """
     if not isinstance(given, Mapping):
         return Inputs(input_vector(compiled, given))
@@ -245,10 +234,7 @@ def _in_unit(name: str, declared: Declaration, series: TimeSeries) -> TimeSeries
 def _covering(name: str, series: TimeSeries, start: float, stop: float) -> tuple[Vector, Vector]:
     """The rows that the run needs: those inside, and one more at each end.
 
-    Raises
-    ------
-    UsageError
-        AC044 where the run begins before the series, or ends after it.
+    Raises UsageError: AC044 where the run begins before the series, or ends after it.
     """
     times, values = series.times, series.values
     slack = 1e-9 * (stop - start)

@@ -32,18 +32,10 @@ _FEW = 6
 
 @dataclass(frozen=True, eq=False)
 class Pieces:
-    """Polynomials one after the other.
+    """Polynomials one after the other."""
 
-    Attributes
-    ----------
-    breaks
-        Where they begin, and where the last one ends [s]; shape (n + 1,).
-    numbers
-        Centre, one over half the width, and coefficients of each; shape (n, INPUT_WIDTH).
-    """
-
-    breaks: Vector
-    numbers: Vector
+    breaks: Vector  # where they begin, and where the last one ends [s]; shape (n + 1,)
+    numbers: Vector  # centre, one over half the width, and coefficients of each; shape (n, INPUT_WIDTH)
 
     def at(self, times: Vector) -> Vector:
         """The numbers of the pieces in which n instants lie, shape (n, INPUT_WIDTH)."""
@@ -138,10 +130,7 @@ def sampled(signal: Signal, knots: Vector, error: float, name: str) -> Pieces:
     Intervals are halved until the polynomial through eight values is right at seven others; then neighbours are joined
     again as far as one polynomial does for both.
 
-    Raises
-    ------
-    UsageError
-        AC044 for a function that keeps changing however closely one looks.
+    Raises UsageError: AC044 for a function that keeps changing however closely one looks.
     """
     span = float(knots[-1] - knots[0])
     parts: list[tuple[float, float, Vector]] = []

@@ -72,12 +72,8 @@ class Program:
 
         `first` is the length of the first step, 0 to have it estimated; "next" in the statistics is that of another.
 
-        Raises
-        ------
-        RuntimeError
-            The integrator cannot go on; the text says why.
-        Interrupted
-            Ctrl-C was pressed; it has the rows that were reached.
+        Raises RuntimeError: the integrator cannot go on; the text says why.
+        Raises Interrupted: Ctrl-C was pressed; it has the rows that were reached.
         """
         x, z = np.empty((len(grid), self.nx)), np.empty((len(grid), self.nz))
         run = _prepared(grid, reltol, abstol, step, first)

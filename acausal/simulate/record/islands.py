@@ -39,6 +39,8 @@ def integrals(
 ) -> Vector:
     """Integrals over k stretches, at n instants; shape (nq, n).
 
+    Raises RuntimeError: a rate is not finite.
+
     Parameters
     ----------
     rates
@@ -51,11 +53,6 @@ def integrals(
         Accuracy of each integral, relative to its change and as it is.
     breaks
         Where rates may jump or have a kink, ascending [s]: panels end there.
-
-    Raises
-    ------
-    RuntimeError
-        A rate is not finite.
     """
     a, b = starts, times[np.searchsorted(stretches, np.arange(len(starts)), side="right") - 1]
     whole, stretch = b - a, np.arange(len(starts))

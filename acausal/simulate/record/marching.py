@@ -30,10 +30,7 @@ def followed(
 
     `solve(t, guess)` gives a solution, `residual(t, z)` the largest one.
 
-    Raises
-    ------
-    RuntimeError
-        Where the branch ends.
+    Raises RuntimeError where the branch ends.
     """
     found = np.empty((len(z), len(times)))
     past: list[tuple[float, Vector]] = [(start, z)]

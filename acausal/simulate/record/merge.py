@@ -18,19 +18,14 @@ Boundary = tuple[float, tuple[Cause, ...], tuple[str, ...]]
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """What one system recorded in a stretch.
+    """What one system recorded in a stretch."""
 
-    Attributes
-    ----------
-    times, x, m
-        The rows: instants (n,), states (nx, n), modes (nm, n). The first is that of the start of the stretch.
-    boundaries
-        The events in it: time, causes, what clauses did. The last rows of their instants are those behind them.
-    """
-
+    # `times`, `x`, `m`: the rows: instants (n,), states (nx, n), modes (nm, n). The first is that of the start of the
+    # stretch.
     times: Vector
     x: Vector
     m: Vector
+    # The events in it: time, causes, what clauses did. The last rows of their instants are those behind them.
     boundaries: tuple[Boundary, ...]
 
     @cached_property

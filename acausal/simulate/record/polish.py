@@ -36,17 +36,14 @@ def polished(
 ) -> Vector:
     """Algebraic variables, shape (nz, n), on their equations; as given where Newton's method does not end.
 
+    Raises RuntimeError where they leave more than a hundred of these tolerances.
+
     Parameters
     ----------
     times, x
         The instants, and all states there, shape (nx, n).
     tolerances
         Of the solver; what its own values may leave of the equations, as a share of what the variables make of them.
-
-    Raises
-    ------
-    RuntimeError
-        Where they leave more than a hundred of these tolerances.
     """
     newton = kept(compiled).newton() if z.size else None
     if newton is None:

@@ -26,21 +26,11 @@ _LEFT = 1e-9  # how far off a point may be after them, by the size of what moves
 
 @dataclass(frozen=True, eq=False)
 class Projection:
-    """Points on the constraints.
+    """Points on the constraints."""
 
-    Attributes
-    ----------
-    x
-        States, shape (nx, n).
-    drift
-        Largest residual of the constraints before.
-    moved
-        How far each state was moved, shape (nx, n); infinite where no point on the constraints was found.
-    """
-
-    x: Vector
-    drift: float
-    moved: Vector
+    x: Vector  # states, shape (nx, n)
+    drift: float  # largest residual of the constraints before
+    moved: Vector  # how far each state was moved, shape (nx, n); infinite where no point on the constraints was found
 
 
 def projected(compiled: CompiledModel, times: Vector, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector) -> Vector:

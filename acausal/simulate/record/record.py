@@ -6,6 +6,7 @@ from bisect import bisect_right
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
+from types import EllipsisType
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -20,7 +21,6 @@ from acausal.simulate.equations.calls.direct import rows
 from acausal.simulate.equations.kept import kept
 from acausal.simulate.events.guards import Cause
 from acausal.simulate.record.project import off_constraints, projection
-from acausal.simulate.record.states import States, joined
 from acausal.simulate.solvers.base import Piece
 
 Vector = NDArray[np.float64]
@@ -64,10 +64,7 @@ class Recorder:
     def add(self, times: Vector, piece: Piece, m: Vector) -> Piece:
         """Rows from a solver, projected onto the constraints; returns them as they are recorded.
 
-        Raises
-        ------
-        IntegrationError
-            AC407 where that moves them too far; the rows before are recorded.
+        Raises IntegrationError: AC407 where that moves them too far; the rows before are recorded.
         """
         self._count(piece.counters)
         found = None
@@ -323,3 +320,33 @@ def compiled_parameters(compiled: CompiledModel, nodes: tuple[int, ...], p: Vect
 
     found = values(pool, nodes, {"par": p.__getitem__, "time": lambda _: 0.0})
     return [float(found[n]) for n in nodes]
+
+
+def joined(parts: list[Vector]) -> Vector:
+    """All columns of some parts, one after the other in memory, as solvers deliver them."""
+    return np.concatenate([part.T for part in parts]).T
+
+
+class States:
+    """States at n instants, as of shape (n, nx), from parts of shape (nx, rows of the part).
+
+    One signal of 10 000 states at 500 instants needs two or three of them: to bring all into one array takes as long as
+    their integration.
+    """
+
+    def __init__(self, parts: list[Vector], shown: NDArray[np.bool_] | None) -> None:
+        """Of all rows, or of those that are `shown`."""
+        self._parts, self._shown = list(parts), shown
+        self.count = len(parts[0])
+        """Number of states."""
+
+    @cached_property
+    def whole(self) -> Vector:
+        """All of them, shape (nx, n)."""
+        found = joined(self._parts)
+        return found if self._shown is None else found[:, self._shown]
+
+    def __getitem__(self, key: tuple[EllipsisType, NDArray[np.int64]]) -> Vector:
+        """Some states at all instants: `states[..., places]`, shape (n, places)."""
+        found = np.concatenate([part[key[1]].T for part in self._parts])
+        return found if self._shown is None else found[self._shown]

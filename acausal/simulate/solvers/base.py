@@ -37,7 +37,6 @@ from acausal.simulate.native.flight import FlightProgram
 from acausal.simulate.native.policy import Library
 from acausal.simulate.record.islands import integrals
 from acausal.simulate.record.polish import polished
-from acausal.simulate.solvers.unit_of_time import in_unit, unit_of_time
 from acausal.simulate.tolerances import Tolerances
 
 Vector = NDArray[np.float64]
@@ -370,3 +369,34 @@ def counted(stats: dict[str, Any]) -> dict[str, float]:
         for name, keys in names.items()
         if any(k in stats for k in keys)
     }
+
+
+# CasADi's interfaces to IDAS and CVODES return what they have when the next output is less than this far [s] from the
+# last one (`ttol` in `casadi/interfaces/sundials/{idas,cvodes}_interface.cpp`, 3.8.2): a circuit simulated over 5 ns
+# would never leave its start. So time has another unit there.
+_REACHED = 1e-9
+# In the other unit the shortest distance is this long: far from what counts as reached, and still short.
+_SHORTEST = 1e-6
+# Distances of so few roundings of the time are none.
+_ROUNDINGS = 8
+
+
+def unit_of_time(start: float, times: Vector) -> float:
+    """The unit [s] in which all outputs are far enough from each other: 1, if they are so already."""
+    gaps = np.diff(times, prepend=start)
+    real = gaps[gaps > _ROUNDINGS * np.spacing(max(abs(start), abs(float(times[-1]))))]
+    if not len(real) or real.min() > 2.0 * _REACHED:
+        return 1.0
+    # powers of ten, so that the equations in a unit are made once
+    return float(10.0 ** np.floor(np.log10(real.min() / _SHORTEST)))
+
+
+def in_unit(unit: float, settings: dict[str, Any]) -> dict[str, Any]:
+    """An integrator's settings with time in another unit [s]."""
+    changed = dict(settings)
+    if "init_xdot" in settings:
+        changed["init_xdot"] = [unit * rate for rate in settings["init_xdot"]]
+    for name in ("max_step_size", "step0"):
+        if name in settings:
+            changed[name] = settings[name] / unit
+    return changed

@@ -46,12 +46,9 @@ class Start:
 def initialize(compiled: CompiledModel, t: float, p: Vector, u: Vector, m: Vector) -> Start:
     """Solve the start conditions together with the algebraic equations; decides relations of variables within `m`.
 
-    Raises
-    ------
-    InitializationError
-        AC301 when Newton's method and continuation both fail, AC304 when that is because conditions depend on each
-        other, AC302 when conditions contradict each other, or no state satisfies all constraints with them, AC303 when
-        the equations are not defined at the start (division by zero, root of a negative number).
+    Raises InitializationError: AC301 when Newton's method and continuation both fail, AC304 when that is because
+    conditions depend on each other, AC302 when conditions contradict each other, or no state satisfies all constraints
+    with them, AC303 when the equations are not defined at the start (division by zero, root of a negative number).
     """
     start = _decided(compiled, t, p, u, m) if compiled.state_events else _initialized(compiled, t, p, u, m, {})
     _check_surplus(compiled, t, start.x, start.z, u, p, m)

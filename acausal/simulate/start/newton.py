@@ -21,21 +21,14 @@ _CONVERGED, _SATISFIED = 1e-11, 1e-8
 
 @dataclass(frozen=True, eq=False)
 class Newton:
-    """Functions of `(t, x, z, u, p, m)` for the unknowns y, the states at the places `free` and then z.
-
-    Attributes
-    ----------
-    slope
-        `-> d residual / d y` of the start conditions (where states are free) and the algebraic equations, y in its
-        nominal magnitudes.
-    step
-        `-> (y - root, residual)`, the first to first order.
-    """
+    """Functions of `(t, x, z, u, p, m)` for the unknowns y, the states at the places `free` and then z."""
 
     free: tuple[int, ...]
     scale: Vector
+    # `-> d residual / d y` of the start conditions (where states are free) and the algebraic equations, y in its
+    # nominal magnitudes.
     slope: Any
-    step: Any
+    step: Any  # `-> (y - root, residual)`, the first to first order
 
     @cached_property
     def quick_slope(self) -> Quick:

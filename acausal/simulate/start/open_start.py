@@ -52,32 +52,18 @@ class _Candidate:
 
 @dataclass(frozen=True, eq=False)
 class OpenStart:
-    """The conditions of one model at its start, in states that none of them gives outright and algebraic variables.
+    """The conditions of one model at its start, in states that none of them gives outright and algebraic variables."""
 
-    Attributes
-    ----------
-    places
-        Of these states.
-    scale
-        Nominal magnitudes of them, then of z.
-    is_ambiguous
-        Whether other states could have been left at their guesses than those that were.
-    functions
-        `(t, x, z, u, p, m) -> (conditions and equations, slope, candidates, slope)`, dense, slopes by these states and
-        then by z.
-    guesses
-        `(p) -> ` the guesses of the candidates.
-    hints
-        `(t, x, z, u, p, m) -> (misses, slope)`: how far all variables with a declared start are off it, by their
-        nominal magnitudes.
-    """
-
-    places: tuple[int, ...]
-    scale: Vector
-    is_ambiguous: bool
+    places: tuple[int, ...]  # of these states
+    scale: Vector  # nominal magnitudes of them, then of z
+    is_ambiguous: bool  # whether other states could have been left at their guesses than those that were
     candidates: tuple[_Candidate, ...]
+    # `(t, x, z, u, p, m) -> (conditions and equations, slope, candidates, slope)`, dense, slopes by these states and
+    # then by z.
     functions: Quick
-    guesses: Quick
+    guesses: Quick  # `(p) -> ` the guesses of the candidates
+    # `(t, x, z, u, p, m) -> (misses, slope)`: how far all variables with a declared start are off it, by their nominal
+    # magnitudes.
     hints: Quick
 
     @classmethod

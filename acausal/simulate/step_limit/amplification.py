@@ -24,28 +24,17 @@ _UNDAMPED = 1e-10
 
 @dataclass(frozen=True)
 class Method:
-    """A one-step method with fixed steps.
+    """A one-step method with fixed steps."""
 
-    Attributes
-    ----------
-    name, title
-        Key in reports, and the name people use.
-    solver
-        The solver of ours that runs it, or None: known here for comparison only.
-    order
-        Classical order of accuracy.
-    numerator, denominator
-        Coefficients of R(z), ascending powers.
-    stiffly_accurate
-        Whether the last stage is the new value: the order does not drop on stiff components.
-    """
-
+    # `name`, `title`: key in reports, and the name people use.
     name: str
     title: str
-    solver: str | None
-    order: int
+    solver: str | None  # the solver of ours that runs it, or None: known here for comparison only
+    order: int  # classical order of accuracy
+    # `numerator`, `denominator`: coefficients of R(z), ascending powers.
     numerator: tuple[float, ...]
     denominator: tuple[float, ...] = (1.0,)
+    # Whether the last stage is the new value: the order does not drop on stiff components.
     stiffly_accurate: bool = False
 
     @property

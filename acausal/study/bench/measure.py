@@ -11,7 +11,9 @@ from typing import Any
 
 from acausal.lower.compiled import CompiledModel
 from acausal.result.result import Result
+from acausal.simulate import run
 from acausal.simulate.run import simulate
+from acausal.simulate.solvers import base
 from acausal.study.bench.accuracy.trajectory import POINTS, Trajectory, sampled
 from acausal.study.bench.case import ONLY_FIXED, Case
 from acausal.study.bench.isolated import Outcome, isolated
@@ -33,7 +35,6 @@ class Task:
 
     def run(self, case: Case, points: int = POINTS) -> Result:
         """Simulate once."""
-
         return simulate(
             self.compiled,
             solver=case.solver,
@@ -114,9 +115,6 @@ def processor_clock() -> None:
     Solvers run in one thread and wait for nothing else: on an idle machine that is the time on the wall, and on a busy
     one what it would be.
     """
-    from acausal.simulate import run
-    from acausal.simulate.solvers import base
-
     busy = SimpleNamespace(perf_counter=time.process_time)
     for module, name in ((run, "clock"), (base, "time")):
         setattr(module, name, busy)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from acausal.errors import UsageError, nearest
 from acausal.result.csvfile import named
+from acausal.result.files import read
 from acausal.result.result import Result
 from acausal.result.series import TimeSeries, read_all
 from acausal.units import format_dimension, in_si, parse
@@ -57,16 +58,11 @@ class Measured:
 def columns_of(dataset: Dataset) -> dict[str, TimeSeries]:
     """The columns of a data set by name.
 
-    Raises
-    ------
-    UsageError
-        AC014, AC044 and AC045 for data that cannot be read, AC055 for what is no data.
+    Raises UsageError: AC014, AC044 and AC045 for data that cannot be read, AC055 for what is no data.
     """
     data = dataset.data
     if isinstance(data, str | Path):
         if Path(data).suffix.lower() != ".csv":
-            from acausal.result.files import read
-
             return _of_result(Result(**vars(read(Path(data)))))
         return read_all(data)
     if isinstance(data, Result):
@@ -119,12 +115,8 @@ def drives(columns: Mapping[str, TimeSeries], inputs: tuple[str, ...]) -> dict[s
 def measured(columns: Mapping[str, TimeSeries], inputs: tuple[str, ...], run: Result) -> tuple[Measured, ...]:
     """The columns to compare with the model, in SI; `run` is one of it and knows its signals.
 
-    Raises
-    ------
-    UsageError
-        AC055 for a column that is no signal of the model, or no column at all to compare.
-    UnitError
-        AC151 for a unit that does not fit.
+    Raises UsageError: AC055 for a column that is no signal of the model, or no column at all to compare.
+    Raises UnitError: AC151 for a unit that does not fit.
     """
     found = []
     for name, series in columns.items():

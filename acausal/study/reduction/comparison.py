@@ -33,34 +33,17 @@ class OutputError:
 
 @dataclass(frozen=True)
 class Comparison:
-    """What runs of both models say.
+    """What runs of both models say."""
 
-    Attributes
-    ----------
-    seconds
-        Best time of a run up to its outputs, "full" and "reduced".
-    integrate
-        The integration alone.
-    steps
-        Steps of the solver, where it counts them.
-    compile
-        Seconds to compile.
-    errors
-        Of every output.
-    estimate
-        By how much states in their quasi-static limit are ahead of themselves, estimated from the reduced run alone;
-        None without such states.
-    failed
-        Why there is no comparison; None when there is.
-    """
-
-    seconds: Mapping[str, float]
-    integrate: Mapping[str, float]
-    steps: Mapping[str, float]
-    compile: Mapping[str, float]
-    errors: tuple[OutputError, ...]
+    seconds: Mapping[str, float]  # best time of a run up to its outputs, "full" and "reduced"
+    integrate: Mapping[str, float]  # the integration alone
+    steps: Mapping[str, float]  # steps of the solver, where it counts them
+    compile: Mapping[str, float]  # seconds to compile
+    errors: tuple[OutputError, ...]  # of every output
+    # By how much states in their quasi-static limit are ahead of themselves, estimated from the reduced run alone; None
+    # without such states.
     estimate: Mapping[str, Any] | None
-    failed: str | None
+    failed: str | None  # why there is no comparison; None when there is
 
     def speed(self) -> dict[str, Any]:
         """Times and their ratios, for JSON."""

@@ -23,36 +23,16 @@ _UNDAMPED = 0.02
 
 @dataclass(frozen=True)
 class Character:
-    """Numbers on which the verdict rests.
+    """Numbers on which the verdict rests."""
 
-    Attributes
-    ----------
-    fastest
-        The mode of largest |eigenvalue|; None without dynamic states.
-    stiffness_ratio
-        Largest over points of max|Re|/min|Re| among decaying modes; 1 where there are not two.
-    stiffness
-        Median over the run of fastest decaying |eigenvalue| over the rate at which the solution changes.
-    explicit_steps
-        Steps that stability alone asks of the explicit pair 5(4) over the run.
-    steps
-        Steps that the run took.
-    ringing
-        The fastest hardly damped oscillation that the solution does not follow, or None.
-    oscillation
-        The hardly damped oscillation that the solution follows for many periods, or None.
-    periods
-        Its number of periods.
-    """
-
-    fastest: Mode | None
-    stiffness_ratio: float
-    stiffness: float
-    explicit_steps: float
-    steps: float
-    ringing: Mode | None
-    oscillation: Mode | None
-    periods: float
+    fastest: Mode | None  # the mode of largest |eigenvalue|; None without dynamic states
+    stiffness_ratio: float  # largest over points of max|Re|/min|Re| among decaying modes; 1 where there are not two
+    stiffness: float  # median over the run of fastest decaying |eigenvalue| over the rate at which the solution changes
+    explicit_steps: float  # steps that stability alone asks of the explicit pair 5(4) over the run
+    steps: float  # steps that the run took
+    ringing: Mode | None  # the fastest hardly damped oscillation that the solution does not follow, or None
+    oscillation: Mode | None  # the hardly damped oscillation that the solution follows for many periods, or None
+    periods: float  # its number of periods
 
 
 def character(run: Trajectory, locals: Sequence[Local]) -> Character:

@@ -15,38 +15,19 @@ _KINKS = frozenset((*RELATIONS, "sign", "min", "max", "fabs", "floor", "ceil"))
 
 @dataclass(frozen=True)
 class Facts:
-    """Facts about a compiled model.
+    """Facts about a compiled model."""
 
-    Attributes
-    ----------
-    constraints
-        Texts of the constraints that had to be differentiated.
-    index
-        Structural index: how often some equation has to be differentiated until all derivatives follow, those of
-        algebraic variables too. 0 for an ODE, 1 where algebraic variables follow from equations as they are, or where
-        a constraint is differentiated once and nothing but rates depends on that.
-    stabilised
-        Number of constraints (of position and of velocity) that are kept by stabilisation and projection.
-    by_invariants
-        Variables that follow from a linear invariant instead of being integrated.
-    relations
-        Number of relations of variables that are located as events.
-    clauses
-        Number of `when` clauses.
-    kinks
-        Number of branches, signs, minima and maxima of variables that are not located.
-    instants
-        Times at which sources switch, in the run [s].
-    """
-
-    constraints: tuple[str, ...]
+    constraints: tuple[str, ...]  # texts of the constraints that had to be differentiated
+    # Structural index: how often some equation has to be differentiated until all derivatives follow, those of
+    # algebraic variables too. 0 for an ODE, 1 where algebraic variables follow from equations as they are, or where a
+    # constraint is differentiated once and nothing but rates depends on that.
     index: int
-    stabilised: int
-    by_invariants: tuple[str, ...]
-    relations: int
-    clauses: int
-    kinks: int
-    instants: tuple[float, ...]
+    stabilised: int  # number of constraints (of position and of velocity) that are kept by stabilisation and projection
+    by_invariants: tuple[str, ...]  # variables that follow from a linear invariant instead of being integrated
+    relations: int  # number of relations of variables that are located as events
+    clauses: int  # number of `when` clauses
+    kinks: int  # number of branches, signs, minima and maxima of variables that are not located
+    instants: tuple[float, ...]  # times at which sources switch, in the run [s]
     algebraic: int
 
 

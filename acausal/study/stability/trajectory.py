@@ -72,10 +72,7 @@ def trajectory(
     `idas`. A run that fails counts as far as it came. One whose events are closer together than its rows is made once
     more with a row between every two of them: short contacts are what limits steps.
 
-    Raises
-    ------
-    AcausalError
-        When no solver leaves the start.
+    Raises AcausalError when no solver leaves the start.
     """
     own = compiled.flat.experiment.solver
     first = "idas" if len(compiled.states) > 200 else "rosenbrock"

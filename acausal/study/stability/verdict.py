@@ -37,26 +37,16 @@ class Avoided:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Which solver to take.
+    """Which solver to take."""
 
-    Attributes
-    ----------
-    solver
-        Name of a solver of ours.
-    kind
-        `stiff`, `ringing` (a fast mode that the solution does not follow), `oscillating`, `smooth`, `static` (no
-        dynamics but integrals), or `singular` (solvers that should do it give up).
-    why, avoid
-        Reasons, one sentence each, and methods to avoid.
-    findings
-        What else can go wrong on this run, and what is done about it.
-    """
-
-    solver: str
+    solver: str  # name of a solver of ours
+    # `stiff`, `ringing` (a fast mode that the solution does not follow), `oscillating`, `smooth`, `static` (no dynamics
+    # but integrals), or `singular` (solvers that should do it give up).
     kind: str
+    # `why`, `avoid`: reasons, one sentence each, and methods to avoid.
     why: tuple[str, ...]
     avoid: tuple[Avoided, ...]
-    findings: tuple[Finding, ...]
+    findings: tuple[Finding, ...]  # what else can go wrong on this run, and what is done about it
 
     def content(self) -> dict[str, object]:
         """For JSON."""

@@ -18,10 +18,7 @@ _PATIENCE = "10s"
 def cluster(address: str, workers: int) -> Iterator[tuple[Executor, int]]:
     """An executor of the scheduler at `host:port`, or of a cluster of `workers` processes here, and its threads.
 
-    Raises
-    ------
-    UsageError
-        AC015 where `distributed` is not installed, AC063 where no scheduler answers.
+    Raises UsageError: AC015 where `distributed` is not installed, AC063 where no scheduler answers.
     """
     distributed = package("distributed")
     if not address:

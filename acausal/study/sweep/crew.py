@@ -155,10 +155,7 @@ def packed(task: Task) -> bytes:
 
     Functions without a name go along where `cloudpickle` is installed, which Dask brings.
 
-    Raises
-    ------
-    UsageError
-        AC064 when something in the model cannot be sent.
+    Raises UsageError: AC064 when something in the model cannot be sent.
     """
     return pickle.dumps((_files(task.component), _dumped(task)))
 
@@ -194,12 +191,8 @@ def _files(component: Component | None) -> list[tuple[str, str, str]]:
 def carried_out(crew: Crew, task: Task, members: Sequence[Member], pace: float, keep: Keep) -> None:
     """Have all members run; `keep` is called with outcomes as they come, `pace` is an estimate of seconds a member.
 
-    Raises
-    ------
-    RunError
-        AC413 when the workers are gone and are not ours to replace.
-    UsageError
-        AC064 when a worker cannot load the model.
+    Raises RunError: AC413 when the workers are gone and are not ours to replace.
+    Raises UsageError: AC064 when a worker cannot load the model.
     """
     waiting, suspects = deque(members), deque[Member]()
     running: dict[Future[list[Outcome]], Sequence[Member]] = {}

@@ -85,10 +85,7 @@ class Sweep:
     def __getitem__(self, name: str) -> Vector:
         """Values of a signal over time, shape (n, r), of a varied parameter, shape (n,), or of `time`, shape (r,).
 
-        Raises
-        ------
-        UsageError
-            AC010 for a name that was not kept.
+        Raises UsageError: AC010 for a name that was not kept.
         """
         if name == "time":
             return self.time.copy()

@@ -154,10 +154,7 @@ def forget(key: str) -> None:
 def unpacked(packed: bytes) -> Task:
     """A task as `acausal.study.sweep.crew.packed` has sent it, with the model files that it needs.
 
-    Raises
-    ------
-    pickle.UnpicklingError
-        With the words of whatever has failed.
+    Raises pickle.UnpicklingError: With the words of whatever has failed.
     """
     try:
         files, content = pickle.loads(packed)

@@ -8,7 +8,7 @@ import os
 import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import Executor
+from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
@@ -28,6 +28,7 @@ from acausal.simulate.arguments import parameter_vector
 from acausal.simulate.native.policy import expect
 from acausal.simulate.options import options as run_options
 from acausal.simulate.record.record import Described
+from acausal.study.sweep.cluster import cluster
 from acausal.study.sweep.crew import Crew, Foreign, Here, Processes, carried_out
 from acausal.study.sweep.family import Progress, Report, Sweep, gathered
 from acausal.study.sweep.member import Outcome, Task, run_member
@@ -294,10 +295,7 @@ def _plain(value: Any) -> Any:
 def _opened(file: Path | None, definition: Definition, resume: bool) -> Store:
     """The store of a sweep: a new one, or that in the file.
 
-    Raises
-    ------
-    UsageError
-        AC062 when the file holds another sweep, or an unfinished one that is not to be resumed.
+    Raises UsageError: AC062 when the file holds another sweep, or an unfinished one that is not to be resumed.
     """
     if file is None:
         if resume:
@@ -333,10 +331,8 @@ def _opened(file: Path | None, definition: Definition, resume: bool) -> Store:
 def _pool(executor: Executor | str | None, workers: int | None, members: int) -> Iterator[Pool | None]:
     """The executor that is asked for, open; None for processes of our own.
 
-    Raises
-    ------
-    UsageError
-        AC060 for an executor that nobody knows, AC015 where Dask is not installed, AC063 where its scheduler is away.
+    Raises UsageError: AC060 for an executor that nobody knows, AC015 where Dask is not installed, AC063 where its
+    scheduler is away.
     """
     width = min(members, workers or _cores())
     if isinstance(executor, Executor):
@@ -344,13 +340,9 @@ def _pool(executor: Executor | str | None, workers: int | None, members: int) ->
     elif executor in (None, "processes"):
         yield None
     elif executor == "threads":
-        from concurrent.futures import ThreadPoolExecutor
-
         with ThreadPoolExecutor(width) as threads:
             yield threads, width
     elif isinstance(executor, str) and executor.startswith("dask://"):
-        from acausal.study.sweep.cluster import cluster
-
         with cluster(executor.removeprefix("dask://"), width) as opened:
             yield opened
     else:

@@ -70,6 +70,8 @@ def design(
 ) -> tuple[tuple[str, ...], Vector]:
     """Names of what is varied and its values, shape (members, names).
 
+    Raises UsageError: AC060 for what makes no sense.
+
     Parameters
     ----------
     vary
@@ -80,11 +82,6 @@ def design(
         hypercube) or "random:1000" for so many draws.
     seed
         The same seed gives the same draws.
-
-    Raises
-    ------
-    UsageError
-        AC060 for what makes no sense.
     """
     if not vary:
         raise UsageError("AC060", "nothing is varied", help="vary={'mass.m': acausal.Range(1.0, 2.0, 5)}")

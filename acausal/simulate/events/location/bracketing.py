@@ -37,17 +37,14 @@ class Node:
 def first_crossing(left: Node, right: Node, instant: float, integrate: Callable[[Node, float], Node]) -> Node | None:
     """Where the first guard is reached between two nodes, or None.
 
+    Raises RuntimeError: no end is found: a guard oscillates faster than the points follow.
+
     Parameters
     ----------
     instant
         Two times are one when they are no farther apart [s].
     integrate
         The node at a time after another node.
-
-    Raises
-    ------
-    RuntimeError
-        No end is found: a guard oscillates faster than the points follow.
     """
     start, pending = left, [right]
     for count in range(_MOST_POINTS):

@@ -154,6 +154,8 @@ class Search:
     def to_event(self, segment: Segment, moment: Moment, band: Vector, gap: float, record: Record) -> Arrival:
         """Integrate with the modes of a moment to the next event, or to the end of a segment.
 
+        Raises RuntimeError when the solver cannot go on; what came before is recorded.
+
         Parameters
         ----------
         band
@@ -162,11 +164,6 @@ class Search:
             How long such stretches are about; inf when it is not known.
         record
             Told the rows at times of the segment, as they are known.
-
-        Raises
-        ------
-        RuntimeError
-            When the solver cannot go on; what came before is recorded.
         """
         way = self._begun(segment, moment, band, record)
         end = float(segment.times[-1])

@@ -143,10 +143,7 @@ def _entered(left: Node, right: Node, k: int, exactly: Exactly) -> Node:
 def integrate_to_event(guards: Guards, moment: Moment, segment: Segment, plugin: str, lingering: Lingering) -> Stop:
     """Integrate one segment of an ODE until a guard is reached, with `plugin`, "rosenbrock" or "erk".
 
-    Raises
-    ------
-    RuntimeError
-        When the solver cannot go on.
+    Raises RuntimeError when the solver cannot go on.
     """
     problem = moment.regime.problem
     step = Stepper(moment.regime, segment, plugin)

@@ -46,15 +46,12 @@ def followed(
 ) -> Vector:
     """States that keep what was reset and satisfy the constraints; `numbers` are z, u, p and m.
 
+    Raises EventError: AC508 where the constraints do not determine the others, or cannot be satisfied.
+
     Parameters
     ----------
     before, after
         States, shape (nx,), before and after the `reset`s at the places `set_by`.
-
-    Raises
-    ------
-    EventError
-        AC508 where the constraints do not determine the others, or cannot be satisfied.
     """
     reset = bound(compiled, set_by)
     if not reset:

@@ -85,10 +85,7 @@ def made(task: Task, nominal: Vector, limit: float, say: Callable[[str], None], 
     order and error control do), so that what they have in common is no proof. Another solver has to agree within
     what both claim; if it does not, the difference counts.
 
-    Raises
-    ------
-    IntegrationError
-        AC410 when fewer than two solvers arrive.
+    Raises IntegrationError: AC410 when fewer than two solvers arrive.
     """
     found: list[_Refined] = []
     notes: list[str] = []
@@ -244,10 +241,8 @@ def given(file: Path, names: Sequence[str], nominal: Vector, span: tuple[float, 
     JSON holds, at the top or under "reference", `values`: numbers (or decimal strings) by the paths of variables, at
     the end of the run, and if known `trusted_digits`.
 
-    Raises
-    ------
-    UsageError
-        AC010 for variables it lacks, AC011 when it is shorter than the run, AC013, AC014 when it cannot be read.
+    Raises UsageError: AC010 for variables it lacks, AC011 when it is shorter than the run, AC013, AC014 when it cannot
+    be read.
     """
     start, stop = span
     times = start + (stop - start) * np.arange(POINTS * FINE + 1) / (POINTS * FINE)

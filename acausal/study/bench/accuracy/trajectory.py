@@ -38,10 +38,7 @@ class Trajectory:
 def components(compiled: CompiledModel, wanted: Sequence[str] | None) -> tuple[str, ...]:
     """Names of the scalars that count: those asked for, arrays taken apart and `*` for any text, or all states.
 
-    Raises
-    ------
-    UsageError
-        AC010 for an unknown name, AC040 when nothing is left that could be compared.
+    Raises UsageError: AC010 for an unknown name, AC040 when nothing is left that could be compared.
     """
 
     known = signals(compiled, np.array(compiled.parameter_values, dtype=float))

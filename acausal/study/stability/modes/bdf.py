@@ -12,18 +12,12 @@ ORDERS = (1, 2, 3, 4, 5)
 
 @dataclass(frozen=True)
 class BdfEffect:
-    """One order on one mode.
-
-    Attributes
-    ----------
-    step
-        The step [s] whose local error is the tolerance.
-    per_period, over_run
-        Factors on the amplitude beyond the mode's own damping, over one period and over the run.
-    """
+    """One order on one mode."""
 
     order: int
-    step: float
+    step: float  # the step [s] whose local error is the tolerance
+    # `per_period`, `over_run`: factors on the amplitude beyond the mode's own damping, over one period and over the
+    # run.
     per_period: float
     over_run: float
 

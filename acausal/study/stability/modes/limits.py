@@ -53,28 +53,17 @@ class Check:
 
 @dataclass(frozen=True)
 class Limit:
-    """What a method allows on this run.
-
-    Attributes
-    ----------
-    largest_step
-        Largest step [s] with |R| <= 1 for every mode at every point; inf: any; 0: none, for an undamped mode.
-    usable_step
-        Largest step [s] with which no mode grows twofold over the run beyond what it does itself.
-    mode, usable_by
-        The modes that limit the two; None when nothing does.
-    rings
-        |R| for modes much faster than the step: 0 forgets them, 1 lets them ring on.
-    below, above
-        Runs at 0.9 and 1.1 of the largest step; None where there is no such step.
-    """
+    """What a method allows on this run."""
 
     method: Method
+    # Largest step [s] with |R| <= 1 for every mode at every point; inf: any; 0: none, for an undamped mode.
     largest_step: float
-    usable_step: float
+    usable_step: float  # largest step [s] with which no mode grows twofold over the run beyond what it does itself
+    # `mode`, `usable_by`: the modes that limit the two; None when nothing does.
     mode: Mode | None
     usable_by: Mode | None
-    rings: float
+    rings: float  # |R| for modes much faster than the step: 0 forgets them, 1 lets them ring on
+    # `below`, `above`: runs at 0.9 and 1.1 of the largest step; None where there is no such step.
     below: Check | None = None
     above: Check | None = None
 

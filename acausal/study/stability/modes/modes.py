@@ -59,22 +59,15 @@ class Mode:
 
 @dataclass(frozen=True, eq=False)
 class Local:
-    """The linearised model at one point.
-
-    Attributes
-    ----------
-    eigenvalues
-        [1/s], the fastest first; all of them, or the fastest of a large system.
-    activity
-        How fast the solution itself changes there [1/s]: the size of x'' over that of x', each state in units of how
-        much it moves along the run; nan where nothing moves.
-    regularity, orientation
-        Reciprocal condition and sign of the determinant of the algebraic equations; 1 without any.
-    """
+    """The linearised model at one point."""
 
     point: Point
-    eigenvalues: Complex
+    eigenvalues: Complex  # [1/s], the fastest first; all of them, or the fastest of a large system
+    # How fast the solution itself changes there [1/s]: the size of x'' over that of x', each state in units of how much
+    # it moves along the run; nan where nothing moves.
     activity: float
+    # `regularity`, `orientation`: reciprocal condition and sign of the determinant of the algebraic equations; 1
+    # without any.
     regularity: float = 1.0
     orientation: float = 1.0
 
