@@ -232,3 +232,9 @@ def nearest(name: str, names: Sequence[str], count: int = 3) -> list[str]:
     by_tail = {n.rsplit(".", 1)[-1]: n for n in reversed(names)}
     close += [by_tail[t] for t in difflib.get_close_matches(tail, list(by_tail), n=count, cutoff=0.6)]
     return list(dict.fromkeys(same_tail[:count] + close))[:count]
+
+
+def meant(name: str, names: Sequence[str], count: int = 3) -> list[str]:
+    """The evidence of a message about an unknown name: those that may have been meant, if there are any."""
+    close = nearest(name, names, count)
+    return [f"did you mean {', '.join(close)}?"] if close else []

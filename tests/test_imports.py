@@ -26,6 +26,8 @@ COMPILER = ("language", "flatten", "structure", "numeric", "diagnose", "analyse"
 ALLOWED: dict[str, set[str]] = {
     "errors": set(),
     "units": set(),
+    # types of arrays
+    "arrays": set(),
     # who does what for the packages below
     "providers": set(),
     # the description of a figure, which a model carries, without the drawing
@@ -68,7 +70,7 @@ ALLOWED: dict[str, set[str]] = {
     # acausal/__init__.py hands out the names of every stage.
     "public": {*COMPILER, "animate", "diagram", "explore", "export", "panel", "plot", "result", "simulate", "study"},
 }
-EVERYBODY_MAY = {"errors", "units", "providers", "private", "collector"}
+EVERYBODY_MAY = {"errors", "units", "arrays", "providers", "private", "collector"}
 # An edge outside the table, by module, with its reason.
 EXCEPTIONS = {
     **{

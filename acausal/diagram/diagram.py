@@ -10,7 +10,7 @@ from typing import Any
 
 from acausal.browser.page import Wrapped, asset, page
 from acausal.diagram.graph import Graph, graph_of
-from acausal.errors import InternalError, UsageError, nearest
+from acausal.errors import InternalError, UsageError, meant
 from acausal.language.component import Component
 from acausal.result.files import atomic, check_suffix
 
@@ -71,11 +71,10 @@ def diagram(model: Component, *, depth: int = 1, opened: Sequence[str] = ()) -> 
     composites = {path: level for path, level in _composites(graph, 0)}
     for path in opened:
         if path not in composites:
-            close = nearest(path, list(composites))
             raise UsageError(
                 "AC020",
                 f"{graph['name']} has no block '{path}' that could be opened",
-                evidence=[f"nearest  {', '.join(close)}"] if close else [],
+                evidence=meant(path, list(composites)),
                 help=f"blocks with parts: {', '.join(sorted(composites)[:12]) or 'none'}",
             )
     shown = [path for path, level in composites.items() if level < depth or path in opened]

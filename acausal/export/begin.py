@@ -7,15 +7,13 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.errors import ExportError, InitializationError
 from acausal.export.casadi.parts import NEWTON
 from acausal.lower.compiled import CompiledModel
 from acausal.numeric.evaluate import values
 from acausal.simulate.start.initialize import initialize
-
-Vector = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

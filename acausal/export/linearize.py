@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from acausal.errors import ExportError, UsageError, nearest
+from acausal.arrays import Vector
+from acausal.errors import ExportError, UsageError, meant
 from acausal.export.begin import input_start
 from acausal.export.forms import LINEAR, check
 from acausal.export.minimal.manifold import minimal, on_constraints
@@ -21,8 +22,6 @@ from acausal.lower.compiled import CompiledModel
 from acausal.result.result import Result
 from acausal.simulate.arguments import input_vector, parameter_vector
 from acausal.simulate.start.initialize import Start, consistent, initialize
-
-Vector = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,11 +205,10 @@ def _point(
         start = Start(x, z, ())
     for name, value in given.items():
         if name not in compiled.states:
-            close = nearest(name, compiled.states)
             raise UsageError(
                 "AC010",
                 f"'{name}' is no state of {compiled.name}",
-                evidence=[f"nearest  {', '.join(close)}"] if close else [],
+                evidence=meant(name, compiled.states),
                 help=f"states: {', '.join(compiled.states)}",
             )
         start.x[compiled.states.index(name)] = value

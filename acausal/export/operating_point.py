@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from acausal.errors import ExportError, UsageError, nearest
+from acausal.arrays import Vector
+from acausal.errors import ExportError, UsageError, meant
 from acausal.export.begin import input_start
 from acausal.export.forms import LINEAR, check
 from acausal.export.observed import dae_function
@@ -20,7 +20,6 @@ from acausal.lower.compiled import CompiledModel
 from acausal.simulate.arguments import input_vector, parameter_vector
 from acausal.simulate.start.initialize import initialize
 
-Vector = NDArray[np.float64]
 # Rates that are left, in nominal magnitudes of their states per time of the run, and outputs that are missed.
 _ZERO = 1e-8
 # Singular values of the scaled Jacobian, by the largest one, below which a direction changes nothing.
@@ -207,11 +206,10 @@ class _Search:
 def _place(compiled: CompiledModel, name: str, known: Sequence[str], kind: str) -> int:
     if name in known:
         return list(known).index(name)
-    close = nearest(name, list(known))
     raise UsageError(
         "AC010",
         f"'{name}' is no {kind} of {compiled.name}",
-        evidence=[f"nearest  {', '.join(close)}"] if close else [],
+        evidence=meant(name, list(known)),
         help=f"it has: {', '.join(known[:8]) or 'none'}",
     )
 

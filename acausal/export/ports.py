@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-from acausal.errors import UsageError, nearest
+from acausal.errors import UsageError, meant
 from acausal.flatten.flat import FlatVariable, suffixes
 from acausal.language.declarations.declaration import Declaration, Kind
 from acausal.lower.casadi_model import Port, Ports
@@ -55,12 +55,11 @@ def _entries(compiled: CompiledModel, variables: Mapping[str, FlatVariable], nam
 
 
 def _unknown(compiled: CompiledModel, name: str, known: list[str]) -> UsageError:
-    close = nearest(name, known)
     parameters = {*compiled.parameters, *(p.path for p in compiled.flat.parameters)}
     return UsageError(
         "AC010",
         f"{compiled.name} has no variable '{name}'",
-        evidence=[f"nearest  {', '.join(close)}"] if close else [],
+        evidence=meant(name, known),
         help="it is a parameter: read it from p" if name in parameters else None,
     )
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
-from acausal.errors import DeclarationError, Span, UnitError, UsageError, nearest
+from acausal.errors import DeclarationError, Span, UnitError, UsageError, meant
 from acausal.flatten.flat import FlatAssert, FlatParameter, FlatSystem, suffix, suffixes
 from acausal.flatten.instances.instances import Instance
 from acausal.flatten.pool import Pool
@@ -238,11 +238,10 @@ def check_overrides(overrides: Mapping[str, object], all_instances: Sequence[Ins
                 else "only parameters can be set; start values are given in the model"
             )
             raise UsageError("AC021", f"{path} is a {kind.value}, not a parameter", help=help_)
-        close = nearest(path, parameters)
         raise UsageError(
             "AC020",
             f"there is no parameter '{path}'",
-            evidence=[f"did you mean {', '.join(close)}?"] if close else [],
+            evidence=meant(path, parameters),
             help="list them with: acausal info MODEL",
         )
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from acausal.errors import UsageError, nearest
+from acausal.errors import UsageError, meant
 from acausal.providers import provided
 
 FUNCTIONS = ("dae", "ode", "implicit", "outputs", "init", "step", "invariants", "instants")
@@ -78,11 +78,10 @@ class Ports(tuple[Port, ...]):
         for k, port in enumerate(self):
             if port.name == name:
                 return k
-        close = nearest(name, self.names)
         raise UsageError(
             "AC010",
             f"'{name}' is not in this vector",
-            evidence=[f"nearest  {', '.join(close)}"] if close else [],
+            evidence=meant(name, self.names),
             help=f"it holds: {', '.join(self.names) or 'nothing'}",
         )
 

@@ -8,21 +8,19 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from acausal.analyse.blocks.solve import Solution
 from acausal.analyse.delays import Delays
 from acausal.analyse.events.state_events import StateEvents
 from acausal.analyse.events.time_events import TimeEvents
 from acausal.analyse.start import StartProblem
+from acausal.arrays import Vector
 from acausal.flatten.flat import FlatSystem
 from acausal.flatten.reduced import nominal
 from acausal.language.component import Component
 from acausal.lower.chebyshev import INPUT_WIDTH
 from acausal.numeric.samples import STABILISATION_RATE
 from acausal.reduce.select import Selection
-
-Vector = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,8 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-Vector = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from acausal.arrays import Indices, Vector
 
 # Where in a stretch the cubic passes through the table, and where in each row it is compared.
 _NODES = np.array([0.0, 0.25, 0.75, 1.0])

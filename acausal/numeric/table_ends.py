@@ -8,10 +8,10 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.language.expressions.lookup import Lookup
 from acausal.numeric.stretches import stretches, variation
 
-Vector = NDArray[np.float64]
 # Share of the tolerance by which a stretch may be off, by the size of the variation of its table.
 _SHARE = 0.1
 # Stretches that follow one another are alike where the longest is so many times as long.

@@ -14,10 +14,8 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
-Vector = NDArray[np.float64]
-Truth = NDArray[np.bool_]
+from acausal.arrays import Truth, Vector
 
 # For each operation the question that decides it, by its operands.
 _QUESTIONS: Mapping[int, Callable[..., Any]] = {

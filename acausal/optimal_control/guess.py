@@ -8,15 +8,13 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.errors import OptimizationError
 from acausal.optimal_control.declare import PhaseSpec
 from acausal.optimal_control.problem import StatedProblem
 from acausal.result.result import Result
 from acausal.simulate.run import simulate
-
-Vector = NDArray[np.float64]
 
 # A guess need not be accurate: points of it in an interval, at least in all, and the tolerance of its run.
 _ROWS, _FEWEST, _TOLERANCE = 10, 100, 1e-5

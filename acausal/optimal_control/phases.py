@@ -7,9 +7,9 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from acausal.analyse.delays import PADE, refuse_delays
+from acausal.arrays import Vector
 from acausal.errors import OptimizationError
 from acausal.export.forms import Form, check
 from acausal.lower.compiled import CompiledModel
@@ -21,8 +21,6 @@ from acausal.optimal_control.optimum.trajectory import PhaseTrajectory, Trajecto
 from acausal.optimal_control.problem import StatedProblem
 from acausal.optimal_control.program.radau import Dynamics
 from acausal.optimal_control.quantities import Quantities
-
-Vector = NDArray[np.float64]
 
 SMOOTH = Form(
     "a problem without phases",

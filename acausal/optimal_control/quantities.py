@@ -8,9 +8,9 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
-from acausal.errors import UsageError, calling_span, nearest
+from acausal.arrays import Vector
+from acausal.errors import UsageError, calling_span, meant
 from acausal.export.begin import Begin, begin_of, init_function
 from acausal.export.minimal.coordinates import coordinates_of
 from acausal.export.observed import dae_function
@@ -20,8 +20,6 @@ from acausal.lower.compiled import CompiledModel
 from acausal.optimal_control.declare import Guard
 from acausal.optimal_control.program.points import key, symbols_in
 from acausal.simulate.arguments import parameter_vector
-
-Vector = NDArray[np.float64]
 
 
 class Quantities:
@@ -153,12 +151,11 @@ class Quantities:
             return self.x.position(name)
         found = self.place(name)
         if found is None or found[0] != "x" or found[2] < 0:
-            close = nearest(name, self.x.names)
             raise UsageError(
                 "AC010",
                 f"{name} is no state of {self.compiled.name}",
                 where=calling_span(),
-                evidence=[f"nearest  {', '.join(close)}"] if close else [],
+                evidence=meant(name, self.x.names),
                 help=f"its states: {', '.join(self.x.names)}",
             )
         return found[1]
@@ -182,12 +179,11 @@ class Quantities:
         for k, known in enumerate(texts):
             if known.replace(" ", "") == text.replace(" ", ""):
                 return Guard(None, k, text)
-        close = nearest(text, texts)
         raise UsageError(
             "AC010",
             f"{self.compiled.name} has no event '{text}'",
             where=calling_span(),
-            evidence=[f"nearest  {', '.join(close)}"] if close else [],
+            evidence=meant(text, texts),
             help=f"its relations: {'; '.join(texts[:8]) or 'none'}",
         )
 

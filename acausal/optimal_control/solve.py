@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.errors import AcausalError, OptimizationError, UsageError
 from acausal.optimal_control.branches import Widths
 from acausal.optimal_control.guess import guessed
@@ -23,8 +24,6 @@ from acausal.optimal_control.program.nlp import Solution, minimized
 from acausal.optimal_control.program.polynomials import Basis
 from acausal.optimal_control.program.radau import PhaseProgram, Program, transcribed
 from acausal.optimal_control.program.shooting import Steps
-
-Vector = NDArray[np.float64]
 
 _INFEASIBLE = ("Infeasible_Problem_Detected", "Restoration_Failed")
 _UNBOUNDED = "Diverging_Iterates"

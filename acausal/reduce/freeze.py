@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from acausal.analyse.aliases import reduce
-from acausal.errors import UsageError, nearest
+from acausal.errors import UsageError, meant
 from acausal.flatten.flat import FlatSystem, suffixes
 from acausal.flatten.pool import LEAVES, Pool
 from acausal.flatten.reduced import nominal
@@ -99,12 +99,11 @@ def _owners(path: str) -> list[str]:
 
 
 def _unknown(flat: FlatSystem, name: str, known: list[str]) -> UsageError:
-    close = nearest(name, known)
     variables = {v.path for v in flat.variables}
     return UsageError(
         "AC020",
         f"there is no parameter '{name}' to freeze in {flat.name}",
-        evidence=[f"did you mean {', '.join(close)}?"] if close else [],
+        evidence=meant(name, known),
         help="it is a variable: only parameters can be frozen"
         if name in variables
         else "name parameters, components, patterns with *, or zeros: all parameters that are zero",

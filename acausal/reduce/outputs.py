@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 
-from acausal.errors import UsageError, nearest
+from acausal.errors import UsageError, meant
 from acausal.flatten.flat import FlatSystem, suffixes
 
 
@@ -49,7 +49,6 @@ def fitting(pattern: str, names: Iterable[str]) -> list[str]:
 
 
 def _unknown(flat: FlatSystem, name: str, known: list[str]) -> UsageError:
-    close = nearest(name, known)
     parameters = {*flat.parameter_names, *(p.path for p in flat.parameters)}
     inside = [n for n in known if n.startswith(name + ".")]
     advice = None
@@ -60,6 +59,6 @@ def _unknown(flat: FlatSystem, name: str, known: list[str]) -> UsageError:
     return UsageError(
         "AC010",
         f"{flat.name} has no variable '{name}' to be an output",
-        evidence=[f"nearest  {', '.join(close)}"] if close else [],
+        evidence=meant(name, known),
         help=advice,
     )

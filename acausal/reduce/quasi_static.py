@@ -16,7 +16,7 @@ from dataclasses import replace
 
 from acausal.analyse.analyse import Structure, reordered
 from acausal.analyse.blocks.solve import Solution, solve
-from acausal.errors import StructureError, UsageError, nearest
+from acausal.errors import StructureError, UsageError, meant
 from acausal.flatten.pool import Pool
 from acausal.flatten.reduced import ReducedSystem
 from acausal.reduce.fold import rewritten
@@ -75,11 +75,10 @@ def states_named(structure: Structure, names: Sequence[str]) -> set[int]:
             x for x in states for own in [reduced.name(x)] if own.startswith((name + ".", name + "["))
         }
         if not fitting:
-            close = nearest(name, list(known))
             raise UsageError(
                 "AC026",
                 f"'{name}' is no state of {reduced.flat.name}",
-                evidence=[f"nearest  {', '.join(close)}"] if close else [],
+                evidence=meant(name, list(known)),
                 help="states: " + ", ".join(reduced.name(x) for x in structure.states[:12]),
             )
         found |= fitting

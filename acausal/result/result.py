@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from acausal.errors import InternalError, UsageError, nearest
+from acausal.errors import InternalError, UsageError, meant
 from acausal.providers import provided
 from acausal.result.files import read, write
 from acausal.result.signals import Array, Event, Signal, Table
@@ -128,11 +128,10 @@ class Result:
             shape = tuple(int(i) for i in indices.max(axis=0) - indices.min(axis=0) + 1)
             if len(found) == int(np.prod(shape)):
                 return shape, [self.signals[element] for _, element in found]
-        close = nearest(name, ["time", *self.names, *self._arrays])
         raise UsageError(
             "AC010",
             f"{self.model} has no signal '{name}'",
-            evidence=[f"nearest  {', '.join(close)}"] if close else [],
+            evidence=meant(name, ["time", *self.names, *self._arrays]),
             help=(
                 f"the run kept only what the outputs {', '.join(map(str, asked[:4]))} need: add it to outputs"
                 if isinstance(asked := self.stats.get("outputs"), tuple) and asked

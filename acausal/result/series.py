@@ -6,14 +6,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from acausal.arrays import Vector
 from acausal.errors import UsageError, nearest
 from acausal.result.csvfile import Sheet, read_sheet
 from acausal.result.files import read
 from acausal.result.result import Result
 
-Vector = NDArray[np.float64]
 INTERPOLATIONS = ("linear", "hold", "smooth")
 
 

@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
-from acausal.errors import UsageError, nearest
+from acausal.arrays import Vector
+from acausal.errors import UsageError, meant
 from acausal.flatten.flat import suffixes
 from acausal.flatten.parameters import check_limit, check_values, entries
 from acausal.lower.compiled import CompiledModel
 from acausal.numeric.evaluate import values
-
-Vector = NDArray[np.float64]
 
 
 def parameter_vector(compiled: CompiledModel, given: Mapping[str, object]) -> Vector:
@@ -43,11 +41,10 @@ def parameter_vector(compiled: CompiledModel, given: Mapping[str, object]) -> Ve
                 help=f"set those, or compile anew: acausal.compile(model, parameters={{{path!r}: ...}})",
             )
         if names[0] not in index:
-            close = nearest(path, list(index))
             raise UsageError(
                 "AC020",
                 f"there is no parameter '{path}'",
-                evidence=[f"did you mean {', '.join(close)}?"] if close else [],
+                evidence=meant(path, list(index)),
             )
         whole = declared.get(path if base is not None else path.rpartition("[")[0])
         shape, unit = base.declaration.shape if base is not None else (), whole.declaration.unit if whole else ""

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from acausal.arrays import Vector
 from acausal.diagnose.words import component_of, line, lines, listed, made_at, places
 from acausal.errors import IntegrationError, Span
 from acausal.flatten.flat import span_of
@@ -16,8 +16,6 @@ from acausal.simulate.one_sided import one_sided
 from acausal.simulate.record.project import constraints
 from acausal.simulate.solvers.base import Segment
 from acausal.simulate.start.finite import UNDEFINED, Undefined, first_undefined
-
-Vector = np.ndarray[Any, np.dtype[np.float64]]
 
 _KNOWN: tuple[tuple[str, str, str], ...] = (
     ("TOO_MUCH_WORK", "AC401", "needs more steps than allowed"),

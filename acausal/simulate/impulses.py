@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.analyse.events.state_events import switched_dependents
+from acausal.arrays import Vector
 from acausal.diagnose.words import component_of, listed, made_at
 from acausal.errors import EventError, UsageError
 from acausal.flatten.reduced import nominal
@@ -26,7 +27,6 @@ from acausal.simulate.equations.kept import kept
 from acausal.simulate.record.record import Recorder
 from acausal.simulate.tolerances import Tolerances
 
-Vector = NDArray[np.float64]
 # Two branches meet to this share of their size; those of variables, which meet where a guard was located, to so many
 # tolerances, or to this.
 _MEETING, _MANY, _LEAST = 1e-9, 100.0, 1e-6

@@ -15,10 +15,10 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
+from acausal.arrays import Vector
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.symbols import Symbols
 
-Vector = np.ndarray[Any, np.dtype[np.float64]]
 _MOST = 500  # unknowns of the models that are looked at
 _LARGE = 1e6  # of an unknown, by its nominal magnitude and its value
 _FLAT = 1e-6  # no slope on the one side, by that on the other

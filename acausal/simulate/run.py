@@ -7,9 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from acausal.arrays import Vector
 from acausal.errors import IntegrationError, UsageError
 from acausal.language.component import Component
 from acausal.lower.cache.cache import choices_stand_for
@@ -31,7 +29,6 @@ from acausal.simulate.record.pivots import without_lost_pivots
 from acausal.simulate.restructure.restructure import Pieces, RunPiece
 from acausal.simulate.start.initialize import Start
 
-Vector = NDArray[np.float64]
 _log = logging.getLogger(__name__)
 # Times that a run is made, each time with other pivots.
 _MOST_FORMS = 4

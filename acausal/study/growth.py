@@ -16,8 +16,8 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.errors import AcausalError
 from acausal.export.forms import SENSITIVITIES, check
 from acausal.export.sensitivity.chain import Chain
@@ -29,8 +29,6 @@ from acausal.simulate.inputs.given import Inputs
 from acausal.simulate.options import options as run_options
 from acausal.simulate.step_limit.state_matrix import StateMatrix
 from acausal.study.stability.trajectory import points
-
-Vector = NDArray[np.float64]
 
 _PARTS = 40
 # Up to so many states the maps are computed whole, beyond along a few directions.

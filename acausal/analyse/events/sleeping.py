@@ -24,18 +24,17 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from acausal.analyse.blocks.solve import Solution
 from acausal.analyse.events.bursts import MOST as MOST_BURSTS
 from acausal.analyse.events.bursts import bursts
+from acausal.arrays import Truth
 from acausal.flatten.pool import LEAVES, RELATIONS, Pool
 from acausal.language.expressions.external import Call
 from acausal.language.expressions.lookup import Lookup
 from acausal.numeric.evaluate import Samples
 from acausal.numeric.samples import SamplePoints
 
-Truth = NDArray[np.bool_]
 MOST = 120
 """Kinks of one system that are watched of whatever kind; with more, no choices, with choices among them only rates."""
 MOST_PLAIN = 1000

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from acausal.cli.arguments.settings import number_in
-from acausal.errors import UsageError, nearest
+from acausal.errors import UsageError, meant
 from acausal.flatten.instances.around import placed
 from acausal.language.component import Component
 from acausal.language.declarations.declaration import Declaration
@@ -52,11 +52,10 @@ def _number(flag: str, name: str, value: str, declared: Mapping[str, Declaration
     """A number with the unit of what it is for; a plain one of an unknown name is left to whoever takes it."""
     own = declared.get(_INDEX.sub("", name))
     if own is None and not _PLAIN.fullmatch(value):
-        close = nearest(name, list(declared))
         raise UsageError(
             "AC010",
             f"{flag} {name}={value}: the model declares no '{name}'",
-            evidence=[f"nearest  {', '.join(close)}"] if close else [],
+            evidence=meant(name, list(declared)),
         )
     return number_in(flag, f"{name}={value}", value, own)
 

@@ -12,7 +12,7 @@ from types import ModuleType
 from acausal.cli.arguments.catalogue import Part, find_part, near_parts
 from acausal.cli.arguments.shipped import shipped_models
 from acausal.cli.output.failure import as_error
-from acausal.errors import UsageError, nearest
+from acausal.errors import UsageError, meant, nearest
 from acausal.language.component import Component, Connector
 
 _FILE = re.compile(r"(?P<path>.+\.py)(?::(?P<name>[^:/\\]*))?")
@@ -117,11 +117,10 @@ def _import(name: str) -> ModuleType:
         # Only when the missing module is the wanted one: a model that imports what is not installed is another matter.
         if error.name is None or not f"{name}.".startswith(f"{error.name}."):
             raise as_error(error) from error
-        close = nearest(name, sorted({m.module for m in shipped_models()}))
         raise UsageError(
             "AC001",
             f"there is no module '{name}'",
-            evidence=[f"did you mean {', '.join(close)}?"] if close else [],
+            evidence=meant(name, sorted({m.module for m in shipped_models()})),
             help=f"give {_FORMS}",
         ) from error
     except Exception as error:

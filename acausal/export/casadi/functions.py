@@ -8,9 +8,9 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
-from acausal.errors import ExportError, UsageError, nearest
+from acausal.arrays import Vector
+from acausal.errors import ExportError, UsageError, meant
 from acausal.export.begin import Begin, begin_of, init_function
 from acausal.export.casadi.finite import finite
 from acausal.export.casadi.parts import depends_on_time, implicit_of, narrowed, ode_of, outputs_of, step_of
@@ -24,8 +24,6 @@ from acausal.flatten.text import to_text
 from acausal.lower.casadi_model import EVENT_FUNCTIONS, CasadiEvents, CasadiModel, Port, Ports
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.symbols import Symbols
-
-Vector = NDArray[np.float64]
 
 
 def casadi_model(
@@ -142,11 +140,10 @@ def _chosen(compiled: CompiledModel, names: Sequence[str] | None) -> list[int] |
     places = {name: k for k, name in enumerate(compiled.parameters)}
     for name in names:
         if name not in places:
-            close = nearest(name, list(places))
             raise UsageError(
                 "AC020",
                 f"{compiled.name} has no free parameter '{name}'",
-                evidence=[f"nearest  {', '.join(close)}"] if close else [],
+                evidence=meant(name, list(places)),
                 help=f"its free parameters: {', '.join(list(places)[:8]) or 'none'}",
             )
     return [places[name] for name in dict.fromkeys(names)]

@@ -7,9 +7,8 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
-Vector = NDArray[np.float64]
+from acausal.arrays import Vector
 
 # On variables divided by their nominal magnitude; residuals have units of their own, so the step decides.
 NEWTON = {"abstol": 1e-14, "abstolStep": 1e-11, "max_iter": 200, "error_on_fail": True}

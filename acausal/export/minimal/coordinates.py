@@ -18,13 +18,11 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.lower.casadi_model import Port, Ports
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.symbols import Symbols
-
-Vector = NDArray[np.float64]
 
 _RANK = 1e-9
 

@@ -13,15 +13,13 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.errors import ExportError
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.symbols import Symbols
 from acausal.simulate.start.initialize import Start
 from acausal.simulate.start.nearest import nearest_on_constraints
-
-Vector = NDArray[np.float64]
 
 _RANK = 1e-9  # smallest pivot that counts, by the largest
 _WORST = 100.0  # how much worse conditioned the followers of wished coordinates may be than those of the best

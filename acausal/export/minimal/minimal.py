@@ -14,15 +14,13 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.export.minimal.coordinates import coordinates_of
 from acausal.export.minimal.manifold import minimal
 from acausal.lower.casadi_model import Ports
 from acausal.lower.compiled import CompiledModel
 from acausal.simulate.start.initialize import Start
-
-Vector = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,8 +13,8 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.export.observed import observed_function
 from acausal.export.ports import Output
 from acausal.export.sensitivity.saltation import Saltation
@@ -26,8 +26,6 @@ from acausal.simulate.driver.hybrid import Passage
 from acausal.simulate.driver.run import Run
 from acausal.simulate.equations.calls.quick import Quick
 from acausal.simulate.events.regime import Regime
-
-Vector = NDArray[np.float64]
 
 
 class Chain:

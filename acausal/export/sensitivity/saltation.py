@@ -16,8 +16,8 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.errors import ExportError
 from acausal.export.sensitivity.slopes import Matrices, Slopes
 from acausal.lower.build import Builder
@@ -26,8 +26,6 @@ from acausal.lower.symbols import Symbols
 from acausal.simulate.driver.hybrid import Hybrid, Passage
 from acausal.simulate.events.regime import Regime
 from acausal.simulate.events.sampling import due
-
-Vector = NDArray[np.float64]
 
 # How far back the rate of a guard is compared, as a share of the run and of the time in which states change.
 _BACK = 1e-6

@@ -10,9 +10,9 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from acausal.errors import UsageError, nearest
+from acausal.arrays import Vector
+from acausal.errors import UsageError, meant
 from acausal.export.forms import SENSITIVITIES, check
 from acausal.export.ports import named_outputs
 from acausal.export.sensitivity.chain import Chain
@@ -24,8 +24,6 @@ from acausal.simulate.arguments import input_vector, parameter_vector
 from acausal.simulate.driver.run import Run
 from acausal.simulate.inputs.given import Inputs
 from acausal.simulate.options import options
-
-Vector = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,7 +156,6 @@ def _places_of(compiled: CompiledModel, parameters: Sequence[str]) -> list[int]:
         raise UsageError("AC020", "there is no parameter to differentiate for", evidence=[f"parameters: {free}"])
     for name in parameters:
         if name not in compiled.parameters:
-            close = nearest(name, list(compiled.parameters))
-            evidence = [f"did you mean {', '.join(close)}?"] if close else []
+            evidence = meant(name, list(compiled.parameters))
             raise UsageError("AC020", f"there is no parameter '{name}'", evidence=evidence)
     return [compiled.parameters.index(name) for name in parameters]

@@ -11,13 +11,12 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.symbols import Symbols
 from acausal.simulate.equations.calls.quick import Quick
 from acausal.simulate.equations.kept import kept
 from acausal.simulate.events.regime import Regime
-
-Vector = NDArray[np.float64]
 
 # Models are compared by identity, and forgotten when nobody else holds them.
 _KEPT: WeakKeyDictionary[CompiledModel, dict[Any, Any]] = WeakKeyDictionary()

@@ -24,8 +24,8 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.errors import ExportError
 from acausal.export.begin import Begin, begin_of
 from acausal.export.step.event_step import Settling, any_of
@@ -44,7 +44,6 @@ from acausal.simulate.events.regime import Regime
 from acausal.simulate.events.sampling import clocks, due, users
 from acausal.simulate.tolerances import Tolerances
 
-Vector = NDArray[np.float64]
 _LOCATING = 6
 # Shares of a part of a step at which guards are looked at, and how far from the cubic between its ends they are, by
 # their size, where they swing within it.

@@ -8,13 +8,11 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.errors import ExportError
 from acausal.export.step.source import StepFunction, identifier
 from acausal.simulate.native import cache
-
-Vector = NDArray[np.float64]
 
 _TIMED = """
 #include <time.h>

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.export.variation.element import LEAST, Temper, Way
 from acausal.export.variation.radau import lost, tolerance_of
 from acausal.export.variation.slopes import Slopes
@@ -20,7 +20,6 @@ from acausal.simulate.native import source
 from acausal.simulate.native.functions import made
 from acausal.simulate.native.program import address
 
-Vector = NDArray[np.float64]
 _DONE, _FULL, _STIFF, _LOST = range(4)
 _HEAD = 3
 # Steps whose record is one array.

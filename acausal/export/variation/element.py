@@ -6,10 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-import numpy as np
-from numpy.typing import NDArray
+from acausal.arrays import Vector
 
-Vector = NDArray[np.float64]
 SMALL = 1e-3
 """Of a variable by its nominal magnitude, the size below which its error counts as absolute."""
 LEAST = 1e-40

@@ -13,14 +13,13 @@ from typing import Any
 import numpy as np
 import scipy.sparse
 import scipy.sparse.linalg
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.errors import IntegrationError
 from acausal.export.variation.element import LEAST, SMALL, Way
 from acausal.export.variation.slopes import Slopes
 from acausal.export.variation.tables import RADAU, STAGES
 
-Vector = NDArray[np.float64]
 _ITERATIONS = 8
 _NODES, _A = RADAU.nodes, RADAU.matrix
 # Of each node the differences to the others.

@@ -7,12 +7,11 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.lower.compiled import CompiledModel
 from acausal.simulate.equations.calls.quick import Quick
 
-Vector = NDArray[np.float64]
 _DENSE = 30  # variables up to which small dense matrices are faster than sparse ones
 
 

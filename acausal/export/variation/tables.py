@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 import scipy.integrate
-from numpy.typing import NDArray
 
-Vector = NDArray[np.float64]
+from acausal.arrays import Vector
+
 STAGES = 5
 
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.export.variation.compiled import Program, program
 from acausal.export.variation.element import LEAST, SMALL, Element, Temper, Way
 from acausal.export.variation.radau import radau
@@ -18,7 +18,6 @@ from acausal.export.variation.tables import EXPLICIT_3, EXPLICIT_5, EXPLICIT_A, 
 from acausal.lower.compiled import CompiledModel
 from acausal.simulate.native.policy import pays
 
-Vector = NDArray[np.float64]
 # A step in Python takes as long as so many evaluations of equations.
 _STEP = 300.0
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 
-from acausal.errors import UsageError, nearest
+from acausal.errors import UsageError, meant
 from acausal.flatten.connections.connections import SignalJoint
 from acausal.flatten.connections.elements import ElementJoint
 from acausal.flatten.flat import FlatEquation
@@ -44,11 +44,10 @@ def _no_input(model: str, path: str, declaration: Declaration | None, inputs: Se
         fact = f"{path} changes at events only: it cannot be a function of time"
     else:
         fact = f"{path} is a {declaration.kind.value}, not an input"
-    close = nearest(path, list(inputs))
     return UsageError(
         "AC047",
         fact,
-        evidence=[f"did you mean {', '.join(close)}?"] if close else [f"inputs: {', '.join(inputs[:6]) or 'none'}"],
+        evidence=meant(path, list(inputs)) or [f"inputs: {', '.join(inputs[:6]) or 'none'}"],
         help="free the signal_input that is to be driven, not the source that drives it",
     )
 

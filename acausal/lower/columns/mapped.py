@@ -15,15 +15,13 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.collector import collector_paused
 from acausal.lower.build import BUILD
 from acausal.lower.columns.patterns import CONSTANT, Column, Patterns, Stage, patterns
 from acausal.lower.lowered import Lowered
 from acausal.lower.symbols import Symbols
-
-Vector = NDArray[np.float64]
 
 # Nodes from which on the search is made, the mean length of columns, and the share of nodes that are in them.
 LEAST, _MEAN, _SHARE = 1000, 100, 0.7

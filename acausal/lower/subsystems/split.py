@@ -14,12 +14,12 @@ from typing import Any
 from weakref import WeakKeyDictionary, ref
 
 import numpy as np
-from numpy.typing import NDArray
 
 from acausal.analyse.blocks.solve import Solution
 from acausal.analyse.events.state_events import StateEvents
 from acausal.analyse.events.time_events import TimeEvents
 from acausal.analyse.start import StartProblem
+from acausal.arrays import Indices, Vector
 from acausal.errors import Span
 from acausal.flatten.pool import Pool
 from acausal.lower.compile import with_functions
@@ -28,8 +28,6 @@ from acausal.lower.events.functions import EventFunctions
 from acausal.lower.subsystems.extract import Extract, extract
 from acausal.lower.subsystems.partition import Group, groups, may_be_split
 
-Vector = NDArray[np.float64]
-Indices = NDArray[np.int64]
 FEWEST = 4
 """Systems with steps and located events from which a model is split: fewer cost no more together."""
 _MOST_KINDS = 32

@@ -14,15 +14,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.optimal_control.optimum.optimum import Multiplier, Optimum
 from acausal.optimal_control.problem import written
 from acausal.panel import Panel
 from acausal.plot.plot import figure, save
 from acausal.plot.scale import Scale, readable
-
-Vector = NDArray[np.float64]
 
 _HELD = "#D55E00"
 # Instants of a phase that are drawn.

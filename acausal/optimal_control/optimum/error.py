@@ -8,14 +8,12 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.optimal_control.optimum.trajectory import PhaseTrajectory, Trajectory
 from acausal.optimal_control.problem import StatedProblem
 from acausal.optimal_control.program.polynomials import Basis
 from acausal.optimal_control.program.radau import Dynamics
-
-Vector = NDArray[np.float64]
 
 _TOLERANCE = 1e-10
 

@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.lower.casadi_model import Port, Ports
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.symbols import Symbols
@@ -27,7 +28,6 @@ from acausal.simulate.run import simulate
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Vector = NDArray[np.float64]
 
 # A constraint is active where it is this near to its limit, by its magnitude, and its multiplier counts.
 _NEAR = 1e-3

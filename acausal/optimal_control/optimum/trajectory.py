@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.optimal_control.declare import Mesh
 from acausal.optimal_control.guess import PhaseGuess
 from acausal.optimal_control.program.nlp import Solution
 from acausal.optimal_control.program.polynomials import Basis
 from acausal.optimal_control.program.radau import Program
-
-Vector = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,9 +12,8 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
-Vector = NDArray[np.float64]
+from acausal.arrays import Vector
 
 # Algebraic variables that are solved for as a formula; beyond, unknowns of the program are sparser.
 _MOST_SOLVED = 8

@@ -8,12 +8,11 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.optimal_control.program.derivatives import derivatives
 from acausal.optimal_control.program.points import Points, replaced
 
-Vector = NDArray[np.float64]
 # Limits of an unknown that differ by less, by its magnitude, are one.
 _SAME = 1e-12
 

@@ -9,9 +9,8 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
-Vector = NDArray[np.float64]
+from acausal.arrays import Vector
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.errors import UsageError
 from acausal.optimal_control.declare import Constraint, Mesh, PhaseSpec
 from acausal.optimal_control.guess import PhaseGuess
@@ -24,8 +25,6 @@ from acausal.optimal_control.program.polynomials import Basis
 from acausal.optimal_control.program.shooting import Steps, bridge
 from acausal.optimal_control.program.sites import Site, site_of
 from acausal.optimal_control.quantities import Quantities, magnitude
-
-Vector = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,8 +9,8 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.lower.compiled import CompiledModel
 from acausal.optimal_control.quantities import Quantities
 from acausal.optimal_control.receding.controller import Controller
@@ -18,7 +18,6 @@ from acausal.result.result import Result
 from acausal.result.series import TimeSeries
 from acausal.simulate.run import simulate
 
-Vector = NDArray[np.float64]
 Estimate = Callable[[float, Mapping[str, float]], Mapping[str, float]]
 
 

@@ -7,8 +7,9 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from acausal.arrays import Vector
 from acausal.errors import OptimizationError, UsageError
 from acausal.optimal_control.guess import guessed
 from acausal.optimal_control.phases import dynamics_of
@@ -16,8 +17,6 @@ from acausal.optimal_control.problem import StatedProblem
 from acausal.optimal_control.program.polynomials import Basis
 from acausal.optimal_control.program.radau import transcribed
 from acausal.optimal_control.receding.warm import Warm
-
-Vector = NDArray[np.float64]
 
 
 class Controller:

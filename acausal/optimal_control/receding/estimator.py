@@ -19,9 +19,9 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
-from acausal.errors import OptimizationError, UsageError, nearest
+from acausal.arrays import Vector
+from acausal.errors import OptimizationError, UsageError, meant
 from acausal.optimal_control.guess import guessed
 from acausal.optimal_control.phases import dynamics_of
 from acausal.optimal_control.problem import StatedProblem
@@ -29,8 +29,6 @@ from acausal.optimal_control.program.polynomials import Basis
 from acausal.optimal_control.program.radau import Program, along, transcribed
 from acausal.optimal_control.receding.controller import check_autonomous, check_horizon
 from acausal.optimal_control.receding.warm import Warm
-
-Vector = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -173,11 +171,10 @@ def _check_names(
     known = [*problem.quantities.x.names, *decided]
     for name in deviations:
         if name not in known:
-            close = nearest(name, known)
             raise UsageError(
                 "AC010",
                 f"{name} is neither a state nor a decided parameter of {problem.compiled.name}",
-                evidence=[f"nearest  {', '.join(close)}"] if close else [],
+                evidence=meant(name, known),
                 help=f"deviations are of {', '.join(known)}; decide a parameter first: problem.decide(name)",
             )
     for name, deviation in {**measured, **deviations}.items():

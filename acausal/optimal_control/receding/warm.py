@@ -7,11 +7,9 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.optimal_control.program.nlp import Nlp
-
-Vector = NDArray[np.float64]
 
 _OPTIONS = {
     "print_level": 0,

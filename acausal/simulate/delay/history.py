@@ -6,11 +6,9 @@ from bisect import bisect_right
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.simulate.equations.chebyshev import value
-
-Vector = NDArray[np.float64]
 
 
 class Panel(NamedTuple):

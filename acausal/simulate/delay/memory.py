@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from acausal.analyse.delays import DEGREE, WIDTH, Delay
+from acausal.arrays import Vector
 from acausal.errors import UsageError
 from acausal.lower.compiled import CompiledModel
 from acausal.numeric.evaluate import values
@@ -31,7 +31,6 @@ from acausal.simulate.record.record import Recorder
 from acausal.simulate.solvers.base import Piece, Segment
 from acausal.simulate.tolerances import Tolerances
 
-Vector = NDArray[np.float64]
 # Breaks of higher derivatives are left to the solvers, whose order is at most five.
 _LAST_ORDER = 5
 _MOST_STRETCHES = 1e6

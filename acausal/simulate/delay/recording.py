@@ -7,14 +7,13 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.simulate.delay.history import Panel
 from acausal.simulate.equations.chebyshev import between, fitted, tail
 from acausal.simulate.events.regime import Regime
 from acausal.simulate.solvers.base import Piece, Segment
 
-Vector = NDArray[np.float64]
 Integrate = Callable[[Regime, Segment], Piece]
 Signals = Callable[[Regime, Segment, Vector, Piece], Vector]
 """Signals at the start of a segment and at n instants after it, shape (n + 1, signals)."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.errors import InitializationError
 from acausal.simulate.delay.memory import Memory
 from acausal.simulate.driver.driver import Dynamics
@@ -15,7 +15,6 @@ from acausal.simulate.events.guards import Moment
 from acausal.simulate.events.regime import Regime
 from acausal.simulate.start.initialize import Start
 
-Vector = NDArray[np.float64]
 _CLOSE = 1e-12
 
 

@@ -14,6 +14,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.lower.compiled import CompiledModel
 from acausal.simulate.equations.calls.direct import rows
 from acausal.simulate.equations.kept import kept
@@ -23,7 +24,6 @@ from acausal.simulate.events.sampling import due, sample_times
 from acausal.simulate.inputs.given import Inputs
 from acausal.simulate.record.record import Recorder
 
-Vector = NDArray[np.float64]
 # Stops nearer than this share of the run are one.
 _APART = 1e-13
 _MARGIN = 1e-12

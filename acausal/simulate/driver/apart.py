@@ -17,6 +17,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.errors import AcausalError
 from acausal.lower.subsystems.split import Subsystem
 from acausal.simulate.driver.agenda import Agenda, Place, Schedule, Stretch
@@ -35,7 +36,6 @@ from acausal.simulate.solvers import Solver
 from acausal.simulate.solvers.base import Piece, Segment
 from acausal.simulate.start.initialize import Start
 
-Vector = NDArray[np.float64]
 _log = logging.getLogger(__name__)
 _NO_Z = np.zeros(0)
 # Parts of a stretch of a run that reports its progress.

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.errors import InitializationError
 from acausal.simulate.driver.agenda import Agenda, Place, Schedule, Stretch, TooFar
 from acausal.simulate.driver.flight import Flight, Landing
@@ -21,7 +21,6 @@ from acausal.simulate.record.record import Recorder
 from acausal.simulate.solvers.base import Segment
 from acausal.simulate.start.initialize import Start
 
-Vector = NDArray[np.float64]
 # Calls of compiled code in a run that reports its progress.
 _REPORTS = 50
 

@@ -14,6 +14,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.simulate.driver.agenda import Place, Schedule
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.guards import Cause
@@ -24,7 +25,6 @@ from acausal.simulate.record.record import Recorder
 from acausal.simulate.solvers import Solver
 from acausal.simulate.solvers.base import Segment, counted, growth
 
-Vector = NDArray[np.float64]
 Explain = Callable[[list[int], list[int]], tuple[Cause, ...]]
 _MOST_EVENTS = 1024
 _ACTS = 16

@@ -8,8 +8,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.simulate.driver.agenda import Place, Schedule, Stretch
 from acausal.simulate.driver.flight import Flight, Passed, can_fly
 from acausal.simulate.equations.problem import Problem
@@ -30,7 +30,6 @@ from acausal.simulate.solvers.patience import PATIENCE
 from acausal.simulate.start.initialize import Start
 from acausal.simulate.tolerances import Tolerances
 
-Vector = NDArray[np.float64]
 Integrate = Callable[[Regime, Segment], Piece]
 _log = logging.getLogger(__name__)
 # A guard creeps if it is so much slower than what is behind it.

@@ -16,14 +16,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from acausal.arrays import Truth, Vector
 from acausal.simulate.equations.arguments import Arguments, arguments
 from acausal.simulate.equations.kept import kept
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.location.between import interpolated
 from acausal.simulate.solvers.base import Piece, Segment, on_equations
 
-Vector = NDArray[np.float64]
-Truth = NDArray[np.bool_]
 Integrate = Callable[[Problem, Segment], Piece]
 # Rows of a piece at least, and at most where arguments are not resolved by fewer. Many functions, as of contacts,
 # have fewer: `_VALUES` of their arguments in all. Pieces of more steps are not searched: between its rows such a

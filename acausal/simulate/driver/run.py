@@ -10,9 +10,9 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from acausal.analyse.delays import refuse_delays
+from acausal.arrays import Vector
 from acausal.errors import IntegrationError, RunError
 from acausal.flatten.parameters import doubtful_values
 from acausal.lower.compiled import CompiledModel
@@ -49,7 +49,6 @@ from acausal.simulate.start.initialize import Start, consistent, initialize
 from acausal.simulate.step_limit.limit import StepLimit
 from acausal.simulate.tolerances import Tolerances
 
-Vector = NDArray[np.float64]
 Progress = Callable[[float, float], None]
 _log = logging.getLogger(__name__)
 # How far points may be off the constraints with fixed steps, and at the smallest tolerances.

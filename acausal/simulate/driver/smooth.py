@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.simulate.driver.agenda import Place, Schedule, Stretch
 from acausal.simulate.driver.flight import Flight, can_fly
 from acausal.simulate.equations.arguments import arguments
@@ -27,7 +27,6 @@ from acausal.simulate.solvers.base import MOST_STEPS, Piece, Segment, pace, prog
 from acausal.simulate.solvers.patience import salvage
 from acausal.simulate.start.initialize import Start, consistent
 
-Vector = NDArray[np.float64]
 _log = logging.getLogger(__name__)
 # Steps times variables that take about a second.
 _LONG = 1e6

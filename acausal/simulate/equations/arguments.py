@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from acausal.analyse.events.state_events import discrete_variables
 from acausal.analyse.events.steep import STEPS, steep
+from acausal.arrays import Vector
 from acausal.flatten.pool import LEAVES, Pool
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.symbols import Symbols
 from acausal.simulate.equations.calls.quick import Narrow
 
-Vector = NDArray[np.float64]
 # Functions that change by less than this factor, or of which less than this share of a step changes, are not steep.
 _MILD, _ROUNDING = 2.0, 1e-16
 

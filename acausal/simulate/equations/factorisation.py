@@ -18,8 +18,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from acausal.arrays import Vector
+
 Order = NDArray[np.int64]
-Vector = NDArray[np.float64]
 
 # Unknowns up to which nothing is counted.
 FEW = 60

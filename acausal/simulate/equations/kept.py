@@ -9,9 +9,9 @@ from weakref import WeakKeyDictionary, ref
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from acausal.analyse.events.time_tables import TimeTable, time_tables
+from acausal.arrays import Vector
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.symbols import DefiningBuilder, Symbols
 from acausal.simulate.equations.calls.quick import Columns, Narrow, Quick
@@ -19,8 +19,6 @@ from acausal.simulate.equations.shares import Shares
 from acausal.simulate.native.equations import parametric
 from acausal.simulate.start.newton import Newton
 from acausal.simulate.start.open_start import OpenStart
-
-Vector = NDArray[np.float64]
 
 # Functions of single signals that are kept, and who may make one: a builder is not for two threads.
 _MOST_OBSERVED = 256

@@ -11,14 +11,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.lower.compiled import CompiledModel
 from acausal.numeric.evaluate import values
 from acausal.numeric.table_ends import alike, table_ends
 from acausal.simulate.equations.kept import kept
 
-Vector = NDArray[np.float64]
 # Instants nearer than this to those of relations of time, by the length of the run, are those.
 _APART = 1e-12
 

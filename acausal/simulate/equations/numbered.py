@@ -16,15 +16,14 @@ from weakref import WeakKeyDictionary
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.lower.compiled import CompiledModel
 from acausal.simulate.equations.calls.quick import Quick
 from acausal.simulate.equations.calls.reused import Reused, pays
 from acausal.simulate.equations.factorisation import FEW, Factorisation, factorisation
 from acausal.simulate.native.equations import equations
 
-Vector = NDArray[np.float64]
 _DAE_IN = ["t", "x", "z", "p", "u"]
 _DAE_OUT = ["ode", "alg", "quad", "zero"]
 # Forms of the equations, and integrators for each of these, that are kept: of models of many unknowns as many as have

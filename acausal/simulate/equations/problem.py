@@ -7,14 +7,12 @@ from functools import cached_property
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.lower.compiled import CompiledModel
 from acausal.simulate.equations.numbered import Numbered, numbered
 from acausal.simulate.native.policy import Native
 from acausal.simulate.record.marching import CLOSE, followed
-
-Vector = NDArray[np.float64]
 
 
 class Stretch(Protocol):

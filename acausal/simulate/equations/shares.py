@@ -18,13 +18,12 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.symbols import Symbols
 from acausal.simulate.equations.calls.quick import Quick
 
-Vector = NDArray[np.float64]
 # Singular values, by the largest one, that are zero; what is left of a bordered slope at least.
 _ZERO, _REGULAR = 1e-10, 1e-7
 # Creep by the scale of the equations, where it has to be a number.

@@ -8,14 +8,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from acausal.arrays import Truth, Vector
 from acausal.errors import Span
 from acausal.simulate.equations.kept import kept
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.regime import Regime
 from acausal.simulate.tolerances import Tolerances
 
-Vector = NDArray[np.float64]
-Truth = NDArray[np.bool_]
 # Instants are located to this share of the run, or of the time.
 INSTANT = 1e-12
 # So many instants late a mode may begin: its guards are behind zero then, by more than their noise.

@@ -22,7 +22,6 @@ from acausal.simulate.equations.calls.quick import Quick
 from acausal.simulate.equations.kept import kept
 from acausal.simulate.equations.shares import Border
 
-Vector = NDArray[np.float64]
 # Sets of held relations whose equations are kept for one model.
 _MOST = 64
 TOGETHER = 16

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.analyse.events.state_events import Clause
+from acausal.arrays import Vector
 from acausal.diagnose.words import listed
 from acausal.errors import InitializationError
 from acausal.lower.events.impulses import impulses
@@ -29,7 +30,6 @@ from acausal.simulate.events.regime import Regime
 from acausal.simulate.events.resets.constrained import followed
 from acausal.simulate.start.initialize import Start, consistent
 
-Vector = NDArray[np.float64]
 _MOST_ROUNDS = 400
 _AT_ONCE = 12
 _MOST_SINGLE = 2000

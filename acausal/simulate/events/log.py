@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.errors import Span
 from acausal.result.result import Event
 from acausal.simulate.events.guards import Cause
 from acausal.simulate.inputs.given import Inputs
-
-Vector = NDArray[np.float64]
 
 
 def event_log(

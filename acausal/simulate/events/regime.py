@@ -16,14 +16,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.lower.compiled import CompiledModel
 from acausal.simulate.equations.calls.quick import Quick
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.equations.shares import Border
 from acausal.simulate.events.held import TOGETHER, Held, Hold, held
 from acausal.simulate.native.policy import Library
-
-Vector = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

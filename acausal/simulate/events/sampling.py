@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from acausal.analyse.events.state_events import Clause
+from acausal.arrays import Vector
 from acausal.flatten.pool import LEAVES
 from acausal.lower.compiled import CompiledModel
 from acausal.numeric.evaluate import values
 from acausal.simulate.events.errors import not_a_clock
-
-Vector = NDArray[np.float64]
 
 
 def clocks(compiled: CompiledModel, p: Vector) -> list[tuple[float, float]]:

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.errors import AcausalError, UsageError
 from acausal.flatten.parameters import check_limit
 from acausal.language.declarations.declaration import Declaration
@@ -24,7 +24,6 @@ from acausal.simulate.inputs.pieces import Pieces, held, sampled, straight
 from acausal.simulate.tolerances import Tolerances
 from acausal.units import format_dimension, in_si, parse
 
-Vector = NDArray[np.float64]
 # Share of the tolerance by which an input may be off, by the size of its variation.
 _SHARE = 0.1
 

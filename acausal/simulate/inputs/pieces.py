@@ -12,13 +12,12 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.errors import UsageError
 from acausal.lower.chebyshev import INPUT_DEGREE, INPUT_WIDTH
 from acausal.simulate.equations.chebyshev import between, fitted, value
 
-Vector = NDArray[np.float64]
 Signal = Callable[[Vector], Vector]
 # Pieces in which a function is looked at first: a pulse of a thousandth of the run is seen.
 _FIRST = 64

@@ -8,13 +8,11 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from acausal.simulate.interrupt import Interrupted
 from acausal.simulate.native.program import INTERRUPTED, Program, RunStructure, address, prepare
 
-Vector = NDArray[np.float64]
 _FILES = "bracketing.c", "flight.c"
 
 

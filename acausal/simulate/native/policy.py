@@ -24,8 +24,8 @@ from weakref import WeakKeyDictionary
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.lower.compiled import CompiledModel
 from acausal.simulate.equations.calls.quick import Quick
 from acausal.simulate.equations.numbered import UNIT, measured
@@ -36,7 +36,6 @@ from acausal.simulate.native.flight import source as flight_source
 from acausal.simulate.native.functions import made
 from acausal.simulate.native.program import HeunProgram
 
-Vector = NDArray[np.float64]
 T = TypeVar("T")
 
 # Saved by one evaluation, in seconds: its call, and each instruction.

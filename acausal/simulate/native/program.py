@@ -14,10 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.simulate.interrupt import Interrupted
 from acausal.simulate.native.source import ENTRY
-
-Vector = NDArray[np.float64]
 
 INTERRUPTED = 100
 """Status of a program that Ctrl-C has ended."""

@@ -6,13 +6,12 @@ import logging
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.simulate.record.project import projected
 from acausal.simulate.record.record import Recorder
 from acausal.simulate.solvers.base import Piece
 
-Vector = NDArray[np.float64]
 Again = Callable[[int, Vector], tuple[Piece, Vector]]
 """`(row, times) -> (piece, modes)`: the solution integrated again from a recorded row."""
 _log = logging.getLogger(__name__)

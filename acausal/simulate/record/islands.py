@@ -11,12 +11,9 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.polynomial import chebyshev
-from numpy.typing import NDArray
 
+from acausal.arrays import Indices, Vector
 from acausal.simulate.tolerances import Tolerances
-
-Vector = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 _ORDER = 16
 _POINTS = np.cos(np.pi * (np.arange(_ORDER + 1) + 0.5) / (_ORDER + 1))

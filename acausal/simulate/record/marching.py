@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
-Vector = NDArray[np.float64]
+from acausal.arrays import Vector
+
 # Largest distance between prediction and solution, in nominal magnitudes; below a tenth of it steps grow.
 CLOSE = 0.02
 _ZERO = 1e-9

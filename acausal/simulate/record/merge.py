@@ -7,12 +7,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Indices, Vector
 from acausal.simulate.events.guards import Cause
 
-Vector = NDArray[np.float64]
-Indices = NDArray[np.int64]
 Boundary = tuple[float, tuple[Cause, ...], tuple[str, ...]]
 
 

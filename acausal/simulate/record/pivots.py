@@ -12,9 +12,9 @@ from weakref import WeakKeyDictionary
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from acausal.analyse.blocks.pivots import keeps_sign
+from acausal.arrays import Vector
 from acausal.lower.compile import refined
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.symbols import Symbols
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from acausal.simulate.record.record import Recorder
     from acausal.simulate.solvers.base import Segment
 
-Vector = NDArray[np.float64]
 Rows = tuple[Vector, Vector, Vector, Vector]
 
 _MOST = 40  # points of runs among the samples

@@ -9,14 +9,13 @@ Where it does not end, at a kink or in a singular position, the solver's own val
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.lower.compiled import CompiledModel
 from acausal.simulate.equations.calls.direct import rows
 from acausal.simulate.equations.kept import kept
 from acausal.simulate.tolerances import Tolerances
 
-Vector = NDArray[np.float64]
 _MOST = 8
 # A step of Newton's method that is as small leaves an error of the order of its square.
 _SMALL = 1e-8

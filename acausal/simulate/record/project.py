@@ -11,14 +11,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.diagnose.words import counted, line
 from acausal.errors import IntegrationError
 from acausal.flatten.flat import span_of
 from acausal.lower.compiled import CompiledModel
-
-Vector = NDArray[np.float64]
 
 _MOST = 6  # steps of Newton's method
 _LEFT = 1e-9  # how far off a point may be after them, by the size of what moves it

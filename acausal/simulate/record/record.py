@@ -12,6 +12,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.flatten.flat import suffixes
 from acausal.lower.compiled import CompiledModel
 from acausal.numeric.evaluate import values
@@ -23,7 +24,6 @@ from acausal.simulate.events.guards import Cause
 from acausal.simulate.record.project import off_constraints, projection
 from acausal.simulate.solvers.base import Piece
 
-Vector = NDArray[np.float64]
 # All signals of so many rows are computed column by column.
 _LONG = 1024
 

@@ -13,12 +13,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.solvers.base import Segment
-
-Vector = NDArray[np.float64]
 
 _ROUNDING = 1.2e-16
 # IDA takes a first correction as good when it is so many times smaller than what it asks for (`ss20` in IDANls).

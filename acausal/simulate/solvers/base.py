@@ -26,6 +26,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.simulate.equations.calls.direct import called
 from acausal.simulate.equations.factorisation import Factorisation
 from acausal.simulate.equations.kept import kept
@@ -38,8 +39,6 @@ from acausal.simulate.native.policy import Library
 from acausal.simulate.record.islands import integrals
 from acausal.simulate.record.polish import polished
 from acausal.simulate.tolerances import Tolerances
-
-Vector = NDArray[np.float64]
 
 TOLERANCE_SHARE = 0.1
 """Share of the tolerance that solvers get for their local errors: end errors are about ten times as large.

@@ -10,12 +10,11 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.errors import UsageError
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.interrupt import Interrupted
 from acausal.simulate.solvers.base import CasadiSolver, Piece, Segment, islands, unmoved
-
-Vector = NDArray[np.float64]
 
 
 def step_of(segment: Segment, solver: str) -> float:

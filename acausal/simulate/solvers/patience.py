@@ -13,11 +13,9 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.simulate.solvers.base import Piece, Segment
-
-Vector = NDArray[np.float64]
 
 PATIENCE = 3000
 """Steps between two output times in a piece."""

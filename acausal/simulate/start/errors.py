@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from acausal.analyse.start import Condition, Reach
+from acausal.arrays import Vector
 from acausal.diagnose.words import (
     component_of,
     counted,
@@ -27,7 +27,6 @@ from acausal.lower.compiled import CompiledModel
 from acausal.numeric.evaluate import values
 from acausal.simulate.start.finite import UNDEFINED, Undefined
 
-Vector = NDArray[np.float64]
 _ROUNDING = 1e-13  # a slope, by nominal magnitudes, that is left of terms that cancel
 
 

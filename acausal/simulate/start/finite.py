@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from acausal.arrays import Vector
 from acausal.flatten.flat import FlatEquation
 from acausal.flatten.pool import LEAVES
 from acausal.flatten.reduced import ReducedSystem
@@ -15,7 +16,6 @@ from acausal.lower.compiled import CompiledModel
 from acausal.numeric.evaluate import values
 from acausal.simulate.equations.kept import kept
 
-Vector = np.ndarray[Any, np.dtype[np.float64]]
 Leaves = Mapping[str, Callable[[int], Any]]
 
 UNDEFINED = "a division by zero, or a root or logarithm of a negative number"

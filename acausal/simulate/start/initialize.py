@@ -8,8 +8,8 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.diagnose.words import counted, listed, made_at
 from acausal.errors import InitializationError
 from acausal.lower.compiled import CompiledModel
@@ -21,8 +21,6 @@ from acausal.simulate.start.errors import contradicting, left_open, not_found, o
 from acausal.simulate.start.finite import UNDEFINED, first_undefined
 from acausal.simulate.start.nearest import nearest_start, unreachable
 from acausal.simulate.start.torn_start import torn_start
-
-Vector = NDArray[np.float64]
 
 _MOST_BLOCKS = 200
 _LARGEST_RANK = 200

@@ -16,12 +16,11 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.symbols import Symbols
 
-Vector = NDArray[np.float64]
 Conditions = Callable[[Vector], tuple[Vector, Vector]]
 """`(x) -> (values, slope)`, shapes (k,) and (k, nx)."""
 

@@ -8,13 +8,12 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.symbols import Symbols
 from acausal.simulate.equations.calls.quick import Quick
 
-Vector = NDArray[np.float64]
 # Steps, relative to the unknowns, and residuals, relative to those at the guesses, that end the search.
 _CONVERGED, _SATISFIED = 1e-11, 1e-8
 

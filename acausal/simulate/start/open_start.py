@@ -17,10 +17,10 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from acausal.analyse.analyse import preference
 from acausal.analyse.events.state_events import discrete_variables
+from acausal.arrays import Vector
 from acausal.flatten.reduced import ReducedSystem, nominal
 from acausal.lower.build import Builder
 from acausal.lower.compiled import CompiledModel
@@ -28,7 +28,6 @@ from acausal.lower.symbols import Symbols
 from acausal.simulate.equations.calls.quick import Quick
 from acausal.simulate.start.nearest import shortest
 
-Vector = NDArray[np.float64]
 _MOST = 400  # unknowns: matrices are dense
 _RANK = 1e-9  # smallest singular value that counts, by the largest
 _CLEAR, _SOME = 1e-2, 1e-6  # share of a slope that is new beside those chosen: at first, and where too few are

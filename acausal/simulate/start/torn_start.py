@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from acausal.analyse.blocks.solve import solve
+from acausal.arrays import Vector
 from acausal.errors import AcausalError
 from acausal.lower.compile import lower
 from acausal.lower.compiled import CompiledModel
 
-Vector = NDArray[np.float64]
 Starter = Callable[[CompiledModel, float, Vector, Vector, Vector], tuple[Vector, Vector]]
 """`(compiled, t, p, u, m) -> (x, z)`: the start problem; raises InitializationError."""
 

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-Vector = NDArray[np.float64]
+from acausal.arrays import Vector
 
 MOST_GROWTH = math.log(2.0)
 """Growth of a mode that makes a run worthless."""

@@ -12,8 +12,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.errors import IntegrationError
 from acausal.result.result import Result
 from acausal.simulate.equations.problem import Problem
@@ -21,8 +21,6 @@ from acausal.simulate.options import Options
 from acausal.simulate.record.record import Recorder
 from acausal.simulate.step_limit.amplification import MOST_GROWTH, Method, method_of
 from acausal.simulate.step_limit.state_matrix import LARGEST_DENSE, StateMatrix
-
-Vector = NDArray[np.float64]
 
 # Growth in the first part of the run by which the start alone condemns it.
 _CERTAIN = math.log(1e3)

@@ -9,14 +9,11 @@ from weakref import WeakKeyDictionary
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Complex, Vector
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.symbols import Symbols
 from acausal.simulate.equations.calls.direct import rows
-
-Vector = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 LARGEST_DENSE = 400
 """Beyond so many states only the fastest eigenvalues are computed."""

@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.errors import UsageError
 from acausal.flatten.flat import suffixes
 from acausal.language.component import Component
@@ -34,7 +34,6 @@ from acausal.study.bench.measure import Measured, Task, measured
 from acausal.study.bench.report import Bench
 from acausal.study.bench.run import Run
 
-Vector = NDArray[np.float64]
 Say = Callable[[str], None]
 
 _COMPILE_LIMIT = 120.0

@@ -8,16 +8,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from acausal.errors import UsageError, nearest
+from acausal.arrays import Vector
+from acausal.errors import UsageError, meant
 from acausal.result.csvfile import named
 from acausal.result.files import read
 from acausal.result.result import Result
 from acausal.result.series import TimeSeries, read_all
 from acausal.units import format_dimension, in_si, parse
-
-Vector = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,11 +121,10 @@ def measured(columns: Mapping[str, TimeSeries], inputs: tuple[str, ...], run: Re
         if name in inputs:
             continue
         if name not in run or run.elements(name)[0]:
-            close = nearest(name, [*inputs, *run.names])
             raise UsageError(
                 "AC055",
                 f"column '{name}' is neither a variable nor an input of {run.model}",
-                evidence=[f"did you mean {', '.join(close)}?"] if close else [],
+                evidence=meant(name, [*inputs, *run.names]),
                 help="rename the column, or leave it out",
             )
         found.append(Measured(name, series.times, _in_si(name, series, run.unit(name))))

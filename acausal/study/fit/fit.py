@@ -15,9 +15,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from acausal.errors import RunError, UsageError, nearest
+from acausal.arrays import Vector
+from acausal.errors import RunError, UsageError, meant
 from acausal.flatten.parameters import entries
 from acausal.language.component import Component
 from acausal.lower.compile import compile
@@ -31,7 +31,6 @@ from acausal.study.fit.trial import Ran, Trial, trial_of
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Vector = NDArray[np.float64]
 
 # Relative change of a parameter for a difference, and the tolerance of the runs that makes it worth 1e-4.
 _STEP = 1e-4
@@ -182,11 +181,10 @@ def _unknowns(
 
 
 def _unfit(compiled: CompiledModel, name: str, known: bool, free: list[str]) -> UsageError:
-    close = nearest(name, free)
     return UsageError(
         "AC056",
         f"{name} follows from other parameters of {compiled.name}" if known else f"there is no parameter '{name}'",
-        evidence=[f"did you mean {', '.join(close)}?"] if close else [],
+        evidence=meant(name, free),
         help="free those, or give it a value of its own, where the search begins"
         if known
         else "acausal info lists all parameters",

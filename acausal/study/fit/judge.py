@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Vector = NDArray[np.float64]
+from acausal.arrays import Vector
+
 _CONFIDENCE = 0.95
 # Derivatives are differences of runs, good to about 1e-4: columns that much smaller than others may be that error, and
 # columns that agree to ten times that are the same one.

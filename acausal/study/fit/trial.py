@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.errors import AcausalError, RunError, UsageError
 from acausal.export.forms import SENSITIVITIES, check
 from acausal.export.ports import Output, named_outputs
@@ -24,8 +24,6 @@ from acausal.simulate.interrupt import interruptible
 from acausal.simulate.options import options as run_options
 from acausal.simulate.run import simulate
 from acausal.study.fit.dataset import Dataset, Measured, columns_of, drives, measured
-
-Vector = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

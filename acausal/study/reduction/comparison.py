@@ -9,15 +9,14 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.errors import AcausalError
 from acausal.lower.compiled import CompiledModel
 from acausal.result.result import Result
 from acausal.simulate.run import simulate
 from acausal.study.reduction.lag import lag
 
-Vector = NDArray[np.float64]
 _ROUNDING = 1e-13
 
 

@@ -12,13 +12,12 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.symbols import Symbols
 from acausal.result.result import Result
 
-Vector = NDArray[np.float64]
 _MOST_POINTS = 400
 
 

@@ -9,9 +9,9 @@ from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from acausal.analyse.delays import PADE, refuse_delays
+from acausal.arrays import Vector
 from acausal.errors import AcausalError
 from acausal.flatten.connections.connections import UnionFind
 from acausal.language.component import Component
@@ -298,9 +298,6 @@ def _grouped(items: Sequence[Left]) -> Iterator[str]:
         reasons.setdefault(item.why, []).append(item.name)
     for why, names in reasons.items():
         yield f"    {_listed(names)}: {why}"
-
-
-Vector = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

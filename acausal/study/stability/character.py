@@ -7,13 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Complex
 from acausal.simulate.step_limit.amplification import METHODS, Method
 from acausal.study.stability.modes.modes import Local, Mode, mode
 from acausal.study.stability.trajectory import Trajectory
-
-Complex = NDArray[np.complex128]
 
 FAST = 30.0
 """A mode is fast when it is so many times faster than the solution changes."""

@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.errors import AcausalError, InitializationError, IntegrationError
 from acausal.lower.compiled import CompiledModel
 from acausal.result.result import Result
@@ -21,7 +21,6 @@ from acausal.simulate.inputs.given import Inputs
 from acausal.simulate.options import options as run_options
 from acausal.simulate.run import simulate
 
-Vector = NDArray[np.float64]
 # Stretches between events that are looked into, and modes that are added to the points.
 _MOST_STRETCHES, _MOST_MODES = 200, 20
 

@@ -11,15 +11,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from acausal.errors import UsageError, nearest
+from acausal.arrays import Vector
+from acausal.errors import UsageError, meant
 from acausal.providers import provided
 from acausal.result.signals import Signal
 from acausal.study.sweep.store import Store
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-Vector = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -104,11 +103,10 @@ class Sweep:
 
     def _found(self, name: str) -> tuple[str, int]:
         if name not in self._places:
-            close = nearest(name, list(self._places))
             raise UsageError(
                 "AC010",
                 f"the sweep of {self.model} has kept no signal '{name}'",
-                evidence=[f"nearest  {', '.join(close)}"] if close else [],
+                evidence=meant(name, list(self._places)),
                 help=f"signals=[{name!r}] keeps it: acausal sweep ... --signals {name}",
             )
         return self._places[name]

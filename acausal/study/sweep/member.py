@@ -13,16 +13,14 @@ from types import ModuleType
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.errors import AcausalError, InternalError, UsageError
 from acausal.language.component import Component
 from acausal.lower.compiled import CompiledModel
 from acausal.result.result import Result
 from acausal.simulate.native.policy import expect
 from acausal.simulate.run import simulate
-
-Vector = NDArray[np.float64]
 
 # Times of output that are nearer than this share of the largest are the same.
 _SAME = 1e-13

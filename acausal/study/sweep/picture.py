@@ -15,12 +15,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.errors import UsageError
 from acausal.plot.plot import STYLE, check_picture, save
 from acausal.plot.scale import readable
 from acausal.study.sweep.family import Sweep
-
-Vector = NDArray[np.float64]
 
 # Lines that can be told apart by name, and lines that can be seen at all.
 _NAMED, _SEEN = 8, 200

@@ -14,13 +14,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.errors import UsageError
 from acausal.result.signals import Signal
 from acausal.study.sweep.member import Outcome
-
-Vector = NDArray[np.float64]
 
 _FORMAT = "acausal sweep 1"
 _TABLES = """

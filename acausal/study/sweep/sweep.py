@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any, TypedDict, Unpack
 
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.errors import DeclarationError, UsageError
 from acausal.language.component import Component
 from acausal.lower.compile import compile
@@ -35,7 +35,6 @@ from acausal.study.sweep.member import Outcome, Task, run_member
 from acausal.study.sweep.store import Definition, Store
 from acausal.study.sweep.vary import design
 
-Vector = NDArray[np.float64]
 # An executor and how many of its workers there are.
 Pool = tuple[Executor, int]
 

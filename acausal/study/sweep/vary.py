@@ -9,11 +9,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.errors import UsageError
-
-Vector = NDArray[np.float64]
 
 SAMPLES = ("sobol", "halton", "lhs", "random")
 # Members of one sweep; a grid of five axes with 100 points each is a slip.

@@ -12,12 +12,11 @@ from typing import Any, Literal, Protocol
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.simulate.equations.calls.columns import by_columns
 from acausal.simulate.equations.calls.direct import rows
 
-Vector = NDArray[np.float64]
 # So many points are worth a function of their own, one for each power of two up to a block.
 _FEW, _BLOCK = 8, 1024
 # So many rows are worth one that goes by columns: 10 us an operation to make it, 3 ns saved on each in every row.

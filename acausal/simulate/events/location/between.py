@@ -8,10 +8,9 @@ Where it is not, the one of degree five through six of them is another one: thei
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Vector = NDArray[np.float64]
-Truth = NDArray[np.bool_]
+from acausal.arrays import Truth, Vector
+
 _FINE, _COARSE, _FEWEST = 8, 6, 4
 # Errors of the looks grow by the sum of the weights, which is 2 in the middle of evenly spaced ones.
 _LARGEST = 16.0

@@ -15,7 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Vector = NDArray[np.float64]
+from acausal.arrays import Vector
+
 # A dip is looked into when its tangents meet below this share of what they fall and rise.
 _LOW = 0.05
 # Every so many points one is put in the middle of its interval, so that each interval shrinks.

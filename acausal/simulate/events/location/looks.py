@@ -8,10 +8,9 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.solvers.base import Segment
-
-Vector = NDArray[np.float64]
 
 # Looks at once: fewer when there are many numbers to each.
 _LOOKS, _FEWEST, _NUMBERS = 256, 4, 4e6

@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from acausal.arrays import Truth, Vector
 from acausal.simulate.equations.kept import kept
 from acausal.simulate.events.guards import LOCATED, Guards, Moment
 from acausal.simulate.events.location import looks as looking
@@ -29,8 +30,6 @@ from acausal.simulate.events.regime import Regime
 from acausal.simulate.solvers import Solver
 from acausal.simulate.solvers.base import Piece, Segment, islands, on_equations
 
-Vector = NDArray[np.float64]
-Truth = NDArray[np.bool_]
 Integrate = Callable[[Regime, Segment], Piece]
 Record = Callable[[Vector, Piece], None]
 

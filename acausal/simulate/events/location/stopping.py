@@ -21,8 +21,8 @@ from weakref import WeakKeyDictionary
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.simulate.equations.calls.direct import Repeated
 from acausal.simulate.equations.calls.quick import Quick
 from acausal.simulate.equations.numbered import Numbered, with_values
@@ -36,7 +36,6 @@ from acausal.simulate.native.flight import FlightProgram
 from acausal.simulate.native.policy import Library, StoppingEquations
 from acausal.simulate.solvers.base import Piece, Segment, bounded, islands, pace
 
-Vector = NDArray[np.float64]
 # An interpreted call, with what Python does around it at guards and events, takes as long as so many evaluations:
 # 0.25 ms. The default compiles 4000 switchings on its way, after which they take 10 us each.
 _CALLING = 150.0

@@ -19,12 +19,11 @@ from weakref import WeakKeyDictionary
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.symbols import Symbols
 
-Vector = NDArray[np.float64]
 _Point = tuple[float, Vector, Vector, Vector, Vector, Vector]
 _ROUNDING, _SAME = 1e-8, 1e-6
 _ELSEWHERE = (0.07, -0.11)

@@ -13,15 +13,13 @@ from collections.abc import Collection
 import numpy as np
 from numpy.typing import NDArray
 
+from acausal.arrays import Truth, Vector
 from acausal.diagnose.words import line, listed
 from acausal.errors import EventError
 from acausal.flatten.flat import span_of
 from acausal.lower.compiled import CompiledModel
 from acausal.simulate.events.resets.balance import directions
 from acausal.simulate.record.project import constraints
-
-Vector = NDArray[np.float64]
-Truth = NDArray[np.bool_]
 
 _MOST = 20  # steps of Newton's method
 _HOLDS, _SOLVED = 1e-7, 1e-10  # what a constraint may be off by what moves it: at an event, and when it is solved

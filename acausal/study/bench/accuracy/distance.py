@@ -13,11 +13,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.study.bench.accuracy.trajectory import Trajectory
-
-Vector = NDArray[np.float64]
 
 _LEAST_FLOOR = 1e-3
 # A variable whose slope changes its sign at least so often oscillates.

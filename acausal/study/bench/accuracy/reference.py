@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.errors import IntegrationError, UsageError
 from acausal.result.result import load
 from acausal.simulate.solvers import share_of, solver_named
@@ -21,8 +21,6 @@ from acausal.study.bench.case import IMPLICIT, Case
 from acausal.study.bench.isolated import Outcome, isolated
 from acausal.study.bench.measure import FINE, Task, fine
 from acausal.study.growth import Growth, growth
-
-Vector = NDArray[np.float64]
 
 SOLVERS = ("rosenbrock", "idas", "erk", "cvodes")
 """Candidates, the most exact first.

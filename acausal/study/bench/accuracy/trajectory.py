@@ -6,15 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.errors import UsageError
 from acausal.lower.compiled import CompiledModel
 from acausal.reduce.outputs import fitting
 from acausal.result.result import Result
 from acausal.simulate.record.record import signals
-
-Vector = NDArray[np.float64]
 
 # Variables that stand in for states where there are none.
 _MOST = 100

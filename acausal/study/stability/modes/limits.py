@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from acausal.arrays import Vector
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.solvers import solver_named
 from acausal.simulate.solvers.base import Segment
@@ -20,8 +21,6 @@ from acausal.simulate.step_limit.state_matrix import LARGEST_DENSE, StateMatrix
 from acausal.simulate.tolerances import Tolerances
 from acausal.study.stability.modes.modes import Local, Mode, mode
 from acausal.study.stability.trajectory import Point, Trajectory
-
-Vector = NDArray[np.float64]
 
 BELOW, ABOVE = 0.9, 1.1
 """Shares of the largest step at which it is checked."""

@@ -5,14 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from acausal.arrays import Complex
 from acausal.simulate.step_limit.limit import participation
 from acausal.simulate.step_limit.state_matrix import LARGEST_DENSE, StateMatrix
 from acausal.study.stability.trajectory import Point, Trajectory
-
-Vector = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 # Shares below this do not name a state.
 _SMALLEST_SHARE = 0.05
