@@ -9,12 +9,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from acausal.arrays import Vector
+from acausal.arrays import Truth, Vector
 from acausal.simulate.driver.agenda import Place, Schedule, Stretch
 from acausal.simulate.driver.flight import Flight, Passed, can_fly
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.errors import RestlessKink, accumulated, unsettled
-from acausal.simulate.events.guards import INSTANT, Cause, Guards, Moment, Truth, resting_band
+from acausal.simulate.events.guards import INSTANT, Cause, Guards, Moment, resting_band
 from acausal.simulate.events.iteration import Happened, Iteration, Jump
 from acausal.simulate.events.location.search import Arrival, Search
 from acausal.simulate.events.location.stopping import Lingering, Stop, compiled_program, integrate_to_event

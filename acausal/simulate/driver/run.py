@@ -29,19 +29,17 @@ from acausal.simulate.driver.hybrid import Hybrid
 from acausal.simulate.driver.overlooked import Overlooked
 from acausal.simulate.driver.smooth import Smooth
 from acausal.simulate.equations.arguments import arguments
-from acausal.simulate.equations.kept import kept
+from acausal.simulate.equations.kept import kept, truths
 from acausal.simulate.equations.kinks import NONE, Kinks, kinks
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.errors import RestlessKink
 from acausal.simulate.events.log import event_log
 from acausal.simulate.events.regime import Regime
-from acausal.simulate.events.truth import truths
 from acausal.simulate.impulses import corners, refuse_jumps, refuse_leaps
 from acausal.simulate.inputs.given import Inputs
 from acausal.simulate.interrupt import Interruptible
 from acausal.simulate.options import Options
-from acausal.simulate.record.dense import Dense
-from acausal.simulate.record.record import Recorder, make_result
+from acausal.simulate.record.record import Dense, Recorder, make_result
 from acausal.simulate.rounding import MANY, STRETCH, STRETCHES, attainable, remark
 from acausal.simulate.solvers import Solver, choose, share_of
 from acausal.simulate.solvers.base import Piece, Segment

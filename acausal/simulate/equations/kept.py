@@ -10,7 +10,7 @@ from weakref import WeakKeyDictionary, ref
 import casadi as ca
 import numpy as np
 
-from acausal.analyse.events.time_tables import TimeTable, time_tables
+from acausal.analyse.events.table_stops import TimeTable, time_tables
 from acausal.arrays import Vector
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.symbols import DefiningBuilder, Symbols
@@ -209,3 +209,11 @@ def kept(compiled: CompiledModel) -> Kept:
     if found is None:
         found = _KEPT[compiled] = Kept(compiled)
     return found
+
+
+def truths(compiled: CompiledModel, t: float, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector) -> Vector:
+    """Each relation, 0 or 1; algebraic variables and other relations are those of `z` and `m`."""
+    (distance,) = kept(compiled).distances(t, x, z, u, p, m)
+    nodes = compiled.solution.structure.reduced.pool.nodes
+    reaches = np.array([nodes[n][0] in ("le", "ge") for n in compiled.state_events.relations], dtype=bool)
+    return np.asarray((distance > 0) | ((distance == 0) & reaches), dtype=float)

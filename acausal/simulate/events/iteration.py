@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.analyse.events.state_events import Clause
-from acausal.arrays import Vector
+from acausal.arrays import Truth, Vector
 from acausal.diagnose.words import listed
 from acausal.errors import InitializationError
 from acausal.lower.events.impulses import impulses
@@ -24,7 +24,7 @@ from acausal.simulate.equations.kept import kept
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.equations.shares import Border
 from acausal.simulate.events.errors import contradicting, overloaded, undetermined, unsettled, vain, violated
-from acausal.simulate.events.guards import INSTANT, LOCATED, Cause, Guards, Moment, Truth
+from acausal.simulate.events.guards import INSTANT, LOCATED, Cause, Guards, Moment
 from acausal.simulate.events.held import Hold
 from acausal.simulate.events.regime import Regime
 from acausal.simulate.events.resets.constrained import followed

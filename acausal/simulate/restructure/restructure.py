@@ -36,8 +36,7 @@ from acausal.simulate.events.guards import Cause, Moment
 from acausal.simulate.options import Options
 from acausal.simulate.record.record import Recorder
 from acausal.simulate.restructure.joined import Joined, Piece, renamed
-from acausal.simulate.restructure.structures import structure
-from acausal.simulate.restructure.watch import Watch, named
+from acausal.simulate.restructure.structures import Watch, named, structure
 from acausal.simulate.start.initialize import Start
 
 Array = NDArray[np.float64]

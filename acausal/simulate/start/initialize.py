@@ -13,9 +13,8 @@ from acausal.arrays import Vector
 from acausal.diagnose.words import counted, listed, made_at
 from acausal.errors import InitializationError
 from acausal.lower.compiled import CompiledModel
-from acausal.simulate.equations.kept import kept
+from acausal.simulate.equations.kept import kept, truths
 from acausal.simulate.equations.shares import Shares
-from acausal.simulate.events.truth import truths
 from acausal.simulate.record.project import constraints
 from acausal.simulate.start.errors import contradicting, left_open, not_found, off_constraint, undefined
 from acausal.simulate.start.finite import UNDEFINED, first_undefined
