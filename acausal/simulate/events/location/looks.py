@@ -13,7 +13,7 @@ from acausal.simulate.equations.problem import Problem
 from acausal.simulate.solvers.base import Segment
 
 # Looks at once: fewer when there are many numbers to each.
-_LOOKS, _FEWEST, _NUMBERS = 256, 4, 4e6
+_LOOKS, _FEWEST, _NUMBERS = 512, 4, 4e6
 # The same between fixed steps: a search costs as much as some hundred of them.
 _STEPS = 4096
 # Looks move apart by this factor: evenly spaced they could fall in with an oscillation.

@@ -16,7 +16,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +24,7 @@ from acausal.arrays import Truth, Vector
 from acausal.simulate.equations.kept import kept
 from acausal.simulate.events.guards import LOCATED, Guards, Moment
 from acausal.simulate.events.location import looks as looking
-from acausal.simulate.events.location.between import between, lowest
+from acausal.simulate.events.location.between import between, lowest, newton_form
 from acausal.simulate.events.regime import Regime
 from acausal.simulate.solvers import Solver
 from acausal.simulate.solvers.base import Piece, Segment, islands, on_equations
@@ -46,6 +45,9 @@ _LATE_TURN, _MOST_TURNS = 2, 7
 _FARTHER = 16.0
 # Looks of a piece behind one that has stopped, by those of that one; of several in a row ever closer.
 _NEARER, _MOST_NEARER = 0.2, 3
+# A stop is at the beginning of a stretch so many looks from there; how much farther apart the first looks may be in the
+# next such stretch if they were close enough in this one.
+_OPENING, _WIDER = 16.0, 2.0
 # So many failures must have brought a run on by this share of it.
 _MANY, _PROGRESS = 100, 1e-6
 # And so many steps by this one, whatever the outputs are.
@@ -133,6 +135,7 @@ class _Way:
     since: float = 0.0
     steps: float = 0.0
     is_finer: bool = False
+    relations: bytes = b""
 
 
 class _NotDelivered(RuntimeError):
@@ -149,6 +152,8 @@ class Search:
     span: float
     spacing: float = np.inf
     pace: float = 0.0
+    openings: dict[bytes, float] = field(default_factory=dict)
+    """How far apart the first looks of a stretch may be, by the relations that hold in it."""
 
     def to_event(self, segment: Segment, moment: Moment, band: Vector, gap: float, record: Record) -> Arrival:
         """Integrate with the modes of a moment to the next event, or to the end of a segment.
@@ -195,7 +200,7 @@ class Search:
                 self._failed(way, marks, str(error))
                 continue
             if found is None:
-                self._adapt(way, np.append(here, asked.times[rows]), piece)
+                self._adapt(way, np.append(here, asked.times[rows]), piece, end)
             way.closer += closer
             while way.closer and way.segment.start >= way.closer[-1][0]:
                 way.closer.pop()
@@ -218,6 +223,7 @@ class Search:
         times = np.array([segment.start])
         way = _Way(segment, moment, band, start, record, times, values[None, :], values, segment)
         way.mark = way.since = segment.start
+        way.relations = moment.m[self.guards.first :].tobytes()
         return way
 
     def _rest(self, way: _Way, t: float, x: Vector, z: Vector) -> Truth:
@@ -254,7 +260,7 @@ class Search:
             marks, times = looking.merged(looking.stepped(here, outputs, limit, segment.step, count), outputs)
             return marks, replace(asked, times=times)
         else:
-            spacing = way.shrink * min(self.spacing, (limit - here) / 64)
+            spacing = way.shrink * min(self._spaced(way), (limit - here) / 64)
             first = self._first(way, asked, limit - here)
             length, shares = looking.growing(limit - here, first, spacing, looking.most(problem), least)
             begun = looking.begun(shares, length, first)
@@ -267,6 +273,12 @@ class Search:
             return marks, replace(asked, times=marks, shares=shares)
         marks, times = looking.merged(marks, outputs)
         return marks, replace(asked, times=times)
+
+    def _spaced(self, way: _Way) -> float:
+        """How far apart looks may be from here on: where a stretch begins, as in others with the same relations."""
+        if way.segment.start > way.start.time:
+            return self.spacing
+        return self.openings.get(way.relations, self.spacing)
 
     def _first(self, way: _Way, asked: Segment, horizon: float) -> float:
         """The first step."""
@@ -388,7 +400,7 @@ class Search:
         """Rows to accept where nothing was found: not the interval before a failure, whose other side is not known."""
         return int(rows[-2]) + 1 if piece.stopped and len(rows) > 2 else count
 
-    def _adapt(self, way: _Way, times: Vector, piece: Piece) -> None:
+    def _adapt(self, way: _Way, times: Vector, piece: Piece, end: float) -> None:
         """How far apart looks may be from now on."""
         if way.closer or not way.moment.regime.owners or way.segment.step is not None or len(times) < 2:
             return
@@ -396,13 +408,19 @@ class Search:
         way.stops = way.stops + 1 if piece.stopped else 0
         gaps = np.diff(times)
         last = float(gaps[-2:].max()) if len(gaps) > 1 else float(gaps[-1])
+        opens = float(times[-1]) <= way.start.time + _OPENING * last
         if piece.stopped:  # closer than the steps were, as they are shorter behind a start
             self.spacing = _NEARER ** min(way.stops, _MOST_NEARER) * float(gaps[-1])
+            if opens:
+                self.openings[way.relations] = self.spacing
             return
         ramp = int(np.sum(gaps[1:] > 1.5 * gaps[:-1])) + 1
         steps = piece.counters.get("steps", 0.0)
         rate = max(steps - 3.0 * ramp, 0.02 * len(gaps)) / max(len(gaps) - ramp, 1)
         self.spacing = last * float(np.clip(_WANTED_STEPS / rate, 0.25, 100.0))
+        if float(times[0]) == way.start.time:
+            own = float(gaps[min(ramp, len(gaps) - 1)])
+            self.openings[way.relations] = own if times[-1] >= end else _WIDER * own
         self.pace = (times[-1] - times[0]) / steps if steps else 0.0
         self.guards.step = self.pace
 
@@ -558,22 +576,19 @@ class Search:
 
     def _root(self, seen: _Seen, row: int, k: int) -> float:
         """Where the polynomial through the nearest looks is zero."""
-        # not the barycentric form: SciPy permutes its nodes at random, and two equal runs differ in the last digit
-        from scipy.interpolate import KroghInterpolator  # half a second, for a crossing only
-        from scipy.optimize import brentq
-
-        bracketed: Any = brentq
         low = max(seen.here, min(row + 1 - _NEAREST // 2, len(seen.times) - _NEAREST))
         near = slice(low, low + _NEAREST)
         origin = float(seen.times[row])
         if not np.isfinite(seen.values[row + 1, k]):  # a pole: what follows begins where it is still finite
             return origin
         known = np.isfinite(seen.values[near, k])
-        curve = KroghInterpolator(seen.times[near][known] - origin, seen.values[near, k][known])
-        b = float(seen.times[row + 1]) - origin
-        if not curve(0.0) > 0.0 > curve(b):
+        curve = newton_form((seen.times[near][known] - origin).tolist(), seen.values[near, k][known].tolist())
+        left, right = 0.0, float(seen.times[row + 1]) - origin
+        if not curve(left) > 0.0 > curve(right):
             return origin
-        return origin + float(bracketed(curve, 0.0, b, xtol=1e-15 * b, rtol=1e-15))
+        while left < (middle := 0.5 * (left + right)) < right and right - left > 1e-15 * right:
+            left, right = (middle, right) if curve(middle) > 0.0 else (left, middle)
+        return origin + left
 
 
 def _add(counters: dict[str, float], more: dict[str, float]) -> None:
