@@ -168,7 +168,9 @@ class Hybrid:
         moment, here = self.reached, stretch.start
         changed = moment.m.copy()
         changed[: len(stretch.modes)] = stretch.modes
-        happened = self.iteration.settle(here, replace(moment, m=changed), moment.m, samples=stretch.samples)
+        happened = self.iteration.settle(
+            here, Moment(moment.x, moment.z, changed, moment.regime), moment.m, samples=stretch.samples
+        )
         self.passages.append(Passage(here, moment, None, happened))
         self._record_start(here, self._say(happened, here), happened)
         self._gap = np.inf  # what was known of the stretches before need not hold behind it
@@ -183,15 +185,15 @@ class Hybrid:
         rest = self._due(here, moment, float(times[-1]))
         if rest is not None:
             times = np.append(times[times < rest], rest)
-        asked = replace(self.template, start=here, times=times, x=moment.x, z=moment.z, p=moment.m, first=self.pace)
-        asked = replace(asked, max_step=stretch.longest)
+        values = {"x": moment.x, "z": moment.z, "p": moment.m}
+        asked = replace(self.template, start=here, times=times, **values, first=self.pace, max_step=stretch.longest)
         stop = self.integrated(asked, moment)
         if stop.time is None:
-            self.moment = replace(moment, x=stop.x, z=stop.z)
+            self.moment = Moment(stop.x, stop.z, moment.m, moment.regime)
             return None if rest is None else self._rested(rest)
         self._gap = max(stop.time - here, self._gap / 8 if np.isfinite(self._gap) else 0.0)
         here = stop.time
-        left = self.iteration.consistent(here, replace(moment, x=stop.x, z=stop.z))
+        left = self.iteration.consistent(here, Moment(stop.x, stop.z, moment.m, moment.regime))
         self._record(np.array([here]), left.x[:, None], left.z[:, None], left, {})
         fired = self.guards.fired(here, left)
         happened = self.event(here, left, fired)
@@ -328,7 +330,7 @@ class Hybrid:
             self._gap = reached - segment.start
             rest = segment.times[segment.times > reached]
             segment = replace(segment, start=reached, times=rest, x=stop.x, z=stop.z, first=self.pace)
-            moment = replace(moment, x=stop.x, z=stop.z)
+            moment = Moment(stop.x, stop.z, moment.m, moment.regime)
 
     def _refuse_lingering(self, stop: Stop) -> None:
         """Refuse what an explicit method neither passes nor leaves, as both modes lead to it."""

@@ -104,7 +104,25 @@ class Guards:
         if self._shared:
             # an element that carries its limit beside others that are stuck is at its guard but for rounding of loads
             noise += _ROUNDED * (1.0 + np.abs(at.z).max())
-        return own, noise if np.isfinite(noise).all() else np.nan_to_num(noise, nan=1e-15, posinf=1e-15)
+        return own, _finite(noise)
+
+    def states(self, times: Vector, x: Vector, at: Moment) -> tuple[Vector, Vector, Vector]:
+        """What `state` says, at n ends of steps of a problem without algebraic variables; shapes (n, guards).
+
+        States `x` have shape (n, states); modes and regime are those of `at`.
+        """
+        problem, error = self.problem, 10 * self.tolerances.of(x, self._nominal)
+        found = at.regime.judged.many(times[:, None], x, at.z, problem.u, problem.p, at.m, error, at.z)
+        count = found.shape[1] // 3
+        distances, rates, noises = np.minimum(found[:, :count], FAR), found[:, count : 2 * count], found[:, 2 * count :]
+        if self.step > 0.0:
+            near = noises > np.abs(distances)
+            for k in np.flatnonzero(near.any(axis=1)).tolist():
+                here, which = Moment(x[k], at.z, at.m, at.regime), near[k]
+                least = self._relaxed(float(times[k]), here, error[k], np.flatnonzero(which))
+                noises[k, which] = np.minimum(noises[k, which], least)
+        noises += 1e-15 + np.abs(rates) * (INSTANT * np.maximum(self.span, np.abs(times)))[:, None]
+        return distances, rates, _finite(noises)
 
     def _relaxed(self, t: float, at: Moment, error: Vector, near: NDArray[np.intp]) -> Vector:
         """How far these guards can be wrong when errors of the states have relaxed over a step (`Held.relaxed`).
@@ -153,6 +171,11 @@ class Guards:
         if not found.any():
             found[int(np.argmin(np.abs(g) / np.maximum(np.abs(rate), 1e-30)))] = True
         return np.asarray(found)
+
+
+def _finite(noise: Vector) -> Vector:
+    """What is not known of a guard is nothing."""
+    return noise if np.isfinite(noise).all() else np.nan_to_num(noise, nan=1e-15, posinf=1e-15)
 
 
 def resting_band(g: Vector, rate: Vector, noise: Vector) -> Vector:

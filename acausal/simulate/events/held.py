@@ -106,6 +106,17 @@ class Held:
         return Quick(guard_rates(self.compiled, self.watch))
 
     @cached_property
+    def judged(self) -> Quick:
+        """Distances of all guards, then their rates, then their noise, of equations without algebraic variables.
+
+        Arguments are those of `rates`; one call where `guards` and `rates` are two.
+        """
+        rates = self.rates.function
+        inputs = [ca.MX.sym(rates.name_in(k), rates.numel_in(k)) for k in range(rates.n_in())]
+        own, noise = rates(*inputs)[:2]
+        return Quick(ca.Function("judged", inputs, [ca.vertcat(self.watch(*inputs[:-2]), own, noise)]))
+
+    @cached_property
     def relaxed(self) -> Any:
         """`(t, x, z, u, p, m, e, h, k) -> |dg/dx (I - h J)^-1| e` of guard k, its error when those of states relaxed.
 

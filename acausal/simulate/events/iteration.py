@@ -132,7 +132,7 @@ class Iteration:
         m[self.samples] = 0.0 if samples is None else samples
         m[self.flags] = [float(name == flag) for name in self.flag_names]
         x_before, none = moment.x, np.zeros(self.conditions)
-        was = self._round(t, replace(moment, m=before), none, none, 0.0).conditions
+        was = self._round(t, Moment(x_before, moment.z, before, moment.regime), none, none, 0.0).conditions
         story = _Story()
         try:
             moment, last = self._rounds(t, Moment(moment.x, moment.z, m, moment.regime), was, story)
@@ -276,7 +276,7 @@ class Iteration:
                 # relations are judged by what follows from them: a step behind, they would run in circles
                 x = moment.x.copy()
                 x[self.assigned] = found.assigned
-                moment = replace(moment, x=x)
+                moment = Moment(x, moment.z, moment.m, moment.regime)
                 continue
             wrong = np.zeros(0, dtype=bool)
             if len(moment.regime.owners):

@@ -85,6 +85,11 @@ class Regime:
         """See `Held.rates`."""
         return self.held.rates
 
+    @cached_property
+    def judged(self) -> Quick:
+        """See `Held.judged`."""
+        return self.held.judged
+
     def relaxed(self, *given: Any, near: NDArray[np.intp]) -> Vector:
         """See `Held.relaxed`: of some guards."""
         if len(near) == 1:

@@ -68,20 +68,23 @@ def called(
 
 
 class Repeated:
-    """An integrator to one instant, `(x0, p) -> xf`, called again and again by one thread through the same memory."""
+    """An integrator `(x0, p, u) -> xf` over n intervals, called again and again by one thread through the same memory.
+
+    `u` has shape (n, nu), `xf` shape (n, nx).
+    """
 
     def __init__(self, function: Any) -> None:
         self.function = function
         self._buffer, self._run = function.buffer()
         self._x0, self._p = (np.zeros(function.numel_in(name)) for name in ("x0", "p"))
-        self._xf = np.zeros(function.numel_out("xf"))
-        for name, value in (("x0", self._x0), ("p", self._p)):
-            self._buffer.set_arg(function.index_in(name), value.data)
-        self._buffer.set_res(function.index_out("xf"), self._xf.data)
+        self._u, self._xf = np.zeros(function.size_in("u")[::-1]), np.zeros(function.size_out("xf")[::-1])
+        for name, value in (("x0", self._x0), ("p", self._p), ("u", self._u)):
+            self._buffer.set_arg(function.index_in(name), value.reshape(-1).data)
+        self._buffer.set_res(function.index_out("xf"), self._xf.reshape(-1).data)
 
-    def __call__(self, x0: Array, p: Array) -> tuple[Array, dict[str, Any]]:
-        """The states at its end and its statistics; raises as `called` does."""
-        self._x0[:], self._p[:], self._xf[:] = x0, p, np.nan
+    def __call__(self, x0: Array, p: Array, u: Array) -> tuple[Array, dict[str, Any]]:
+        """The states at the ends of the intervals and its statistics; raises as `called` does."""
+        self._x0[:], self._p[:], self._u[:], self._xf[:] = x0, p, u, np.nan
         try:
             with without_chatter():
                 self._run()

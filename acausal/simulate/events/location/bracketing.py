@@ -74,6 +74,19 @@ def first_crossing(left: Node, right: Node, instant: float, integrate: Callable[
     raise RuntimeError("no first crossing was found")
 
 
+def is_clear(
+    widths: Vector, left: tuple[Vector, Vector, Vector], right: tuple[Vector, Vector, Vector]
+) -> NDArray[np.bool_]:
+    """Whether nothing is passed or in doubt in each of n intervals, which is what `first_crossing` asks first.
+
+    `left` and `right` are distances, rates and what counts as zero at their ends, shapes (n, guards).
+    """
+    near = np.maximum(left[2], right[2])
+    a, b = left[1] * widths[:, None], right[1] * widths[:, None]
+    asked = (left[0] + a / 3 < -near) | (right[0] - b / 3 < -near) | ((a < 0.0) & (b > 0.0)) | (right[0] < 0.0)
+    return np.asarray(~asked.any(axis=1))
+
+
 def _doubts(left: Node, right: Node, passed: NDArray[np.bool_], is_there: bool) -> Iterator[float]:
     """Times in an interval at which a guard may be passed; those that are `passed` at its end may just be reached."""
     width = right.t - left.t

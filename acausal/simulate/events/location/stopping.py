@@ -16,7 +16,7 @@ import math
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 import casadi as ca
@@ -28,7 +28,7 @@ from acausal.simulate.equations.calls.quick import Quick
 from acausal.simulate.equations.numbered import Numbered, with_values
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.guards import INSTANT, LOCATED, Guards, Moment, resting_band
-from acausal.simulate.events.location.bracketing import Node, first_crossing
+from acausal.simulate.events.location.bracketing import Node, first_crossing, is_clear
 from acausal.simulate.events.regime import Regime
 from acausal.simulate.interrupt import Interrupted
 from acausal.simulate.native.equations import parametric
@@ -41,6 +41,8 @@ from acausal.simulate.solvers.base import Piece, Segment, bounded, islands, pace
 _CALLING = 150.0
 # Integrators that are known by a shorter name than their settings.
 _MOST_KEPT = 128
+# Looks that one interpreted call goes to, and how much longer one of their intervals may be than another.
+_TOGETHER, _ALIKE = 4, 4.0
 # So often in an interval dense output may see a crossing where the solution has none.
 _MOST_STOPS = 20
 # A guard within its noise should be passed by now when its rate would have taken it so many times as far.
@@ -139,6 +141,14 @@ def _entered(left: Node, right: Node, k: int, exactly: Exactly) -> Node:
     return right
 
 
+class _Coming(NamedTuple):
+    """What comes next: a node, None for a stop on the way to it; whether no guard is in doubt before it, or lingers."""
+
+    time: float
+    node: Node | None
+    is_quiet: bool
+
+
 def integrate_to_event(guards: Guards, moment: Moment, segment: Segment, plugin: str, lingering: Lingering) -> Stop:
     """Integrate one segment of an ODE until a guard is reached, with `plugin`, "rosenbrock" or "erk".
 
@@ -146,37 +156,65 @@ def integrate_to_event(guards: Guards, moment: Moment, segment: Segment, plugin:
     """
     problem = moment.regime.problem
     step = Stepper(moment.regime, segment, plugin)
-    band, later = _bands(guards, segment.start, moment)
+    start = guards.state(segment.start, moment)
+    band, later = _bands(guards, segment.start, *start)
     free = np.full(len(band), _NEVER)
 
     before, others = guards.step, segment.x[problem.n_dynamic :]
 
-    def node(t: float, x: Vector) -> Node:
+    def judged(times: Vector, x: Vector) -> tuple[Vector, Vector, Vector]:
+        """Distances, rates and what counts as zero at ends of steps, shapes (n, guards)."""
         if plugin == "rosenbrock":  # errors that an explicit step leaves have not relaxed
-            guards.step = least_step(before, pace(segment.start, t, step.counters))
-        at = Moment(np.concatenate([x, others]), moment.z, moment.m, moment.regime)
-        distances, rate, noise = guards.state(t, at)
-        return Node(t, x, distances + band, rate, LOCATED * noise)
+            guards.step = least_step(before, pace(segment.start, float(times[-1]), step.counters))
+        whole = np.hstack([x, np.tile(others, (len(x), 1))]) if len(others) else x
+        distances, rates, noises = guards.states(times, whole, moment)
+        return distances, rates, LOCATED * noises
 
     def exactly(after: Node, t: float) -> Node:
-        return node(t, step(after, t, free)[1]) if t > after.t else after
+        if t <= after.t:
+            return after
+        ((_, x),) = step(after, [t], free[None, :])
+        distances, rates, nears = judged(np.array([t]), x[None, :])
+        return Node(t, x, distances[0] + band, rates[0], nears[0])
 
-    here = node(segment.start, segment.x[: problem.n_dynamic])
+    def ahead(after: Node, ends: list[float]) -> list[_Coming]:
+        """The nodes at the next few ends, or up to a stop before one of them."""
+        count = step.together(after.t, ends)
+        bands = np.empty((count, len(band)))
+        bands[0], bands[1:] = band, later
+        points = step(after, ends[:count], bands)
+        stop = [_Coming(points[-1][0], None, False)] if points[-1][0] < ends[len(points) - 1] else []
+        count = len(points) - len(stop)
+        if not count:
+            return stop
+        t, x = (np.array(v) for v in zip(*points[:count], strict=True))
+        distances, rates, nears = judged(t, x)
+        # in an interval, and in the one behind it
+        right, left = distances + bands[:count], np.vstack([after.above, distances + later])
+        before = np.vstack([after.rate, rates[:-1]]), np.vstack([after.near, nears[:-1]])
+        quiet = is_clear(np.diff(t, prepend=after.t), (left[:-1], *before), (right, rates, nears))
+        quiet &= ~((left[1:] <= nears / LOCATED) & (left[1:] > 0.0) & (rates < 0.0)).any(axis=1)
+        nodes = (Node(*each) for each in zip(ends, x, right, rates, nears, strict=False))
+        return [*map(_Coming, ends, nodes, quiet.tolist()), *stop]
+
+    here = Node(segment.start, segment.x[: problem.n_dynamic], start[0] + band, start[1], LOCATED * start[2])
     here = replace(here, above=np.maximum(here.above, band))  # past its guard by noise counts as on it
     event: Node | None = None
-    nodes = [here]
+    nodes, ends = [here], segment.times.tolist()
+    coming: list[_Coming] = []
     try:
-        for end in segment.times.tolist():
+        for place, end in enumerate(ends):
             instant = LOCATED * INSTANT * max(guards.span, abs(end))
             stops = 0
             while event is None and here.t < end:
-                t, x = step(here, end, band)
-                if t >= end:
-                    there = node(end, x)
+                coming = coming or ahead(here, ends[place:])
+                t, reached, is_quiet = coming.pop(0)
+                if reached is not None:
+                    there = reached
                 else:  # something was reached on dense output: whether it is, a step that ends there shows
                     stops += 1
                     there = exactly(here, t if t - here.t > instant and stops < _MOST_STOPS else end)
-                event = first_crossing(here, there, instant, exactly)
+                event = None if is_quiet else first_crossing(here, there, instant, exactly)
                 if event is None and there.t < end and ((there.above <= there.near) & (there.rate < 0.0)).any():
                     event = there
                 here = there if event is None else event
@@ -185,9 +223,12 @@ def integrate_to_event(guards: Guards, moment: Moment, segment: Segment, plugin:
                 here, event = replace(event, t=end), None
             if event is not None:
                 break
-            here = replace(here, above=here.above - band + later)
-            band = later
+            if band is not later:
+                here = replace(here, above=here.above - band + later)
+                band = later
             nodes.append(here)
+            if is_quiet and not lingering.since:
+                continue
             event = _overdue(lingering, moment.regime.owners, nodes, end == segment.times[-1], exactly)
             if event is not None:
                 here = event
@@ -224,20 +265,19 @@ def _stop(
     return Stop(piece, times, time, np.concatenate([last, apart[:, -1], discrete]), np.zeros(0))
 
 
-def _bands(guards: Guards, t: float, moment: Moment) -> tuple[Vector, Vector]:
+def _bands(guards: Guards, t: float, g: Vector, rate: Vector, noise: Vector) -> tuple[Vector, Vector]:
     """How far below zero each guard may go up to the first look, and from then on.
 
     The noise where it rests; where it starts behind zero by rounding and leaves, as far as it is, and no farther when
     it comes back: it would be found there again, and farther behind with every hop.
     """
-    g, rate, noise = guards.state(t, moment)
     resting = resting_band(g, rate, noise)
     behind = (resting == 0.0) & guards.behind(t, g, rate, noise)
     return np.where(behind, np.maximum(-_BEHIND * g, resting), resting), resting
 
 
 class Stepper:
-    """One integrator for any interval of a stretch; it counts what was done."""
+    """One integrator for any intervals of a stretch; it counts what was done."""
 
     def __init__(self, regime: Regime, segment: Segment, plugin: str) -> None:
         self.regime, self.segment, self.plugin = regime, segment, plugin
@@ -253,49 +293,69 @@ class Stepper:
         else:
             self._constants = regime.constants(self.library)
 
-    def __call__(self, after: Node, end: float, band: Vector) -> tuple[float, Vector]:
-        """Where the solution is at `end`, or when a guard is `band` below zero: the time, and the states.
+    def together(self, here: float, ends: Sequence[float]) -> int:
+        """How many of these times, from the first one on, one call goes to."""
+        if self.library is not None or self.segment.step or len(ends) < _TOGETHER:
+            return 1
+        ends = ends[:_TOGETHER]
+        lengths = [b - a for a, b in zip((here, *ends), ends, strict=False)]
+        return _TOGETHER if max(lengths) <= _ALIKE * min(lengths) else 1
+
+    def __call__(self, after: Node, ends: Sequence[float], bands: Vector) -> list[tuple[float, Vector]]:
+        """Where the solution is at these times, `together` many: the times, and the states.
+
+        Where a guard is one of the `bands` below zero, shape (times, guards), the last of them is the time of that.
 
         Raises RuntimeError when the solver cannot go on.
         """
         problem, segment = self.regime.problem, self.segment
         n = problem.n_dynamic
         x0 = np.concatenate([after.x / problem.scale_x, [0.0, 0.0]])
-        numbers = self._numbers
-        numbers[-1] = after.t
-        length = end - after.t
+        length = ends[-1] - after.t
         if self.library is not None:
-            p = np.concatenate([self._constants, numbers, band])
+            numbers = self._numbers
+            numbers[-1] = after.t
+            p = np.concatenate([self._constants, numbers, bands[0]])
             first = 0.0 if segment.step else self.first
             sizes = segment.tolerances.relative, segment.tolerances.absolute, segment.step or 0.0
             rows, _, stats = self.library.run(x0, np.zeros(0), p, np.array([length]), *sizes, first)
-            found, following, passed = rows[0], stats["next"], float(rows[0, n])
+            following = stats["next"]
         else:
-            found, stats = self._interpreted(x0, np.concatenate([numbers, [length], band]), length)
-            steps, passed = max(float(stats["n_steps"]), 1.0), length * float(found[n])
-            following = length / steps if steps > 1.0 else 2.0 * length
-        if not np.isfinite(found).all():
+            rows, stats = self._interpreted(x0, np.array([after.t, *ends]), bands)
+            steps = float(stats["n_steps"])
+            following = length / steps if steps > len(ends) else 2.0 * length / len(ends)
+        if not np.isfinite(rows).all():
             raise RuntimeError("the solution is not finite")
         for name, place in _COUNTED:
             self.counters[name] = self.counters.get(name, 0.0) + float(stats[place])
-        if found[n + 1] > 0.5:  # and stood still from then on
-            return min(max(after.t + passed, after.t), end), found[:n] * problem.scale_x
+        states = rows[:, :n] * problem.scale_x
+        if rows[-1, n + 1] > 0.5:  # and stood still from then on
+            k = int(np.argmax(rows[:, n + 1] > 0.5))
+            start = ends[k - 1] if k else after.t
+            passed = float(rows[k, n] - rows[k - 1, n]) if k else float(rows[k, n])
+            stop = min(max(start + passed, start), ends[k])
+            return [*zip(ends[:k], states[:k], strict=True), (stop, states[k])]
         self.first = following
-        return end, found[:n] * problem.scale_x
+        return list(zip(ends, states, strict=True))
 
-    def _interpreted(self, x0: Vector, p: Vector, length: float) -> tuple[Vector, dict[str, Any]]:
-        """By an integrator that goes from 0 to 1; one for each power of four of its first step."""
+    def _interpreted(self, x0: Vector, times: Vector, bands: Vector) -> tuple[Vector, dict[str, Any]]:
+        """By an integrator with intervals of length 1, one for each power of four of its first step."""
+        lengths = np.diff(times)
         bounds = [
-            0.0 if bound is None else 1.0 / max(1, math.ceil(length / bound - 1e-9))
+            0.0 if bound is None else 1.0 / max(1, math.ceil(float(lengths.max()) / bound - 1e-9))
             for bound in (self.segment.step, self.segment.max_step)
         ]
         first = 0.0
         if not self.segment.step and self.first > 0.0:
-            first = 4.0 ** -min(max(round(math.log(length / self.first, 4.0)), 0), 15)
-        key = first, *bounds
+            first = 4.0 ** -min(max(round(math.log(float(lengths[0]) / self.first, 4.0)), 0), 15)
+        key = float(len(lengths)), first, *bounds
         if key not in self._integrators:
             self._integrators[key] = self._kept(key)
-        found, stats = self._integrators[key](x0, np.concatenate([self._constants, p]))
+        p, u = (
+            np.concatenate([self._constants, self._numbers[:-1]]),
+            np.column_stack([np.arange(len(lengths)), times[:-1], lengths, bands]),
+        )
+        found, stats = self._integrators[key](x0, p, u)
         self.interpreted += float(stats["n_rhs"]) + _CALLING
         return found, stats
 
@@ -307,10 +367,11 @@ class Stepper:
         if whole not in known:
             if len(known) >= _MOST_KEPT:
                 known.clear()
-            known[whole] = Repeated(self._made(dict(zip(("step0", "step_size", "max_step_size"), key, strict=True))))
+            sizes = dict(zip(("step0", "step_size", "max_step_size"), key[1:], strict=True))
+            known[whole] = Repeated(self._made(np.arange(1.0, key[0] + 1.0), sizes))
         return known[whole]
 
-    def _made(self, sizes: dict[str, float]) -> Any:
+    def _made(self, ends: Vector, sizes: dict[str, float]) -> Any:
         settings: dict[str, Any] = {
             **_settings(self.segment),
             # few different ones, as each makes another integrator
@@ -321,7 +382,7 @@ class Stepper:
             io.StringIO()
         ):  # CasADi says at every construction that events are experimental
             return self._form.integrator(
-                self.plugin, self._own.dae, np.ones(1), {**settings, "transition": self._own.transition}
+                self.plugin, self._own.dae, ends, {**settings, "transition": self._own.transition}
             )
 
 
@@ -358,8 +419,8 @@ def _settings(segment: Segment) -> dict[str, Any]:
 class _Interpreted:
     """The ODE with a stop watch and a stop flag, and the transition that sets the flag.
 
-    Its time goes from 0 to 1, in units of one more parameter: `[c, m, d, shift, length, band]`; c is what parameters
-    and inputs alone determine, and empty where they are numbers.
+    Its time is `stretched` (`stopping_equations`), its parameters are `[c, m, d]`; c is what parameters and inputs alone
+    determine, and empty where they are numbers. A step ends where the controls of an interval do.
     """
 
     dae: Any
@@ -399,45 +460,47 @@ def stopping_equations(
 ) -> StoppingEquations:
     """The ODE with a stop watch and a stop flag, and the transition that sets the flag.
 
-    The parameters of the DAE are `[c, m, d, shift, band]`, see `native/equations.py`; where it is `stretched`, its time
-    goes from 0 to 1, in units of one more of them before `band`. With `values` of p and u these are numbers and c is
-    empty; parameters at `zeros` are zero whatever p holds.
+    The parameters of the DAE are `[c, m, d, shift, band]`, see `native/equations.py`. Where it is `stretched`, they are
+    `[c, m, d]`, intervals of its time have the length 1, and each has controls of its own: where it begins, there and
+    in the time of the model, its length there, and the bands. With `values` of p and u these are numbers and c is empty;
+    parameters at `zeros` are zero whatever p holds.
     """
     compiled = regime.compiled
     n, nq, nm = compiled.n_dynamic, compiled.quadratures, compiled.n_modes
     scale = ca.DM(regime.problem.scale_x)
-    t, x, z, length = ca.SX.sym("t"), ca.SX.sym("x", n), ca.SX.sym("z", 0), ca.SX.sym("length")
+    t, x, z = ca.SX.sym("t"), ca.SX.sym("x", n), ca.SX.sym("z", 0)
+    origin, length = ca.SX.sym("origin"), ca.SX.sym("length")
     p, u = ca.SX.sym("p", len(compiled.parameters)), ca.SX.sym("u", len(compiled.inputs))
     numbers = ca.SX.sym("numbers", nm + compiled.discretes + 1)
     m, d, shift = ca.vertsplit(numbers, [0, nm, nm + compiled.discretes, nm + compiled.discretes + 1])
     some = ca.SX(p)
     for k in zeros:
         some[k] = 0
-    time = t * length + shift if stretched else t + shift
+    time = shift + (t - origin) * length if stretched else t + shift
     given = (u, some) if values is None else (ca.SX(values[1]), ca.SX(values[0]))
     arguments = (time, ca.vertcat(x * scale, ca.SX(nq, 1), d), z, *given, m)
     ode, guards = ca.densify(compiled.rhs(*arguments)[0])[:n] / scale, ca.densify(regime.watch(*arguments))
     (ode, guards), symbols, constants = parametric([ode, guards], p, u)
+    band, speed = ca.SX.sym("band", guards.numel()), ca.SX(1)
+    p, u = ca.vertcat(symbols, numbers, band), ca.SX(0, 1)
     if stretched:
-        ode, numbers = length * ode, ca.vertcat(numbers, length)
-    dae, transition = _stopped(t, x, z, symbols, numbers, ode, guards)
+        p, u, speed = ca.vertcat(symbols, m, d), ca.vertcat(origin, shift, length, band), length
+    dae, transition = _stopped((t, x, z, p, u), ode, guards + band, speed)
     events = regime.watch, regime.rates.function, compiled.events.round, regime.held.relaxed
     return StoppingEquations(dae, transition, constants, events)
 
 
-def _stopped(t: Any, x: Any, z: Any, constants: Any, numbers: Any, ode: Any, guards: Any) -> tuple[Any, Any]:
-    watch, flag, band = ca.SX.sym("watch"), ca.SX.sym("flag"), ca.SX.sym("band", guards.numel())
+def _stopped(inputs: tuple[Any, ...], ode: Any, zero: Any, speed: Any) -> tuple[Any, Any]:
+    """Equations of `(t, x, z, p, u)` with a stop watch of this `speed` and a stop flag, and what sets the flag."""
+    t, x, z, p, u = inputs
+    watch, flag, none = ca.SX.sym("watch"), ca.SX.sym("flag"), ca.SX(0, 1)
     state = ca.vertcat(x, watch, flag)
-    rates = ca.vertcat((1 - flag) * ode, 1 - flag, 0)
-    none, u = ca.SX(0, 1), ca.SX.sym("u", 0)
-    p = ca.vertcat(constants, numbers, band)
+    rates = ca.vertcat((1 - flag) * speed * ode, (1 - flag) * speed, 0)
     # once it stands still nothing fires any more: several guards that are reached at one instant would, one by one
-    zero = ca.densify(guards + band + _NEVER * flag)
-    dae = ca.Function("dae", [t, state, z, p, u], [rates, none, none, zero], *_NAMES)
-    index = ca.SX.sym("index")
-    inputs = {"index": index, "t": t, "x": state, "z": z, "p": p, "u": u}
-    outputs = {"post_x": ca.vertcat(x, watch, 1), "post_z": z}
+    dae = ca.Function("dae", [t, state, z, p, u], [rates, none, none, ca.densify(zero + _NEVER * flag)], *_NAMES)
+    own = {"index": ca.SX.sym("index"), "t": t, "x": state, "z": z, "p": p, "u": u}
+    after = {"post_x": ca.vertcat(x, watch, 1), "post_z": z}
     transition = ca.Function(
-        "stop", [inputs[n] for n in ca.event_in()], [outputs[n] for n in ca.event_out()], ca.event_in(), ca.event_out()
+        "stop", [own[n] for n in ca.event_in()], [after[n] for n in ca.event_out()], ca.event_in(), ca.event_out()
     )
     return dae, transition
