@@ -419,8 +419,8 @@ def _settings(segment: Segment) -> dict[str, Any]:
 class _Interpreted:
     """The ODE with a stop watch and a stop flag, and the transition that sets the flag.
 
-    Its time is `stretched` (`stopping_equations`), its parameters are `[c, m, d]`; c is what parameters and inputs alone
-    determine, and empty where they are numbers. A step ends where the controls of an interval do.
+    Its time is `stretched` (`stopping_equations`), its parameters are `[c, m, d]`; c is what parameters and inputs
+    alone determine, and empty where they are numbers. A step ends where the controls of an interval do.
     """
 
     dae: Any
@@ -462,8 +462,8 @@ def stopping_equations(
 
     The parameters of the DAE are `[c, m, d, shift, band]`, see `native/equations.py`. Where it is `stretched`, they are
     `[c, m, d]`, intervals of its time have the length 1, and each has controls of its own: where it begins, there and
-    in the time of the model, its length there, and the bands. With `values` of p and u these are numbers and c is empty;
-    parameters at `zeros` are zero whatever p holds.
+    in the time of the model, its length there, and the bands. With `values` of p and u these are numbers and c is
+    empty; parameters at `zeros` are zero whatever p holds.
     """
     compiled = regime.compiled
     n, nq, nm = compiled.n_dynamic, compiled.quadratures, compiled.n_modes
