@@ -185,8 +185,16 @@ class Hybrid:
         rest = self._due(here, moment, float(times[-1]))
         if rest is not None:
             times = np.append(times[times < rest], rest)
-        values = {"x": moment.x, "z": moment.z, "p": moment.m}
-        asked = replace(self.template, start=here, times=times, **values, first=self.pace, max_step=stretch.longest)
+        asked = replace(
+            self.template,
+            start=here,
+            times=times,
+            x=moment.x,
+            z=moment.z,
+            p=moment.m,
+            first=self.pace,
+            max_step=stretch.longest,
+        )
         stop = self.integrated(asked, moment)
         if stop.time is None:
             self.moment = Moment(stop.x, stop.z, moment.m, moment.regime)
