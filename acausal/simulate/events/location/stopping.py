@@ -205,7 +205,7 @@ def integrate_to_event(guards: Guards, moment: Moment, segment: Segment, plugin:
     try:
         for place, end in enumerate(ends):
             instant = LOCATED * INSTANT * max(guards.span, abs(end))
-            stops = 0
+            stops, is_quiet = 0, False
             while event is None and here.t < end:
                 coming = coming or ahead(here, ends[place:])
                 t, reached, is_quiet = coming.pop(0)
@@ -353,7 +353,7 @@ class Stepper:
             self._integrators[key] = self._kept(key)
         p, u = (
             np.concatenate([self._constants, self._numbers[:-1]]),
-            np.column_stack([np.arange(len(lengths)), times[:-1], lengths, bands]),
+            np.column_stack([np.arange(0.0, len(lengths)), times[:-1], lengths, bands]),
         )
         found, stats = self._integrators[key](x0, p, u)
         self.interpreted += float(stats["n_rhs"]) + _CALLING
@@ -367,7 +367,7 @@ class Stepper:
         if whole not in known:
             if len(known) >= _MOST_KEPT:
                 known.clear()
-            sizes = dict(zip(("step0", "step_size", "max_step_size"), key[1:], strict=True))
+            sizes: dict[str, float] = dict(zip(("step0", "step_size", "max_step_size"), key[1:], strict=True))
             known[whole] = Repeated(self._made(np.arange(1.0, key[0] + 1.0), sizes))
         return known[whole]
 
