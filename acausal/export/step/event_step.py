@@ -69,7 +69,8 @@ class Settling:
         was = Round(*self.compiled.events.round(s.t, s.x, s.z, s.u, s.p, before, none, none, 0)).conditions
         m = ca.SX(s.m)
         m[self.samples] = samples
-        walk = ca.densify(ca.vertcat(s.x, s.z, m, was, none, 0, skip, s.t, s.u, s.p))
+        flips = ca.SX(len(self.compiled.state_events.relations), 1)
+        walk = ca.densify(ca.vertcat(s.x, s.z, m, was, none, 0, flips, skip, s.t, s.u, s.p))
         first = ca.Function("first", [*s.inputs, before, samples, skip], [walk])
         symbols = [ca.MX.sym(first.name_in(k), first.sparsity_in(k)) for k in range(first.n_in())]
         walked = self._turn.fold(self.turns)(first(*symbols))
@@ -77,11 +78,11 @@ class Settling:
 
     @property
     def _sizes(self) -> list[int]:
-        """What a walk holds: x, z, m, was, decided, level, settled, t, u, p."""
+        """What a walk holds: x, z, m, was, decided, level, flips of each relation, settled, t, u, p."""
         c = self.compiled
         size = len(c.state_events.conditions)
         fixed = 1, len(c.inputs), len(c.parameters)
-        return [len(c.states), len(c.algebraic), c.n_modes, size, size, 1, 1, *fixed]
+        return [len(c.states), len(c.algebraic), c.n_modes, size, size, 1, len(c.state_events.relations), 1, *fixed]
 
     def _parts(self, walk: Any) -> list[Any]:
         ends = [0]
@@ -93,14 +94,14 @@ class Settling:
     def _turn(self) -> Any:
         """`walk -> walk`, nothing where all is settled."""
         walk = ca.SX.sym("walk", sum(self._sizes))
-        x, z, m, was, decided, level, _, t, u, p = self._parts(walk)
+        x, z, m, was, decided, level, flips, _, t, u, p = self._parts(walk)
         z = self.method.algebraic(t, x, z, [u, p, m])
         here = [t, x, z, u, p, m]
         found = Round(*self.compiled.events.round(*here, was, decided, level))
         places = [a.position for a in self.compiled.state_events.assignments]
         stale = any_of(found.assigned[k] != x[place] for k, place in enumerate(places))
         fresh = ca.logic_not(any_of(found.remembered[k] != m[j] for k, j in enumerate(_places(self.memories))))
-        wrong = self._wrong(here, fresh)
+        wrong = self._wrong(here, fresh, flips)
         moves = ca.logic_or(stale, any_of(wrong))
         assigned, flipped = ca.SX(x), ca.SX(m)
         for k, place in enumerate(places):
@@ -116,6 +117,7 @@ class Settling:
                 (was, found.was),
                 (decided, found.decided),
                 (level, found.level),
+                (flips + ca.if_else(stale, 0, ca.vertcat(ca.SX(0, 1), *wrong)), flips),
                 (0, found.settled),
             )
         ]
@@ -123,13 +125,13 @@ class Settling:
         stay = ca.Function("stay", [walk], [walk])
         choice = ca.Function.if_else("choice", stay, go)
         held = ca.MX.sym("walk", walk.numel())
-        return ca.Function("turn", [held], [choice(self._parts(held)[6], held)])
+        return ca.Function("turn", [held], [choice(self._parts(held)[7], held)])
 
     @cached_property
     def _last(self) -> Any:
         """`walk -> (x, z, m, settled)`: the instant is over, samples are false again, also to what remembers them."""
         walk = ca.SX.sym("walk", sum(self._sizes))
-        x, z, m, was, decided, level, settled, t, u, p = self._parts(walk)
+        x, z, m, was, decided, level, _, settled, t, u, p = self._parts(walk)
         m = ca.SX(m)
         m[self.samples] = 0
         if self.samples.stop > self.samples.start and self.memories.stop > self.memories.start:
@@ -137,14 +139,21 @@ class Settling:
             m[self.memories] = found.remembered
         return ca.Function("last", [walk], [ca.densify(v) for v in (x, z, m, settled)])
 
-    def _wrong(self, here: list[Any], fresh: Any) -> list[Any]:
-        """Relations that do not hold, or are at their guard and about not to; the latter once `pre` is up to date."""
+    def _wrong(self, here: list[Any], fresh: Any, flips: Any) -> list[Any]:
+        """Relations that do not hold, or are at their guard and about not to; the latter once `pre` is up to date.
+
+        One that stays on its guard is what its words say of sides that are equal, unless it has flipped twice.
+        """
         g = self.compiled.events.watch(*here)
         rate, noise = self.rates(*here)
+        ties, modes = self.compiled.events.ties, here[5][self.relations]
         found = []
         for k in range(g.numel()):
             leaves = ca.logic_and(fresh, ca.logic_and(g[k] <= noise[k], rate[k] < -noise[k]))
             found.append(ca.logic_or(g[k] < -2 * noise[k], leaves))
+            if ties[k] >= 0:
+                stays = ca.logic_and(ca.logic_and(g[k] == 0, rate[k] == 0), flips[k] < 2)
+                found[-1] = ca.logic_or(found[-1], ca.logic_and(stays, modes[k] != ties[k]))
         return found
 
     def rates(self, t: Any, x: Any, z: Any, u: Any, p: Any, m: Any) -> tuple[Any, Any]:

@@ -93,6 +93,13 @@ class EventFunctions:
 
         return tuple(to_text(self._pool, n, name_of, 80) for n in self.compiled.state_events.relations)
 
+    @property
+    def ties(self) -> tuple[int, ...]:
+        """What each relation is where its sides are equal, 0 or 1; -1 of one that is only watched."""
+        events = self.compiled.state_events
+        kinds = (self._pool.nodes[n][0] in ("le", "ge") for n in events.relations)
+        return tuple(-1 if k in events.watched else int(holds) for k, holds in enumerate(kinds))
+
     @cached_property
     def places(self) -> tuple[tuple[Span | None, str], ...]:
         """Place and component of the first statement that holds each relation."""

@@ -64,6 +64,11 @@ class Guards:
         return self.problem.compiled.events.texts
 
     @cached_property
+    def ties(self) -> NDArray[np.int64]:
+        """See `EventFunctions.ties`."""
+        return np.array(self.problem.compiled.events.ties, dtype=np.int64)
+
+    @cached_property
     def causes(self) -> tuple[Cause, ...]:
         """The relations with the place of the first statement that holds each; no words where it is no event."""
         places, watched = self.problem.compiled.events.places, self.problem.compiled.state_events.watched

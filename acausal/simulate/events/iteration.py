@@ -35,6 +35,8 @@ _AT_ONCE = 12
 _MOST_SINGLE = 2000
 # A relation that has flipped so often at one instant leads back to itself from both sides.
 _CHATTER = 3
+# One that stays where its sides are equal is taken by its word, unless it has flipped so often.
+_TWICE = 2
 # A relation is kept in its mode for a moment so many times, each within this share of the run from the one before.
 _MOST_KEPT, _SOON = 20, 1e-6
 _SCALARS = tuple(Round._fields.index(name) for name in ("level", "settled", "clash"))
@@ -367,10 +369,20 @@ class Iteration:
         early = leaves & (g > 0.0) & back
         # or one holds no more, and the other one does some instants from now
         wrong &= ~(back & (rate > 0.0) & self.guards.behind(t, g, rate, noise))
+        wrong |= free & (g == 0.0) & (rate == 0.0) & (walk.flips[own] < _TWICE) & self._untied(moment, own)
         found = np.asarray(wrong | leaves & ~early if leaving else wrong)
         if early.any() and not found.any():
             self._stay(t, [moment.regime.owners[k][0] for k in np.flatnonzero(early)])
         return found
+
+    def _untied(self, moment: Moment, relations: NDArray[np.int64]) -> Truth:
+        """Whether the modes of these relations are not what their words say of sides that are equal.
+
+        One that stays on its guard does not tell by its rate which side it is on: a velocity that was reset to zero, a
+        number of steps that has come to its limit.
+        """
+        ties = self.guards.ties[relations]
+        return np.asarray((ties >= 0) & (moment.m[self.first + relations] != ties))
 
     def _stay(self, t: float, relations: list[int]) -> None:
         """Count modes that were kept for a moment more; what chatters would be kept so at each of its switchings."""

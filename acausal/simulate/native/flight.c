@@ -13,7 +13,7 @@
 #include <string.h>
 
 enum { DONE = 0, FULL = 1, UNUSUAL = 2, INTERRUPTED = 100 };
-enum { LOOKS = 64, FEWEST_LOOKS = 4, AT_ONCE = 12, CHATTER = 3, MOST_ROUNDS = 400, ENDLESS = 40, NEARLY = 16 };
+enum { LOOKS = 64, FEWEST_LOOKS = 4, AT_ONCE = 12, CHATTER = 3, TWICE = 2, MOST_ROUNDS = 400, ENDLESS = 40, NEARLY = 16 };
 enum { ROW = 1, LOOK = 2 }; /* what an instant is asked for */
 enum { DEEPEST = 60, MOST_POINTS = 400, HALVE = 4, MOST_STOPS = 20 };
 #define INSTANT 1e-12
@@ -53,7 +53,7 @@ struct flight {
   count_t constants, boundaries;
   /* what does not change in a run */
   double span, relative, absolute, step;
-  const count_t *assigned_at, *ends, *impossible;
+  const count_t *assigned_at, *ends, *ties, *impossible;
   const double *scale, *nominal, *constant, *u, *p;
   const double *boundary, *timely_modes, *due, *times;
   const count_t *times_end;
@@ -221,8 +221,9 @@ static int decide(struct flight* s, struct space* o, double t, count_t* turn) {
       o->doubt[k] = most(o->doubt[k], noise);
       if (o->flips[k] > 1) noise = o->doubt[k];
       double near = most(LOCATED * noise, fabs(o->rate[k]) * INSTANT * most(s->span, fabs(t)));
-      if (o->g[k] < -2 * noise || (leaving && o->g[k] <= near && o->rate[k] < -noise)) {
-        double* mode = s->m + first_relation(s) + k;
+      double* mode = s->m + first_relation(s) + k;
+      int untied = o->g[k] == 0.0 && o->rate[k] == 0.0 && o->flips[k] < TWICE && s->ties[k] >= 0 && *mode != (double) s->ties[k];
+      if (o->g[k] < -2 * noise || untied || (leaving && o->g[k] <= near && o->rate[k] < -noise)) {
         *mode = 1.0 - *mode;
         if (++o->flips[k] >= CHATTER) return UNUSUAL;
         wrong = 1;

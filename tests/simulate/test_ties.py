@@ -1,0 +1,87 @@
+"""Relations whose sides are equal and stay so are what their words say: `x > 0` is false at zero, `x >= 0` is true.
+
+Modelica 3.6, section 8.5: at an event all relations are evaluated. A relation that comes to its guard with a rate is on
+the side to which that rate takes it; one that is put there and stays has no rate to tell by.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+import acausal
+from acausal import Component, Equations, Real, der, fixed, floor, integer, pre, reset, time, variable, when, where
+from acausal.lower.compiled import CompiledModel
+
+STOP = 4.0
+
+
+class PutOnZero(Component):
+    """Rates that follow the sign of what is reset to zero at 1 s, from above and from below."""
+
+    high: Real = variable(default=fixed(1.0))
+    low: Real = variable(default=fixed(-1.0))
+    x: Real = variable(default=fixed(0.0), doc="Grows while high > 0")
+    y: Real = variable(default=fixed(0.0), doc="Grows while low >= 0")
+    n: Real = integer(doc="Counts low < 0 becoming false")
+
+    def equations(self) -> Equations:
+        yield der(self.high) == 0.0
+        yield der(self.low) == 0.0
+        yield der(self.x) == where(self.high > 0, 1.0, 0.0)
+        yield der(self.y) == where(self.low >= 0, 1.0, 0.0)
+        yield when(time > 1, reset(self.high, 0.0), reset(self.low, 0.0))
+        yield when(~(self.low < 0), reset(self.n, pre(self.n) + 1))
+
+
+class Stairs(Component):
+    """Each step of x / 0.7 is taken over by a clause, behind which both sides of its relation are the same number."""
+
+    p: Real = variable(default=fixed(0.0))
+    x: Real = variable(default=fixed(0.0), doc="Grows where the whole part of p is 2 or 3")
+    f: Real = variable()
+    y: Real = integer()
+    n: Real = integer()
+
+    def equations(self) -> Equations:
+        yield der(self.p) == 1.0
+        yield der(self.x) == where((floor(self.p) >= 2.0) & (floor(self.p) <= 3.0), 1.0, 0.0)
+        yield self.f == where(self.p > 1, where(self.p > 2, 2.0, 1.0), 0.0) + where(self.p > 3, 1.0, 0.0)
+        yield when(self.f > pre(self.y), reset(self.y, pre(self.y) + 1))
+        yield when(floor(self.p / 0.7) > pre(self.n), reset(self.n, floor(self.p / 0.7)))
+
+
+MODELS: dict[str, Component] = {"put on zero": PutOnZero(), "stairs": Stairs()}
+EXPECTED = {
+    "put on zero": {"x": 1.0, "y": STOP - 1.0, "n": 1.0},
+    "stairs": {"x": STOP - 2.0, "y": 3.0, "n": float(np.floor(STOP / 0.7))},
+}
+
+
+@cache
+def _compiled(model: str) -> CompiledModel:
+    return acausal.compile(MODELS[model])
+
+
+@pytest.mark.parametrize("model", list(EXPECTED))
+@pytest.mark.parametrize(
+    ("solver", "native"), [("idas", False), ("cvodes", False), ("rosenbrock", False), ("erk", False), ("erk", True)]
+)
+def test_sides_that_stay_equal(model: str, solver: str, native: bool) -> None:
+    result = acausal.simulate(_compiled(model), stop_time=STOP, solver=solver, native=native)
+    for name, value in EXPECTED[model].items():
+        assert result.final(name) == pytest.approx(value, abs=1e-6), name
+
+
+@pytest.mark.parametrize("model", list(EXPECTED))
+def test_in_exported_steps(model: str) -> None:
+    h = 0.05
+    step = acausal.step_function(_compiled(model), h, "rk4", list(EXPECTED[model]))
+    x, y = np.array([port.start for port in step.x]), None
+    for _ in range(round(STOP / h)):
+        x, y = step.function(x, [], [port.start for port in step.p])
+    found = dict(zip([port.name for port in step.y], np.array(y).ravel(), strict=True))
+    for name, value in EXPECTED[model].items():
+        assert found[name] == pytest.approx(value, abs=1e-6), name
