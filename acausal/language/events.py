@@ -7,7 +7,7 @@ true, all its actions see the values from before, and relations are decided agai
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from acausal.errors import DeclarationError
 from acausal.language.declarations.declare import check_discrete
@@ -81,7 +81,8 @@ class When(Statement):
         `terminate`.
         """
         used((self,))
-        return replace(self, branches=(*self.branches, _made(condition, actions, "elsewhen")))
+        branches = (*self.branches, _made(condition, actions, "elsewhen"))
+        return When(self.conditions, self.actions, self.terminate, branches, self.keyword)
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ becomes part of another one; what is left in the end is refused.
 from __future__ import annotations
 
 import ast
+import dis
 import inspect
 import sys
 import textwrap
@@ -21,6 +22,7 @@ from typing import Any
 from acausal.errors import DeclarationError, Span
 from acausal.language.origin import Origin
 
+_COMPUTES = frozenset(("BINARY_OP", "COMPARE_OP", "UNARY_NEGATIVE", "UNARY_INVERT"))
 Ledger = dict[int, tuple[object, Origin]]
 """Statements by `id`, and where they were made; it holds them, so that no `id` comes twice."""
 
@@ -113,6 +115,31 @@ def refuse_unheard(cls: type, where: str, function: Callable[..., Any]) -> None:
             cause="a generator that nobody asks states nothing",
             help=f"yield from {text}",
         )
+
+
+def refuse_idle(where: str, function: Callable[..., Any]) -> None:
+    """Refuse a sum, a product or a relation alone on a line: `der(x) + x` without `== 0` (AC186)."""
+    code = getattr(function, "__code__", None)
+    line = _idle(code) if code is not None else None
+    if code is not None and line is not None:
+        raise DeclarationError(
+            "AC186",
+            f"{where} computes an expression that reaches nothing",
+            where=(Span(code.co_filename, line),),
+            cause="an expression alone on a line is no equation: the model knows only what is yielded",
+            help="yield an equation: yield left == right",
+        )
+
+
+@cache
+def _idle(code: CodeType) -> int | None:
+    """The first line whose value is computed and thrown away; an equation is found by its ledger."""
+    before = None
+    for step in dis.get_instructions(code):
+        if step.opname == "POP_TOP" and before is not None and before.opname in _COMPUTES and before.argrepr != "==":
+            return before.positions.lineno if before.positions else code.co_firstlineno
+        before = step
+    return None
 
 
 def _yields(cls: type, function: Callable[..., Any], name: str) -> bool:

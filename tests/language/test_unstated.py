@@ -205,3 +205,32 @@ def test_what_is_used_is_not_refused() -> None:
             self.rates = [Rate(k=float(k)) for k in (1, 2)]
 
     assert len(flatten(Two()).equations) == len(flatten(Rate()).equations) * 2
+
+
+def test_a_branch_that_is_not_yielded() -> None:
+    """At the line of the `elsewhen`."""
+
+    class Branched(Oscillator):
+        n: Real = discrete()
+
+        def equations(self) -> Equations:
+            first = when(self.mass.s > 0.1, reset(self.n, 1.0))
+            yield first
+            first.elsewhen(self.mass.s > 0.05, reset(self.n, 2.0))
+
+    assert line_of(refused(Branched)).startswith("first.elsewhen")
+
+
+def test_an_expression_alone_on_a_line() -> None:
+    class Summed(Oscillator):
+        def equations(self) -> Equations:
+            self.damper.s_rel - self.spring.s_rel
+            yield connect(self.damper.flange_b, self.mass.flange_a)
+
+    class Compared(Oscillator):
+        def equations(self) -> Equations:
+            yield connect(self.damper.flange_b, self.mass.flange_a)
+            self.mass.s > 0.0  # noqa: B015
+
+    assert line_of(refused(Summed)).startswith("self.damper.s_rel - ")
+    assert line_of(refused(Compared)).startswith("self.mass.s > ")

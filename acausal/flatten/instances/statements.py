@@ -15,7 +15,7 @@ from acausal.language.events import Assertion, When
 from acausal.language.expressions.dimensions import check_dimensions
 from acausal.language.expressions.expression import Equation, Expr, Symbol, assigned, is_discrete
 from acausal.language.origin import Origin, origin_of
-from acausal.language.statement import Ledger, refuse_lost, refuse_unheard, stepped
+from acausal.language.statement import Ledger, refuse_idle, refuse_lost, refuse_unheard, stepped
 
 Statement = tuple[Any, Origin]
 
@@ -51,6 +51,7 @@ def run(component: Component, cls: str, method: str, function: Callable[..., Any
             help="every equation needs a `yield`: yield left == right",
         )
     refuse_unheard(type(component), f"{cls}.{method}", function)
+    refuse_idle(f"{cls}.{method}", function)
     ledger = Ledger()
     for item in _named(component, stepped(generator, ledger)):
         origin = origin_of(generator)
