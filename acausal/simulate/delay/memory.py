@@ -236,11 +236,13 @@ class Memory:
         """Raise TooFar where a delay that varies reads what the stretch cannot see."""
         first: float | None = None
         wider = False
+        instant = _INSTANT * max(self.span, *(abs(p.b) for p in panels))
         for k, item in enumerate(self.items):
             if item.is_constant:
                 continue
             low, high = self.windows[k]
-            slack = max(1e-6 * (high - low) if np.isfinite(low) else _INSTANT * self.span, 1.5 * self._noise[k])
+            # what `_gap` takes for being beyond an edge is none that is left: the two would send the stretch to and fro
+            slack = max(1e-6 * (high - low) if np.isfinite(low) else 0.0, 2.0 * instant, 1.5 * self._noise[k])
             for p in panels:
                 s = np.linspace(-1.0, 1.0, 65)
                 t = 0.5 * (p.a + p.b) + 0.5 * (p.b - p.a) * s
@@ -281,11 +283,14 @@ class Memory:
     def _shorten(self, here: float, t: float) -> None:
         """Try the stretch again, only up to `t`."""
         instant = _INSTANT * max(self.span, abs(here))
-        self._limit = t if t > here + 10 * instant else here + 100 * instant
         k, edge = self._exit
-        # it was there already, but for the error of the states; an event just before an edge is none of that
         off = abs(edge - self._read[k])
-        if here == self._begun and self._arrived == self._exit and off < 1e-3 * abs(here - self._read[k]):
+        is_near = t <= here + 10 * instant
+        self._limit = here + 100 * instant if is_near else t
+        # it was there already, but for the error of the states; an event before an edge is none of that, unless it is
+        # so near that no stretch fits between the two
+        was_there = self._arrived == self._exit and off < 1e-3 * abs(here - self._read[k])
+        if here == self._begun and (was_there or (is_near and off <= 100 * instant)):
             self._noise[k] = max(self._noise[k], 2.0 * off)
             self._limit = np.inf
 

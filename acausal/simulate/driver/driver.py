@@ -23,6 +23,8 @@ from acausal.simulate.start.initialize import Start
 
 # Calls of compiled code in a run that reports its progress.
 _REPORTS = 50
+# Stretches that may begin at one instant: a source of stops that tries again comes farther each time.
+_MOST_TRIES = 1000
 
 
 class Dynamics(Protocol):
@@ -99,8 +101,8 @@ class Driver:
     _row: int = 0
     _boundary: int = 0
     _before: Moment | None = None
-    _again: bool = False
-    """Whether the stretch begins where the one before it did."""
+    _again: int = 0
+    """How many stretches before this one began where it does."""
 
     def go(self) -> None:
         """Go from the first stop to the last, or to the end that the model asks for.
@@ -160,7 +162,9 @@ class Driver:
             self._before = self.dynamics.reached
             tried = self.entered
             self.entered = self.agenda.stretch(place, self._before, opens)
-            self._again = tried is not None and tried.start == self.entered.start
+            self._again = self._again + 1 if tried is not None and tried.start == self.entered.start else 0
+            if self._again > _MOST_TRIES:
+                raise RuntimeError(f"{_MOST_TRIES} stretches began at this instant, and none came farther")
             self._opened = place.segment
             self._row, self._boundary = self.recorder.count, len(self.recorder.boundaries)
             self.dynamics.enter(self.entered)
