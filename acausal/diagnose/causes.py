@@ -24,11 +24,8 @@ def probable(flat: FlatSystem, *, by_structure: bool = False) -> StructureError 
 
     It is asked only when a model has been found singular, so that sound models pay nothing.
 
-    Parameters
-    ----------
-    by_structure
-        The structure alone shows that the model is singular: then the smallest set of equations that proves it says
-        more than numbers do, unless a single equation holds no unknown.
+    `by_structure`: The structure alone shows that the model is singular: then the smallest set of equations that proves
+    it says more than numbers do, unless a single equation holds no unknown.
     """
     found = open_inputs(flat)
     if found is None and (by_structure or len(flat.equations) != flat.n_scalars - len(flat.inputs)):

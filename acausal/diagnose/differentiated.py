@@ -35,12 +35,8 @@ def differentiated_input(reduced: ReducedSystem, variable: int) -> StructureErro
 def undetermined(reduced: ReducedSystem, left: Sequence[int], open_ones: Sequence[int]) -> StructureError:
     """The error for a system that is balanced as it stands but not after constraints have been differentiated.
 
-    Parameters
-    ----------
-    left
-        Flat equations that determine nothing.
-    open_ones
-        Reduced variables without an equation.
+    `left`: Flat equations that determine nothing.
+    `open_ones`: Reduced variables without an equation.
     """
     flat = reduced.flat
     found = probable(flat)
@@ -66,12 +62,8 @@ def refuse_if_singular(reduced: ReducedSystem, equation: int, at_last: bool) -> 
     Pantelides' algorithm ends on what is structurally regular, but after as many differentiations as there are
     equations when the numbers cancel, and every one multiplies the size of a nonlinear expression.
 
-    Parameters
-    ----------
-    equation
-        Flat equation that is about to be differentiated once more.
-    at_last
-        Refuse in any case.
+    `equation`: Flat equation that is about to be differentiated once more.
+    `at_last`: Refuse in any case.
     """
     flat = reduced.flat
     found = probable(flat)

@@ -15,10 +15,7 @@ from acausal.flatten.reduced import ReducedSystem
 def overconstrained_loop(reduced: ReducedSystem, undetermined: Sequence[int]) -> StructureError | None:
     """AC206 when cut forces around a closed loop of frames are what cannot be determined.
 
-    Parameters
-    ----------
-    undetermined
-        Reduced variables of the under-determined part.
+    `undetermined`: Reduced variables of the under-determined part.
     """
     flat = reduced.flat
     if not flat.loops:

@@ -38,12 +38,8 @@ def refuse_changing_structure(
 
     Raises StructureError: AC213, with the equation and the condition.
 
-    Parameters
-    ----------
-    residuals, blocks
-        Nodes that must be zero, and which of them are solved for which variables.
-    sources
-        The flat equation that each residual comes from.
+    `residuals`, `blocks`: Nodes that must be zero, and which of them are solved for which variables.
+    `sources`: The flat equation that each residual comes from.
     """
     pool = reduced.pool
     switched = _switched(pool, residuals)

@@ -28,10 +28,7 @@ _TERNARY, _COMPARISON, _OR, _AND, _SUM, _PRODUCT, _SIGN, _POWER, _ATOM = range(9
 def latex(text: str) -> str | None:
     """An equation, a `when` or an expression in LaTeX; None for what is none (assertions, connections, long texts).
 
-    Parameters
-    ----------
-    text
-        Python, as equations print themselves and stand in sources.
+    `text`: Python, as equations print themselves and stand in sources.
     """
     if len(text) > LONGEST:
         return None

@@ -30,14 +30,9 @@ def variation(values: Vector) -> float:
 def stretches(ends: Vector, rows: Vector, error: float) -> Indices:
     """The first rows of all stretches, and the number of rows behind them; ascending.
 
-    Parameters
-    ----------
-    ends
-        Abscissas of n rows and the end of the last one, shape (n + 1,).
-    rows
-        Coefficients of each row in the distance from its beginning, the constant first, shape (n, degree + 1).
-    error
-        How far a cubic may be off, in the units of the values.
+    `ends`: Abscissas of n rows and the end of the last one, shape (n + 1,).
+    `rows`: Coefficients of each row in the distance from its beginning, the constant first, shape (n, degree + 1).
+    `error`: How far a cubic may be off, in the units of the values.
     """
     n = len(rows)
     lengths = np.diff(ends)

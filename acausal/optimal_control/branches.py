@@ -86,14 +86,9 @@ def branched(
 ) -> list[Any]:
     """An SX function once for each phase, with the branches that differ between phases as they are there.
 
-    Parameters
-    ----------
-    points
-        For each phase the arguments at n instants inside of it, each of shape (rows, n).
-    beyond
-        The same of what comes behind the last phase, where the run behind the guess goes on.
-    widths
-        For each phase, of the branches that are rounded the width by number; 0 leaves one as the model has it.
+    `points`: For each phase the arguments at n instants inside of it, each of shape (rows, n).
+    `beyond`: The same of what comes behind the last phase, where the run behind the guess goes on.
+    `widths`: For each phase, of the branches that are rounded the width by number; 0 leaves one as the model has it.
     """
     listed = _Listed.of(function)
     questions = None if listed is None else _questions(listed, _QUESTIONS)
@@ -141,14 +136,9 @@ def freed(function: Any, points: Sequence[Sequence[Vector]], number: int, sizes:
 def crossed(function: Any, points: Sequence[Vector], smooth: float, often: bool = False) -> dict[int, float]:
     """Branches that go both ways at n instants, by number, with the widths to round them.
 
-    Parameters
-    ----------
-    points
-        Arguments of the function, each of shape (rows, n).
-    smooth
-        Widths by the largest magnitude of what changes its sign there.
-    often
-        Whether those do not count that differ at few instants only.
+    `points`: Arguments of the function, each of shape (rows, n).
+    `smooth`: Widths by the largest magnitude of what changes its sign there.
+    `often`: Whether those do not count that differ at few instants only.
     """
     listed = _Listed.of(function)
     differences = None if listed is None else _questions(listed, _DIFFERENCES)

@@ -78,12 +78,8 @@ def spy(compiled: CompiledModel, file: str | Path | None = None, title: str | No
 
     Raises UsageError: AC012 and AC013 for the file.
 
-    Parameters
-    ----------
-    file
-        `.png` (150 dpi), `.svg` or `.pdf` to write.
-    title
-        Text above the figure; the model's name by default.
+    `file`: `.png` (150 dpi), `.svg` or `.pdf` to write.
+    `title`: Text above the figure; the model's name by default.
     """
     check_picture(file)
     found = pattern(compiled)

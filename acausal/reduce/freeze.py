@@ -22,11 +22,8 @@ def freeze(flat: FlatSystem, names: Sequence[str]) -> FlatSystem:
 
     Raises UsageError: AC020 for a name that is neither parameter nor component.
 
-    Parameters
-    ----------
-    names
-        Parameters, entries of array parameters (`body.r_CM[1]`), components (all their parameters), patterns with `*`,
-        or "zeros": all entries whose value is zero.
+    `names`: Parameters, entries of array parameters (`body.r_CM[1]`), components (all their parameters), patterns with
+    `*`, or "zeros": all entries whose value is zero.
     """
     frozen = sorted(_frozen(flat, names))
     if not frozen:

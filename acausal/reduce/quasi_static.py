@@ -30,10 +30,7 @@ def quasi_static(solution: Solution, names: Sequence[str], formulation: str) -> 
     event sets, or one of a stabilised constraint.
     Raises StructureError: AC211 when the equations without these rates do not determine the states.
 
-    Parameters
-    ----------
-    names
-        States, or aliases of states up to sign; a component stands for all its states.
+    `names`: States, or aliases of states up to sign; a component stands for all its states.
     """
     structure = solution.structure
     fast = states_named(structure, names)

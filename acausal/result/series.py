@@ -91,10 +91,7 @@ def read_series(file: str | Path, column: str | None = None, interpolation: str 
     Raises UsageError: AC014 for a file that cannot be read, AC045 for one without such a column, or with a row that is
     no number.
 
-    Parameters
-    ----------
-    column
-        Name of the column, with or without its unit; not needed for a file with one column besides the time.
+    `column`: Name of the column, with or without its unit; not needed for a file with one column besides the time.
     """
     path = Path(file)
     if path.suffix.lower() != ".csv":

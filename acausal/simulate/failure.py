@@ -46,12 +46,8 @@ class _Finding:
 def integration_error(problem: Problem, solver: str, reached: Segment, text: str) -> IntegrationError:
     """What went wrong, when, and which variables were moving fastest.
 
-    Parameters
-    ----------
-    reached
-        The segment from the last point that was reached.
-    text
-        The solver's own words.
+    `reached`: The segment from the last point that was reached.
+    `text`: The solver's own words.
     """
     compiled = problem.compiled
     at = (reached.x, reached.z, problem.u, problem.p, reached.p)

@@ -39,10 +39,7 @@ def refuse_jumps(
 
     Raises UsageError: AC039 with the first jump.
 
-    Parameters
-    ----------
-    instants, modes
-        Start, time events and stop of a run; the modes between two of them, shape (nm,).
+    `instants`, `modes`: Start, time events and stop of a run; the modes between two of them, shape (nm,).
     """
     switched = kept(compiled).switched
     if not switched or len(instants) < 3:

@@ -16,24 +16,13 @@ Relation = tuple[int, int, int]
 
 @dataclass(frozen=True, eq=False)
 class AliasClasses:
-    """Unknowns as signed copies of representatives: v[i] = sign[i] * v[representative[i]].
+    """Unknowns as signed copies of representatives: v[i] = sign[i] * v[representative[i]]."""
 
-    Parameters
-    ----------
-    representative
-        Shape (n,): the member that stands for the class of each unknown; itself for most.
-    sign
-        Shape (n,): +1 or -1; +1 for representatives.
-    zero
-        Shape (n,): whether the class says v = -v, so that all its members are 0.
-    redundant
-        Indices of the relations that follow from earlier ones. They carry no information: each is an equation too
-        many in its cycle, and `cycle` names the others of it.
-    """
-
-    representative: IntArray
-    sign: IntArray
-    zero: BoolArray
+    representative: IntArray  # shape (n,): the member that stands for the class of each unknown; itself for most
+    sign: IntArray  # shape (n,): +1 or -1; +1 for representatives
+    zero: BoolArray  # shape (n,): whether the class says v = -v, so that all its members are 0
+    # Indices of the relations that follow from earlier ones. They carry no information: each is an equation too many in
+    # its cycle, and `cycle` names the others of it.
     redundant: tuple[int, ...]
 
     @property

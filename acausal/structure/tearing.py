@@ -17,21 +17,12 @@ _CANDIDATES = 32
 
 @dataclass(frozen=True)
 class Tearing:
-    """How to evaluate a block: guess the torn columns, run the sequence, look at the residual rows.
+    """How to evaluate a block: guess the torn columns, run the sequence, look at the residual rows."""
 
-    Parameters
-    ----------
-    torn
-        Columns iterated upon, in the order they were chosen.
-    residual
-        Rows left over for the iteration, ascending; as many as `torn`.
-    sequence
-        Pairs (row, column): solve the row for the column, one after the other. Apart from its own column a row
-        contains only torn columns and columns solved before it.
-    """
-
-    torn: tuple[int, ...]
-    residual: tuple[int, ...]
+    torn: tuple[int, ...]  # columns iterated upon, in the order they were chosen
+    residual: tuple[int, ...]  # rows left over for the iteration, ascending; as many as `torn`
+    # Pairs (row, column): solve the row for the column, one after the other. Apart from its own column a row contains
+    # only torn columns and columns solved before it.
     sequence: tuple[tuple[int, int], ...]
 
 

@@ -548,14 +548,9 @@ def _slice_text(key: int | slice) -> str:
 def to_text(e: Expr, depth: int = 0, *, name_of: Callable[[Symbol], str] | None = None, binding: int = 0) -> str:
     """Python-like text of an expression with no more parentheses than needed.
 
-    Parameters
-    ----------
-    depth
-        Levels already written; beyond twelve the text ends in `...`.
-    name_of
-        Names of symbols; their full path when it is not given.
-    binding
-        How tightly the operator around `e` binds.
+    `depth`: Levels already written; beyond twelve the text ends in `...`.
+    `name_of`: Names of symbols; their full path when it is not given.
+    `binding`: How tightly the operator around `e` binds.
     """
     if e.op == "const":
         if not isinstance(e.payload, float):

@@ -82,16 +82,10 @@ def patterns(
 ) -> Patterns:
     """The columns and stages of some roots.
 
-    Parameters
-    ----------
-    resolved
-        The node that stands for a node: its definition for a defined variable.
-    varying
-        Leaves that change during a run: kind and index.
-    fixed
-        Leaves that do not, beside parameters and numbers.
-    zeros
-        Parameters that are zero: their products are left out.
+    `resolved`: The node that stands for a node: its definition for a defined variable.
+    `varying`: Leaves that change during a run: kind and index.
+    `fixed`: Leaves that do not, beside parameters and numbers.
+    `zeros`: Parameters that are zero: their products are left out.
     """
     return _Search(pool, resolved, dict(varying), fixed, zeros).found([resolved(r) for r in roots])
 

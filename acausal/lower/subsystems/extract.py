@@ -46,14 +46,9 @@ def extract(
 ) -> Extract:
     """What `roots` need.
 
-    Parameters
-    ----------
-    definition
-        By variable: its place in the order of evaluation, and its node.
-    images
-        Nodes that stand for others.
-    inputs
-        Number of each variable that is an input.
+    `definition`: By variable: its place in the order of evaluation, and its node.
+    `images`: Nodes that stand for others.
+    `inputs`: Number of each variable that is an input.
     """
     found = _Extraction(pool, definition, images, inputs)
     places = found.written(roots)

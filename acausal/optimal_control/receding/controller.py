@@ -64,12 +64,8 @@ class Controller:
         Raises OptimizationError: AC703 where no answer was found from these states; the next call begins from the last
         answer again.
 
-        Parameters
-        ----------
-        states
-            By name, or all in the order of `self.states`.
-        parameters
-            Values that differ from those of the problem, by name.
+        `states`: By name, or all in the order of `self.states`.
+        `parameters`: Values that differ from those of the problem, by name.
         """
         x = [states[n] for n in self.states] if isinstance(states, Mapping) else np.asarray(states, dtype=float)
         q = self.problem.quantities

@@ -90,12 +90,8 @@ class Estimator:
         Raises OptimizationError: AC703 where no estimate was found; the next call begins from the last answer again.
         Raises UsageError: AC033 for an input or a measured value that is missing, or is no number.
 
-        Parameters
-        ----------
-        inputs
-            What was held in the sample, by name.
-        measured
-            What was measured at its end, by name.
+        `inputs`: What was held in the sample, by name.
+        `measured`: What was measured at its end, by name.
         """
         q = self.problem.quantities
         _check_given(inputs, q.u.names, "input")

@@ -123,12 +123,8 @@ class Iteration:
     ) -> Happened:
         """Iterate from modes that have changed already.
 
-        Parameters
-        ----------
-        before
-            The modes that held before the event; a `when` acts if its condition was false under them.
-        samples, flag
-            Which samples are true now; "initial" or "terminal" at the ends of a run.
+        `before`: The modes that held before the event; a `when` acts if its condition was false under them.
+        `samples`, `flag`: Which samples are true now; "initial" or "terminal" at the ends of a run.
         """
         m = moment.m.copy()
         m[self.samples] = 0.0 if samples is None else samples

@@ -15,13 +15,9 @@ from acausal.simulate.native import cache, source
 def native(function: Any, *companions: Any) -> Any | None:
     """The function as compiled C; None when it cannot be had, which is never an error.
 
-    Parameters
-    ----------
-    function
-        A CasADi function; its name stays.
-    companions
-        More functions for the same library. CasADi takes a function that is derived from an external one, such as an
-        integrator's `jacF`, from the library when it is there by that name.
+    `function`: A CasADi function; its name stays.
+    `companions`: More functions for the same library. CasADi takes a function that is derived from an external one,
+    such as an integrator's `jacF`, from the library when it is there by that name.
     """
     parts = (function, *companions)
     key = cache.key("functions", *(part.serialize() for part in parts))

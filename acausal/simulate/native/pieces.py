@@ -25,14 +25,9 @@ _DECLARATION = re.compile(r"  casadi_real a\d+(?:, a\d+)*;")
 def in_pieces(name: str, head: str, body: str) -> tuple[str, str] | None:
     """Functions for the pieces, and the lines that call them; None when the body is short, or not straight.
 
-    Parameters
-    ----------
-    name
-        Of the function; the pieces are called after it.
-    head
-        Its lines up to the declarations of `a0, a1, ...`: pointers `in0, ..., out0, ...`.
-    body
-        The declarations, the assignments, and `return 0;`.
+    `name`: Of the function; the pieces are called after it.
+    `head`: Its lines up to the declarations of `a0, a1, ...`: pointers `in0, ..., out0, ...`.
+    `body`: The declarations, the assignments, and `return 0;`.
     """
     lines = body.split("\n")
     steps = [line for line in lines if not _DECLARATION.fullmatch(line)]

@@ -127,16 +127,10 @@ def functions(*parts: Any) -> str:
 def integrator(plugin: str, dae: Any, settings: Mapping[str, Any], *companions: Any) -> str | None:
     """C of a whole integrator, whose argument 3 is a pointer to a `struct acausal_run`; None when it cannot be had.
 
-    Parameters
-    ----------
-    plugin
-        "rosenbrock" or "erk".
-    dae
-        The oracle, SX, without controls.
-    settings
-        CasADi's options; tolerances and step are replaced by arguments.
-    companions
-        More functions for the same library.
+    `plugin`: "rosenbrock" or "erk".
+    `dae`: The oracle, SX, without controls.
+    `settings`: CasADi's options; tolerances and step are replaced by arguments.
+    `companions`: More functions for the same library.
     """
     source = functions(ca.integrator(ENTRY, plugin, dae, 0.0, [0.5, 1.0], dict(settings)), *companions)
     # Our argument takes the place of the controls, of which there are none.

@@ -37,12 +37,9 @@ def polished(
 
     Raises RuntimeError where they leave more than a hundred of these tolerances.
 
-    Parameters
-    ----------
-    times, x
-        The instants, and all states there, shape (nx, n).
-    tolerances
-        Of the solver; what its own values may leave of the equations, as a share of what the variables make of them.
+    `times`, `x`: The instants, and all states there, shape (nx, n).
+    `tolerances`: Of the solver; what its own values may leave of the equations, as a share of what the variables make
+    of them.
     """
     newton = kept(compiled).newton() if z.size else None
     if newton is None:

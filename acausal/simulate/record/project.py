@@ -72,12 +72,8 @@ def off_constraints(
 ) -> IntegrationError:
     """AC407: states so far from the constraints that the run cannot be believed any more.
 
-    Parameters
-    ----------
-    before, after
-        States as they were integrated, and nearest to these on the constraints.
-    moved, most
-        How far each of them that is, by its magnitude in the run, and how far it may be.
+    `before`, `after`: States as they were integrated, and nearest to these on the constraints.
+    `moved`, `most`: How far each of them that is, by its magnitude in the run, and how far it may be.
     """
     structure = compiled.solution.structure
     worst = np.argsort(-moved, kind="stable")[:3].tolist()

@@ -35,12 +35,8 @@ def contradicting(
 ) -> InitializationError:
     """AC302: a condition that does not hold when all the others do.
 
-    Parameters
-    ----------
-    off
-        By how much the value, or the left side of the equation, is too large.
-    x, p
-        States as the other conditions make them, and parameters.
+    `off`: By how much the value, or the left side of the equation, is too large.
+    `x`, `p`: States as the other conditions make them, and parameters.
     """
     given = _value(compiled, condition, p)
     own = f"{condition.text} ", f"d/dt ({condition.text})"
@@ -74,12 +70,8 @@ def off_constraint(
 ) -> InitializationError:
     """AC302: a constraint, or its derivative, that the start does not satisfy.
 
-    Parameters
-    ----------
-    off
-        Left side minus right side.
-    x, p
-        States as far as they were found, and parameters.
+    `off`: Left side minus right side.
+    `x`, `p`: States as far as they were found, and parameters.
     """
     others = _others(compiled, condition, x, p)
     return InitializationError(

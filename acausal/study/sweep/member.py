@@ -28,33 +28,18 @@ _SAME = 1e-13
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """What all members share.
-
-    Parameters
-    ----------
-    component, parameters
-        What the model was compiled from, for members for which that does not hold (AC029); None where a compiled model
-        was given.
-    names
-        Parameters that are varied.
-    grid
-        Times of the rows that are kept, shape (r,). [s]
-    signals
-        Names of the s scalar signals that are kept.
-    options
-        Options of `simulate`.
-    expected
-        Evaluations of the right-hand side in all members together, as far as that is known.
-    """
+    """What all members share."""
 
     model: CompiledModel
+    # `component`, `parameters`: what the model was compiled from, for members for which that does not hold (AC029);
+    # None where a compiled model was given.
     component: Component | None
     parameters: Mapping[str, Any]
-    names: tuple[str, ...]
-    grid: Vector
-    signals: tuple[str, ...]
-    options: Mapping[str, Any]
-    expected: float = 0.0
+    names: tuple[str, ...]  # parameters that are varied
+    grid: Vector  # times of the rows that are kept, shape (r,). [s]
+    signals: tuple[str, ...]  # names of the s scalar signals that are kept
+    options: Mapping[str, Any]  # options of `simulate`
+    expected: float = 0.0  # evaluations of the right-hand side in all members together, as far as that is known
 
 
 @dataclass(frozen=True, eq=False)

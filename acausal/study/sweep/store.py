@@ -32,24 +32,16 @@ CREATE TABLE members (
 
 @dataclass(frozen=True, eq=False)
 class Definition:
-    """What a sweep is: two sweeps with the same definition have the same members.
-
-    Parameters
-    ----------
-    parameters, values
-        The k parameters that are varied, and their values, shape (n, k), in SI.
-    signals, grid
-        The s signals that are kept, and the times of their rows, shape (r,). [s]
-    setting
-        Options of the runs, and what the model is, as text.
-    """
+    """What a sweep is: two sweeps with the same definition have the same members."""
 
     model: str
+    # `parameters`, `values`: the k parameters that are varied, and their values, shape (n, k), in SI.
     parameters: tuple[Signal, ...]
     values: Vector
+    # `signals`, `grid`: the s signals that are kept, and the times of their rows, shape (r,). [s]
     signals: tuple[Signal, ...]
     grid: Vector
-    setting: dict[str, str]
+    setting: dict[str, str]  # options of the runs, and what the model is, as text
 
     @property
     def content(self) -> dict[str, Any]:

@@ -70,16 +70,11 @@ def design(
 
     Raises UsageError: AC060 for what makes no sense.
 
-    Parameters
-    ----------
-    vary
-        A range, a sequence of values or a distribution (anything with `ppf`) for each parameter; or the members one by
-        one, each with its values.
-    sample
-        None for the grid of all combinations, the last name fastest; "sobol:256", "halton:100", "lhs:100" (Latin
-        hypercube) or "random:1000" for so many draws.
-    seed
-        The same seed gives the same draws.
+    `vary`: A range, a sequence of values or a distribution (anything with `ppf`) for each parameter; or the members one
+    by one, each with its values.
+    `sample`: None for the grid of all combinations, the last name fastest; "sobol:256", "halton:100", "lhs:100" (Latin
+    hypercube) or "random:1000" for so many draws.
+    `seed`: The same seed gives the same draws.
     """
     if not vary:
         raise UsageError("AC060", "nothing is varied", help="vary={'mass.m': acausal.Range(1.0, 2.0, 5)}")

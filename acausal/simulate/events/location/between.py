@@ -21,14 +21,9 @@ _LARGEST = 16.0
 def between(nodes: Vector, values: Vector, times: Vector, allowed: Vector) -> tuple[Vector, Truth]:
     """Values at m times between n nodes, shape (m, k), and whether all k are as good as `allowed`, shape (m,).
 
-    Parameters
-    ----------
-    nodes, values
-        Ascending instants, and k values at each; shapes (n,) and (n, k).
-    times
-        Ascending instants inside; shape (m,).
-    allowed
-        How far each of the values may be off; shape (m, k).
+    `nodes`, `values`: Ascending instants, and k values at each; shapes (n,) and (n, k).
+    `times`: Ascending instants inside; shape (m,).
+    `allowed`: How far each of the values may be off; shape (m, k).
     """
     count = min(_FINE, len(nodes))
     fine, grown = interpolated(nodes, values, times, count)

@@ -40,12 +40,8 @@ def first_crossing(left: Node, right: Node, instant: float, integrate: Callable[
 
     Raises RuntimeError: no end is found: a guard oscillates faster than the points follow.
 
-    Parameters
-    ----------
-    instant
-        Two times are one when they are no farther apart [s].
-    integrate
-        The node at a time after another node.
+    `instant`: Two times are one when they are no farther apart [s].
+    `integrate`: The node at a time after another node.
     """
     start, pending = left, [right]
     for count in range(_MOST_POINTS):

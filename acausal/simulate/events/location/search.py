@@ -160,14 +160,9 @@ class Search:
 
         Raises RuntimeError when the solver cannot go on; what came before is recorded.
 
-        Parameters
-        ----------
-        band
-            How far beyond its guard each one may be; shape (guards,).
-        gap
-            How long such stretches are about; inf when it is not known.
-        record
-            Told the rows at times of the segment, as they are known.
+        `band`: How far beyond its guard each one may be; shape (guards,).
+        `gap`: How long such stretches are about; inf when it is not known.
+        `record`: Told the rows at times of the segment, as they are known.
         """
         way = self._begun(segment, moment, band, record)
         end = float(segment.times[-1])

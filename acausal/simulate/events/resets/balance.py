@@ -34,12 +34,8 @@ _KEPT: WeakKeyDictionary[CompiledModel, _Balance] = WeakKeyDictionary()
 def directions(compiled: CompiledModel, resets: Sequence[int], slopes: Vector, at: _Point) -> Vector | None:
     """How states jump by an impulse on each of these velocities, shape (nx, resets); None where that is not known.
 
-    Parameters
-    ----------
-    slopes
-        Of the stabilised constraints by the states, shape (constraints, nx).
-    at
-        Time, x, z, u, p and m.
+    `slopes`: Of the stabilised constraints by the states, shape (constraints, nx).
+    `at`: Time, x, z, u, p and m.
     """
     balance = _KEPT.get(compiled)
     if balance is None:

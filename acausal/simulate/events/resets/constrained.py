@@ -46,10 +46,7 @@ def followed(
 
     Raises EventError: AC508 where the constraints do not determine the others, or cannot be satisfied.
 
-    Parameters
-    ----------
-    before, after
-        States, shape (nx,), before and after the `reset`s at the places `set_by`.
+    `before`, `after`: States, shape (nx,), before and after the `reset`s at the places `set_by`.
     """
     reset = bound(compiled, set_by)
     if not reset:
