@@ -18,6 +18,9 @@ from acausal.errors import UsageError
 if TYPE_CHECKING:
     from acausal.study.fit.fit import Fit
 
+# What is told of a fit as it stands.
+_TOLD = ("correlation", "covariance", "rms", "noise", "rows", "runs", "gradients", "notes")
+
 
 def fit(
     model: options.Model,
@@ -122,14 +125,7 @@ def _content(found: Fit) -> dict[str, Any]:
                 found.names, found.units, found.guess, found.value, found.std, found.interval, strict=True
             )
         ],
-        "correlation": found.correlation,
-        "covariance": found.covariance,
-        "rms": found.rms,
-        "noise": found.noise,
-        "rows": found.rows,
-        "runs": found.runs,
-        "gradients": found.gradients,
-        "notes": found.notes,
+        **{name: getattr(found, name) for name in _TOLD},
     }
 
 

@@ -102,26 +102,6 @@ def _call(p: Pool, op: Call, operands: tuple[int, ...]) -> int:
     return p.sum(p.mul(p.make(Call(partials, first + k), *operands), slope) for k, slope in slopes)
 
 
-def _add(p: Pool, n: int, a: int, b: int) -> int:
-    return p.add(p._slopes[a], p._slopes[b])
-
-
-def _sub(p: Pool, n: int, a: int, b: int) -> int:
-    return p.sub(p._slopes[a], p._slopes[b])
-
-
-def _neg(p: Pool, n: int, a: int) -> int:
-    return p.neg(p._slopes[a])
-
-
-def _mul(p: Pool, n: int, a: int, b: int) -> int:
-    return p.add(p.mul(p._slopes[a], b), p.mul(a, p._slopes[b]))
-
-
-def _div(p: Pool, n: int, a: int, b: int) -> int:
-    return p.div(p.sub(p._slopes[a], p.mul(n, p._slopes[b])), b)
-
-
 def _pow(p: Pool, n: int, a: int, b: int) -> int:
     exponent = p.make("pow", a, p.sub(b, p.one))
     first = p.mul(p.mul(b, exponent), p._slopes[a])
@@ -130,25 +110,9 @@ def _pow(p: Pool, n: int, a: int, b: int) -> int:
     return p.add(first, p.mul(p.mul(n, p.make("log", a)), p._slopes[b]))
 
 
-def _where(p: Pool, n: int, c: int, a: int, b: int) -> int:
-    return p.where(c, p._slopes[a], p._slopes[b])
-
-
-def _min(p: Pool, n: int, a: int, b: int) -> int:
-    return p.where(p.make("noevent", p.make("lt", a, b)), p._slopes[a], p._slopes[b])
-
-
-def _max(p: Pool, n: int, a: int, b: int) -> int:
-    return p.where(p.make("noevent", p.make("gt", a, b)), p._slopes[a], p._slopes[b])
-
-
-def _positive(p: Pool, a: int) -> int:
+def _smooth(p: Pool, relation: str, a: int, b: int) -> int:
     """What has a kink only, min, max and fabs, makes no event; nor does its derivative, which jumps."""
-    return p.make("noevent", p.make("gt", a, p.zero))
-
-
-def _homotopy(p: Pool, n: int, a: int, s: int) -> int:
-    return p.make("homotopy", p._slopes[a], p._slopes[s])
+    return p.make("noevent", p.make(relation, a, b))
 
 
 def _atan2(p: Pool, n: int, y: int, x: int) -> int:
@@ -176,17 +140,17 @@ def _one_plus_square(p: Pool, a: int) -> int:
 
 
 _RULES: dict[str, Callable[..., int]] = {
-    "add": _add,
-    "sub": _sub,
-    "neg": _neg,
-    "mul": _mul,
-    "div": _div,
+    "add": lambda p, n, a, b: p.add(p._slopes[a], p._slopes[b]),
+    "sub": lambda p, n, a, b: p.sub(p._slopes[a], p._slopes[b]),
+    "neg": lambda p, n, a: p.neg(p._slopes[a]),
+    "mul": lambda p, n, a, b: p.add(p.mul(p._slopes[a], b), p.mul(a, p._slopes[b])),
+    "div": lambda p, n, a, b: p.div(p.sub(p._slopes[a], p.mul(n, p._slopes[b])), b),
     "pow": _pow,
-    "where": _where,
-    "min": _min,
-    "max": _max,
     "atan2": _atan2,
-    "homotopy": _homotopy,
+    "where": lambda p, n, c, a, b: p.where(c, p._slopes[a], p._slopes[b]),
+    "min": lambda p, n, a, b: p.where(_smooth(p, "lt", a, b), p._slopes[a], p._slopes[b]),
+    "max": lambda p, n, a, b: p.where(_smooth(p, "gt", a, b), p._slopes[a], p._slopes[b]),
+    "homotopy": lambda p, n, a, s: p.make("homotopy", p._slopes[a], p._slopes[s]),
     "sign": _zero,
     "floor": _zero,
     "ceil": _zero,
@@ -205,5 +169,5 @@ _RULES: dict[str, Callable[..., int]] = {
     "exp": _chain(lambda p, n, a: n),
     "log": _chain(lambda p, n, a: p.div(p.one, a)),
     "sqrt": _chain(lambda p, n, a: p.div(p.const(0.5), n)),
-    "fabs": _chain(lambda p, n, a: p.where(_positive(p, a), p.one, p.neg(p.one))),
+    "fabs": _chain(lambda p, n, a: p.where(_smooth(p, "gt", a, p.zero), p.one, p.neg(p.one))),
 }

@@ -102,22 +102,20 @@ def bench(
             forms.compile(component, parameters, formulation, asked=formulations is not None)
     if formulations is not None and "torn" not in formulations:
         del forms.models["torn"]
-    return _benched(
-        first,
-        forms.models,
-        forms.failures,
-        solvers,
-        tolerances,
-        steps,
-        reference=None if reference is None else Path(reference),
-        variables=variables,
-        repeat=repeat,
-        time_limit=time_limit,
-        options={"native": native, "start_time": start_time, "stop_time": stop_time, "inputs": inputs},
-        times=times,
-        notes=forms.notes,
-        say=say,
-    )
+    options = {"native": native, "start_time": start_time, "stop_time": stop_time, "inputs": inputs}
+    given = None if reference is None else Path(reference)
+    cases = solvers, tolerances, steps
+    return _benched(first, forms, cases, _Effort(repeat, time_limit), options, say, reference=given, names=variables)
+
+
+@dataclass(frozen=True)
+class _Effort:
+    """How much is spent on a bench."""
+
+    repeat: int
+    limit: float  # of a single run [s]
+    enough: float = references.ENOUGH  # digits of the reference that suffice
+    patience: float | None = None  # no run is given more than so many times the best so far
 
 
 @dataclass(frozen=True)
@@ -163,63 +161,40 @@ def bench_compiled(
     `enough` digits of the reference suffice; no run is given more than `patience` times the best so far.
     """
     compiled = compiled.unchanging("a bench")
-    return _benched(
-        compiled,
-        {"torn": compiled},
-        {},
-        solvers,
-        tolerances,
-        steps,
-        reference=None,
-        variables=None,
-        repeat=repeat,
-        time_limit=time_limit,
-        options=options,
-        times={},
-        notes=[],
-        say=say,
-        enough=enough,
-        patience=patience,
-    )
+    forms, effort = _Forms({"torn": compiled}, {}, [], {}), _Effort(repeat, time_limit, enough, patience)
+    return _benched(compiled, forms, (solvers, tolerances, steps), effort, options, say)
 
 
 def _benched(
     first: CompiledModel,
-    models: Mapping[str, CompiledModel],
-    failures: Mapping[str, str],
-    solvers: Sequence[str] | None,
-    tolerances: Sequence[float] | None,
-    steps: Sequence[float] | None,
-    *,
-    reference: Path | None,
-    variables: Sequence[str] | None,
-    repeat: int,
-    time_limit: float,
+    forms: _Forms,
+    asked: tuple[Sequence[str] | None, Sequence[float] | None, Sequence[float] | None],
+    effort: _Effort,
     options: Mapping[str, Any],
-    times: dict[str, float],
-    notes: list[str],
     say: Say,
-    enough: float = references.ENOUGH,
-    patience: float | None = None,
+    *,
+    reference: Path | None = None,
+    names: Sequence[str] | None = None,
 ) -> Bench:
+    """All cases of the solvers, tolerances and steps that are asked for, None where the bench chooses."""
     chosen = run_options(
         first.flat.experiment, start_time=options.get("start_time"), stop_time=options.get("stop_time")
     )
     span = chosen.stop_time - chosen.start_time
     input_vector(first, options.get("inputs") or {})  # a missing one is a wrong request, not a failure of every case
-    task = Task(first, components(first, variables), span, options)
+    task = Task(first, components(first, names), span, options)
     nominal = _nominal(first, task.names)
     if reference is None:
-        against = references.made(task, nominal, 2.0 * time_limit, say, enough)
+        against = references.made(task, nominal, 2.0 * effort.limit, say, effort.enough)
     else:
         against = references.given(reference, task.names, nominal, (chosen.start_time, chosen.stop_time))
     if against.trusted_digits < 3.0:
-        notes.append(f"the reference is trusted to {against.trusted_digits:.1f} digits only")
-    lab = _Lab(task, models, failures, against, repeat, time_limit, times, say, patience)
-    wanted = _wanted(solvers, tolerances, steps, span, chosen.step, first.flat.experiment.max_step)
-    runs = tuple(lab.run(case) for case in _cases([*models, *failures], solvers is None, *wanted))
+        forms.notes.append(f"the reference is trusted to {against.trusted_digits:.1f} digits only")
+    lab = _Lab(task, forms, against, effort, say)
+    wanted = _wanted(*asked, span, chosen.step, first.flat.experiment.max_step)
+    runs = tuple(lab.run(case) for case in _cases([*forms.models, *forms.failures], asked[0] is None, *wanted))
     started = [run.startup_time for run in runs if run.distance is not None]
-    times["start"] = statistics.median(started) if started else math.nan
+    forms.times["start"] = statistics.median(started) if started else math.nan
     return Bench(
         model=first.name,
         runs=runs,
@@ -227,45 +202,36 @@ def _benched(
         components=task.names,
         start_time=chosen.start_time,
         stop_time=chosen.stop_time,
-        repeat=repeat,
-        times=times,
+        repeat=effort.repeat,
+        times=forms.times,
         machine=machine(),
-        notes=tuple(notes),
+        notes=tuple(forms.notes),
     )
 
 
 class _Lab:
     """Runs cases one by one; what a looser case of a series has shown spares the tighter ones."""
 
-    def __init__(
-        self,
-        task: Task,
-        models: Mapping[str, CompiledModel],
-        failures: Mapping[str, str],
-        against: Reference,
-        repeat: int,
-        limit: float,
-        times: dict[str, float],
-        say: Say,
-        patience: float | None = None,
-    ) -> None:
-        self.task, self.models, self.failures, self.against = task, models, failures, against
-        self.repeat, self.limit, self.times, self.say = repeat, limit, times, say
+    def __init__(self, task: Task, forms: _Forms, against: Reference, effort: _Effort, say: Say) -> None:
+        self.task, self.forms, self.against, self.effort, self.say = task, forms, against, effort, say
         self.hopeless: dict[str, str] = {}
-        self.patience, self.fastest = patience, math.inf
+        self.fastest = math.inf
 
     def run(self, case: Case) -> Run:
         """Measure one case, or say why not."""
-        if case.formulation in self.failures:
-            return Run(case, failure=self.failures[case.formulation])
+        forms, effort = self.forms, self.effort
+        if case.formulation in forms.failures:
+            return Run(case, failure=forms.failures[case.formulation])
         if case.series in self.hopeless:
             return Run(case, failure=f"not tried: {self.hopeless[case.series]}")
-        task = replace(self.task, compiled=self.models[case.formulation])
-        if f"native {case.series}" not in self.times and task.options.get("native"):
-            self.times[f"native {case.series}"] = self._library(task, case)
+        task = replace(self.task, compiled=forms.models[case.formulation])
+        if f"native {case.series}" not in forms.times and task.options.get("native"):
+            forms.times[f"native {case.series}"] = self._library(task, case)
         self.say(f"{case.series}, {case.knob}")
-        limit = self.limit if self.patience is None else min(self.limit, max(1.0, self.patience * self.fastest))
-        outcome = measured(task, case, self.repeat, limit)
+        limit = effort.limit
+        if effort.patience is not None:
+            limit = min(limit, max(1.0, effort.patience * self.fastest))
+        outcome = measured(task, case, effort.repeat, limit)
         if outcome.value is None:
             if "no end after" in outcome.failure:
                 self.hopeless[case.series] = f"{outcome.failure} at {case.knob}"

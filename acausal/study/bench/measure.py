@@ -17,11 +17,10 @@ from acausal.simulate.solvers import base
 from acausal.study.bench.accuracy.trajectory import POINTS, Trajectory, sampled
 from acausal.study.bench.case import ONLY_FIXED, Case
 from acausal.study.bench.isolated import Outcome, isolated
+from acausal.study.bench.run import COUNTERS
 
 FINE = 10
 """Points of the reference for each of the grid: phases are looked for between grid points."""
-
-_COUNTERS = ("steps", "rhs_evaluations", "jacobians", "factorisations", "rejected")
 
 
 @dataclass(frozen=True)
@@ -124,7 +123,7 @@ def _measured(task: Task, case: Case, result: Result, points: int, first_time: f
     stats = dict(result.stats)
     times: Any = stats["time"]
     making = float(str(stats.get("making", 0.0)))
-    counters = {name: float(str(stats[name])) for name in _COUNTERS if name in stats}
+    counters = {name: float(str(stats[name])) for name in COUNTERS if name in stats}
     if result.stats["solver"] == "rosenbrock":
         # one Jacobian and one factorisation for each step that is tried
         counters["factorisations"] = counters.get("steps", 0.0) + counters.get("rejected", 0.0)

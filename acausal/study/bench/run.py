@@ -11,6 +11,8 @@ from typing import Any
 from acausal.study.bench.accuracy.distance import Distance
 from acausal.study.bench.case import Case
 
+COUNTERS = ("steps", "rhs_evaluations", "jacobians", "factorisations", "rejected")
+
 
 @dataclass(frozen=True)
 class Run:
@@ -63,11 +65,7 @@ class Run:
             "constraint_drift": self.constraint_drift,
             "solve_time": self.solve_time,
             "startup_time": self.startup_time,
-            "steps": self.counters.get("steps"),
-            "rhs_evaluations": self.counters.get("rhs_evaluations"),
-            "jacobians": self.counters.get("jacobians"),
-            "factorisations": self.counters.get("factorisations"),
-            "rejected": self.counters.get("rejected"),
+            **{name: self.counters.get(name) for name in COUNTERS},
             "events": self.events,
             "native": self.native,
         }

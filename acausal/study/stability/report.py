@@ -75,10 +75,7 @@ class Stability:
         """All numbers, for JSON."""
         ch = self.character
         return {
-            "model": self.model,
-            "solver": self.solver,
-            "tolerance": self.tolerance,
-            "span": self.span,
+            **{name: getattr(self, name) for name in ("model", "solver", "tolerance", "span")},
             "states": list(self.states),
             "points": [
                 {

@@ -32,7 +32,7 @@ class Avoided:
 
     def content(self) -> dict[str, object]:
         """For JSON."""
-        return {"method": self.method, "solver": self.solver, "why": self.why}
+        return dict(vars(self))
 
 
 @dataclass(frozen=True)

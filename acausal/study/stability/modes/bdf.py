@@ -28,13 +28,7 @@ class BdfEffect:
 
     def content(self) -> dict[str, object]:
         """For JSON."""
-        return {
-            "order": self.order,
-            "step": self.step,
-            "per_period": self.per_period,
-            "over_run": self.over_run,
-            "effect": self.effect,
-        }
+        return {**vars(self), "effect": self.effect}
 
 
 def bdf_effects(eigenvalue: complex, span: float, tolerance: float) -> tuple[BdfEffect, ...]:

@@ -47,7 +47,7 @@ class Check:
 
     def content(self) -> dict[str, object]:
         """For JSON."""
-        return {"step": self.step, "steps": self.steps, "measured": self.measured, "predicted": self.predicted}
+        return dict(vars(self))
 
 
 @dataclass(frozen=True)
