@@ -120,15 +120,6 @@ def _held(compiled: CompiledModel, form: Form, outputs: Sequence[Output]) -> lis
 def _discrete(compiled: CompiledModel, roots: Sequence[int]) -> set[int]:
     """Positions among the states of the discrete variables that nodes depend on, through definitions."""
     pool = compiled.solution.structure.reduced.pool
-    definition = dict(compiled.solution.definitions)
-    seen: set[int] = set()
-    stack = list(pool.variables_in(*roots)) if roots else []
-    while stack:
-        v = stack.pop()
-        if v in seen:
-            continue
-        seen.add(v)
-        if v in definition:
-            stack.extend(pool.variables_in(definition[v]))
+    seen = pool.variables_behind(roots, dict(compiled.solution.definitions))
     first = len(compiled.states) - compiled.discretes
     return {k for k, v in enumerate(compiled.state_variables) if k >= first and v in seen}

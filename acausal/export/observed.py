@@ -38,12 +38,5 @@ def observed_function(compiled: CompiledModel, outputs: Sequence[Output]) -> Any
 def _definitions(compiled: CompiledModel, nodes: Sequence[int]) -> list[tuple[int, int]]:
     """The definitions that `nodes` need, in evaluation order."""
     pool = compiled.solution.structure.reduced.pool
-    node_of = dict(compiled.solution.definitions)
-    needed: set[int] = set()
-    stack = list(pool.variables_in(*nodes))
-    while stack:
-        v = stack.pop()
-        if v in node_of and v not in needed:
-            needed.add(v)
-            stack.extend(pool.variables_in(node_of[v]))
+    needed = pool.variables_behind(nodes, dict(compiled.solution.definitions))
     return [d for d in compiled.solution.definitions if d[0] in needed]

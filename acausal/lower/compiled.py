@@ -78,32 +78,26 @@ class CompiledModel(Lowered):
     @cached_property
     def observe(self) -> Any:
         """`(t, x, z, u, p, m) -> y[len(columns)]`: every trajectory of the model at one instant."""
-        return self._observe(blend=False)
+        return self._of_nodes("observe", y=self.columns)
 
     @cached_property
     def blended_observe(self) -> Any:
         """`observe` for modes between 0 and 1."""
-        return self._observe(blend=True)
-
-    def _observe(self, blend: bool) -> Any:
-        symbols = Symbols(self)
-        builder = symbols.builder(self)
-        builder.blend = blend
-        builder.define(self.solution.definitions, self.rewritten)
-        y = builder.column([builder.replaced(n) for n in self.columns])
-        return ca.Function("observe", symbols.inputs, [ca.densify(y)], _INPUTS, ["y"])
+        return self._of_nodes("observe", blend=True, y=self.columns)
 
     @cached_property
     def blended(self) -> Any:
         """`rhs` for modes between 0 and 1: `where` is then a mean of its two values (sliding modes)."""
-        ode, alg = ([self.solution.structure.derivative(x) for x in self.state_variables], self.solution.residuals)
+        structure = self.solution.structure
+        ode = [structure.reduced.pool.var(structure.derivative(x)) for x in self.state_variables]
+        return self._of_nodes("blended", blend=True, ode=ode, alg=self.solution.residuals)
+
+    def _of_nodes(self, name: str, blend: bool = False, **outputs: Sequence[int]) -> Any:
+        """`(t, x, z, u, p, m) ->` a column of the nodes of each output."""
         symbols = Symbols(self)
-        builder = symbols.builder(self)
-        builder.blend = True
-        builder.define(self.solution.definitions, self.rewritten)
-        pool = self.solution.structure.reduced.pool
-        parts = [builder.column([pool.var(v) for v in ode]), builder.column([builder.replaced(r) for r in alg])]
-        return ca.Function("blended", symbols.inputs, parts, _INPUTS, ["ode", "alg"])
+        builder = symbols.defined(self, blend)
+        columns = [ca.densify(builder.column([builder.replaced(n) for n in nodes])) for nodes in outputs.values()]
+        return ca.Function(name, symbols.inputs, columns, _INPUTS, [*outputs])
 
     @cached_property
     def opened(self) -> CompiledModel:
@@ -137,14 +131,8 @@ class CompiledModel(Lowered):
     @cached_property
     def conditions(self) -> Any:
         """`(t, x, z, u, p, m) -> (used, surplus)`: residuals of the start conditions; see `StartProblem`."""
-        symbols = Symbols(self)
-        builder = symbols.builder(self)
-        builder.define(self.solution.definitions, self.rewritten)
-        parts = [
-            _column(builder.lower([builder.replaced(c.node) for c in group]))
-            for group in (self.start.conditions, self.start.surplus)
-        ]
-        return ca.Function("conditions", symbols.inputs, parts, _INPUTS, ["used", "surplus"])
+        used, surplus = ([c.node for c in group] for group in (self.start.conditions, self.start.surplus))
+        return self._of_nodes("conditions", used=used, surplus=surplus)
 
     @cached_property
     def all_modes(self) -> Any:
@@ -176,20 +164,12 @@ class CompiledModel(Lowered):
     @cached_property
     def delay_signals(self) -> Any:
         """`(t, x, z, u, p, m) -> [sources, delays]`: what is to be remembered, how long ago each delay reads [s]."""
-        return self._delay_signals(blend=False)
+        return self._of_nodes("signals", y=self.delays.roots)
 
     @cached_property
     def blended_delay_signals(self) -> Any:
         """The same for modes between 0 and 1, of sliding modes."""
-        return self._delay_signals(blend=True)
-
-    def _delay_signals(self, blend: bool) -> Any:
-        symbols = Symbols(self)
-        builder = symbols.builder(self)
-        builder.blend = blend
-        builder.define(self.solution.definitions, self.rewritten)
-        column = ca.vertcat(*builder.lower([builder.replaced(n) for n in self.delays.roots]))
-        return ca.Function("signals", symbols.inputs, [ca.densify(column)], ["t", "x", "z", "u", "p", "m"], ["y"])
+        return self._of_nodes("signals", blend=True, y=self.delays.roots)
 
     @cached_property
     def homotopy(self) -> Any:
@@ -203,9 +183,8 @@ class CompiledModel(Lowered):
         if not any(pool.nodes[n][0] == "homotopy" for n in pool.reachable(roots)):
             return None
         symbols = Symbols(self)
-        builder = symbols.builder(self)
+        builder = symbols.defined(self)
         builder.homotopy = ca.SX.sym("s")
-        builder.define(self.solution.definitions, self.rewritten)
         used, alg = (
             _column(builder.lower([builder.replaced(n) for n in group]))
             for group in (conditions, self.solution.residuals)
@@ -218,8 +197,7 @@ class CompiledModel(Lowered):
     def constraints(self) -> Any:
         """`(t, x, z, u, p, m) -> (g, dg/dx)`: stabilised constraints, all levels, and their Jacobian."""
         symbols = Symbols(self)
-        builder = symbols.builder(self)
-        builder.define(self.solution.definitions, self.rewritten)
+        builder = symbols.defined(self)
         g = _column(builder.lower([builder.replaced(n) for _, n in self.solution.structure.invariants]))
         return ca.Function("constraints", symbols.inputs, [g, ca.jacobian(g, symbols.x)], _INPUTS, ["g", "J"])
 

@@ -45,6 +45,13 @@ class Symbols:
             builder.know(variables, symbols)
         return builder
 
+    def defined(self, compiled: Lowered, blend: bool = False) -> DefiningBuilder:
+        """The same with all definitions; `blend` for modes between 0 and 1."""
+        builder = self.builder(compiled)
+        builder.blend = blend
+        builder.define(compiled.solution.definitions, compiled.rewritten)
+        return builder
+
     def given(self, compiled: Lowered) -> Any:
         """Inputs as the equations see them: constants of u, and polynomials in time."""
         u, first = ca.SX(self.u), len(compiled.time_events.relations)

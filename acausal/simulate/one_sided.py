@@ -44,8 +44,7 @@ def one_sided(
     if not 0 < len(unknowns) <= _MOST:
         return None
     s, y = Symbols(compiled), ca.SX.sym("y", len(unknowns))
-    builder = s.builder(compiled)
-    builder.define(compiled.solution.definitions, compiled.rewritten)
+    builder = s.defined(compiled)
     values = builder.column([reduced.pool.var(v) for v in unknowns])
     open_ = s.builder(compiled)
     open_.define([], compiled.rewritten)

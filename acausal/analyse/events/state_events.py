@@ -218,18 +218,8 @@ def _assigned(reduced: ReducedSystem) -> dict[int, int]:
 
 def _definitions(solution: Solution, roots: Iterable[int]) -> list[int]:
     """Nodes of all definitions that the integration or the clauses need."""
-    pool = solution.structure.reduced.pool
-    definition = dict(solution.definitions)
-    needed = set(solution.needed)
-    stack = [v for r in roots for v in pool.variables_in(r)]
-    seen: set[int] = set()
-    while stack:
-        v = stack.pop()
-        if v not in seen:
-            seen.add(v)
-            if v in definition:
-                needed.add(v)
-                stack.extend(pool.variables_in(definition[v]))
+    behind = solution.structure.reduced.pool.variables_behind(roots, dict(solution.definitions))
+    needed = solution.needed | behind
     return [node for v, node in solution.definitions if v in needed]
 
 

@@ -108,9 +108,7 @@ class EventFunctions:
 
     def _defined(self) -> Any:
         symbols = Symbols(self.compiled)
-        builder = symbols.builder(self.compiled)
-        builder.define(self.compiled.solution.definitions, self.compiled.rewritten)
-        return symbols, builder
+        return symbols, symbols.defined(self.compiled)
 
     def _distances(self, builder: Any) -> list[Any]:
         found = []

@@ -86,8 +86,7 @@ def impulses_of(compiled: Lowered, s: Symbols) -> Impulses | None:
         return None
     pool, clauses = compiled.solution.structure.reduced.pool, compiled.state_events.clauses
     actions = [action for clause in clauses for action in clause.actions]
-    builder = s.builder(compiled)
-    builder.define(compiled.solution.definitions, compiled.rewritten)
+    builder = s.defined(compiled)
     before = ca.SX(s.x)  # a string that is slack until now does not yet hold
     memory = dict(zip(compiled.mode_nodes, compiled.mode_places, strict=True))
     for k in range(compiled.n_dynamic + compiled.quadratures, len(compiled.states)):

@@ -88,8 +88,7 @@ def _made(compiled: CompiledModel) -> Arguments | None:
     if not found.arguments:
         return None
     symbols = Symbols(compiled)
-    builder = symbols.builder(compiled)
-    builder.define(solution.definitions, compiled.rewritten)
+    builder = symbols.defined(compiled)
     nodes = *found.arguments, *(w for w, _ in found.middles)
     column = builder.column([builder.replaced(n) for n in nodes])
     owners = [*range(len(found.arguments)), *(place for _, place in found.middles)]

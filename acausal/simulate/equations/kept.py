@@ -83,10 +83,7 @@ class Kept:
 
     def _observer(self, blend: bool) -> tuple[Symbols, DefiningBuilder]:
         symbols = Symbols(self.compiled)
-        builder = symbols.builder(self.compiled)
-        builder.blend = blend
-        builder.define(self.compiled.solution.definitions, self.compiled.rewritten)
-        return symbols, builder
+        return symbols, symbols.defined(self.compiled, blend)
 
     @cached_property
     def reactions(self) -> Quick:

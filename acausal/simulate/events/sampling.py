@@ -6,7 +6,6 @@ import numpy as np
 
 from acausal.analyse.events.state_events import Clause
 from acausal.arrays import Vector
-from acausal.flatten.pool import LEAVES
 from acausal.lower.compiled import CompiledModel
 from acausal.numeric.evaluate import values
 from acausal.simulate.events.errors import not_a_clock
@@ -29,18 +28,8 @@ def clocks(compiled: CompiledModel, p: Vector) -> list[tuple[float, float]]:
 
 def users(compiled: CompiledModel, sample: int) -> list[Clause]:
     """Clauses whose condition holds a sample."""
-    nodes = compiled.solution.structure.reduced.pool.nodes
-    found = []
-    for clause in compiled.state_events.clauses:
-        stack = list(clause.conditions)
-        while stack:
-            here = stack.pop()
-            if here == sample:
-                found.append(clause)
-                break
-            op, *operands = nodes[here]
-            stack += () if op in LEAVES else operands
-    return found
+    pool = compiled.solution.structure.reduced.pool
+    return [c for c in compiled.state_events.clauses if sample in pool.reachable(c.conditions)]
 
 
 def sample_times(compiled: CompiledModel, p: Vector, start: float, stop: float) -> Vector:

@@ -100,8 +100,7 @@ class _Balance:
         self.rows = [e for block in structure.blocks for e in block.rows]
         unknowns = [v for block in structure.blocks for v in block.columns]
         s, y = Symbols(compiled), ca.SX.sym("y", len(unknowns))
-        builder = s.builder(compiled)
-        builder.define(compiled.solution.definitions, compiled.rewritten)
+        builder = s.defined(compiled)
         values = builder.column([pool.var(v) for v in unknowns])
         open_ = Symbols.builder(s, compiled)
         open_.define([], compiled.rewritten)
