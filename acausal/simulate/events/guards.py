@@ -117,7 +117,11 @@ class Guards:
         States `x` have shape (n, states); modes and regime are those of `at`.
         """
         problem, error = self.problem, 10 * self.tolerances.of(x, self._nominal)
-        found = at.regime.judged.many(times[:, None], x, at.z, problem.u, problem.p, at.m, error, at.z)
+        common = at.z, problem.u, problem.p, at.m
+        if len(times) == 1:  # half the time of a function of many
+            found = at.regime.judged(times[0], x[0], *common, error[0], at.z)[0][None, :]
+        else:
+            found = at.regime.judged.many(times[:, None], x, *common, error, at.z)
         count = found.shape[1] // 3
         distances, rates, noises = np.minimum(found[:, :count], FAR), found[:, count : 2 * count], found[:, 2 * count :]
         if self.step > 0.0:

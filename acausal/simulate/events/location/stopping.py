@@ -180,6 +180,8 @@ def integrate_to_event(guards: Guards, moment: Moment, segment: Segment, plugin:
     def ahead(after: Node, ends: list[float]) -> list[_Coming]:
         """The nodes at the next few ends, or up to a stop before one of them."""
         count = step.together(after.t, ends)
+        if count > 1 and (after.above + after.rate * (ends[count - 1] - after.t) < 0.0).any():
+            count = 1  # a guard is about to be reached: nothing is gained by going on behind the stop
         bands = np.empty((count, len(band)))
         bands[0], bands[1:] = band, later
         points = step(after, ends[:count], bands)
