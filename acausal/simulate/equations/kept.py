@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from functools import cached_property
 from typing import Any
 from weakref import WeakKeyDictionary, ref
@@ -38,8 +39,26 @@ class Observing:
         return self._rows.many(t, x, z, self._constants(p, u)[0], m)
 
 
+def _quick(function: Callable[[CompiledModel], Any]) -> cached_property[Quick]:
+    """A function of the model, made ready to be called quickly at the first need."""
+    return cached_property(lambda kept: Quick(function(kept.compiled)))
+
+
 class Kept:
     """Functions of one model, of `(t, x, z, u, p, m)` where nothing else is said."""
+
+    rhs = _quick(lambda model: model.rhs)  # `-> (ode, alg)`
+    observe = _quick(lambda model: model.observe)  # `-> every trajectory at one instant`
+    reactions = _quick(lambda model: model.events.reactions)  # see `EventFunctions.reactions`
+    round = _quick(lambda model: model.events.round)  # see `acausal.lower.events.round.Round`
+    distances = _quick(lambda model: model.events.distances)  # `-> distance`, one per relation
+    # `-> distances` with the sign of their modes, positive while these hold
+    watch = _quick(lambda model: model.events.watch)
+    rates = _quick(lambda model: model.events.rates)  # see `guard_rates`
+    guess = _quick(lambda model: model.guess)  # `(p) -> (x, z)` as declared
+    constants = _quick(lambda model: model.constants)  # `(p) -> c`, in the order of `constant_nodes`
+    instants = _quick(lambda model: model.instants)  # `(p) -> times of the relations of time`
+    modes = _quick(lambda model: model.modes)  # `(t, p) -> m`
 
     def __init__(self, compiled: CompiledModel) -> None:
         self._model = ref(compiled)  # what is kept for a model must not keep it alive
@@ -54,16 +73,6 @@ class Kept:
         model = self._model()
         assert model is not None, "only who holds the model asks"
         return model
-
-    @cached_property
-    def rhs(self) -> Quick:
-        """`-> (ode, alg)`."""
-        return Quick(self.compiled.rhs)
-
-    @cached_property
-    def observe(self) -> Quick:
-        """`-> every trajectory at one instant`."""
-        return Quick(self.compiled.observe)
 
     def observing(self, columns: tuple[int, ...], blend: bool) -> Observing:
         """`-> some of the trajectories`, by their places in `columns` of the model; `blend` for modes between 0 and 1.
@@ -86,46 +95,6 @@ class Kept:
         return symbols, symbols.defined(self.compiled, blend)
 
     @cached_property
-    def reactions(self) -> Quick:
-        """See `EventFunctions.reactions`."""
-        return Quick(self.compiled.events.reactions)
-
-    @cached_property
-    def round(self) -> Quick:
-        """See `acausal.lower.events.round.Round`."""
-        return Quick(self.compiled.events.round)
-
-    @cached_property
-    def distances(self) -> Quick:
-        """`-> distance`, one per relation."""
-        return Quick(self.compiled.events.distances)
-
-    @cached_property
-    def watch(self) -> Quick:
-        """`-> distances` with the sign of their modes, positive while these hold."""
-        return Quick(self.compiled.events.watch)
-
-    @cached_property
-    def rates(self) -> Quick:
-        """See `guard_rates`."""
-        return Quick(self.compiled.events.rates)
-
-    @cached_property
-    def guess(self) -> Quick:
-        """`(p) -> (x, z)` as declared."""
-        return Quick(self.compiled.guess)
-
-    @cached_property
-    def constants(self) -> Quick:
-        """`(p) -> c`, in the order of `constant_nodes`."""
-        return Quick(self.compiled.constants)
-
-    @cached_property
-    def instants(self) -> Quick:
-        """`(p) -> times of the relations of time`."""
-        return Quick(self.compiled.instants)
-
-    @cached_property
     def time_tables(self) -> tuple[TimeTable, ...]:
         """Long tables read at a time, on which something integrated or an event depends."""
         solution = self.compiled.solution
@@ -133,11 +102,6 @@ class Kept:
         definitions = [n for v, n in solution.definitions if all_ or v in solution.needed]
         pool = solution.structure.reduced.pool
         return time_tables(pool, [*definitions, *solution.residuals], dict(solution.definitions))
-
-    @cached_property
-    def modes(self) -> Quick:
-        """`(t, p) -> m`."""
-        return Quick(self.compiled.modes)
 
     def island_rates(self, times: Vector, u: Vector, p: Vector, m: Vector, d: Vector) -> Vector:
         """Rates at n instants, shape (nq, n), of the integrals of time that are solved apart.
