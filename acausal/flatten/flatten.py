@@ -44,8 +44,7 @@ from acausal.flatten.instances.statements import Statement, refuse_unstated, run
 from acausal.flatten.instances.templates import Template, make_template, replay, sides, template_key
 from acausal.flatten.parameters import ParameterTable, check_bound, check_overrides, check_values, foreign, refuse_time
 from acausal.flatten.pool import IMPULSE, Pool
-from acausal.flatten.scalars.allocate import allocate
-from acausal.flatten.scalars.scalarise import Scalars, scalars
+from acausal.flatten.scalars.scalarise import Scalars, allocate, scalars
 from acausal.language.choices import Choice
 from acausal.language.component import Component, Connector
 from acausal.language.connections.connect import Connection

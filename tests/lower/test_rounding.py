@@ -8,7 +8,7 @@ import acausal
 from acausal import AcausalError, Component, Equations, Real, der, fixed, parameter, structural, variable
 from acausal.flatten.pool import Pool
 from acausal.numeric.evaluate import values
-from acausal.numeric.rounding import is_certain
+from acausal.numeric.samples import is_certain
 
 THIRD = 1.0 / 3.0
 

@@ -18,8 +18,8 @@ from acausal.cli.output.report import record, remark, say, seconds, table
 from acausal.errors import UsageError
 
 if TYPE_CHECKING:
-    from acausal.study.bench.recommend import Recommendation
     from acausal.study.bench.report import Bench
+    from acausal.study.bench.run import Recommendation
 
 
 SolversOption = Annotated[

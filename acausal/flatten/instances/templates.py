@@ -17,9 +17,8 @@ from acausal.flatten.instances.instances import Instance, numbers
 from acausal.flatten.instances.statements import Statement
 from acausal.flatten.parameters import ParameterTable
 from acausal.flatten.pool import Pool
-from acausal.flatten.scalars.allocate import layout
 from acausal.flatten.scalars.differentiate import differentiate
-from acausal.flatten.scalars.scalarise import Scalars, scalars
+from acausal.flatten.scalars.scalarise import Scalars, layout, scalars
 from acausal.language.declarations.declaration import Kind
 from acausal.language.events import Assertion
 from acausal.language.expressions.expression import Equation, Symbol, assigned, symbols_in

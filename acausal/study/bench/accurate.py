@@ -14,7 +14,7 @@ from acausal.result.result import Result
 from acausal.simulate.run import simulate
 from acausal.study.bench.bench import bench_compiled
 from acausal.study.bench.case import ADAPTIVE, IMPLICIT
-from acausal.study.bench.recommend import Recommendation
+from acausal.study.bench.run import Recommendation
 
 _log = logging.getLogger(__name__)
 

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any
 from acausal.errors import IntegrationError
 from acausal.providers import provided
 from acausal.study.bench.accuracy.reference import Reference
-from acausal.study.bench.recommend import Recommendation
-from acausal.study.bench.run import Run, generic, monotone
+from acausal.study.bench.run import Recommendation, Run, generic, monotone
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
