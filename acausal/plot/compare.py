@@ -38,8 +38,7 @@ def compared(first: Result, second: Result, names: Sequence[str], file: str | Pa
         for column, name in enumerate(names):
             _draw(first, second, name, *axes[:, column])
         drawing.suptitle(f"{first.model} and {second.model}", fontsize=11, fontweight="bold")
-    if file is not None:
-        save(drawing, Path(file))
+    save(drawing, file)
     return drawing
 
 

@@ -184,8 +184,7 @@ def figure(
         heading = result.model if title is None else title
         if heading:
             drawing.suptitle(heading, fontsize=11, fontweight="bold")
-        if file is not None:
-            save(drawing, Path(file))
+        save(drawing, file)
     return drawing
 
 
@@ -377,10 +376,12 @@ def check_picture(file: str | Path | None) -> None:
         check_suffix(Path(file), FORMATS, "picture format")
 
 
-def save(drawing: Figure, file: Path) -> None:
-    """Write a figure, completely or not at all; the same figure gives the same file."""
-    suffix = file.suffix.lower()
+def save(drawing: Figure, file: str | Path | None) -> None:
+    """Write a figure, completely or not at all, where a file is given; the same figure gives the same file."""
+    if file is None:
+        return
+    suffix = Path(file).suffix.lower()
     # Without the date, the same run gives the same file.
     metadata = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(suffix, {})
-    with atomic(file) as stream:
+    with atomic(Path(file)) as stream:
         drawing.savefig(stream, format=suffix[1:], dpi=150, metadata=metadata)

@@ -97,8 +97,7 @@ def spy(compiled: CompiledModel, file: str | Path | None = None, title: str | No
         if handles:
             drawing.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False, fontsize=8)
         drawing.suptitle(compiled.name if title is None else title, fontsize=11, fontweight="bold")
-        if file is not None:
-            save(drawing, Path(file))
+        save(drawing, file)
     return drawing
 
 

@@ -153,7 +153,6 @@ def _place(sheet: Sheet, column: str | None) -> int:
 
 
 def _of_result(path: Path, column: str | None, interpolation: str) -> TimeSeries:
-
     result = Result(**vars(read(path)))
     if column is None:
         raise UsageError(

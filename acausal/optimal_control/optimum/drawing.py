@@ -46,8 +46,7 @@ def drawn(best: Optimum, names: Sequence[str], file: str | Path | None, title: s
     width = int(drawing.get_figwidth() * _LETTERS)
     lines = [part for line in lines for part in wrap(line, width, subsequent_indent="    ")]
     drawing.supxlabel("\n".join(["thick: at a limit", *lines]), x=0.01, ha="left", fontsize=8)
-    if file is not None:
-        save(drawing, Path(file))
+    save(drawing, file)
     return drawing
 
 

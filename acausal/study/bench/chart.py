@@ -15,8 +15,7 @@ from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
-from acausal.plot.plot import Drawing, check_picture
-from acausal.result.files import atomic
+from acausal.plot.plot import Drawing, check_picture, save
 from acausal.study.bench.report import Bench
 from acausal.study.bench.run import Run, generic
 
@@ -62,8 +61,7 @@ def bench_chart(bench: Bench, file: str | Path | None = None, title: str | None 
     UsageError
         AC012 when the file cannot be written, AC013 for another suffix than .png, .svg, .pdf.
     """
-    target = None if file is None else Path(file)
-    check_picture(target)
+    check_picture(file)
     panels = _panels(bench)
     with matplotlib.rc_context(_STYLE):
         texts = _reasons_in_full(bench)
@@ -90,8 +88,7 @@ def bench_chart(bench: Bench, file: str | Path | None = None, title: str | None 
         if texts:
             place = (_PANEL * len(panels) + 0.12) / width, 1 - (0.62 + 0.19 * legend) / height
             figure.text(*place, "\n".join(texts), fontsize=7.0, color="0.25", ha="left", va="top", linespacing=1.25)
-        if target is not None:
-            _save(figure, target)
+        save(figure, file)
     return figure
 
 
@@ -221,13 +218,3 @@ def _failures(axes: Axes, bench: Bench) -> None:
             color="0.3",
             annotation_clip=False,
         )
-
-
-def _save(figure: Figure, target: Path) -> None:
-    with atomic(target) as stream:
-        figure.savefig(stream, format=target.suffix.lower().lstrip("."), dpi=150, metadata=_metadata(target))
-
-
-def _metadata(target: Path) -> dict[str, Any]:
-    """No date in the file: the same numbers give the same bytes."""
-    return {"Date": None} if target.suffix.lower() == ".svg" else {}

@@ -38,8 +38,7 @@ def fit_picture(fit: Fit, file: str | Path | None = None) -> Figure:
         for column, name in enumerate(names):
             _draw(fit, name, *axes[:, column])
         drawing.suptitle(f"{fit.model}: {_title(fit)}", x=0.01, ha="left", fontsize=9.5)
-    if file is not None:
-        save(drawing, Path(file))
+    save(drawing, file)
     return drawing
 
 

@@ -63,8 +63,7 @@ def stability_picture(study: Stability, file: str | Path | None = None) -> Figur
     if not any(len(values) for values in z):
         what = "no state has dynamics of its own, so there are no eigenvalues"
     figure.suptitle(f"{study.model}: {what}; take {study.verdict.solver}")
-    if file is not None:
-        save(figure, Path(file))
+    save(figure, file)
     return figure
 
 

@@ -87,8 +87,7 @@ def sweep_picture(sweep: Sweep, *names: str, by: str | None = None, file: str | 
         lost = len(sweep) - int(there.sum())
         heading = f"{sweep.model}, {int(there.sum())} members"
         figure.suptitle(heading + (f" ({lost} without values)" if lost else ""), fontsize=11, fontweight="bold")
-        if file is not None:
-            save(figure, Path(file))
+        save(figure, file)
     return figure
 
 
