@@ -20,9 +20,10 @@ from acausal.optimal_control.guess import PhaseGuess
 from acausal.optimal_control.problem import StatedProblem
 from acausal.optimal_control.program.law import Law, law_of
 from acausal.optimal_control.program.nlp import Nlp
-from acausal.optimal_control.program.points import Site, key, site_of, symbols_in
+from acausal.optimal_control.program.points import key, symbols_in
 from acausal.optimal_control.program.polynomials import Basis
 from acausal.optimal_control.program.shooting import Steps, bridge
+from acausal.optimal_control.program.sites import Site, site_of
 from acausal.optimal_control.quantities import Quantities, magnitude
 
 
