@@ -285,15 +285,17 @@ class _Aliases:
             return True
         if node[0] in _VARYING:
             return False
+        nodes = self.pool.nodes
         stack, seen = [number], {number}
-        while stack:  # a depth-first search ends at the first variable, nearly always at once
-            below = self.pool.nodes[stack.pop()]
-            if below[0] in _VARYING:
-                return False
-            if below[0] not in ("const", "par"):
+        while stack:  # a search ends at the first variable, nearly always at once
+            for k in nodes[stack.pop()][1:]:
+                op = nodes[k][0]
+                if op in _VARYING:
+                    return False
                 # What only parameters determine may share so much that walking all paths would not end.
-                stack.extend(k for k in below[1:] if k not in seen)
-                seen.update(below[1:])
+                if op != "const" and op != "par" and k not in seen:
+                    seen.add(k)
+                    stack.append(k)
         return True
 
     def finish(self) -> ReducedSystem:

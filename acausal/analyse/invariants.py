@@ -39,10 +39,13 @@ def use_invariants(reduced: ReducedSystem) -> ReducedSystem:
     if getattr(reduced, "whens", ()) or reduced.delays:
         return reduced
     balances = _balances(reduced)
+    combinations = null_combinations({i: b.terms for i, b in balances.items()})
+    if not combinations:
+        return reduced
     residuals = list(reduced.residuals)
     occurrences = _occurrences(reduced)
     dropped: set[int] = set()
-    for combination in null_combinations({i: b.terms for i, b in balances.items()}):
+    for combination in combinations:
         weights = combined([(w, balances[i].derivatives) for i, w in combination.items()])
         chosen = _determined(reduced, weights, occurrences, combination)
         if chosen is None or weights.keys() & dropped:
@@ -54,12 +57,12 @@ def use_invariants(reduced: ReducedSystem) -> ReducedSystem:
 
 
 def _balances(reduced: ReducedSystem) -> dict[int, _Balance]:
-    """Residuals whose derivatives stand in plain sums with constant factors."""
+    """Residuals whose derivatives stand in plain sums with constant factors, without most that no other can cancel."""
     pool = reduced.pool
     found = {}
-    for i, residual in enumerate(reduced.residuals):
+    for i in _shared(reduced):
         total: Row = {}
-        add_terms(pool, residual, 1, total)
+        add_terms(pool, reduced.residuals[i], 1, total)
         derivatives: Row = {}
         terms: Row = {}
         for node, weight in total.items():
@@ -70,6 +73,51 @@ def _balances(reduced: ReducedSystem) -> dict[int, _Balance]:
                 terms[node] = weight
         if derivatives and not any(v in pool.integral_of for v in pool.variables_in(*terms)):
             found[i] = _Balance(derivatives, terms)
+    return found
+
+
+def _shared(reduced: ReducedSystem) -> list[int]:
+    """Residuals of derivatives but for those with a term that stands once in all of them: what is never cancelled.
+
+    Exact factors, as fractions, are for the few that are left.
+    """
+    pool = reduced.pool
+    rows: dict[int, list[int]] = {}
+    users: dict[int, list[int]] = {}
+    for i, residual in enumerate(reduced.residuals):
+        found = _terms(pool, residual)
+        terms = [n for n in found if pool.nodes[n][0] != "var" or pool.nodes[n][1] not in pool.integral_of]
+        if len(terms) < len(found):
+            rows[i] = terms
+            for n in terms:
+                users.setdefault(n, []).append(i)
+    lonely = [own[0] for own in users.values() if len(own) == 1]  # by a term that one row holds twice nothing is said
+    while lonely:
+        i = lonely.pop()
+        for n in rows.pop(i, ()):
+            users[n].remove(i)
+            if len(users[n]) == 1:
+                lonely.append(users[n][0])
+    return list(rows)
+
+
+def _terms(pool: Pool, root: int) -> list[int]:
+    """The terms that `add_terms` finds, each as often as it stands in the sum."""
+    nodes = pool.nodes
+    found, stack = [], [root]
+    while stack:
+        number = stack.pop()
+        op, *args = nodes[number]
+        if op == "add" or op == "sub":
+            stack += args
+        elif op == "neg":
+            stack.append(args[0])
+        elif op == "mul" and nodes[args[0]][0] == "const":
+            stack.append(args[1])
+        elif (op == "mul" and nodes[args[1]][0] == "const") or (op == "div" and pool.value(args[1])):
+            stack.append(args[0])
+        else:
+            found.append(number)
     return found
 
 

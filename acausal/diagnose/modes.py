@@ -80,7 +80,7 @@ def _switched(pool: Pool, residuals: Sequence[int]) -> set[int]:
     holds: set[int] = set()
     for number in pool.reachable(residuals):
         op, *operands = pool.nodes[number]
-        if op == "where" or (op not in LEAVES and any(n in holds for n in operands)):
+        if op == "where" or (op not in LEAVES and not holds.isdisjoint(operands)):
             holds.add(number)
     return holds.intersection(residuals)
 

@@ -272,9 +272,12 @@ class Pool:
 
     def collected(self, root: int) -> int:
         """The same sum with equal terms gathered: (a - b) - a is -b; `root` itself when no term occurs twice."""
+        nodes = self.nodes
+        node = nodes[root]
+        if len(node) == 3 and node[1] != node[2] and nodes[node[1]][0] in LEAVES and nodes[node[2]][0] in LEAVES:
+            return root  # most equations of a network
         if not self._repeats(root):
             return root
-        nodes = self.nodes
         factors: dict[int, float] = {root: 1.0}
         sizes: dict[int, float] = {root: 1.0}
         terms: list[int] = []
@@ -369,7 +372,7 @@ class Pool:
         known = self._variables.get(roots[0])
         if known is not None:
             return frozenset(known)
-        found = frozenset(self.variables_behind(roots, {}))
+        found = frozenset(set(self.entries(roots[0])))
         if len(found) <= _FEW:  # nested sums of many would take memory with the square of their number
             self._variables[roots[0]] = tuple(found)  # a third of the memory of a set
         return found

@@ -25,6 +25,8 @@ class LinearForm:
         if root in done:
             return done[root]
         nodes = self.pool.nodes
+        if len(self.variables) == 1 and (explicit := self._explicit(root)) is not None:
+            return explicit
         few = self.pool.reachable([root], done)
         if len(few) <= LONG:  # too few for a long sum among them
             for number in few:
@@ -58,6 +60,22 @@ class LinearForm:
                 done[number] = self._add_up(number, chain)
             stack.pop()
         return done[root]
+
+    def _explicit(self, root: int) -> Linear | None:
+        """What `of` finds for `variable - expression` and the like, as most equations of large models are."""
+        pool = self.pool
+        op, *sides = pool.nodes[root]
+        if op not in ("add", "sub"):
+            return None
+        (variable,) = self.variables
+        for k, side in enumerate(sides):
+            if pool.nodes[side] == ("var", variable):
+                other = sides[1 - k]
+                if variable in pool.entries(other):
+                    return None
+                form = (pool.zero, {variable: pool.one})
+                return self._sum(form, (other, {}), op) if k == 0 else self._sum((other, {}), form, op)
+        return None
 
     def _chain(self, number: int) -> dict[int, int] | None:
         """Terms of a long sum and how often they count; None for a short one."""

@@ -52,13 +52,18 @@ class _Split:
         self.defined = dict(definitions)
         self._known: dict[int, int] = {}
         self._of: dict[int, int] = {}
-        for v, node in definitions:  # in the order of evaluation
-            self._of[v] = self._holds(node)
+        self._is_open = False  # `_of` is filled for the first relation of a variable; most are of time or parameters
 
     def _holds(self, root: int) -> int:
         """1 for a node with a kink somewhere below, 0 for none, 2 for one with what is computed elsewhere."""
         nodes, known = self.pool.nodes, self._known
-        for number in self.pool.reachable([root], known):
+        below = self.pool.reachable([root], known)
+        if not self._is_open and any(nodes[n][0] == "var" for n in below):
+            self._is_open = True
+            for v, node in self.definitions:  # in the order of evaluation
+                self._of[v] = self._holds(node)
+            below = self.pool.reachable([root], known)
+        for number in below:
             op, *rest = nodes[number]
             if op == "var":
                 known[number] = self._of.get(rest[0], 0)

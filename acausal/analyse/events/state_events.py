@@ -9,7 +9,7 @@ relations of discrete variables change at events only.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 from acausal.analyse.blocks.solve import Solution
@@ -116,9 +116,9 @@ def find_state_events(
     own += [pool.var(v) for v in switched_dependents(solution)]
     own += asleep.numbers
     inside = [*solution.residuals, *_definitions(solution, own)]
+    inside = _eventful(pool, inside)  # of a field of a thousand cells perhaps the one at its end
     roots = [*own, *inside]
-    is_watched = own or asleep.watched or asleep.middles
-    if not is_watched and _EVENTFUL.isdisjoint({pool.nodes[n][0] for n in pool.reachable(inside)}):
+    if not (roots or asleep.watched or asleep.middles):
         return StateEvents(clauses=clauses, assignments=assignments, asserts=asserts)
     rewritten = dict(time_events.rewritten)
     discrete = discrete_variables(reduced)
@@ -266,6 +266,17 @@ def _stairs(pool: Pool, number: int, op: str, u: int) -> int:
     here = pool.make(op, u)
     lower = pool.where(pool.make(falls, u, below), pool.make("min", down, here), k)
     return pool.where(pool.make(rises, u, above), pool.make("max", up, here), lower)
+
+
+def _eventful(pool: Pool, roots: Sequence[int]) -> list[int]:
+    """Those of `roots` that hold what is an event, or is written otherwise because of one."""
+    nodes = pool.nodes
+    holds: set[int] = set()
+    for number in pool.reachable(roots):
+        op, *operands = nodes[number]
+        if op in _EVENTFUL or (op not in LEAVES and not holds.isdisjoint(operands)):
+            holds.add(number)
+    return [n for n in roots if n in holds]
 
 
 def _visible(pool: Pool, roots: Iterable[int]) -> list[int]:

@@ -33,13 +33,13 @@ class TimeEvents:
 
 def find_time_events(pool: Pool, roots: Iterable[int]) -> TimeEvents:
     """Search all relations below `roots` that are affine in time, with coefficients free of variables."""
-    wanted = pool.reachable(roots)
-    if not any(pool.nodes[n][0] in _SWITCHED for n in wanted):
+    switched = [n for n in pool.reachable(roots) if pool.nodes[n][0] in _SWITCHED]
+    if not switched:
         return TimeEvents((), (), (), {})
-    timely = _timely(pool, wanted)
+    timely = _timely(pool, pool.reachable(switched))
     found: dict[int, tuple[int, int]] = {}
     rewritten: dict[int, int] = {}
-    for number in wanted:
+    for number in switched:
         node = pool.nodes[number]
         op = node[0]
         if number not in timely:
@@ -48,7 +48,7 @@ def find_time_events(pool: Pool, roots: Iterable[int]) -> TimeEvents:
             passage = affine_in_time(pool, pool.sub(node[1], node[2]))
             if passage is not None:
                 found[number] = passage
-        elif op in _SWITCHED:
+        else:
             branch = _branch(pool, op, node[1:])
             if branch is None:
                 continue

@@ -33,6 +33,7 @@ Signature = tuple[Any, ...]
 _MOST_MODELS = 32
 _MOST_NODES = 1_000_000
 _LARGEST_CHOICE = 200
+_PLAIN = frozenset((int, float, str, bool))  # nearly all there is: asking for abstract classes takes ten times as long
 # Fields of the flat system that say nothing about structure, or are treated apart.
 _APART = {"pool", "equations", "variables", "parameter_values", "experiment", "components", "loops", "notes"}
 
@@ -61,6 +62,8 @@ def signature(flat: FlatSystem, formulation: str, wishes: Any = None) -> Signatu
 
 def _frozen(value: Any) -> Any:
     """Numbers, names, declarations and classes, nested as they were; places in the source and texts drop out."""
+    if type(value) in _PLAIN:
+        return value
     if isinstance(value, Mapping):
         return tuple((k, _frozen(v)) for k, v in value.items())
     if isinstance(value, tuple | list):
