@@ -25,6 +25,7 @@ from acausal.flatten.reduced import ReducedSystem
 
 # What is an event, or is written otherwise because of one: without any of it nothing has to be searched.
 _EVENTFUL = frozenset((*RELATIONS, "sign", "floor", "ceil", "where", "pow", "sqrt"))
+_SIGN = "gt", "ge"
 _EVENTFUL |= {"sample", "pre", "initial", "infinitesimal", "terminal"}
 
 
@@ -126,6 +127,7 @@ def find_state_events(
     values = {v for c in clauses for _, v in c.actions}
     steps = set(_visible(pool, [*(n for n in own if n not in values), *inside]))
     visible = _visible(pool, roots)
+    visible = sorted({*visible, *_of_signs(pool, visible, rewritten, discrete)})
     branches = at_their_kinks(pool, solution.structure.points, visible, solution.definitions, dict(rewritten))
     branches |= _jumps(pool, [*visible, *_visible(pool, branches.values())], steps, discrete, {**rewritten, **branches})
     done = {**rewritten, **branches}
@@ -245,12 +247,23 @@ def _jumps(
         pool.rewrite(operands, pool.var, done)
         u = done[operands[0]]
         if op == "sign":
-            found[number] = done[number] = pool.where(pool.make("gt", u, pool.zero), pool.one, pool.neg(pool.one))
+            sides = [pool.make(kind, operands[0], pool.zero) for kind in _SIGN]
+            pool.rewrite(sides, pool.var, done)
+            above, below = (done[side] for side in sides)
+            over, under = pool.where(above, pool.one, pool.zero), pool.where(below, pool.zero, pool.neg(pool.one))
+            found[number] = done[number] = pool.add(over, under)
         elif number in steps:
             found[number] = done[number] = _stairs(pool, number, op, u)
             was = pool.make("pre", number)
             found[was] = done[was] = was  # what it was is remembered of the branch, under this name
     return found
+
+
+def _of_signs(pool: Pool, visible: Iterable[int], done: dict[int, int], discrete: frozenset[int]) -> list[int]:
+    """Both relations of each `sign` of what moves: it is zero where its operand stays at zero."""
+    signs = (n for n in visible if pool.nodes[n][0] == "sign" and n not in done)
+    operands = [k for _, k in (pool.nodes[n] for n in signs) if _moves(pool, k, discrete)]
+    return [pool.make(kind, k, pool.zero) for k in operands for kind in _SIGN]
 
 
 def _stairs(pool: Pool, number: int, op: str, u: int) -> int:

@@ -24,6 +24,7 @@ from acausal.lower.symbols import Symbols
 _INPUTS = ["t", "x", "z", "u", "p", "m"]
 # Rounding of an instant and of the sides of its relation, by the time.
 _SAME_INSTANT = 1e-15
+_TWIN = {"gt": "ge", "ge": "gt", "lt": "le", "le": "lt"}
 
 
 class EventFunctions:
@@ -85,13 +86,16 @@ class EventFunctions:
 
     @cached_property
     def texts(self) -> tuple[str, ...]:
-        """The relations as the user reads them."""
+        """The relations as the user reads them; twins have the same words, those of the strict one."""
         reduced = self.compiled.solution.structure.reduced
 
         def name_of(kind: str, k: int) -> str:
             return reduced.name(k) if kind == "var" else self.compiled.parameters[k]
 
-        return tuple(to_text(self._pool, n, name_of, 80) for n in self.compiled.state_events.relations)
+        numbers = self.compiled.state_events.relations
+        texts = [to_text(self._pool, n, name_of, 80) for n in numbers]
+        strict = [next((j for j in t if self.ties[k] == 1), k) for k, t in enumerate(self.twins)]
+        return tuple(texts[k] for k in strict)
 
     @property
     def ties(self) -> tuple[int, ...]:
@@ -99,6 +103,14 @@ class EventFunctions:
         events = self.compiled.state_events
         kinds = (self._pool.nodes[n][0] in ("le", "ge") for n in events.relations)
         return tuple(-1 if k in events.watched else int(holds) for k, holds in enumerate(kinds))
+
+    @cached_property
+    def twins(self) -> tuple[tuple[int, ...], ...]:
+        """Of each relation those with the same sides that differ where these are equal, `x >= 0` of `x > 0`."""
+        nodes = [self._pool.nodes[n] for n in self.compiled.state_events.relations]
+        place = {node: k for k, node in enumerate(nodes)}
+        found = (place.get((_TWIN[op], *sides)) for op, *sides in nodes)
+        return tuple(() if k is None else (k,) for k in found)
 
     @cached_property
     def places(self) -> tuple[tuple[Span | None, str], ...]:

@@ -214,7 +214,7 @@ class Driver:
         first = compiled.n_modes - len(compiled.state_events.relations)
         after = self.recorder.point(self._row)[3][first:]
         flipped = after != self._before.m[first:]
-        held = [h.relation for h in self._before.regime.holds]  # recorded as the multipliers that hold them
+        held = list(self._before.regime.held.taken)  # recorded as the multipliers that hold them
         flipped[held] &= (after[held] <= 0.0) | (after[held] >= 1.0)
         texts, places = compiled.events.texts, compiled.events.places
         return tuple(Cause(texts[k], *places[k]) for k in np.flatnonzero(flipped).tolist())

@@ -60,9 +60,15 @@ class Held:
         return self.free if not self.holds and self.border is None else self._variant
 
     @cached_property
+    def taken(self) -> frozenset[int]:
+        """Relations that are held, and twins of those that slide, whose modes are the same multiplier."""
+        twins = self.free.events.twins if self.holds else ()
+        return frozenset(r for h in self.holds for r in (h.relation, *(twins[h.relation] if h.target is None else ())))
+
+    @cached_property
     def owners(self) -> tuple[tuple[int, int], ...]:
         """Of each guard the relation, and -1 for its distance, 0 and 1 for the lower and the upper end of a hold."""
-        held = {h.relation for h in self.holds}
+        held = self.taken
         count = len(self.free.state_events.relations)
         ends = [(h.relation, side) for h in self.holds for side in ((0, 1) if h.target is None else (0,))]
         return (*((k, -1) for k in range(count) if k not in held), *ends)
@@ -85,7 +91,7 @@ class Held:
         e = self._equations
         s = e.s
         distance = self.free.events.distances(*s.inputs)
-        held = {h.relation for h in self.holds}
+        held = self.taken
         signs = 2 * s.m[self.first :] - 1
         parts = [signs[k] * distance[k] for k in range(distance.numel()) if k not in held]
         for k, hold in enumerate(self.holds):
@@ -225,7 +231,8 @@ class Held:
         m = ca.SX(s.m)
         for k, hold in enumerate(self.holds):
             if hold.target is None:
-                m[self.first + hold.relation] = mu[k]
+                for relation in (hold.relation, *compiled.events.twins[hold.relation]):
+                    m[self.first + relation] = mu[k]
         free, alg = compiled.blended(s.t, s.x, s.z, s.u, s.p, m)
         if self.border is not None:
             alg = self.border.added(alg, s.m)

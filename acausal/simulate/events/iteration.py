@@ -309,6 +309,8 @@ class Iteration:
                 let_go.add(relation)
                 sliding = next(h for h in regime.holds if h.relation == relation).target is None
                 m[self.first + relation] = float(side) if sliding else 0.0
+                for twin in self.problem.compiled.events.twins[relation] if sliding else ():
+                    m[self.first + twin] = float(side)
         if let_go:
             regime = Regime(regime.free, tuple(h for h in regime.holds if h.relation not in let_go))
         return Moment(moment.x, moment.z, m, regime)
@@ -394,7 +396,7 @@ class Iteration:
         regime = moment.regime
         border = regime.border
         for relation in relations:
-            if any(h.relation == relation for h in regime.holds):
+            if relation in regime.held.taken:
                 continue
             regime = Regime(regime.free, (*regime.holds, Hold(relation)), border)
         if len(regime.holds) == len(moment.regime.holds) or not regime.is_possible:
@@ -406,7 +408,7 @@ class Iteration:
         ends = [k for k, (r, side) in enumerate(regime.owners) if side >= 0 and r in relations]
         if (self.guards.distances(t, trial)[ends] < 0).any():
             return None
-        for relation in relations:
+        for relation in (h.relation for h in regime.holds[len(moment.regime.holds) :]):
             notes.append(f"sliding mode from t = {t:.9g} s on: {self.guards.texts[relation]} is held at its switch")
         return trial
 

@@ -123,7 +123,8 @@ class Regime:
         found = np.array(self.held.multipliers.map(n)(t[None, :], x, z, *wide))
         rows: Vector = wide[2]
         for k, relation in sliding:
-            rows[self.held.first + relation] = found[k]
+            for other in (relation, *self.free.compiled.events.twins[relation]):
+                rows[self.held.first + other] = found[k]
         return rows
 
     def is_solvable(self, t: float, x: Vector, z: Vector, m: Vector) -> bool:
