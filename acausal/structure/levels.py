@@ -6,8 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from acausal.structure.blt import in_topological_order
-from acausal.structure.components import strong_components
+from acausal.structure.blt import in_topological_order, strong_components
 from acausal.structure.graph import IntArray
 
 

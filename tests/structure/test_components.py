@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from acausal.structure import components
-from acausal.structure.components import strong_components
+from acausal.structure import blt
+from acausal.structure.blt import strong_components
 
 Edges = list[tuple[int, int]]
 
@@ -34,7 +34,7 @@ def parts(edges: Edges, n: int) -> list[list[int]]:
 @pytest.mark.parametrize(("edges", "n", "expected"), TABLE)
 def test_table(edges: Edges, n: int, expected: list[list[int]], small: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """By our own algorithm, and by SciPy's."""
-    monkeypatch.setattr(components, "_SMALL", small)
+    monkeypatch.setattr(blt, "_SMALL", small)
     assert parts(edges, n) == (expected if n else [])
 
 
@@ -51,7 +51,7 @@ def test_two_nodes_belong_together_when_each_reaches_the_other(case: tuple[int, 
 
 
 def test_a_long_chain_needs_no_recursion() -> None:
-    n = components._SMALL
+    n = blt._SMALL
     edges = [(k, k + 1) for k in range(n - 1)]
     assert parts(edges, n) == [[k] for k in range(n)]
     assert parts([*edges, (n - 1, 0)], n) == [list(range(n))]

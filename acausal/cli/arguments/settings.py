@@ -81,14 +81,12 @@ def numbers_of(flag: str, given: Sequence[str] | None, model: Component | None =
 
 def number_in(flag: str, text: str, value: str, declared: Declaration | None) -> float:
     """The number in `value`, in the declared unit where there is one; errors show `flag` and `text`."""
+    if declared is not None and declared.unit:
+        return float(_as_usage(f"{flag} {text}", convert, value, declared.unit))
     try:
-        return convert(value, declared.unit) if declared is not None and declared.unit else float(value)
+        return float(value)
     except ValueError as error:
         raise UsageError("AC009", f"{flag} {text}: no number") from error
-    except AcausalError as error:
-        raise UsageError(
-            error.code, f"{flag} {text}: {error.fact}", evidence=error.evidence, help=error.help
-        ) from error
 
 
 def listed(texts: Sequence[str] | None) -> list[str]:
@@ -98,15 +96,7 @@ def listed(texts: Sequence[str] | None) -> list[str]:
 
 def seconds_of(name: str, text: str | None) -> float | None:
     """A time option in seconds."""
-    if text is None:
-        return None
-    try:
-        return convert(text, "s")
-    except AcausalError as error:
-        flag = "--" + name.replace("_", "-")
-        raise UsageError(
-            error.code, f"{flag} {text}: {error.fact}", evidence=error.evidence, help=error.help
-        ) from error
+    return None if text is None else float(_as_usage(f"--{name.replace('_', '-')} {text}", convert, text, "s"))
 
 
 @dataclass(frozen=True)
@@ -190,7 +180,7 @@ def _values(model: Component, given: dict[str, str]) -> dict[str, object]:
             values[base] = _replaced(path, entries, index, _scalar(path, text, declaration), declaration.shape)
     for path, value in values.items():
         flat = value if isinstance(value, tuple) else (value,)
-        _as_usage(path, check_limits, path, declared[path][1], flat)
+        _as_usage(f"--set {path}", check_limits, path, declared[path][1], flat, path=path)
     return {path: _nested(value, declared[path][1].shape) for path, value in values.items()}
 
 
@@ -218,16 +208,15 @@ def _value(path: str, text: str, declaration: Declaration) -> Any:
 
 
 def _scalar(path: str, text: str, declaration: Declaration) -> float:
-    value: float = _as_usage(path, convert, text.strip(), declaration.unit)
-    return value
+    return float(_as_usage(f"--set {path}", convert, text.strip(), declaration.unit, path=path))
 
 
-def _as_usage(path: str, function: Any, *arguments: Any) -> Any:
+def _as_usage(told: str, function: Any, *arguments: Any, path: str | None = None) -> Any:
     """What is wrong with a value on the command line is a wrong request, not a wrong model."""
     try:
         return function(*arguments)
     except AcausalError as error:
-        fact = error.fact if error.fact.startswith(path) else f"--set {path}: {error.fact}"
+        fact = error.fact if path is not None and error.fact.startswith(path) else f"{told}: {error.fact}"
         raise UsageError(error.code, fact, evidence=error.evidence, cause=error.cause, help=error.help) from error
 
 
