@@ -47,9 +47,10 @@ _FACTOR = 300.0
 
 def may_burst(pool: Pool, number: int) -> bool:
     """Whether a node is of a kind that can be a burst."""
-    op, *operands = pool.nodes[number]
-    if op in ("div", "pow"):
-        fixed = operands[1 if op == "div" else 0]
+    node = pool.nodes[number]
+    op = node[0]
+    if op == "div" or op == "pow":
+        fixed = node[2 if op == "div" else 1]
         return pool.nodes[fixed][0] not in ("const", "par") and not pool.is_constant(fixed)
     return op == "exp" or op in _STEPS
 

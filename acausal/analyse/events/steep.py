@@ -8,7 +8,7 @@ the argument turns, and, of several steps in one rate, where one of these is in 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,12 +44,11 @@ class Steep:
 def steep(pool: Pool, points: SamplePoints, reachable: Iterable[int], moves: Callable[[int], bool]) -> Steep:
     """Those among the `reachable` nodes, in evaluation order, whose argument `moves` between events."""
     found: dict[tuple[int, str | float], None] = {}
-    reachable = list(reachable)
-    has_floor = _floors(pool, reachable, moves)
-    for number in reachable:
+    candidates = [(n, a) for n, a in _arguments(pool, reachable) if moves(a)]  # few: most divide by parameters
+    has_floor = _floors(pool, pool.reachable(a for _, a in candidates), moves)
+    for number, argument in candidates:
         op, *operands = pool.nodes[number]
         kind: str | float | None = None
-        argument = operands[-1 if op == "div" else 0] if operands else -1
         if op in _NAMED:
             kind = op
         elif op in ("sqrt", "div") and has_floor[argument] and _is_wide(points, argument):
@@ -59,7 +58,7 @@ def steep(pool: Pool, points: SamplePoints, reachable: Iterable[int], moves: Cal
             is_floored = exponent < 1.0 and has_floor[argument] and _is_wide(points, argument)
             if exponent >= _LARGE or is_floored:
                 kind = exponent
-        if kind is not None and moves(argument):
+        if kind is not None:
             found |= dict.fromkeys((n, kind) for n in _behind_kinks(pool, argument, moves))
     middles = [
         (w, place)
@@ -67,6 +66,18 @@ def steep(pool: Pool, points: SamplePoints, reachable: Iterable[int], moves: Cal
         for w in ([argument] if kind in STEPS else _evens(pool, argument, moves))
     ]
     return Steep(tuple(n for n, _ in found), tuple(kind for _, kind in found), tuple(middles))
+
+
+def _arguments(pool: Pool, reachable: Iterable[int]) -> Iterator[tuple[int, int]]:
+    """Functions that may be steep, and their arguments."""
+    nodes = pool.nodes
+    for number in reachable:
+        node = nodes[number]
+        op = node[0]
+        if op == "div":
+            yield number, node[2]
+        elif op in _NAMED or op == "sqrt" or op == "pow":
+            yield number, node[1]
 
 
 def _evens(pool: Pool, number: int, moves: Callable[[int], bool]) -> list[int]:

@@ -160,7 +160,7 @@ class _Search:
                 if missing:
                     stack.extend(missing)
                     continue
-            if op in _SCALAR_ONLY or any(c in self.moving for c in operands[number]):
+            if op in _SCALAR_ONLY or not self.moving.isdisjoint(operands[number]):
                 self.moving.add(number)
             if self._vanishes(number, op) or number not in self.moving:
                 depth[number] = -1
@@ -181,10 +181,12 @@ class _Search:
 
     def _vanishes(self, number: int, op: str) -> bool:
         """Whether another node stands for this one, because an operand is zero."""
-        below = self.operands[number] = [self.same.get(c, c) for c in self.operands[number]]
-        gone = [c == self.zero for c in below]
-        if not any(gone):
+        below = self.operands[number]
+        if self.same:
+            below = self.operands[number] = [self.same.get(c, c) for c in below]
+        if self.zero not in below:
             return False
+        gone = [c == self.zero for c in below]
         self.divided = self.divided or (op == "div" and gone[1])
         if op in ("mul", "neg") or (op == "div" and not gone[1]) or (op in ("add", "sub") and all(gone)):
             self.same[number] = self.zero

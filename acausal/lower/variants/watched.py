@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import cache
 from weakref import WeakKeyDictionary
 
 from acausal.analyse.events.bursts import may_burst
@@ -65,14 +66,15 @@ _TABLES: WeakKeyDictionary[CompiledModel, bool] = WeakKeyDictionary()
 def _has_tables(compiled: CompiledModel) -> bool:
     """Whether there is a long table in the equations."""
     if compiled not in _TABLES:
-        ops = (node[0] for node in compiled.solution.structure.reduced.pool.nodes)
+        ops = {node[0] for node in compiled.solution.structure.reduced.pool.nodes}
         _TABLES[compiled] = any(isinstance(op, Call) and isinstance(op.external, Lookup) for op in ops)
     return _TABLES[compiled]
 
 
 def _watched(compiled: CompiledModel, roots: Sequence[int], numbers: tuple[int, ...], stops: bool) -> _Made:
     """As much as can be watched in each of the systems that the model is split into, or else in the whole."""
-    model, found = _lowered(compiled, roots, numbers, stops, system_of(compiled))
+    parted = cache(lambda: system_of(compiled))  # of most models nothing is watched in any part
+    model, found = _lowered(compiled, roots, numbers, stops, lambda node: parted()(node))
     if len(found.watched) > MOST and model is not None and not subsystems(model):
         model, found = _lowered(compiled, roots, numbers, stops, lambda node: 0)
     return model, _left(compiled, found) if found.left or found.more else ""

@@ -103,8 +103,9 @@ class _Moving:
         self._known: dict[int, bool] = {}
 
     def __call__(self, number: int) -> bool:
-        if number in self._known:
-            return self._known[number]
+        known = self._known.get(number)
+        if known is not None:
+            return known
         for n in self._pool.reachable([number], self._known):
             op, *rest = self._pool.nodes[n]
             moving = (op == "var" and rest[0] not in self._discrete) or op == "time"
