@@ -158,7 +158,7 @@ class Chain:
         passage = self.passages[k]
         if passage.guard is None:
             return True
-        return passage.left.regime.owners[passage.guard][0] in self.compiled.state_events.watched
+        return passage.left.regime.held.owners[passage.guard][0] in self.compiled.state_events.watched
 
     def stretch(self, k: int) -> Stretch:
         """The linear map from just after event k to the next one, or to the end."""

@@ -75,12 +75,12 @@ class Saltation:
             instants, by_p = self.slopes.kept("instants", self._instants)(self.p)
             at = [k for k, v in enumerate(instants.ravel()) if abs(v - t) <= 1e-12 * max(1.0, abs(t))]
             return np.zeros(self.nx), by_p[at[0], self.chosen] if at else self._tick(t)
-        guard, place = left.regime.watch, passage.guard
+        guard, place = left.regime.held.watch, passage.guard
         own = self.slopes.total(left.regime, ("guard", place), lambda *a: guard(*a)[place], t, left)
         slope_x, slope_p, slope_t = own
         rate = float(slope_t[0] + slope_x[0] @ self.slopes.rate(left.regime, t, left))
         if self._is_grazed(passage, place, rate):
-            relation = left.regime.owners[place][0]
+            relation = left.regime.held.owners[place][0]
             if relation in self.compiled.state_events.watched:  # nothing jumps there
                 return np.zeros(self.nx), np.zeros(self.count)
             cause = self.hybrid.guards.causes[relation]
@@ -193,7 +193,7 @@ class Saltation:
 
     def _onto(self, regime: Regime, t: float, moment: Any) -> tuple[Vector, Vector]:
         """Projection of a variation onto what a new hold keeps: `(by states, by parameters)` to subtract."""
-        value, slope, ways = regime.kept(t, moment.x, moment.z, self.u, self.p, moment.m)
+        value, slope, ways = regime.held.kept(t, moment.x, moment.z, self.u, self.p, moment.m)
         slope, ways = slope.reshape(len(value), -1), ways.reshape(self.nx, -1)
         inverse = ways @ np.linalg.pinv(slope @ ways)
         key = "kept", regime.holds, regime.border
@@ -205,4 +205,4 @@ class Saltation:
     def _kept_slopes(self, regime: Regime) -> Matrices:
         """`(t, x, z, u, p, m) -> derivatives by p of what a hold keeps`."""
         s = Symbols(self.compiled)
-        return Matrices(ca.Function("kept", s.inputs, [ca.densify(ca.jacobian(regime.kept_of(*s.inputs), s.p))]))
+        return Matrices(ca.Function("kept", s.inputs, [ca.densify(ca.jacobian(regime.held.kept_of(*s.inputs), s.p))]))

@@ -369,7 +369,7 @@ class HybridStep:
                 if k in found or target >= compiled.n_dynamic:
                     continue
                 regime = Regime(problem, (Hold(k, target),))
-                if regime.is_possible and regime.is_solvable(begin.t, begin.x, begin.z, m):
+                if regime.held.is_possible and regime.is_solvable(begin.t, begin.x, begin.z, m):
                     found[k] = _Impact(k, _onto(compiled, k, target))
         return list(found.values())
 

@@ -243,10 +243,10 @@ class Hybrid:
 
         Nothing follows that would show the crossing; whether a solver has found it just before is left to rounding.
         """
-        if not left.regime.owners:
+        if not left.regime.held.owners:
             return
         g, rate, noise = self.guards.state(t, left)
-        relations = np.array([side < 0 for _, side in left.regime.owners], dtype=bool)
+        relations = np.array([side < 0 for _, side in left.regime.held.owners], dtype=bool)
         fired = relations & (np.abs(g) <= noise) & (rate < -noise)
         if fired.any():
             happened = self.event(t, left, fired)
@@ -261,7 +261,7 @@ class Hybrid:
         """
         watched = self.problem.compiled.state_events.watched
         for k in np.flatnonzero(close).tolist():
-            relation = left.regime.owners[k][0]
+            relation = left.regime.held.owners[k][0]
             if relation in watched:
                 continue
             beyond = self.iteration.consistent(t, self.iteration.flipped(left, np.arange(len(close)) == k))
@@ -272,7 +272,7 @@ class Hybrid:
 
     def event(self, t: float, left: Moment, fired: Truth) -> Happened:
         """Flip what has reached its guard, and iterate."""
-        relations = [left.regime.owners[k][0] for k in np.flatnonzero(fired)]
+        relations = [left.regime.held.owners[k][0] for k in np.flatnonzero(fired)]
         if self.problem.compiled.state_events.middles.issuperset(relations):
             self.middles += 1
             if self.middles > self.most_middles:
@@ -360,7 +360,7 @@ class Hybrid:
             if not self.is_delayed:
                 self._record(times, piece.x, piece.z, moment, piece.counters)
 
-        if self.is_delayed and not moment.regime.owners:
+        if self.is_delayed and not moment.regime.held.owners:
             reached = Arrival(None, moment.x, moment.z)
         else:
             reached = self.search.to_event(segment, moment, band, self._gap, record)
@@ -383,7 +383,7 @@ class Hybrid:
         if reached.vague is None:
             self._vague.clear()
             return
-        relation = moment.regime.owners[reached.vague][0]
+        relation = moment.regime.held.owners[reached.vague][0]
         if relation in self.problem.compiled.state_events.watched:
             return
         text = self.guards.texts[relation]
@@ -400,7 +400,7 @@ class Hybrid:
         if reached.small is None or reached.time is None:
             self._small.clear()
             return
-        relation = moment.regime.owners[reached.small][0]
+        relation = moment.regime.held.owners[reached.small][0]
         if relation in self.problem.compiled.state_events.watched:
             return
         times = self._small.setdefault(relation, [])
@@ -435,7 +435,7 @@ class Hybrid:
 
         One that leaves it, from behind by rounding, may be there as long as it does not turn back.
         """
-        if not moment.regime.owners:
+        if not moment.regime.held.owners:
             return np.zeros(0)
         g, rate, noise = self.guards.state(t, moment)
         resting = resting_band(g, rate, noise)

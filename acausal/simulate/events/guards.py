@@ -77,7 +77,7 @@ class Guards:
 
     def distances(self, t: float, at: Moment) -> Vector:
         """Guards of the regime: positive while it lasts."""
-        return np.minimum(at.regime.guards(t, at.x, at.z, self.problem.u, self.problem.p, at.m)[0], FAR)
+        return np.minimum(at.regime.held.guards(t, at.x, at.z, self.problem.u, self.problem.p, at.m)[0], FAR)
 
     def state(self, t: float, at: Moment) -> tuple[Vector, Vector, Vector]:
         """Distances at the end of a step, their rates, and by how much they can be wrong."""
@@ -96,7 +96,7 @@ class Guards:
         # how far values may be off
         x_and_z = 10 * self.tolerances.of(np.concatenate([at.x, at.z]), self._nominal)
         errors = x_and_z[: len(at.x)], x_and_z[len(at.x) :]
-        own, noise, by_z, alg, alg_z = at.regime.rates(t, at.x, at.z, problem.u, problem.p, at.m, *errors)
+        own, noise, by_z, alg, alg_z = at.regime.held.rates(t, at.x, at.z, problem.u, problem.p, at.m, *errors)
         if len(at.z):
             moved = np.linalg.lstsq(alg_z.reshape(len(at.z), -1), alg.ravel(), rcond=None)[0]
             own = own - by_z.reshape(len(own), -1) @ moved
@@ -119,9 +119,9 @@ class Guards:
         problem, error = self.problem, 10 * self.tolerances.of(x, self._nominal)
         common = at.z, problem.u, problem.p, at.m
         if len(times) == 1:  # half the time of a function of many
-            found = at.regime.judged(times[0], x[0], *common, error[0], at.z)[0][None, :]
+            found = at.regime.held.judged(times[0], x[0], *common, error[0], at.z)[0][None, :]
         else:
-            found = at.regime.judged.many(times[:, None], x, *common, error, at.z)
+            found = at.regime.held.judged.many(times[:, None], x, *common, error, at.z)
         count = found.shape[1] // 3
         distances, rates, noises = np.minimum(found[:, :count], FAR), found[:, count : 2 * count], found[:, 2 * count :]
         if self.step > 0.0:
@@ -153,7 +153,7 @@ class Guards:
         """States nearest to those given that are on the guards which the regime holds."""
         x = at.x.copy()
         for _ in range(4):
-            value, slope, ways = at.regime.kept(t, x, at.z, self.problem.u, self.problem.p, at.m)
+            value, slope, ways = at.regime.held.kept(t, x, at.z, self.problem.u, self.problem.p, at.m)
             slope, ways = slope.reshape(len(value), -1), ways.reshape(len(x), -1)
             x = x - ways @ np.linalg.lstsq(slope @ ways, value, rcond=None)[0]
         return x
@@ -170,7 +170,7 @@ class Guards:
 
     def along(self, times: Vector, x: Vector, z: Vector, m: Vector, regime: Regime) -> Vector:
         """Guards at n instants, shape (n, guards)."""
-        return np.minimum(regime.guards.many(times[:, None], x.T, z.T, self.problem.u, self.problem.p, m), FAR)
+        return np.minimum(regime.held.guards.many(times[:, None], x.T, z.T, self.problem.u, self.problem.p, m), FAR)
 
     def fired(self, t: float, at: Moment) -> Truth:
         """Guards that end the regime at this event: all that are reached and falling; at least the nearest."""

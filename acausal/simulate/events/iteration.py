@@ -182,7 +182,7 @@ class Iteration:
         if all(hold.target is None for hold in regime.holds):
             return regime
         numbers = moment.z, self.problem.u, self.problem.p, moment.m
-        before, after = (np.array(regime.kept_of(t, at, *numbers)).ravel() for at in (moment.x, x))
+        before, after = (np.array(regime.held.kept_of(t, at, *numbers)).ravel() for at in (moment.x, x))
         left, row = [], 0
         for hold in regime.holds:
             row += 1 if hold.target is None else 2
@@ -277,13 +277,13 @@ class Iteration:
                 moment = Moment(x, moment.z, moment.m, moment.regime)
                 continue
             wrong = np.zeros(0, dtype=bool)
-            if len(moment.regime.owners):
+            if len(moment.regime.held.owners):
                 wrong = self._wrong(t, moment, walk, np.array_equal(found.remembered, moment.m[self.memories]))
             if not wrong.any():
                 return moment, found
             if walk.turn >= _AT_ONCE:
                 wrong[int(np.argmax(wrong)) + 1 :] = False
-            owners = moment.regime.owners
+            owners = moment.regime.held.owners
             moment = self.flipped(moment, wrong)
             ours = [owners[k][0] for k in np.flatnonzero(wrong)]
             flips[ours] += 1
@@ -302,7 +302,7 @@ class Iteration:
         m, regime = moment.m.copy(), moment.regime
         let_go: set[int] = set()
         for k in np.flatnonzero(which):
-            relation, side = regime.owners[k]
+            relation, side = regime.held.owners[k]
             if side < 0:
                 m[self.first + relation] = 1.0 - m[self.first + relation]
             else:
@@ -370,7 +370,7 @@ class Iteration:
         wrong |= free & (g == 0.0) & (rate == 0.0) & (walk.flips[own] < _TWICE) & self._untied(moment, own)
         found = np.asarray(wrong | leaves & ~early if leaving else wrong)
         if early.any() and not found.any():
-            self._stay(t, [moment.regime.owners[k][0] for k in np.flatnonzero(early)])
+            self._stay(t, [moment.regime.held.owners[k][0] for k in np.flatnonzero(early)])
         return found
 
     def _untied(self, moment: Moment, relations: NDArray[np.int64]) -> Truth:
@@ -399,13 +399,13 @@ class Iteration:
             if relation in regime.held.taken:
                 continue
             regime = Regime(regime.free, (*regime.holds, Hold(relation)), border)
-        if len(regime.holds) == len(moment.regime.holds) or not regime.is_possible:
+        if len(regime.holds) == len(moment.regime.holds) or not regime.held.is_possible:
             return None
         trial = self.consistent(t, Moment(moment.x, moment.z, moment.m, regime))
         if not regime.is_solvable(t, trial.x, trial.z, trial.m):
             return None
         trial = self.consistent(t, replace(trial, x=self.guards.held(t, trial)))
-        ends = [k for k, (r, side) in enumerate(regime.owners) if side >= 0 and r in relations]
+        ends = [k for k, (r, side) in enumerate(regime.held.owners) if side >= 0 and r in relations]
         if (self.guards.distances(t, trial)[ends] < 0).any():
             return None
         for relation in (h.relation for h in regime.holds[len(moment.regime.holds) :]):

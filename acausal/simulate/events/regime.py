@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from acausal.arrays import Vector
 from acausal.lower.compiled import CompiledModel
-from acausal.simulate.equations.calls.quick import Quick
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.equations.shares import Border
 from acausal.simulate.events.held import TOGETHER, Held, Hold, held
@@ -65,31 +64,6 @@ class Regime:
         """The model of `problem`."""
         return self.held.compiled
 
-    @cached_property
-    def owners(self) -> tuple[tuple[int, int], ...]:
-        """See `Held.owners`."""
-        return self.held.owners
-
-    @cached_property
-    def watch(self) -> Any:
-        """See `Held.watch`."""
-        return self.held.watch
-
-    @cached_property
-    def guards(self) -> Quick:
-        """See `Held.guards`."""
-        return self.held.guards
-
-    @cached_property
-    def rates(self) -> Quick:
-        """See `Held.rates`."""
-        return self.held.rates
-
-    @cached_property
-    def judged(self) -> Quick:
-        """See `Held.judged`."""
-        return self.held.judged
-
     def relaxed(self, *given: Any, near: NDArray[np.intp]) -> Vector:
         """See `Held.relaxed`: of some guards."""
         if len(near) == 1:
@@ -97,21 +71,6 @@ class Regime:
         rows = -(-len(near) // TOGETHER)
         blocks = np.resize(near, (rows, TOGETHER))  # filled up with guards that are asked for anyway
         return np.concatenate([self.held.quick_relaxed_together(*given, block)[0] for block in blocks])[: len(near)]
-
-    @cached_property
-    def kept_of(self) -> Any:
-        """See `Held.kept_of`."""
-        return self.held.kept_of
-
-    @cached_property
-    def kept(self) -> Quick:
-        """See `Held.kept`."""
-        return self.held.kept
-
-    @property
-    def is_possible(self) -> bool:
-        """See `Held.is_possible`."""
-        return self.held.is_possible
 
     def modes(self, t: Vector, x: Vector, z: Vector, m: Vector) -> Vector:
         """Modes along n instants, shape (nm, n) or, when none slides, (nm,)."""

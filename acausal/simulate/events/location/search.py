@@ -205,7 +205,7 @@ class Search:
 
     def _begun(self, segment: Segment, moment: Moment, band: Vector, record: Record) -> _Way:
         segment = replace(segment, partial=True)
-        count = len(moment.regime.owners)
+        count = len(moment.regime.held.owners)
         values, rates, noises, leaving = (np.zeros(count, dtype=d) for d in (float, float, float, bool))
         if count:
             g, rates, noise = self.guards.state(segment.start, moment)
@@ -238,7 +238,7 @@ class Search:
         """The next looks, and the segment that ends at the last of them, with the outputs in between."""
         segment, problem = way.segment, way.moment.regime.problem
         here, outputs = segment.start, segment.times
-        if not way.moment.regime.owners:
+        if not way.moment.regime.held.owners:
             if not way.is_finer or segment.step is not None:
                 return outputs, segment
             times = np.union1d(np.linspace(here, outputs[-1], _FINER + 1)[1:], outputs)
@@ -306,7 +306,7 @@ class Search:
             if here - way.mark < _PROGRESS * self.span:
                 raise RuntimeError(words)
             way.mark = here
-        if not way.moment.regime.owners:
+        if not way.moment.regime.held.owners:
             if way.is_finer or "TOO_MUCH_WORK" not in words:
                 raise RuntimeError(words)
             way.is_finer = True
@@ -334,7 +334,7 @@ class Search:
         moment = way.moment
         times, plain = asked.times[rows], np.zeros((len(rows), len(way.band)))
         near = plain
-        if moment.regime.owners and len(rows):
+        if moment.regime.held.owners and len(rows):
             x, z = piece.x[:, rows], piece.z[:, rows]
             plain = self.guards.along(times, x, z, moment.m, moment.regime) + way.band
             near = way.start.near(times)
@@ -347,7 +347,7 @@ class Search:
 
     def _suspicion(self, way: _Way, seen: _Seen, piece: Piece, rows: NDArray[np.int64]) -> tuple[int, bool] | None:
         """The first interval, by the row where it begins, in which a guard is passed (True) or may be."""
-        if not way.moment.regime.owners:
+        if not way.moment.regime.held.owners:
             return None
         below: Truth = np.asarray((seen.values < 0.0).any(axis=1))
         below[: seen.here + 1] = False
@@ -397,7 +397,7 @@ class Search:
 
     def _adapt(self, way: _Way, times: Vector, piece: Piece, end: float) -> None:
         """How far apart looks may be from now on."""
-        if way.closer or not way.moment.regime.owners or way.segment.step is not None or len(times) < 2:
+        if way.closer or not way.moment.regime.held.owners or way.segment.step is not None or len(times) < 2:
             return
         way.shrink, way.steps_allowed = 1.0, _MOST_STEPS
         way.stops = way.stops + 1 if piece.stopped else 0
@@ -442,7 +442,7 @@ class Search:
             way.since, way.steps = here, 0.0
         x, z = piece.x[:, keep - 1], piece.z[:, keep - 1]
         way.segment = replace(segment, start=here, times=segment.times[segment.times > here], x=x, z=z)
-        if not way.moment.regime.owners:
+        if not way.moment.regime.held.owners:
             return
         # the last looks, for the parabolas
         last = int(np.searchsorted(seen.times, here)) + 1

@@ -231,7 +231,7 @@ def integrate_to_event(guards: Guards, moment: Moment, segment: Segment, plugin:
             nodes.append(here)
             if is_quiet and not lingering.since:
                 continue
-            event = _overdue(lingering, moment.regime.owners, nodes, end == segment.times[-1], exactly)
+            event = _overdue(lingering, moment.regime.held.owners, nodes, end == segment.times[-1], exactly)
             if event is not None:
                 here = event
                 break
@@ -393,7 +393,7 @@ def compiled_program(regime: Regime, segment: Segment, plugin: str) -> Library[F
     problem = regime.problem
 
     def instructions() -> int:
-        functions = regime.watch, regime.rates.function, problem.compiled.events.round, regime.held.relaxed
+        functions = regime.held.watch, regime.held.rates.function, problem.compiled.events.round, regime.held.relaxed
         return sum(int(f.n_instructions()) for f in functions)
 
     return problem.native.stopping(
@@ -481,14 +481,14 @@ def stopping_equations(
     time = shift + (t - origin) * length if stretched else t + shift
     given = (u, some) if values is None else (ca.SX(values[1]), ca.SX(values[0]))
     arguments = (time, ca.vertcat(x * scale, ca.SX(nq, 1), d), z, *given, m)
-    ode, guards = ca.densify(compiled.rhs(*arguments)[0])[:n] / scale, ca.densify(regime.watch(*arguments))
+    ode, guards = ca.densify(compiled.rhs(*arguments)[0])[:n] / scale, ca.densify(regime.held.watch(*arguments))
     (ode, guards), symbols, constants = parametric([ode, guards], p, u)
     band, speed = ca.SX.sym("band", guards.numel()), ca.SX(1)
     p, u = ca.vertcat(symbols, numbers, band), ca.SX(0, 1)
     if stretched:
         p, u, speed = ca.vertcat(symbols, m, d), ca.vertcat(origin, shift, length, band), length
     dae, transition = _stopped((t, x, z, p, u), ode, guards + band, speed)
-    events = regime.watch, regime.rates.function, compiled.events.round, regime.held.relaxed
+    events = regime.held.watch, regime.held.rates.function, compiled.events.round, regime.held.relaxed
     return StoppingEquations(dae, transition, constants, events)
 
 
