@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from acausal.arrays import Vector
 from acausal.flatten.flat import suffixes
+from acausal.language.declarations.declaration import Declaration
 from acausal.lower.compiled import CompiledModel
 from acausal.numeric.evaluate import values
 from acausal.result.result import Event, Result, Signal
@@ -243,9 +244,9 @@ class Described(Mapping[str, Signal]):
         return signals(self._compiled, self._p)
 
     @cached_property
-    def _moving(self) -> dict[str, Signal]:
+    def _moving(self) -> _Variables:
         """Signals of variables, the same for all runs; of those that are constant without their values."""
-        return described(self._compiled)[0]
+        return described(self._compiled)
 
     def __getitem__(self, name: str) -> Signal:
         found = self._moving.get(name)
@@ -263,11 +264,12 @@ class Described(Mapping[str, Signal]):
 
 def signals(compiled: CompiledModel, p: Vector) -> dict[str, Signal]:
     """Where every variable and parameter of the model is found, by path."""
-    moving, fixed = described(compiled)
-    found = dict(moving)
+    variables = described(compiled)
+    found = {name: variables[name] for name in variables}
     constants = dict(zip(compiled.constant_nodes, kept(compiled).constants(p)[0].tolist(), strict=True))
-    for name, node in fixed:
-        found[name] = Signal(name, found[name].unit, found[name].doc, value=constants[node])
+    for name, signal in found.items():
+        if signal.column is None:
+            found[name] = replace(signal, value=constants[variables.node(name)])
     for parameter in compiled.flat.parameters:
         values = compiled_parameters(compiled, parameter.nodes, p)
         for suffix, value in zip(suffixes(parameter.declaration.shape), values, strict=True):
@@ -277,7 +279,6 @@ def signals(compiled: CompiledModel, p: Vector) -> dict[str, Signal]:
     return found
 
 
-_Variables = tuple[dict[str, Signal], list[tuple[str, int]]]
 # The same for every run of a compiled model; a sweep would make thousands of signals anew for each.
 _described: WeakKeyDictionary[CompiledModel, _Variables] = WeakKeyDictionary()
 
@@ -285,31 +286,57 @@ _described: WeakKeyDictionary[CompiledModel, _Variables] = WeakKeyDictionary()
 def described(compiled: CompiledModel) -> _Variables:
     """What `signals` says of variables, made once for a model."""
     if compiled not in _described:
-        _described[compiled] = _variables(compiled)
+        _described[compiled] = _Variables(compiled)
     return _described[compiled]
 
 
-def _variables(compiled: CompiledModel) -> _Variables:
-    """Signals of all variables, and (name, node) of those that are constant, whose values are still missing."""
-    reduced = compiled.solution.structure.reduced
-    nodes = reduced.pool.nodes
-    column = {node: k for k, node in enumerate(compiled.columns)}
-    found: dict[str, Signal] = {}
-    fixed: list[tuple[str, int]] = []
-    for variable in reduced.flat.variables:
-        d = variable.declaration
-        for k, suffix in enumerate(suffixes(d.shape)):
-            name, node = variable.path + suffix, reduced.image[variable.first + k]
-            if variable.first + k in reduced.left_out:
-                continue
-            if node in column:
-                found[name] = Signal(name, d.unit, d.doc, column=column[node])
-            elif nodes[node][0] == "neg" and nodes[node][1] in column:
-                found[name] = Signal(name, d.unit, d.doc, column=column[nodes[node][1]], sign=-1)
-            else:
-                found[name] = Signal(name, d.unit, d.doc)
-                fixed.append((name, node))
-    return found, fixed
+class _Variables(Mapping[str, Signal]):
+    """Signals of all variables, without values of those that are constant; made one by one.
+
+    A large model has a hundred thousand, of which a few are read: at first there is only the place of each name.
+    """
+
+    def __init__(self, compiled: CompiledModel) -> None:
+        reduced = compiled.solution.structure.reduced
+        self._image, self._nodes, self._variables = reduced.image, reduced.pool.nodes, reduced.flat.variables
+        self._column = {node: k for k, node in enumerate(compiled.columns)}
+        self._place: dict[str, int] = {}  # entries counted over all variables
+        self._first: list[int] = []
+        left_out, place = reduced.left_out, 0
+        for variable in self._variables:
+            self._first.append(place)
+            for k, suffix in enumerate(suffixes(variable.declaration.shape)):
+                if variable.first + k not in left_out:
+                    self._place[variable.path + suffix] = place + k
+            place += variable.size
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._place)
+
+    def __len__(self) -> int:
+        return len(self._place)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._place
+
+    def __getitem__(self, name: str) -> Signal:
+        d, node = self._found(name)
+        if node in self._column:
+            return Signal(name, d.unit, d.doc, column=self._column[node])
+        op, *operands = self._nodes[node]
+        if op == "neg" and operands[0] in self._column:
+            return Signal(name, d.unit, d.doc, column=self._column[operands[0]], sign=-1)
+        return Signal(name, d.unit, d.doc)
+
+    def node(self, name: str) -> int:
+        """What a variable is, as a node of the reduced pool."""
+        return self._found(name)[1]
+
+    def _found(self, name: str) -> tuple[Declaration, int]:
+        place = self._place[name]
+        number = bisect_right(self._first, place) - 1
+        variable = self._variables[number]
+        return variable.declaration, self._image[variable.first + place - self._first[number]]
 
 
 def compiled_parameters(compiled: CompiledModel, nodes: tuple[int, ...], p: Vector) -> list[float]:
