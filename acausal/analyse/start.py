@@ -155,8 +155,15 @@ class Reach:
         self.inputs = solution.structure.reduced.inputs
         self.definition = dict(solution.definitions)
 
+    def behind(self, node: int) -> list[int]:
+        """All nodes below one, with those of the definitions of its variables, in evaluation order."""
+        inside = [self.definition[v] for v in self._variables(node) if v in self.definition]
+        return self.pool.reachable([node, *inside])
+
     def of(self, node: int) -> set[int]:
-        found: set[int] = set()
+        return {v for v in self._variables(node) if v not in self.definition}
+
+    def _variables(self, node: int) -> set[int]:
         seen: set[int] = set()
         stack = list(self.pool.variables_in(node))
         while stack:
@@ -166,6 +173,4 @@ class Reach:
             seen.add(v)
             if v in self.definition:
                 stack.extend(self.pool.variables_in(self.definition[v]))
-            else:
-                found.add(v)
-        return found
+        return seen

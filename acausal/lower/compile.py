@@ -15,6 +15,7 @@ from acausal.analyse.blocks.solve import Solution, solve
 from acausal.analyse.delays import find_delays, refuse_delays
 from acausal.analyse.events.sleeping import Sleeping
 from acausal.analyse.events.state_events import discrete_variables, find_state_events
+from acausal.analyse.events.steep import Moving, steep
 from acausal.analyse.events.time_events import TimeEvents, find_time_events
 from acausal.analyse.hidden import HiddenCombination, HiddenConstraint
 from acausal.analyse.invariants import use_invariants
@@ -238,6 +239,7 @@ def _sort_states(solution: Solution) -> tuple[tuple[int, ...], int, int]:
     solver they are numbers, for a boolean that has been integrated is no longer exactly 0 or 1.
     Integrals of other states stay with them: as quadratures they would be integrated with the order that suits the
     others (IDAS took 1e5 steps of order 1 for the angle of an evenly accelerated shaft; 30 when it is a state).
+    So do those of steep functions: what these do between two instants is searched for in solutions, not in series.
     """
     reach = Reach(solution)
     reduced = solution.structure.reduced
@@ -247,13 +249,17 @@ def _sort_states(solution: Solution) -> tuple[tuple[int, ...], int, int]:
     acting = reach.pool.variables_in(*followed, *solution.residuals, *clauses)
     acting |= {solution.structure.derivative(x) for x in solution.structure.states}
     fixed = discrete_variables(reduced)
+
+    def is_island(x: int) -> bool:
+        rate = reach.pool.var(solution.structure.derivative(x))
+        if x in acting or reach.of(rate) - set(reach.inputs):
+            return False
+        nodes = reach.behind(rate)
+        return not steep(reach.pool, solution.structure.points, nodes, Moving(reach.pool, fixed)).arguments
+
     states = tuple(x for x in solution.structure.states if x not in fixed)
     discretes = tuple(x for x in solution.structure.states if x in fixed)
-    islands = [
-        x
-        for x in states
-        if x not in acting and not reach.of(reach.pool.var(solution.structure.derivative(x))) - set(reach.inputs)
-    ]
+    islands = [x for x in states if is_island(x)]
     if len(islands) == len(states):
         islands = []
     return (*(x for x in states if x not in islands), *islands, *discretes), len(islands), len(discretes)

@@ -21,13 +21,12 @@ Kinks whose sides both move and that are no rates are not watched then, without 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from acausal.analyse.blocks.solve import Solution
-from acausal.analyse.events.bursts import MOST as MOST_BURSTS
-from acausal.analyse.events.bursts import bursts
+from acausal.analyse.events.steep import STEPS, steep
 from acausal.arrays import Truth
 from acausal.flatten.pool import LEAVES, RELATIONS, Pool
 from acausal.language.expressions.external import Call
@@ -57,20 +56,12 @@ class Sleeping:
     """
 
     watched: tuple[int, ...] = ()
-    middles: tuple[int, ...] = ()
-    """Relations that change in the middle of a burst (`acausal.analyse.events.bursts`)."""
     left: tuple[int, ...] = ()
     """Those that are too many to be watched."""
-    more: tuple[int, ...] = ()
-    """Middles of bursts that are too many."""
     bursts: bool = False
-    """Whether there are bursts, whose traces are cut off (`acausal.analyse.bursts.without_traces`)."""
+    """Whether there are bursts, whose traces are cut off (`acausal.analyse.events.traces`)."""
     numbers: tuple[int, ...] = ()
     """Numbers of the stretches of long tables, whose relations are watched (`acausal.analyse.events.table_stops`)."""
-
-    def without_bursts(self) -> Sleeping:
-        """The same with bursts that are not watched."""
-        return replace(self, middles=(), more=())
 
 
 def sleeping(
@@ -106,8 +97,9 @@ def sleeping(
                 others.add(found[-1])
             elif pool.nodes[number][0] == "where":
                 choices.add(found[-1])
-    middles = _relations(graph, bursts(solution, graph.unknowns, graph.reachable, graph.moves), taken)
-    middles, more = middles[:MOST_BURSTS], middles[MOST_BURSTS:]
+    narrow = steep(pool, points, graph.reachable, graph.moves)
+    bursts = any(narrow.kinds[place] not in STEPS for _, place in narrow.middles)
+    bursts |= any(not isinstance(kind, str) and kind > 1.0 for kind in narrow.kinds)  # a high power is one by itself
     systems: dict[int, list[int]] = {}
     for n in found:
         systems.setdefault(system(n), []).append(n)
@@ -118,19 +110,7 @@ def sleeping(
         watched.update(own_kept)
         left.update(set(few) - set(own_kept))
     kept, passed_over = (tuple(n for n in found if n in some) for some in (watched, left))
-    return Sleeping(kept, middles, passed_over, more, bool(middles))
-
-
-def _relations(graph: _Graph, middles: Iterable[int], taken: set[bytes]) -> tuple[int, ...]:
-    """Relations that change at the middles of bursts, each place once."""
-    found: list[int] = []
-    for number in middles:
-        values = graph.points.everywhere(number)
-        shape = _shape(values)
-        if shape not in taken and np.isfinite(values).any() and values.any():
-            taken.add(shape)
-            found.append(graph.pool.make("gt", graph.pool.make("noevent", number), graph.pool.zero))
-    return tuple(found)
+    return Sleeping(kept, passed_over, bursts)
 
 
 def _kinks(graph: _Graph, located: set[int]) -> Iterator[tuple[int, int, int, tuple[float, ...]]]:

@@ -14,11 +14,11 @@ from dataclasses import dataclass, field
 
 from acausal.analyse.blocks.solve import Solution
 from acausal.analyse.delays import Delays
-from acausal.analyse.events.bursts import without_traces
 from acausal.analyse.events.domains import guarded
 from acausal.analyse.events.resting import at_their_kinks
 from acausal.analyse.events.sleeping import Sleeping
 from acausal.analyse.events.time_events import TimeEvents
+from acausal.analyse.events.traces import without_traces
 from acausal.errors import Span, StructureError
 from acausal.flatten.pool import IMPULSE, LEAVES, RELATIONS, Pool
 from acausal.flatten.reduced import ReducedSystem
@@ -83,8 +83,6 @@ class StateEvents:
     # Those of `relations`, by number, that make no event: rates wake there (`sleeping.py`), or a table may bend
     # (`table_stops.py`).
     watched: frozenset[int] = frozenset()
-    # Those of `watched` that change in the middle of a burst (`acausal.analyse.events.bursts`).
-    middles: frozenset[int] = frozenset()
 
     @property
     def conditions(self) -> tuple[int, ...]:
@@ -119,7 +117,7 @@ def find_state_events(
     inside = [*solution.residuals, *_definitions(solution, own)]
     inside = _eventful(pool, inside)  # of a field of a thousand cells perhaps the one at its end
     roots = [*own, *inside]
-    if not (roots or asleep.watched or asleep.middles):
+    if not (roots or asleep.watched):
         return StateEvents(clauses=clauses, assignments=assignments, asserts=asserts)
     rewritten = dict(time_events.rewritten)
     discrete = discrete_variables(reduced)
@@ -139,20 +137,18 @@ def find_state_events(
     found = _conditions(pool, [done[r] for r in roots], set(time_events.relations), discrete)
     found["pre"] |= _before_impulses(pool, states, clauses, assignments)
     relations = tuple(sorted(found["relation"]))
-    middle = len(relations) + len(asleep.watched)
     silent = set(pool.reachable([done[n] for n in asleep.numbers]))
     bends = (k for k, n in enumerate(relations) if n in silent)
     return StateEvents(
         tuple(sorted(found["sample"])),
         tuple(sorted(found["pre"])),
         tuple(sorted(found["flag"])),
-        (*relations, *asleep.watched, *asleep.middles),
+        (*relations, *asleep.watched),
         branches,
         clauses,
         assignments,
         asserts,
-        frozenset((*bends, *range(len(relations), middle + len(asleep.middles)))),
-        frozenset(range(middle, middle + len(asleep.middles))),
+        frozenset((*bends, *range(len(relations), len(relations) + len(asleep.watched)))),
     )
 
 

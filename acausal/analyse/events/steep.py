@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acausal.flatten.pool import Pool
+from acausal.flatten.pool import LEAVES, Pool
 from acausal.numeric.samples import SamplePoints
 
 _NAMED = frozenset(("tanh", "atan", "exp"))
@@ -39,6 +39,24 @@ class Steep:
     arguments: tuple[int, ...] = ()
     kinds: tuple[str | float, ...] = ()
     middles: tuple[tuple[int, int], ...] = ()
+
+
+class Moving:
+    """Whether a node changes between events."""
+
+    def __init__(self, pool: Pool, discrete: frozenset[int]) -> None:
+        self._pool, self._discrete = pool, discrete
+        self._known: dict[int, bool] = {}
+
+    def __call__(self, number: int) -> bool:
+        known = self._known.get(number)
+        if known is not None:
+            return known
+        for n in self._pool.reachable([number], self._known):
+            op, *rest = self._pool.nodes[n]
+            moving = (op == "var" and rest[0] not in self._discrete) or op == "time"
+            self._known[n] = moving or (op not in LEAVES and any(self._known[c] for c in rest))
+        return self._known[number]
 
 
 def steep(pool: Pool, points: SamplePoints, reachable: Iterable[int], moves: Callable[[int], bool]) -> Steep:

@@ -128,7 +128,6 @@ class _Whole:
             self.discretes,
             tuple(self.compiled.nominal_x[list(group.states)].tolist()),
             tuple(k in events.watched for k in group.relations),
-            tuple(k in events.middles for k in group.relations),
             tuple(
                 (len(c.conditions), len(c.earlier), tuple(at[k] for k, _ in c.actions), c.terminate is None)
                 for c in self.clauses
@@ -274,7 +273,6 @@ class _Kind:
             tuple(replace(a, position=at[a.position], node=node[a.node]) for a in whole.assignments),
             tuple(replace(a, condition=node[a.condition]) for a in whole.asserts),
             frozenset(place for place, k in enumerate(group.relations) if k in events.watched),
-            frozenset(place for place, k in enumerate(group.relations) if k in events.middles),
         )
 
     def subsystem(self, whole: _Whole, e: Extract) -> Subsystem:

@@ -7,7 +7,6 @@ from dataclasses import replace
 from functools import cache
 from weakref import WeakKeyDictionary
 
-from acausal.analyse.events.bursts import may_burst
 from acausal.analyse.events.sleeping import MOST, Sleeping, sleeping
 from acausal.analyse.events.state_events import discrete_variables
 from acausal.analyse.events.table_stops import stretch_numbers
@@ -21,42 +20,40 @@ from acausal.lower.subsystems.partition import system_of
 from acausal.lower.subsystems.split import subsystems
 
 _Made = tuple[CompiledModel | None, str]
-_MADE: WeakKeyDictionary[CompiledModel, dict[tuple[tuple[int, ...], bool], _Made]] = WeakKeyDictionary()
+_MADE: WeakKeyDictionary[CompiledModel, dict[tuple[int, ...], _Made]] = WeakKeyDictionary()
 UNWATCHED_STEPS = 5000
 """No step is longer than this part of a run whose kinks are not all watched."""
 _KINKS = frozenset(("min", "max", "fabs", "noevent"))
+_BURSTS = frozenset(("exp", "pow"))
 _NAMED = 3
 _WIDTH = 60
 
 
-def unwatched(steps: int) -> str:
-    """What is said of a run in which nothing is watched, and that takes so many steps at least."""
-    what = "kinks and bursts of this run cannot be watched, as one of them is passed without end or too often"
-    return f"AC414: {what}: {_bounded(steps)}"
+def unwatched() -> str:
+    """What is said of a run in which nothing is watched."""
+    return f"AC414: kinks of this run cannot be watched, as one of them is passed without end: {_BOUNDED}"
 
 
-def _bounded(steps: int) -> str:
-    return f"no step is longer than 1/{steps} of the run instead, and what wakes for less may be passed"
+_BOUNDED = f"no step is longer than 1/{UNWATCHED_STEPS} of the run instead, and what wakes for less may be passed"
 
 
-def with_watched(compiled: CompiledModel, relative: float, stops: bool = True) -> tuple[CompiledModel, tuple[str, ...]]:
+def with_watched(compiled: CompiledModel, relative: float) -> tuple[CompiledModel, tuple[str, ...]]:
     """The model for a solver that chooses its steps, at a relative tolerance, and notes; itself where nothing sleeps.
 
-    Made once for each, and for what of its tables the tolerance can tell. Bursts are watched where something else is,
-    and the solver `stops` at guards by itself; otherwise what it hands over is searched for what it has passed over
-    (`acausal.simulate.driver.overlooked`).
+    Made once for each, and for what of its tables the tolerance can tell. Bursts are not watched: what a solver hands
+    over is searched for what it has passed over (`acausal.simulate.driver.overlooked`).
     """
     made = _MADE.setdefault(compiled, {})
     numbers: tuple[int, ...] = ()
-    if _has_tables(compiled) or ((), stops) not in made:  # without, it is the same for all tolerances
+    if _has_tables(compiled) or () not in made:  # without, it is the same for all tolerances
         solution = compiled.solution
         pool = solution.structure.reduced.pool
         roots = [*(n for v, n in solution.definitions if v in solution.needed), *solution.residuals]
         if _has_tables(compiled):
             numbers = stretch_numbers(pool, roots, dict(solution.definitions), relative)
-        if (numbers, stops) not in made:
-            made[numbers, stops] = _watched(compiled, roots, numbers, stops)
-    model, note = made[numbers, stops]
+        if numbers not in made:
+            made[numbers] = _watched(compiled, roots, numbers)
+    model, note = made[numbers]
     return model or compiled, (note,) if note else ()
 
 
@@ -71,32 +68,29 @@ def _has_tables(compiled: CompiledModel) -> bool:
     return _TABLES[compiled]
 
 
-def _watched(compiled: CompiledModel, roots: Sequence[int], numbers: tuple[int, ...], stops: bool) -> _Made:
+def _watched(compiled: CompiledModel, roots: Sequence[int], numbers: tuple[int, ...]) -> _Made:
     """As much as can be watched in each of the systems that the model is split into, or else in the whole."""
     parted = cache(lambda: system_of(compiled))  # of most models nothing is watched in any part
-    model, found = _lowered(compiled, roots, numbers, stops, lambda node: parted()(node))
+    model, found = _lowered(compiled, roots, numbers, lambda node: parted()(node))
     if len(found.watched) > MOST and model is not None and not subsystems(model):
-        model, found = _lowered(compiled, roots, numbers, stops, lambda node: 0)
-    return model, _left(compiled, found) if found.left or found.more else ""
+        model, found = _lowered(compiled, roots, numbers, lambda node: 0)
+    return model, _left(compiled, found) if found.left else ""
 
 
 def _lowered(
     compiled: CompiledModel,
     roots: Sequence[int],
     numbers: tuple[int, ...],
-    stops: bool,
     system: Callable[[int], int],
 ) -> tuple[CompiledModel | None, Sleeping]:
     solution = compiled.solution
     reduced = solution.structure.reduced
     pool = reduced.pool
     found = Sleeping()
-    if any(pool.nodes[n][0] in _KINKS or may_burst(pool, n) for n in pool.reachable(roots)):
+    if any(pool.nodes[n][0] in _KINKS | _BURSTS for n in pool.reachable(roots)):
         split = [n for n in compiled.state_events.rewritten if pool.nodes[n][0] in RELATIONS]
         located = *compiled.state_events.relations, *compiled.time_events.relations, *split
         found = sleeping(solution, located, discrete_variables(reduced), system)
-        if not stops or (compiled.state_events.are_silent and not found.watched and not numbers):
-            found = found.without_bursts()
     if not found.watched and not found.bursts and not numbers:
         return None, found
     lowered = lower(solution, compiled.driven, replace(found, numbers=numbers))
@@ -118,12 +112,12 @@ def _left(compiled: CompiledModel, found: Sleeping) -> str:
         ]
         return " against ".join(to_text(reduced.pool, n, name_of, _WIDTH) for n in inside)
 
-    left = *found.left, *found.more
+    left = found.left
     texts = "; ".join(said(n) for n in left[:_NAMED])
     more = f"; and {len(left) - _NAMED} more" if len(left) > _NAMED else ""
-    whole = len(left) + len(found.watched) + len(found.middles)
+    whole = len(left) + len(found.watched)
     return (
-        f"AC414: {len(left)} of {whole} kinks and bursts where rates may wake are too many to be watched "
-        f"({texts}{more}): {_bounded(UNWATCHED_STEPS)}; locate those that matter by a relation without no_event, or "
+        f"AC414: {len(left)} of {whole} kinks where rates may wake are too many to be watched "
+        f"({texts}{more}): {_BOUNDED}; locate those that matter by a relation without no_event, or "
         "give a max_step that is shorter than what they are awake"
     )

@@ -12,6 +12,7 @@ import numpy as np
 from acausal.arrays import Truth, Vector
 from acausal.simulate.driver.agenda import Place, Schedule, Stretch
 from acausal.simulate.driver.flight import Flight, Passed, can_fly
+from acausal.simulate.equations.arguments import arguments
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.errors import RestlessKink, accumulated, unsettled
 from acausal.simulate.events.guards import INSTANT, Cause, Guards, Moment, resting_band
@@ -74,15 +75,12 @@ class Hybrid:
     template: Segment
     span: float
     traced: bool = False
-    most_middles: float = np.inf
-    """Stops in the middles of bursts that may follow before they are watched no longer."""
     moment: Moment | None = None
     notes: list[str] = field(default_factory=list)
     passages: list[Passage] = field(default_factory=list)
     terminated: str | None = None
     pace: float = 0.0
     history: list[tuple[float, Regime]] = field(default_factory=list)
-    middles: int = 0
     _gap: float = np.inf
     _failed: bool = False
     _vague: dict[int, int] = field(default_factory=dict)
@@ -100,6 +98,10 @@ class Hybrid:
         # what is delayed is recorded by integrations that go on to their end
         self.is_delayed = bool(self.problem.compiled.delays)
         self.single_step &= not self.is_delayed
+        # what steep functions do between steps is searched for in what a solver hands over: one that stops at guards
+        # by itself hands over nothing of what lies before them
+        if self.single_step and self.template.step is None:
+            self.single_step = arguments(self.problem.compiled) is None
 
     def begin(self, t: float, start: Start, m: Vector, flag: str | None) -> None:
         """The event at the start of the run; `m` is what the start has decided.
@@ -273,12 +275,6 @@ class Hybrid:
     def event(self, t: float, left: Moment, fired: Truth) -> Happened:
         """Flip what has reached its guard, and iterate."""
         relations = [left.regime.held.owners[k][0] for k in np.flatnonzero(fired)]
-        if self.problem.compiled.state_events.middles.issuperset(relations):
-            self.middles += 1
-            if self.middles > self.most_middles:
-                many = RestlessKink("AC414", f"bursts of {self.problem.compiled.name} are too many to be stopped at")
-                many.apart = (t - self.template.start) / self.middles
-                raise many
         happened = self.iteration.settle(t, self.iteration.flipped(left, fired), left.m)
         held, landed = self.bounces.landed(t, left, happened, relations)
         if landed:

@@ -51,12 +51,8 @@ Progress = Callable[[float, float], None]
 _log = logging.getLogger(__name__)
 # How far points may be off the constraints with fixed steps, and at the smallest tolerances.
 _MOVED_FIXED, _MOVED_LEAST = 1e-2, 1e-9
-# Steps from one burst to the next where there are more.
-_STEPS_BETWEEN = 20.0
 # Stops known in advance up to which systems are run apart: each of them is entered at every one.
 _MOST_STOPS = 50
-MOST_MIDDLES = 300
-"""Stops of a run in the middles of bursts; with more it is made again with bounded steps (AC414)."""
 
 
 _UNSEARCHED = (
@@ -72,7 +68,6 @@ class Run:
     `given` are states to start with instead of the start conditions, `outputs` times of rows instead of the grid,
     `sources` what stops the run besides its time events and delays. `opening` says whether `initial()` is true at the
     start, `traced` whether all events are kept. `why` is said of a solver instead of the reason it was chosen for.
-    `least_steps` is what a run takes in which not all that sleeps is watched.
     `watches` says whether kinks at which rates may wake are watched: only a run that this ends goes without.
     `searches` says whether what steep functions do between rows is searched: not under a bound on all steps.
     `unsearched` are starts of stretches of too many steps for that [s].
@@ -92,7 +87,6 @@ class Run:
     why: str = ""
     watches: bool = True
     searches: bool = True
-    least_steps: int = UNWATCHED_STEPS
     solver: Solver = field(init=False)
     timings: dict[str, float] = field(default_factory=dict)
     interrupt: Interruptible = field(default_factory=Interruptible)
@@ -138,11 +132,9 @@ class Run:
         plain = self.compiled
         try:
             return self._result()
-        except (RestlessKink, IntegrationError) as error:
+        except (RestlessKink, IntegrationError):
             if self.sources or self.compiled is plain:  # sources have looked at the run already
                 raise
-            if isinstance(error, RestlessKink):
-                self.least_steps = max(self.least_steps, math.ceil(_STEPS_BETWEEN * self.options.span / error.apart))
             self.compiled, self.watches, self.timings, self.interrupt = plain, False, {}, Interruptible()
             self.unsearched.clear()
             self.__dict__.pop("problem", None)
@@ -156,12 +148,11 @@ class Run:
         self.why = self.why or reason
         notes: tuple[str, ...] = ()
         if not self.solver.fixed_step and opts.step is None and not self.traced:  # fixed steps sleep through nothing
-            plain, stops = self.compiled, self.solver.stops and not self.compiled.algebraic and not self.compiled.delays
-            watched = with_watched(plain, opts.tolerance, stops) if self.watches else (plain, ())
+            watched = with_watched(self.compiled, opts.tolerance) if self.watches else (self.compiled, ())
             self.compiled, notes = watched
-            notes = notes if self.watches else (unwatched(self.least_steps),)
+            notes = notes if self.watches else (unwatched(),)
             if notes and opts.max_step is None:  # what sleeps wakes within a step, where its error is seen
-                opts = self.options = replace(opts, max_step=opts.span / self.least_steps)
+                opts = self.options = replace(opts, max_step=opts.span / UNWATCHED_STEPS)
                 self.searches = False  # the message says what may be passed over under this bound
         began = clock.perf_counter()
         instants = self.instants()
@@ -245,11 +236,9 @@ class Run:
         if self.compiled.state_events or self.traced or memory is not None:
             explore = self.under
             integrate = explore if memory is None else memory.recorded(explore, solver.multistep)
-            # sources have looked at the run when it is found to have many, and it is not begun again
-            most = math.inf if self.sources else MOST_MIDDLES
 
             def whole() -> Hybrid:
-                parts = integrate, explore, self.tolerances, template, opts.span, self.traced, most
+                parts = integrate, explore, self.tolerances, template, opts.span, self.traced
                 return Hybrid(problem, solver, recorder, *parts)
 
             members = self.members(known, template) if memory is None else []
@@ -269,14 +258,9 @@ class Run:
             return []
         if known.segments > _MOST_STOPS:
             return []
-        whole = self.why
-        members = [self.member(part, template) for part in subsystems(self.compiled)]
-        # what solvers overlook of steep functions is searched for in the whole, but where they stop at events
-        searched = any(isinstance(m.dynamics, Smooth) or not m.solver.stops for m in members)
-        if searched and arguments(self.compiled) is not None:
-            self.why = whole
+        if arguments(self.compiled) is not None:  # what solvers overlook of steep functions is searched in the whole
             return []
-        return members
+        return [self.member(part, template) for part in subsystems(self.compiled)]
 
     def member(self, part: Subsystem, template: Segment) -> Member:
         """One of these systems, with a solver that fits its own size."""
@@ -291,7 +275,7 @@ class Run:
             return self.integrate(regime.problem, segment, solver)
 
         if model.state_events:
-            parts = under, under, tolerances, own, opts.span, False, math.inf if self.sources else MOST_MIDDLES
+            parts = under, under, tolerances, own, opts.span
             return Member(part, problem, solver, recorder, Hybrid(problem, solver, recorder, *parts), opts.span)
         smooth = Smooth(problem, solver, recorder, partial(self.integrate, solver=solver), own, opts.span)
         return Member(part, problem, solver, recorder, smooth, opts.span)
@@ -385,9 +369,9 @@ class Run:
         segment = self.segment(here, times, x, z, m)
         segment = replace(segment, max_step=self.tables.longest(here, float(times[-1]), segment.max_step))
         if self.hybrid is None:
-            return self.solver.integrate(self.problem, segment), m
+            return self.integrate(self.problem, segment), m
         regime = self.hybrid.regime_at(here)
-        piece = self.solver.integrate(regime.problem, segment)
+        piece = self.integrate(regime.problem, segment)
         return piece, regime.modes(times, piece.x, piece.z, m)
 
     def ruled_by_rounding(self, recorder: Recorder, reached: float) -> tuple[str, ...]:

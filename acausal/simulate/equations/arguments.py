@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.analyse.events.state_events import discrete_variables
-from acausal.analyse.events.steep import STEPS, steep
+from acausal.analyse.events.steep import STEPS, Moving, steep
 from acausal.arrays import Vector
-from acausal.flatten.pool import LEAVES, Pool
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.symbols import Symbols
 from acausal.simulate.equations.calls.quick import Narrow
@@ -83,7 +82,7 @@ def _made(compiled: CompiledModel) -> Arguments | None:
     solution = compiled.solution
     pool = solution.structure.reduced.pool
     roots = [*(n for v, n in solution.definitions if v in solution.needed), *solution.residuals]
-    moving = _Moving(pool, discrete_variables(solution.structure.reduced))
+    moving = Moving(pool, discrete_variables(solution.structure.reduced))
     found = steep(pool, solution.structure.points, pool.reachable(roots), moving)
     if not found.arguments:
         return None
@@ -93,21 +92,3 @@ def _made(compiled: CompiledModel) -> Arguments | None:
     column = builder.column([builder.replaced(n) for n in nodes])
     owners = [*range(len(found.arguments)), *(place for _, place in found.middles)]
     return Arguments(Narrow("arguments", symbols.inputs, ca.densify(column)), found.kinds, np.array(owners))
-
-
-class _Moving:
-    """Whether a node changes between events."""
-
-    def __init__(self, pool: Pool, discrete: frozenset[int]) -> None:
-        self._pool, self._discrete = pool, discrete
-        self._known: dict[int, bool] = {}
-
-    def __call__(self, number: int) -> bool:
-        known = self._known.get(number)
-        if known is not None:
-            return known
-        for n in self._pool.reachable([number], self._known):
-            op, *rest = self._pool.nodes[n]
-            moving = (op == "var" and rest[0] not in self._discrete) or op == "time"
-            self._known[n] = moving or (op not in LEAVES and any(self._known[c] for c in rest))
-        return self._known[number]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 from acausal.analyse.events.state_events import Assert, Clause
@@ -10,12 +9,7 @@ from acausal.errors import EventError, InitializationError, Span
 
 
 class RestlessKink(EventError):
-    """A watched kink is passed without time passing, or middles of bursts too often: better let alone.
-
-    `apart` is the mean time between these.
-    """
-
-    apart: float = math.inf
+    """A watched kink is passed without time passing: better let alone."""
 
 
 def accumulated(model: str, t: float, count: int, names: Sequence[str]) -> EventError:

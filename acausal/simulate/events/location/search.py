@@ -142,6 +142,11 @@ class _NotDelivered(RuntimeError):
     """Rows between two looks cannot be integrated to."""
 
 
+def _is_long(words: str) -> bool:
+    """Whether a solver says that it was not allowed more steps; a one-step method says only that it has not arrived."""
+    return "TOO_MUCH_WORK" in words or words.startswith("segment returned")
+
+
 @dataclass
 class Search:
     """The stretches of one run; how far apart its looks may be is remembered from one to the next."""
@@ -307,16 +312,16 @@ class Search:
                 raise RuntimeError(words)
             way.mark = here
         if not way.moment.regime.held.owners:
-            if way.is_finer or "TOO_MUCH_WORK" not in words:
+            if way.is_finer or not _is_long(words):
                 raise RuntimeError(words)
             way.is_finer = True
             return
-        if way.closer and way.share < 1.0 and "TOO_MUCH_WORK" not in words:
+        if way.closer and way.share < 1.0 and not _is_long(words):
             way.share = 1.0  # voltages over micro-ohms: rounding alone is more than a hundredth of the tolerance
             return
         if float(marks[0]) - here <= 2.0 * looking.resolution(here, self.span):
             # a start at a kink: it may take many steps of no length
-            if "TOO_MUCH_WORK" not in words or way.steps_allowed >= _PATIENCE:
+            if not _is_long(words) or way.steps_allowed >= _PATIENCE:
                 raise RuntimeError(words)
             way.steps_allowed *= _DIVISION
             return
