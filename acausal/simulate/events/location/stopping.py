@@ -36,8 +36,8 @@ from acausal.simulate.native.flight import FlightProgram
 from acausal.simulate.native.policy import Library, StoppingEquations
 from acausal.simulate.solvers.base import Piece, Segment, bounded, islands, pace
 
-# An interpreted call, with what Python does around it at guards and events, takes as long as so many evaluations:
-# 0.25 ms. The default compiles 4000 switchings on its way, after which they take 10 us each.
+# A look of an interpreted run, with what Python does around it at guards and events, takes as long as so many
+# evaluations: 0.25 ms. The default compiles 4000 switchings on its way, after which they take 10 us each.
 _CALLING = 150.0
 # Integrators that are known by a shorter name than their settings.
 _MOST_KEPT = 128
@@ -358,7 +358,7 @@ class Stepper:
             np.column_stack([np.arange(0.0, len(lengths)), times[:-1], lengths, bands]),
         )
         found, stats = self._integrators[key](x0, p, u)
-        self.interpreted += float(stats["n_rhs"]) + _CALLING
+        self.interpreted += float(stats["n_rhs"]) + _CALLING * len(lengths)
         return found, stats
 
     def _kept(self, key: tuple[float, ...]) -> Repeated:
