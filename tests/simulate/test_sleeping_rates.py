@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable
 from typing import Any
@@ -143,18 +144,59 @@ def test_a_function_of_time(solver: str) -> None:
     assert r.final("y") == pytest.approx(exact, rel=1e-5)
 
 
-class Divided(Component):
-    """A factor that is bounded does not sleep: the expression around it goes on."""
+class Bounded(Component):
+    """A limit of a factor of what moves: f = 5 sin(4 t) - 4.9 is above it for a tenth of a period."""
 
-    x: Real = variable(default=fixed(1.0))
+    rate: Callable[[Any, Any], Expr] = structural()
+    c: Real = variable(default=fixed(1.0))
+    x: Real = variable(default=fixed(0.0))
 
     def equations(self) -> Equations:
-        yield der(self.x) == -self.x / maximum(self.x * self.x, 0.25) * (2.0 + self.x)
+        yield der(self.c) == -0.01 * self.c
+        yield der(self.x) == self.rate(self.c, 5.0 * sin(4.0 * time) - 4.9)
 
 
-def test_bounded_factors_cost_nothing() -> None:
-    compiled = acausal.compile(Divided())
-    assert with_watched(compiled, 1e-6) == (compiled, ())
+FACTORS: dict[str, tuple[Callable[[Any, Any], Expr], Callable[[float], float], float]] = {
+    "product": (lambda c, f: c * maximum(f, -0.5), lambda f: max(f, -0.5), -0.5),
+    "quotient": (lambda c, f: c / maximum(f, 0.02), lambda f: 1.0 / max(f, 0.02), 0.02),
+    "square": (lambda c, f: c * minimum(-f, 0.5) ** 2, lambda f: min(-f, 0.5) ** 2, -0.5),
+    "choice": (lambda c, f: c * where(no_event(f > -0.5), f, -0.5), lambda f: max(f, -0.5), -0.5),
+    "dip": (lambda c, f: c * fabs(f), abs, 0.0),
+}
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("factor", FACTORS)
+def test_a_limit_of_a_factor(factor: str, solver: str) -> None:
+    """Against Gauss's rule between the kinks, over five periods; c = exp(-t/100)."""
+    rate, value, limit = FACTORS[factor]
+    stop = 2.5 * math.pi
+    first = math.asin((limit + 4.9) / 5.0)
+    kinks = [(turn * 2.0 * math.pi + t) / 4.0 for turn in range(5) for t in (first, math.pi - first)]
+    nodes, weights = np.polynomial.legendre.leggauss(10)
+    exact = 0.0
+    for a, b in itertools.pairwise([0.0, *kinks, stop]):
+        for left, right in itertools.pairwise(np.linspace(a, b, 9)):
+            t = 0.5 * (left + right) + 0.5 * (right - left) * nodes
+            values = [math.exp(-0.01 * s) * value(5.0 * math.sin(4.0 * s) - 4.9) for s in t]
+            exact += 0.5 * (right - left) * float(weights @ values)
+    r = acausal.simulate(Bounded(rate=rate), stop_time=stop, solver=solver, tolerance=1e-7, output_interval=stop)
+    assert r.final("x") == pytest.approx(exact, rel=1e-6, abs=2e-6)
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_a_dip_between_two_points_of_a_polynomial(solver: str) -> None:
+    """y' = 2 |(t - 1) (t - 1.3)|: a method of third order takes it in one step, but for the dip, 4/6 0.3**3."""
+
+    class Dip(Component):
+        y: Real = variable(default=fixed(0.0))
+
+        def equations(self) -> Equations:
+            yield der(self.y) == 2.0 * fabs((time - 1.0) * (time - 1.3))
+
+    exact = 2.0 * (27.0 / 3.0 - 2.3 * 9.0 / 2.0 + 1.3 * 3.0) + 4.0 / 6.0 * 0.3**3
+    r = acausal.simulate(Dip(), stop_time=3.0, solver=solver, tolerance=1e-9, output_interval=3.0)
+    assert r.final("y") == pytest.approx(exact, abs=1e-7)
 
 
 def test_rows_are_those_of_the_grid_and_of_the_wakings() -> None:

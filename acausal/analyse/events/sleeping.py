@@ -5,29 +5,27 @@ step ends behind it. While one side is on, nothing of the other bounds the step,
 single evaluation there. These kinks are watched: a stretch ends where one is reached, and the next one begins there,
 in front of what may wake, without an event.
 
-Where both sides move, all are watched but those of `fabs` that do not cancel, whose two sides are equally steep, and
-those of external functions. With
-one constant side, kinks that bound a factor, as in `v / maximum(r, r_min)`, do not sleep: the rest of the expression
-goes on. Such a kink is taken to sleep where it, or a sum that holds it, is zero on one side, or where it is constant
-there and enters the rate of a state linearly.
+While both sides move, or the side that is on is a factor of something that moves, a step follows what it sees, and what
+lies beyond the kink for less than a step is passed over all the same: `speed * maximum(force, -limit)`, or
+`fabs((t - 1) * (t - 1.1))`, of whose dip a method of third order notices nothing. So all kinks are watched, but those
+both sides of which move and that functions from outside compute: these may jump.
 
 Each that is watched costs a guard, and a stretch whenever it is passed. Bodies that touch have hundreds, of all the
 ways in which their faces may overlap: choices below `no_event` that move a point of contact while the force is on.
-Where there are many, these are left out and handed back, for a message and a bound on the steps. Under that bound only
-rates are watched: the weights of those points, `minimum` and `maximum` in products, would take eight times the work.
-Kinks whose sides both move and that are no rates are not watched then, without a message.
+Where there are many, all that do not enter the rate of a state linearly are left out and handed back, for a message
+and a bound on the steps: the weights of those points, `minimum` and `maximum` in products, would take eight times the
+work.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from acausal.analyse.blocks.solve import Solution
 from acausal.analyse.events.steep import STEPS, steep
-from acausal.arrays import Truth
 from acausal.flatten.pool import LEAVES, RELATIONS, Pool
 from acausal.language.expressions.external import Call
 from acausal.language.expressions.lookup import Lookup
@@ -35,7 +33,7 @@ from acausal.numeric.evaluate import Samples
 from acausal.numeric.samples import SamplePoints
 
 MOST = 120
-"""Kinks of one system that are watched of whatever kind; with more, no choices, with choices among them only rates."""
+"""Kinks of one system that are watched of whatever kind; with more, and choices among them, only rates."""
 MOST_PLAIN = 1000
 """Kinks that are watched at all."""
 
@@ -76,62 +74,52 @@ def sleeping(
     pool, points = graph.pool, graph.points
     taken = {_shape(points.everywhere(pool.sub(*pool.nodes[n][1:]))) for n in known}
     found: list[int] = []
-    choices, rates, others = set[int](), set[int](), set[int]()
-    for number, a, b, sides in _kinks(graph, known):
+    choices, rates = set[int](), set[int]()
+    for number, a, b in _kinks(graph, known):
         distance = points.everywhere(pool.sub(a, b))
         if not np.isfinite(distance).all() or np.count_nonzero(np.abs(distance) <= _ZERO * np.abs(distance).max()) > 1:
             continue  # it rests at its kink, and what wakes it is elsewhere: maximum(f(maximum(u, 0)), 0)
         shape = _shape(distance)
         if shape in taken:
             continue
-        if not sides and graph.is_called(a, b):
+        if graph.moves(a) and graph.moves(b) and graph.is_called(a, b):
             continue
-        asleep = not sides or any(graph.vanishes(number, side * distance > 0.0) for side in sides)
-        if asleep or graph.is_rate(number):
-            taken.add(shape)
-            # operands below `no_event` make it another node than a relation of the equations
-            found.append(pool.make("gt", pool.make("noevent", a), pool.make("noevent", b)))
-            if graph.is_rate(number):
-                rates.add(found[-1])
-            elif not sides:
-                others.add(found[-1])
-            elif pool.nodes[number][0] == "where":
-                choices.add(found[-1])
+        taken.add(shape)
+        # operands below `no_event` make it another node than a relation of the equations
+        found.append(pool.make("gt", pool.make("noevent", a), pool.make("noevent", b)))
+        if graph.is_rate(number):
+            rates.add(found[-1])
+        elif pool.nodes[number][0] == "where":
+            choices.add(found[-1])
     narrow = steep(pool, points, graph.reachable, graph.moves)
     bursts = any(narrow.kinds[place] not in STEPS for _, place in narrow.middles)
     bursts |= any(not isinstance(kind, str) and kind > 1.0 for kind in narrow.kinds)  # a high power is one by itself
     systems: dict[int, list[int]] = {}
     for n in found:
         systems.setdefault(system(n), []).append(n)
-    watched, left = set[int](), set[int]()
+    watched = set[int]()
     for own in systems.values():
-        few = own if len(own) <= MOST else [n for n in own if n not in others]
-        own_kept = few if len(few) <= MOST else [n for n in few if n in rates or not choices & set(few)][:MOST_PLAIN]
-        watched.update(own_kept)
-        left.update(set(few) - set(own_kept))
+        plain = [n for n in own if n in rates] if len(own) > MOST and not choices.isdisjoint(own) else own
+        watched.update(plain[:MOST_PLAIN])
+    left = set(found) - watched
     kept, passed_over = (tuple(n for n in found if n in some) for some in (watched, left))
     return Sleeping(kept, passed_over, bursts)
 
 
-def _kinks(graph: _Graph, located: set[int]) -> Iterator[tuple[int, int, int, tuple[float, ...]]]:
-    """Kinks: node, both sides of what decides it, the signs of their difference where a constant side is on."""
+def _kinks(graph: _Graph, located: set[int]) -> Iterator[tuple[int, int, int]]:
+    """Kinks: a node, and both sides of what decides it."""
     nodes, moving = graph.pool.nodes, graph.moving
     for number in graph.reachable:
         op, *operands = nodes[number]
         if op in ("min", "max") and any(moving[n] for n in operands):
-            a, b = operands
-            larger = 1.0 if op == "max" else -1.0
-            yield number, a, b, tuple(s for n, s in ((a, larger), (b, -larger)) if not moving[n])
+            yield number, operands[0], operands[1]
         elif op == "fabs" and moving[operands[0]]:
-            sides = tuple(s for s in (1.0, -1.0) if graph.cancels(number, s))
-            if sides:
-                yield number, operands[0], graph.pool.zero, sides
+            yield number, operands[0], graph.pool.zero
         elif op == "where":
-            sides = () if all(moving[n] for n in operands[1:]) else (1.0, -1.0)
             for relation in graph.pool.reachable([operands[0]]):
                 kind, *both = nodes[relation]
                 if kind in RELATIONS and relation not in located and moving[relation]:
-                    yield number, both[0], both[1], sides
+                    yield number, both[0], both[1]
 
 
 class _Graph:
@@ -170,20 +158,6 @@ class _Graph:
         operations = (self.pool.nodes[n][0] for n in self.pool.reachable(numbers))
         return any(isinstance(op, Call) and not isinstance(op.external, Lookup) for op in operations)
 
-    def vanishes(self, number: int, asleep: Truth) -> bool:
-        """Whether a node, or a sum that holds it, is zero at those points."""
-        if self.pool.nodes[number][0] == "fabs":
-            return True  # what is a kink of it at all cancels
-        branches = [n for n in self.pool.nodes[number][1:] if not self.moving.get(n, True)]
-        if any(not self.points.everywhere(n).any() for n in branches):
-            return True
-        for here in self._climbed(number, frozenset(("add", "sub", "neg"))):
-            value = self.points.everywhere(here)[asleep]
-            size = max(float(np.abs(self.points.everywhere(number)).max(initial=0.0)), 1e-300)
-            if value.size > 1 and np.isfinite(value).all() and np.abs(value).max() <= _ZERO * size:
-                return True
-        return False
-
     def is_rate(self, number: int) -> bool:
         """Whether a node enters the rate of a state linearly, between kinks."""
         seen, stack = set[int](), [number]
@@ -195,17 +169,6 @@ class _Graph:
                     if v not in seen:
                         seen.add(v)
                         stack.append(self.pool.var(v))
-        return False
-
-    def cancels(self, number: int, sign: float) -> bool:
-        """Whether a sum that holds `fabs` of an operand of this sign holds the operand too, so that both vanish."""
-        operand = self._terms(self.pool.nodes[number][1])
-        for top in self._climbed(number, _LINEAR):
-            whole = self._terms(top)
-            factor = whole.get(number, 0.0)
-            wanted = {n: -sign * factor * times for n, times in operand.items()}
-            if factor and wanted and all(abs(whole.get(n, 0.0) - w) <= _SAME * abs(w) for n, w in wanted.items()):
-                return True
         return False
 
     def _climbed(self, number: int, through: frozenset[str]) -> Iterator[int]:
@@ -223,29 +186,6 @@ class _Graph:
                     continue
                 seen.add(n)
                 stack.append(n)
-
-    def _terms(self, root: int) -> Mapping[int, float]:
-        """An expression as a sum: what varies, with its factors; a constant is left out."""
-        points, found = self.points, dict[int, float]()
-        stack = [(root, 1.0)]
-        while stack:
-            number, factor = stack.pop()
-            op, *operands = self.pool.nodes[number]
-            if not points.varies(number):
-                continue
-            constant = [not points.varies(n) for n in operands] if op in ("mul", "div") else []
-            if op in ("add", "sub"):
-                stack += [(operands[0], factor), (operands[1], factor if op == "add" else -factor)]
-            elif op == "neg":
-                stack.append((operands[0], -factor))
-            elif op == "mul" and any(constant):
-                k = constant.index(True)
-                stack.append((operands[1 - k], factor * float(points.of(operands[k])[0])))
-            elif op == "div" and constant[1]:
-                stack.append((operands[0], factor / float(points.of(operands[1])[0])))
-            else:
-                found[number] = found.get(number, 0.0) + factor
-        return found
 
 
 def _shape(distance: Samples) -> bytes:
