@@ -96,9 +96,6 @@ def test_ode_is_dae_with_the_algebraic_variables_solved() -> None:
     model = compiled.casadi()
     assert len(model.z) == 1
     run = acausal.simulate(compiled, stop_time=1.0, tolerance=1e-10)
-    # the slope of fabs at 0 is 0 there, and the diode's 25 kOhm on both sides: no Rosenbrock step is small enough
-    assert run.stats["solver"] == "idas"
-    assert "rosenbrock" in str(run.stats["reason"])
     p = model.p.start
     for k in range(0, len(run.time), 23):
         t, x, z = run.time[k], [run[n][k] for n in model.x.names], [run[n][k] for n in model.z.names]

@@ -20,6 +20,7 @@ from acausal import (
     Real,
     atan,
     cos,
+    cosh,
     der,
     exp,
     fixed,
@@ -342,6 +343,30 @@ def test_crests_that_were_passed_over(case: tuple[str, str, float, float, float]
     run: dict[str, Any] = {"stop_time": 10.0, "solver": solver, "tolerance": tolerance, "native": False}
     r = acausal.simulate(_crest(step, "time"), parameters=values, **run)
     assert r.final("y") == pytest.approx(exact, abs=20.0 * tolerance * max(1.0, exact))
+
+
+VALLEYS: dict[str, tuple[Callable[[Any], Expr], float]] = {
+    # the integral of 1/(a - cos)**2 over a period is 2 pi a/(a**2 - 1)**1.5, here with a = 1 + 5e-9
+    "pole": (lambda t: 1e-12 / (1.0 + 5e-9 - cos(t)) ** 2, 2.0 * math.pi * (1.0 + 5e-9) / (1.0 + 2.5e-9) ** 1.5),
+    # that of 1/cosh over all is pi
+    "pulse": (lambda t: 150.0 / cosh(300.0 * sin(0.5 * t)), math.pi),
+}
+
+
+@pytest.mark.parametrize("solver", ["idas", "cvodes", "erk"])
+@pytest.mark.parametrize("valley", VALLEYS)
+def test_a_divisor_that_comes_near_zero(valley: str, solver: str) -> None:
+    """Two peaks, 1e-4 and 1e-2 wide, of a divisor without any square in it."""
+    rate, one = VALLEYS[valley]
+
+    class Peaks(Component):
+        y: Real = variable(default=fixed(0.0))
+
+        def equations(self) -> Equations:
+            yield der(self.y) == rate(time - 1.0)
+
+    r = acausal.simulate(Peaks(), stop_time=4 * math.pi, solver=solver, tolerance=1e-5, output_interval=4 * math.pi)
+    assert r.final("y") == pytest.approx(2.0 * one, rel=2e-3)
 
 
 HARMLESS: dict[str, Callable[[Any, Any], Expr]] = {

@@ -8,7 +8,7 @@ in front of what may wake, without an event.
 While both sides move, or the side that is on is a factor of something that moves, a step follows what it sees, and what
 lies beyond the kink for less than a step is passed over all the same: `speed * maximum(force, -limit)`, or
 `fabs((t - 1) * (t - 1.1))`, of whose dip a method of third order notices nothing. So all kinks are watched, but those
-both sides of which move and that functions from outside compute: these may jump.
+that functions from outside compute, on both sides or for no rate: these may jump, as where a ray leaves a body.
 
 Each that is watched costs a guard, and a stretch whenever it is passed. Bodies that touch have hundreds, of all the
 ways in which their faces may overlap: choices below `no_event` that move a point of contact while the force is on.
@@ -82,14 +82,16 @@ def sleeping(
         shape = _shape(distance)
         if shape in taken:
             continue
-        if graph.moves(a) and graph.moves(b) and graph.is_called(a, b):
+        op, *operands = pool.nodes[number]
+        both = all(graph.moves(n) for n in (operands[1:] if op == "where" else (a, b)))
+        if graph.is_called(a, b) and (both or not graph.is_rate(number)):
             continue
         taken.add(shape)
         # operands below `no_event` make it another node than a relation of the equations
         found.append(pool.make("gt", pool.make("noevent", a), pool.make("noevent", b)))
         if graph.is_rate(number):
             rates.add(found[-1])
-        elif pool.nodes[number][0] == "where":
+        elif op == "where":
             choices.add(found[-1])
     narrow = steep(pool, points, graph.reachable, graph.moves)
     bursts = any(narrow.kinds[place] not in STEPS for _, place in narrow.middles)
@@ -109,11 +111,13 @@ def sleeping(
 def _kinks(graph: _Graph, located: set[int]) -> Iterator[tuple[int, int, int]]:
     """Kinks: a node, and both sides of what decides it."""
     nodes, moving = graph.pool.nodes, graph.moving
+    # a guard whose both sides are equally steep is found by the looks of its location, there and back
+    outside = set(graph.pool.reachable(graph.unknowns, located))
     for number in graph.reachable:
         op, *operands = nodes[number]
         if op in ("min", "max") and any(moving[n] for n in operands):
             yield number, operands[0], operands[1]
-        elif op == "fabs" and moving[operands[0]]:
+        elif op == "fabs" and moving[operands[0]] and number in outside:
             yield number, operands[0], graph.pool.zero
         elif op == "where":
             for relation in graph.pool.reachable([operands[0]]):

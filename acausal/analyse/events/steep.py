@@ -8,11 +8,13 @@ the argument turns, and, of several steps in one rate, where one of these is in 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
+from acausal.analyse.events.ranges import ranges
 from acausal.flatten.pool import LEAVES, Pool
 from acausal.numeric.samples import SamplePoints
 
@@ -21,6 +23,8 @@ _KINKS = frozenset(("min", "max", "noevent"))
 _LARGE = 8.0
 # What changes by less than this factor at the points that the compiler samples wakes nothing.
 _FACTOR = 300.0
+# The share of a sum by which it may be negative by rounding.
+_ROUNDING = 1e-12
 STEPS = frozenset(("tanh", "atan"))
 """Functions that go from one value to another, around zero."""
 _THROUGH = frozenset(("add", "sub", "neg", "mul", "div", "sqrt", "pow"))
@@ -63,18 +67,28 @@ def steep(pool: Pool, points: SamplePoints, reachable: Iterable[int], moves: Cal
     """Those among the `reachable` nodes, in evaluation order, whose argument `moves` between events."""
     found: dict[tuple[int, str | float], None] = {}
     candidates = [(n, a) for n, a in _arguments(pool, reachable) if moves(a)]  # few: most divide by parameters
-    has_floor = _floors(pool, pool.reachable(a for _, a in candidates), moves)
+    below = pool.reachable(a for _, a in candidates)
+    has_floor = _floors(pool, below, moves)
+    bounds = ranges(pool, below, lambda n: None if moves(n) else float(points.of(n)[0]))
+
+    def is_valley(argument: int) -> bool:
+        """Whether it stays above zero by less than it rises elsewhere."""
+        low, high = bounds[argument]
+        low, high = (low, high) if low + high > 0.0 else (-high, -low)
+        if low >= -_ROUNDING * high and math.isfinite(high):
+            return high > _FACTOR * low or any(pool.nodes[n][0] == "par" for n in pool.reachable([argument]))
+        return (has_floor[argument] or low > 0.0) and _is_wide(points, argument)
+
     for number, argument in candidates:
         op, *operands = pool.nodes[number]
         kind: str | float | None = None
         if op in _NAMED:
             kind = op
-        elif op in ("sqrt", "div") and has_floor[argument] and _is_wide(points, argument):
+        elif op in ("sqrt", "div") and is_valley(argument):
             kind = 0.5 if op == "sqrt" else -1.0
         elif op == "pow" and not moves(operands[1]):
             exponent = float(points.of(operands[1])[0])
-            is_floored = exponent < 1.0 and has_floor[argument] and _is_wide(points, argument)
-            if exponent >= _LARGE or is_floored:
+            if exponent >= _LARGE or (exponent < 1.0 and is_valley(argument)):
                 kind = exponent
         if kind is not None:
             found |= dict.fromkeys((n, kind) for n in _behind_kinks(pool, argument, moves))

@@ -382,7 +382,8 @@ def _slopes(times: Vector, values: Vector) -> Vector:
     with np.errstate(divide="ignore", invalid="ignore"):  # rows behind a start are 1e-15 of the others apart
         weights = np.nan_to_num(inverse[np.arange(len(times)), own][:, None] / inverse / away, posinf=0.0, neginf=0.0)
     weights[np.arange(len(times)), own] = 0.0
-    return np.asarray(np.einsum("nc,nck->nk", weights, values[near] - values[:, None]) / scale[:, None])
+    with np.errstate(over="ignore"):
+        return np.asarray(np.einsum("nc,nck->nk", weights, values[near] - values[:, None]) / scale[:, None])
 
 
 def _told(times: Vector, values: Vector, found: Vector, columns: NDArray[np.int64]) -> Vector:

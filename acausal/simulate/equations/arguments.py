@@ -46,7 +46,7 @@ class Arguments:
         heights = self.heights(ends)
         is_step = np.array([kind in STEPS for kind in self.kinds])
         heights = np.where(is_step, np.maximum(heights, _ROUNDING), heights)
-        change = heights.max(axis=0) > _MILD * heights.min(axis=0)
+        change = heights.max(axis=0) / _MILD > heights.min(axis=0)
         is_power = np.array([not isinstance(kind, str) for kind in self.kinds])
         through = is_power & (ends[0] <= 0.0) & (ends[1] >= 0.0)
         return np.asarray((change.any(axis=0) | through)[self.owners])
