@@ -141,12 +141,14 @@ class Native:
         plugin: str,
         settings: Mapping[str, Any],
         equations: Callable[[], StoppingEquations],
+        watch: Any,
         nx: int,
         instructions: Callable[[], int],
     ) -> Library[FlightProgram] | None:
         """A whole integrator that stops at events (`simulate/events/location/stopping.py`).
 
-        `equations` makes what it integrates, `nx` states; `instructions` is the size of its event functions.
+        `equations` makes what it integrates, `nx` states, up to where a guard of `watch` is reached; `instructions` is
+        the size of its event functions.
         """
         if self.wanted is False:  # asked for at every event
             return None
@@ -168,7 +170,8 @@ class Native:
             # the derivatives that locate events are twice as much again as the event functions
             return pays(self._spent(kind), self._size, 4 * self._size + 3 * instructions())
 
-        return self._library(kind, repr(sorted(neutral.items())), pays_now, text, load)
+        made_from = self.compiled.events.round, watch
+        return self._library(kind, repr(sorted(neutral.items())), pays_now, text, load, made_from)
 
     def oracle(
         self, plugin: str, settings: Mapping[str, Any], change: Callable[[Any], Any] | None = None
@@ -251,7 +254,9 @@ class Native:
         is_worth_it: Callable[[], bool],
         text: Callable[[], str | None],
         load: Callable[[Path], T],
+        made_from: tuple[Any, ...] = (),
     ) -> Library[T] | None:
+        """The library of this kind and these `details`: of the rates, and other functions it is `made_from`."""
         memory = self.memory
         if self.wanted is False:
             return None
@@ -262,7 +267,7 @@ class Native:
             tried = memory.failed if allowed else memory.absent
             if kind in tried:
                 return None
-            found = self._made(kind, details, text if allowed else None, load)
+            found = self._made(kind, details, made_from, text if allowed else None, load)
             if found is None:
                 tried.add(kind)
                 return None
@@ -271,14 +276,18 @@ class Native:
         return memory.ready[kind]
 
     def _made(
-        self, kind: str, details: str, text: Callable[[], str | None] | None, load: Callable[[Path], T]
+        self,
+        kind: str,
+        details: str,
+        made_from: tuple[Any, ...],
+        text: Callable[[], str | None] | None,
+        load: Callable[[Path], T],
     ) -> Library[T] | None:
         if text is None and cache.is_empty():
             return None
         compiled = self.compiled
         scales = compiled.quadratures, compiled.discretes, compiled.nominal_x.tolist(), compiled.nominal_z.tolist()
         # What the equations are made from rather than they: a hit needs nothing that is symbolic.
-        events = compiled.events.round.serialize() if "events" in kind else ""
-        own = flight_source(), source.rows("rosenbrock")
-        key = cache.key(kind, details, *own, compiled.rhs.serialize(), events, repr(scales))
+        functions = (f.serialize() for f in (compiled.rhs, *made_from))
+        key = cache.key(kind, details, flight_source(), source.rows("rosenbrock"), *functions, repr(scales))
         return made(key, text, lambda path: Library(load(path), Quick(ca.external(CONSTANTS, str(path)))))

@@ -25,6 +25,7 @@ from acausal.reduce.outputs import fitting
 from acausal.result.result import Result
 from acausal.result.signals import Signal
 from acausal.simulate.arguments import parameter_vector
+from acausal.simulate.events.sampling import clocks
 from acausal.simulate.native.policy import expect
 from acausal.simulate.options import options as run_options
 from acausal.simulate.record.record import Described
@@ -268,8 +269,11 @@ def _fingerprint(compiled: CompiledModel) -> str:
     """A hash of the equations and the parameters: members of another model do not belong into the same table."""
     parts = [compiled.rhs.serialize(), compiled.modes.serialize(), compiled.instants.serialize()]
     parts += [compiled.observe.serialize(), compiled.guess.serialize(), compiled.conditions.serialize()]
-    parts += [compiled.events.round.serialize()] if compiled.state_events else []
-    parts.append(json.dumps([compiled.parameters, compiled.parameter_values, compiled.states, compiled.inputs]))
+    parts += [f.serialize() for f in (compiled.events.round, compiled.events.watch) if compiled.state_events]
+    parts += [compiled.delay_signals.serialize()] if compiled.delays else []
+    values = np.array(compiled.parameter_values, dtype=float)
+    named = compiled.parameters, compiled.parameter_values, compiled.states, compiled.inputs
+    parts.append(json.dumps([*named, clocks(compiled, values)]))
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:16]
 
 

@@ -183,7 +183,7 @@ def test_many_runs_make_c_worth_it_before_there_are_workers(monkeypatch: pytest.
 
     monkeypatch.setattr(members, "simulate", watched)
     vary = {"k": np.linspace(0.5, 2.0, 200)}
-    model = acausal.compile(_renamed(1.5)(), cache=False)
+    model = acausal.compile(_written(1.5)(), cache=False)
     acausal.sweep(model, vary, signals=["x"], stop_time=1.0, solver="erk", step=1e-4, workers=1)
     assert used == [False, True]
 
@@ -241,20 +241,25 @@ def test_another_sweep_does_not_go_on_in_the_file(tmp_path: Path, vary: Any, opt
     assert len(acausal.load_sweep(file)) == 2
 
 
-def test_a_changed_model_does_not_go_on_in_the_file(tmp_path: Path) -> None:
+@pytest.mark.parametrize("number", ["power", "level", "interval", "delay"])
+def test_a_changed_model_does_not_go_on_in_the_file(tmp_path: Path, number: str) -> None:
     file = tmp_path / "x.sweep"
-    acausal.sweep(_renamed(2.0)(), {"k": [1.0]}, file=file, workers=1)
+    acausal.sweep(_written()(), {"k": [1.0]}, file=file, workers=1)
     with pytest.raises(UsageError, match="other model"):
-        acausal.sweep(_renamed(3.0)(), {"k": [1.0]}, file=file, workers=1, resume=True)
+        acausal.sweep(_written(**{number: 3.0})(), {"k": [1.0]}, file=file, workers=1, resume=True)
 
 
-def _renamed(power: float) -> type[acausal.Component]:
+def _written(power: float = 2.0, level: float = 0.5, interval: float = 0.5, delay: float = 0.1) -> Any:
     class Model(acausal.Component):
         k: acausal.Real = acausal.parameter(default=1.0)
         x: acausal.Real = acausal.variable(default=acausal.fixed(1.0))
+        y: acausal.Real = acausal.variable(default=acausal.fixed(0.0))
+        d: acausal.Real = acausal.discrete(default=acausal.fixed(0.0))
 
         def equations(self) -> acausal.Equations:
             yield acausal.der(self.x) == -self.k * self.x * power
+            yield acausal.der(self.y) == acausal.where(self.x > level, acausal.delay(self.x, delay), 0.0)
+            yield acausal.when(acausal.sample(0.0, interval), acausal.reset(self.d, self.x))
 
     return Model
 

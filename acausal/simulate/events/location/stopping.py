@@ -400,6 +400,7 @@ def compiled_program(regime: Regime, segment: Segment, plugin: str) -> Library[F
         plugin,
         _settings(segment),
         lambda: stopping_equations(regime, problem.native.zeros),
+        regime.held.watch,
         problem.n_dynamic + 2,
         instructions,
     )
