@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -28,6 +29,7 @@ from acausal import (
     parameter,
     pre,
     reset,
+    sqrt,
     structural,
     variable,
     when,
@@ -87,6 +89,53 @@ def test_contact_lasts_as_long_as_it_touches(solver: str, written: tuple[Signal,
         assert r.final("y") == pytest.approx(2.0 * (math.pi - 2.0 * math.asin(c)), rel=1e-2 if c > 0.99 else 1e-6)
         assert [r.final(k) for k in ("n", "m", "touching")] == [2.0, 2.0, 0.0]
         assert not r.stats["notes"]
+
+
+def outside(f: Callable[[Any], Any]) -> Signal:
+    """A function that is computed outside of the language."""
+    u = ca.SX.sym("u")
+    return acausal.External("force", lambda: ca.Function("force", [u], [f(u)]), inputs=((),), outputs=((),))
+
+
+SINE = outside(ca.sin)
+HIDDEN: dict[str, tuple[Signal, Callable[[Any], Expr]]] = {
+    "outside": (outside(lambda u: ca.fmax(u, 0.0)), lambda f: f > 0.0),
+    "outside, flat": (outside(lambda u: 1e3 * ca.if_else(u > 0.0, ca.fmax(u, 0.0) ** 1.5, 0.0)), lambda f: ~(f <= 0.0)),
+    "kink outside": (lambda u: -maximum(SINE(u), 0.0), lambda f: f < 0.0),
+    "sum of roots": (lambda u: sqrt(maximum(u, 0.0)) + sqrt(maximum(u - 0.02, 0.0)), lambda f: f > 0.0),
+}
+
+
+# idas refuses the slope of a root
+@pytest.mark.parametrize(
+    ("solver", "written"),
+    [
+        pytest.param(solver, written, id=f"{name}-{solver}")
+        for name, written in HIDDEN.items()
+        for solver in ("erk", "cvodes", "idas")
+        if (name, solver) != ("sum of roots", "idas")
+    ],
+)
+def test_where_no_kink_is_seen_the_relation_ends_as_well(
+    solver: str, written: tuple[Signal, Callable[[Any], Expr]]
+) -> None:
+    """Of a force from outside nothing is known but that it is zero."""
+    compiled = acausal.compile(Touch(force=written[0], touches=written[1]))
+    r = acausal.simulate(compiled, solver=solver, tolerance=1e-8, stop_time=10.0)
+    assert r.final("y") == pytest.approx(2.0 * (math.pi - 2.0 * math.asin(0.9)), rel=1e-6)
+    assert [r.final(k) for k in ("n", "m", "touching")] == [2.0, 2.0, 0.0]
+
+
+def test_exported_steps_tell_where_a_kink_is_hidden() -> None:
+    """They do not know the instant of what stays zero: four times in 10 s."""
+    force, touches = HIDDEN["outside, flat"]
+    step = acausal.step_function(acausal.compile(Touch(force=force, touches=touches)), 1e-2, "rk4")
+    x, p = np.array([s.start for s in step.x]), np.array([q.start for q in step.p])
+    place, missed = [y.name for y in step.y].index("step.unlocated"), 0
+    for _ in range(1000):
+        x, y = (np.asarray(v).ravel() for v in step.function(x, np.zeros(0), p))
+        missed += int(y[place])
+    assert missed == 4
 
 
 def test_exported_steps_say_the_same() -> None:

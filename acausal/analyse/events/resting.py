@@ -3,6 +3,10 @@
 The instant of a relation is a zero of the difference of its sides. Where this is constant beyond a kink of `minimum`,
 `maximum`, `fabs` or a choice below `no_event`, it reaches zero and does not pass it: the relation changes, and no sign.
 Such a relation is split at its kink, whose place is a relation then: on each side stands what the kink is there.
+
+Not every kink has a place: of what functions from outside compute, or sums of roots, only the value is known. Relations
+that hold a kink after all are told apart (`Kinks.that_rest`), and are located where their sides become equal, however
+long they stay so (`EventFunctions.told`).
 """
 
 from __future__ import annotations
@@ -25,16 +29,10 @@ _PLAIN = frozenset(("min", "max", "fabs"))
 _KINKS = _PLAIN | {"where"}
 
 
-def at_their_kinks(
-    pool: Pool,
-    points: SamplePoints,
-    visible: Iterable[int],
-    definitions: Sequence[tuple[int, int]],
-    done: dict[int, int],
-) -> dict[int, int]:
+def at_their_kinks(kinks: Kinks, points: SamplePoints, visible: Iterable[int], done: dict[int, int]) -> dict[int, int]:
     """Images of the `visible` relations that rest beyond a kink; `done` has images of other nodes and gets these."""
     found: dict[int, int] = {}
-    split = _Split(pool, points, definitions)
+    pool, split = kinks.pool, _Split(kinks, points)
     for number in visible:
         if pool.nodes[number][0] in RELATIONS and number not in done:
             image = split.image(number)
@@ -43,25 +41,29 @@ def at_their_kinks(
     return found
 
 
-class _Split:
-    """Relations of one model, and what their variables are."""
+class Kinks:
+    """Which expressions of a model hold a kink that is no event, or what functions from outside compute."""
 
-    def __init__(self, pool: Pool, points: SamplePoints, definitions: Sequence[tuple[int, int]]) -> None:
-        self.pool, self.points = pool, points
-        self.definitions = definitions
-        self.defined = dict(definitions)
+    def __init__(self, pool: Pool, definitions: Sequence[tuple[int, int]]) -> None:
+        self.pool, self.definitions = pool, definitions
         self._known: dict[int, int] = {}
         self._of: dict[int, int] = {}
         self._is_open = False  # `_of` is filled for the first relation of a variable; most are of time or parameters
 
-    def _holds(self, root: int) -> int:
+    def that_rest(self, points: SamplePoints, relations: Iterable[int]) -> frozenset[int]:
+        """Those of some relations whose sides are equal at several points: they may be so for a while."""
+        held = [n for n in relations if self.below(n)]
+        distances = ((n, points.everywhere(self.pool.sub(*self.pool.nodes[n][1:]))) for n in held)
+        return frozenset(n for n, distance in distances if np.count_nonzero(distance == 0.0) > 1)
+
+    def below(self, root: int) -> int:
         """1 for a node with a kink somewhere below, 0 for none, 2 for one with what is computed elsewhere."""
         nodes, known = self.pool.nodes, self._known
         below = self.pool.reachable([root], known)
         if not self._is_open and any(nodes[n][0] == "var" for n in below):
             self._is_open = True
             for v, node in self.definitions:  # in the order of evaluation
-                self._of[v] = self._holds(node)
+                self._of[v] = self.below(node)
             below = self.pool.reachable([root], known)
         for number in below:
             op, *rest = nodes[number]
@@ -75,11 +77,20 @@ class _Split:
                 known[number] = max((is_exempt or op in _PLAIN, *inside))
         return known[root]
 
+
+class _Split:
+    """Relations of one model, and what their variables are."""
+
+    def __init__(self, kinks: Kinks, points: SamplePoints) -> None:
+        self.pool, self.points, self.kinks = kinks.pool, points, kinks
+        self.definitions = kinks.definitions
+        self.defined = dict(kinks.definitions)
+
     def image(self, relation: int, depth: int = _MOST) -> int:
         """The relation, or what it is on either side of the first kink beyond which it rests."""
         pool = self.pool
         op, *sides = pool.nodes[relation]
-        if op not in RELATIONS or not depth or max(self._holds(n) for n in sides) != 1:
+        if op not in RELATIONS or not depth or max(self.kinks.below(n) for n in sides) != 1:
             return relation  # what is computed elsewhere may rest by itself
         if not self._repeats(self._distance(sides)):
             return relation

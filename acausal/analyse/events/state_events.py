@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from acausal.analyse.blocks.solve import Solution
 from acausal.analyse.delays import Delays
 from acausal.analyse.events.domains import guarded
-from acausal.analyse.events.resting import at_their_kinks
+from acausal.analyse.events.resting import Kinks, at_their_kinks
 from acausal.analyse.events.sleeping import Sleeping
 from acausal.analyse.events.time_events import TimeEvents
 from acausal.analyse.events.traces import without_traces
@@ -83,6 +83,8 @@ class StateEvents:
     # Those of `relations`, by number, that make no event: rates wake there (`sleeping.py`), or a table may bend
     # (`table_stops.py`).
     watched: frozenset[int] = frozenset()
+    # Those, by number, whose sides may be equal for a while (`resting.py`).
+    resting: frozenset[int] = frozenset()
 
     @property
     def conditions(self) -> tuple[int, ...]:
@@ -126,7 +128,8 @@ def find_state_events(
     steps = set(_visible(pool, [*(n for n in own if n not in values), *inside]))
     visible = _visible(pool, roots)
     visible = sorted({*visible, *_of_signs(pool, visible, rewritten, discrete)})
-    branches = at_their_kinks(pool, solution.structure.points, visible, solution.definitions, dict(rewritten))
+    kinks = Kinks(pool, solution.definitions)
+    branches = at_their_kinks(kinks, solution.structure.points, visible, dict(rewritten))
     branches |= _jumps(pool, [*visible, *_visible(pool, branches.values())], steps, discrete, {**rewritten, **branches})
     done = {**rewritten, **branches}
     branches |= guarded(pool, roots, done, _assigned(reduced), solution.definitions)
@@ -138,6 +141,7 @@ def find_state_events(
     found["pre"] |= _before_impulses(pool, states, clauses, assignments)
     relations = tuple(sorted(found["relation"]))
     silent = set(pool.reachable([done[n] for n in asleep.numbers]))
+    resting = kinks.that_rest(solution.structure.points, relations)
     bends = (k for k, n in enumerate(relations) if n in silent)
     return StateEvents(
         tuple(sorted(found["sample"])),
@@ -149,6 +153,7 @@ def find_state_events(
         assignments,
         asserts,
         frozenset((*bends, *range(len(relations), len(relations) + len(asleep.watched)))),
+        frozenset(k for k, n in enumerate(relations) if n in resting),
     )
 
 

@@ -34,6 +34,7 @@ from acausal.export.step.timely import TICK, ticks, timely
 from acausal.flatten.text import to_text
 from acausal.lower.casadi_model import Port
 from acausal.lower.compiled import CompiledModel
+from acausal.lower.events.functions import AT_REST
 from acausal.lower.symbols import Symbols
 from acausal.simulate.equations.kept import kept
 from acausal.simulate.equations.problem import Problem
@@ -152,9 +153,9 @@ class HybridStep:
             f"the events of a step settle in {self.settling.turns} turns; step.unsettled in y is 1 when they did not",
             *[
                 f"one event is located in a step of {self.h:g} s; step.unlocated in y is 1 when another relation was "
-                "passed behind it, or one there and back: take a smaller step. Relations are looked at in four points "
-                "inside, so that a bell such as exp(-(x/w)**2) > 0.5 that is passed in less than a tenth of a step is "
-                "not seen"
+                "passed behind it, or one there and back, or its sides stay equal: take a smaller step. Relations are "
+                "looked at in four points inside, so that a bell such as exp(-(x/w)**2) > 0.5 that is passed in less "
+                "than a tenth of a step is not seen"
             ][: len(self.compiled.state_events.relations)],
             *(
                 f"impacts of {texts[i.relation]} that follow one another within a step of {self.h:g} s end at rest, "
@@ -205,7 +206,7 @@ class HybridStep:
 
         The first relation that is passed, at `share` of the step (1: none). `marks` has for each relation: whether it
         is that one, whether it rests on its guard, its distance and its rate at the start. `seen` says that none was
-        passed there and back before.
+        passed there and back before, and that its instant is known: it is not of one whose sides stay equal.
         """
         s, settling, watch = Symbols(self.compiled), self.settling, self.compiled.events.watch
         t, x, z, u, p, m = s.inputs
@@ -227,7 +228,9 @@ class HybridStep:
         for k, j in enumerate(range(settling.relations.start, settling.relations.stop)):
             flipped[j] = ca.if_else(chosen[k], 1 - m[j], m[j])
         marks = ca.vertcat(*chosen, *resting, g0, rate)
-        seen = ca.logic_not(self._dips(t, self.h, x, z, x1, z1, held, theta))
+        jumps = (ca.logic_and(chosen[k], _rests(g0[k], g1[k])) for k in sorted(self.compiled.state_events.resting))
+        missed = ca.logic_or(self._dips(t, self.h, x, z, x1, z1, held, theta), any_of(jumps))
+        seen = ca.logic_not(missed)
         found = [ca.densify(v) for v in (x1, z1, theta, at, xe, ze, flipped, marks, seen)]
         outputs: list[Any] = ca.cse(found)
         return ca.Function("reached", s.inputs, outputs)
@@ -372,6 +375,11 @@ class HybridStep:
                 if regime.held.is_possible and regime.is_solvable(begin.t, begin.x, begin.z, m):
                     found[k] = _Impact(k, _onto(compiled, k, target))
         return list(found.values())
+
+
+def _rests(*distances: Any) -> Any:
+    """Whether a relation has equal sides at one of two points."""
+    return any_of(ca.fabs(g) == AT_REST for g in distances)
 
 
 def _weight(ratio: Any) -> Any:

@@ -5,7 +5,7 @@ Arguments are those of the right-hand side, `(t, x[nx], z[nz], u[nu], p[np], m[n
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -24,6 +24,8 @@ from acausal.lower.symbols import Symbols
 _INPUTS = ["t", "x", "z", "u", "p", "m"]
 # Rounding of an instant and of the sides of its relation, by the time.
 _SAME_INSTANT = 1e-15
+AT_REST = 1.0
+"""How far a relation that may rest is told to be from zero where its sides are equal."""
 _TWIN = {"gt": "ge", "ge": "gt", "lt": "le", "le": "lt"}
 
 
@@ -50,7 +52,7 @@ class EventFunctions:
             [self._pool.nodes[n][1] for n in events.memories],
             [a.condition for a in events.asserts],
         )
-        outputs = [_column(self._distances(builder))]
+        outputs = [_column(self.told(self._distances(builder)))]
         outputs += [_column(builder.lower([builder.replaced(n) for n in group])) for group in groups]
         names = ["distance", "assigned", "conditions", "values", "remembered", "asserts"]
         return ca.Function("reactions", symbols.inputs, outputs, _INPUTS, names)
@@ -74,7 +76,7 @@ class EventFunctions:
     def watch(self) -> Any:
         """`-> g`: the distances with the sign of their modes, positive while these hold."""
         symbols, builder = self._defined()
-        distances = self._distances(builder)
+        distances = self.told(self._distances(builder))
         first = symbols.m.numel() - len(distances)
         g = [(2 * symbols.m[first + k] - 1) * v for k, v in enumerate(distances)]
         return ca.Function("watch", symbols.inputs, [_column(g)], _INPUTS, ["g"])
@@ -117,6 +119,15 @@ class EventFunctions:
         """Place and component of the first statement that holds each relation."""
         compiled = self.compiled
         return tuple(origins(compiled.solution, compiled.state_events, compiled.delays, compiled.rewritten))
+
+    def told(self, distances: Sequence[Any]) -> list[Any]:
+        """Distances that tell what relations are: of one that may rest, one from zero where its sides are equal.
+
+        Else it would come to zero and stay, and no sign would say that `force > 0` has ended.
+        """
+        resting = self.compiled.state_events.resting
+        ends = {k: AT_REST if tie else -AT_REST for k, tie in enumerate(self.ties) if k in resting}
+        return [ca.if_else(g == 0, ends[k], g) if k in ends else g for k, g in enumerate(distances)]
 
     def _defined(self) -> Any:
         symbols = Symbols(self.compiled)

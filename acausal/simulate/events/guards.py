@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from acausal.arrays import Truth, Vector
 from acausal.errors import Span
+from acausal.lower.events.functions import AT_REST as AT_REST
 from acausal.simulate.equations.kept import kept
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.regime import Regime
@@ -62,6 +63,12 @@ class Guards:
     def texts(self) -> tuple[str, ...]:
         """The relations as the user reads them."""
         return self.problem.compiled.events.texts
+
+    @cached_property
+    def rests(self) -> Truth:
+        """Of each relation whether its sides may be equal for a while."""
+        events = self.problem.compiled.state_events
+        return np.isin(np.arange(len(events.relations)), list(events.resting))
 
     @cached_property
     def ties(self) -> NDArray[np.int64]:

@@ -90,10 +90,10 @@ class Held:
             return self.free.events.watch  # made once for all runs
         e = self._equations
         s = e.s
-        distance = self.free.events.distances(*s.inputs)
+        distances = self.free.events.told(ca.vertsplit(self.free.events.distances(*s.inputs)))
         held = self.taken
         signs = 2 * s.m[self.first :] - 1
-        parts = [signs[k] * distance[k] for k in range(distance.numel()) if k not in held]
+        parts = [signs[k] * g for k, g in enumerate(distances) if k not in held]
         for k, hold in enumerate(self.holds):
             parts += [e.solved[k], 1 - e.solved[k]] if hold.target is None else [-e.forces[k]]
         g = ca.densify(ca.vertcat(*parts)) if parts else ca.SX(0, 1)

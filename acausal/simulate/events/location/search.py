@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from acausal.arrays import Truth, Vector
 from acausal.simulate.equations.kept import kept
-from acausal.simulate.events.guards import LOCATED, Guards, Moment
+from acausal.simulate.events.guards import AT_REST, LOCATED, Guards, Moment
 from acausal.simulate.events.location import looks as looking
 from acausal.simulate.events.location.between import between, lowest, newton_form
 from acausal.simulate.events.regime import Regime
@@ -457,14 +457,21 @@ class Search:
         """Whether an interval in which a guard is passed is narrow enough for its root.
 
         Not where all guards that are passed have left zero at the start of the stretch: the end of a short hop must
-        not be taken for its beginning.
+        not be taken for its beginning. Nor where one has come to rest: it jumps there, and has no root.
         """
         if not way.closer:
             return False
         if len(way.closer) >= _DEEPEST or width <= _DIVISION * looking.resolution(float(seen.times[row]), self.span):
             return True
         passed = seen.values[row + 1] < 0.0
+        if (passed & self._jumps(way, seen.plain[row : row + 2])).any():
+            return False
         return not (float(seen.times[row]) == way.start.time and way.start.leaving[passed].all())
+
+    def _jumps(self, way: _Way, values: Vector) -> Truth:
+        """Guards that are at rest at some of these rows."""
+        rests = self.guards.rests[way.moment.regime.held.owner]
+        return np.asarray(rests & (np.abs(values) == AT_REST).any(axis=0))
 
     def _rests(self, way: _Way, seen: _Seen, row: int, piece: Piece, rows: NDArray[np.int64]) -> bool:
         """Whether all guards that are passed behind a row have come to rest there."""
@@ -480,6 +487,7 @@ class Search:
         left, right = float(seen.times[row]), float(seen.times[row + 1])
         passed = np.flatnonzero(seen.values[row + 1] < 0.0)
         root, which = min((self._root(seen, row, int(k)), int(k)) for k in passed)
+        jumps = self._jumps(way, seen.plain[row : row + 2])
         counters: dict[str, float] = {}
         t, x, z = segment.start, segment.x, segment.z
         smallest, noise = looking.resolution(root, self.span) / 16, way.largest
@@ -495,7 +503,13 @@ class Search:
             at = replace(moment, x=x, z=z)
             distances, rate, noise = self.guards.state(t, at)
             value = float((distances + way.band + way.start.near(np.array([t]))[0])[which])
-            if rate[which] == 0.0 or turn + 1 == _MOST_TURNS:
+            if turn + 1 == _MOST_TURNS:
+                break
+            if jumps[which] and value > 0.0:  # of another integration the end of rest is elsewhere
+                right = t + _DIVISION * max(right - left, smallest)
+                root = right
+                continue
+            if jumps[which] or rate[which] == 0.0:
                 break
             step = -value / float(rate[which])
             if abs(step) <= smallest or abs(value) <= 0.1 * LOCATED * noise[which] or abs(step) > right - left:
