@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -255,6 +256,15 @@ def test_the_drill_of_one_axis_is_not_held_at_its_touch(solver: str) -> None:
 
 
 Pair = Callable[[Any, Any], Expr]
+
+
+def outside() -> Callable[[Any], Any]:
+    """What is given, computed by a function from outside."""
+    u = ca.SX.sym("u")
+    return acausal.External("same", lambda: ca.Function("same", [u], [u]), inputs=((),), outputs=((),))
+
+
+SAME = outside()
 BOTH_MOVE: dict[str, Pair] = {
     "maximum": lambda a, b: maximum(a, b) - a,
     "minimum": lambda a, b: b - minimum(a, b),
@@ -263,6 +273,7 @@ BOTH_MOVE: dict[str, Pair] = {
     "nested": lambda a, b: maximum(minimum(a, b + 5.0), b) - a,
     "fabs": lambda a, b: 0.5 * fabs(b - a) + 0.5 * b - 0.5 * a,
     "no_event": lambda a, b: where(no_event(b > a), b, a) - a,
+    "outside": lambda a, b: maximum(SAME(a), SAME(b)) - a,
     "product": lambda a, b: maximum(a, b) * maximum(a, b) / (2.0 * a) - 0.5 * a,
 }
 

@@ -8,7 +8,7 @@ in front of what may wake, without an event.
 While both sides move, or the side that is on is a factor of something that moves, a step follows what it sees, and what
 lies beyond the kink for less than a step is passed over all the same: `speed * maximum(force, -limit)`, or
 `fabs((t - 1) * (t - 1.1))`, of whose dip a method of third order notices nothing. So all kinks are watched, but those
-that functions from outside compute, on both sides or for no rate: these may jump, as where a ray leaves a body.
+of functions from outside that jump (`External.jumps`), on both sides or for no rate.
 
 Each that is watched costs a guard, and a stretch whenever it is passed. Bodies that touch have hundreds, of all the
 ways in which their faces may overlap: choices below `no_event` that move a point of contact while the force is on.
@@ -28,7 +28,6 @@ from acausal.analyse.blocks.solve import Solution
 from acausal.analyse.events.steep import STEPS, steep
 from acausal.flatten.pool import LEAVES, RELATIONS, Pool
 from acausal.language.expressions.external import Call
-from acausal.language.expressions.lookup import Lookup
 from acausal.numeric.evaluate import Samples
 from acausal.numeric.samples import SamplePoints
 
@@ -84,7 +83,7 @@ def sleeping(
             continue
         op, *operands = pool.nodes[number]
         both = all(graph.moves(n) for n in (operands[1:] if op == "where" else (a, b)))
-        if graph.is_called(a, b) and (both or not graph.is_rate(number)):
+        if graph.jumps(a, b) and (both or not graph.is_rate(number)):
             continue
         taken.add(shape)
         # operands below `no_event` make it another node than a relation of the equations
@@ -157,10 +156,10 @@ class _Graph:
             self.moving[n] = moving or (op not in LEAVES and any(self.moving[c] for c in rest))
         return self.moving[number]
 
-    def is_called(self, *numbers: int) -> bool:
-        """Whether a function from outside computes them, which may jump, as where a ray leaves a body."""
+    def jumps(self, *numbers: int) -> bool:
+        """Whether a function from outside computes them that may jump."""
         operations = (self.pool.nodes[n][0] for n in self.pool.reachable(numbers))
-        return any(isinstance(op, Call) and not isinstance(op.external, Lookup) for op in operations)
+        return any(isinstance(op, Call) and op.external.jumps for op in operations)
 
     def is_rate(self, number: int) -> bool:
         """Whether a node enters the rate of a state linearly, between kinks."""

@@ -34,6 +34,9 @@ class External:
         Shapes: `()`, `(n,)` or `(m, n)`.
     units
         Units of the outputs, for the check of dimensions; "" adapts.
+    jumps
+        Whether outputs may jump, as the distance along a ray does where this leaves a body. Kinks between such outputs,
+        `maximum(f(x), g(x))`, are left to the error control; all others are watched.
 
     Raises
     ------
@@ -49,8 +52,10 @@ class External:
         inputs: Sequence[Shape],
         outputs: Sequence[Shape],
         units: Sequence[str] = (),
+        jumps: bool = False,
     ) -> None:
         self.name = name
+        self.jumps = jumps
         self.factory = factory
         self.inputs = tuple(map(tuple, inputs))
         self.outputs = tuple(map(tuple, outputs))
@@ -88,7 +93,9 @@ class External:
         """
         if self._partials is None:
             shape = (_scalars(self), self.size)
-            self._partials = External(f"d{self.name}", self.factory, inputs=self.inputs, outputs=(shape,))
+            name = f"d{self.name}"
+            # where the function has a kink, they jump
+            self._partials = External(name, self.factory, inputs=self.inputs, outputs=(shape,), jumps=True)
             self._partials.primal = self
         return self._partials
 

@@ -52,6 +52,7 @@ def penetration(shape_a: Shape, shape_b: Shape) -> External:
         inputs=_INPUTS,
         outputs=_OUTPUTS,
         units=("m", "1", "m", "m"),
+        jumps=True,
     )
 
 

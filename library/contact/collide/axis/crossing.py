@@ -42,6 +42,7 @@ def crossing(shape: Shape) -> External:
         inputs=((3,), (3,)),
         outputs=((), (), (), (3,)),
         units=("m", "m", "1", "1"),
+        jumps=True,
     )
 
 

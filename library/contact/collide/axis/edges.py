@@ -35,7 +35,7 @@ def edge_distance(shape: Shape) -> External:
     """The function `(tip, axis) -> (outside, inside)`; the same object for equal shapes."""
     name = f"edge_distance_{type(shape).__name__.lower()}"
     lines = partial(edge_distance_function, shape)
-    return External(name, lines, inputs=((3,), (3,)), outputs=((), ()), units=("m", "m"))
+    return External(name, lines, inputs=((3,), (3,)), outputs=((), ()), units=("m", "m"), jumps=True)
 
 
 @dataclass(frozen=True)
