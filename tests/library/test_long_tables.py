@@ -145,6 +145,31 @@ def test_steps_are_events_however_many() -> None:
     assert found.final("area") == pytest.approx(want, abs=1e-7)
 
 
+class Along(Component):
+    """A table of a variable, passed at unit speed."""
+
+    points: Rows = structural()
+    table: CombiTable1D = part()
+    u: Real = variable(default=fixed(0.0))
+    area: Real = variable(default=fixed(0.0))
+
+    def build(self) -> None:
+        self.table = CombiTable1D(table=self.points)
+
+    def equations(self) -> Equations:
+        yield der(self.u) == 1.0
+        yield self.table.u == self.u
+        yield der(self.area) == self.table.y
+
+
+@pytest.mark.parametrize(("rows", "said"), [(401, False), (2001, True)])
+def test_kinks_that_are_too_many_for_stops_are_counted(rows: int, said: bool) -> None:
+    """A zigzag of equal teeth: a run that can stop at all of them says nothing."""
+    points = tuple(zip(np.linspace(0.0, 1.0, rows).tolist(), (np.arange(rows) % 2.0).tolist(), strict=True))
+    found = acausal.simulate(Along(points=points), stop_time=0.02, tolerance=1e-8)
+    assert any("no step ends at" in note for note in found.stats["notes"]) == said  # type: ignore[attr-defined]
+
+
 class Twice(Component):
     """A position from a table: its acceleration would be an impulse at every row."""
 

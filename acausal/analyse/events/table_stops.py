@@ -20,7 +20,7 @@ from acausal.analyse.events.time_events import affine_in_time
 from acausal.flatten.pool import LEAVES, Pool
 from acausal.language.expressions.external import Call
 from acausal.language.expressions.lookup import Lookup, lookup
-from acausal.numeric.table_ends import stops
+from acausal.numeric.table_ends import stops, table_ends
 
 # Share of a stretch, from either of its ends, in which its number has the slope of that end.
 _NEAR = 0.25
@@ -28,9 +28,12 @@ _NEAR = 0.25
 
 def stretch_numbers(
     pool: Pool, roots: Iterable[int], definitions: Mapping[int, int], relative: float
-) -> tuple[int, ...]:
-    """The numbers of the stretches of all such tables below `roots`, for a run of this relative tolerance."""
-    found: dict[int, None] = {}
+) -> tuple[tuple[int, ...], int]:
+    """The numbers of the stretches of all such tables below `roots`, for a run of this relative tolerance.
+
+    And at how many ends no run stops, as they are one of very many.
+    """
+    found: dict[int, int] = {}
     seen: set[int] = set()
     stack = list(roots)
     while stack:
@@ -46,8 +49,9 @@ def stretch_numbers(
             continue
         ends = stops(table, relative).tolist() if len(table.coefficients[0]) > 1 else []
         if ends:
-            found[_number(pool, operands[0], [table.breaks[0], *ends, table.breaks[-1]])] = None
-    return tuple(found)
+            place = _number(pool, operands[0], [table.breaks[0], *ends, table.breaks[-1]])
+            found[place] = len(table_ends(table, relative)) - len(ends)
+    return tuple(found), sum(found.values())
 
 
 def _number(pool: Pool, argument: int, ends: list[float]) -> int:

@@ -34,27 +34,39 @@ def unwatched() -> str:
     return f"AC414: kinks of this run cannot be watched, as one of them is passed without end: {_BOUNDED}"
 
 
-_BOUNDED = f"no step is longer than 1/{UNWATCHED_STEPS} of the run instead, and what wakes for less may be passed"
+_BOUNDED = (
+    f"no step is longer than 1/{UNWATCHED_STEPS} of the run instead, "
+    "and what wakes for less, or is steep for less, may be passed"
+)
 
 
-def with_watched(compiled: CompiledModel, relative: float) -> tuple[CompiledModel, tuple[str, ...]]:
-    """The model for a solver that chooses its steps, at a relative tolerance, and notes; itself where nothing sleeps.
+def with_watched(compiled: CompiledModel, relative: float) -> tuple[CompiledModel, str, str]:
+    """The model for a solver that chooses its steps, at a relative tolerance; itself where nothing sleeps.
+
+    And what is to be said: of kinks that are too many to be watched, under a bound of the steps, and of tables.
 
     Made once for each, and for what of its tables the tolerance can tell. Bursts are not watched: what a solver hands
     over is searched for what it has passed over (`acausal.simulate.driver.overlooked`).
     """
     made = _MADE.setdefault(compiled, {})
-    numbers: tuple[int, ...] = ()
+    numbers, passed = tuple[int, ...](), 0
     if _has_tables(compiled) or () not in made:  # without, it is the same for all tolerances
         solution = compiled.solution
         pool = solution.structure.reduced.pool
         roots = [*(n for v, n in solution.definitions if v in solution.needed), *solution.residuals]
         if _has_tables(compiled):
-            numbers = stretch_numbers(pool, roots, dict(solution.definitions), relative)
+            numbers, passed = stretch_numbers(pool, roots, dict(solution.definitions), relative)
         if numbers not in made:
             made[numbers] = _watched(compiled, roots, numbers)
     model, note = made[numbers]
-    return model or compiled, (note,) if note else ()
+    return model or compiled, note, _tables_left(passed) if passed else ""
+
+
+def _tables_left(count: int) -> str:
+    return (
+        f"no step ends at {count} points of tables of a variable, as there are very many that are about as far apart "
+        "and bend about as much: a step may pass several at once; max_step bounds it"
+    )
 
 
 _TABLES: WeakKeyDictionary[CompiledModel, bool] = WeakKeyDictionary()

@@ -148,10 +148,11 @@ class Run:
         self.why = self.why or reason
         notes: tuple[str, ...] = ()
         if not self.solver.fixed_step and opts.step is None and not self.traced:  # fixed steps sleep through nothing
-            watched = with_watched(self.compiled, opts.tolerance) if self.watches else (self.compiled, ())
-            self.compiled, notes = watched
-            notes = notes if self.watches else (unwatched(),)
-            if notes and opts.max_step is None:  # what sleeps wakes within a step, where its error is seen
+            bounded, tables = unwatched(), ""
+            if self.watches:
+                self.compiled, bounded, tables = with_watched(self.compiled, opts.tolerance)
+            notes = tuple(note for note in (bounded, tables) if note)
+            if bounded and opts.max_step is None:  # what sleeps wakes within a step, where its error is seen
                 opts = self.options = replace(opts, max_step=opts.span / UNWATCHED_STEPS)
                 self.searches = False  # the message says what may be passed over under this bound
         began = clock.perf_counter()
