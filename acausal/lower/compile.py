@@ -246,7 +246,8 @@ def _sort_states(solution: Solution) -> tuple[tuple[int, ...], int, int]:
     clauses = [n for w in reduced.whens for n in (*w.guards, *w.values)]
     clauses += [*reduced.assignments, *reduced.asserts, *(n for d in reduced.delays for n in d[:2])]
     followed = [n for v, n in solution.definitions if v in solution.needed]
-    acting = reach.pool.variables_in(*followed, *solution.residuals, *clauses)
+    acting = reach.pool.variables_in(*followed, *solution.residuals)
+    acting |= reach.pool.variables_behind(clauses, dict(solution.definitions))
     acting |= {solution.structure.derivative(x) for x in solution.structure.states}
     fixed = discrete_variables(reduced)
 
