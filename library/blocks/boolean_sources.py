@@ -7,6 +7,7 @@ from acausal import (
     Equations,
     Real,
     boolean_output,
+    floor,
     initial,
     no_event,
     parameter,
@@ -56,7 +57,11 @@ class BooleanPulse(PartialBooleanSource):
         # two clocks: both edges are exact. With width = 1 they tick together, and the beginning of a pulse counts
         begin = sample(self.start_time, self.period)
         end = sample(self.start_time + self.width * self.period, self.period)
-        yield when(begin, reset(self.y, no_event(self.width > 0.0))).elsewhen(end, reset(self.y, False))
+        clause = when(begin, reset(self.y, no_event(self.width > 0.0))).elsewhen(end, reset(self.y, False))
+        # a run may begin within a pulse, or between two
+        since = (time - self.start_time) / self.period
+        within = (since >= 0.0) & (since - floor(since) < self.width)
+        yield clause.elsewhen(initial(), reset(self.y, no_event(within)))
 
 
 class SampleTrigger(PartialBooleanSource):

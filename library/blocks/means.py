@@ -10,6 +10,7 @@ from acausal import (
     discrete,
     fabs,
     fixed,
+    initial,
     maximum,
     no_event,
     parameter,
@@ -20,9 +21,13 @@ from acausal import (
     signal_input,
     signal_output,
     sqrt,
+    time,
     variable,
     when,
+    where,
 )
+
+_ROUNDING = 1e-9
 
 
 class Mean(Component):
@@ -33,12 +38,19 @@ class Mean(Component):
     f: Real = parameter(unit="Hz", min=1e-60, doc="Base frequency")
     x: Real = variable(default=fixed(0.0), prefer_state=True, doc="Integral since the period began")
     held: Real = discrete(doc="Mean over the last period")
+    since: Real = discrete(unit="s", doc="When the integral began")
 
     def equations(self) -> Equations:
         yield der(self.x) == self.u
         yield self.y == self.held
         period = 1.0 / self.f
-        yield when(sample(period, period), reset(self.held, self.f * pre(self.x)), reset(self.x, 0.0))
+        is_full = no_event(time - pre(self.since) > (1.0 - _ROUNDING) * period)  # not where the run began within it
+        yield when(
+            sample(period, period),
+            reset(self.held, where(is_full, self.f * pre(self.x), 0.0)),
+            reset(self.x, 0.0),
+            reset(self.since, time),
+        ).elsewhen(initial(), reset(self.since, time))
 
 
 class RectifiedMean(Component):

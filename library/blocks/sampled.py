@@ -72,15 +72,16 @@ class FirstOrderHold(PartialDiscreteSISO):
     t_sample: Real = discrete(unit="s", doc="Time of the last tick")
     u_sample: Real = discrete(doc="Input at the last tick")
     c: Real = discrete(doc="Slope of the line")
+    ticks: Real = integer(doc="Number of ticks so far")
 
     def equations(self) -> Equations:
         rise = (self.u - pre(self.u_sample)) / self.sample_period
-        first = time < self.start_time + 0.5 * self.sample_period
         yield when(
             self.tick(),
             reset(self.t_sample, time),
             reset(self.u_sample, self.u),
-            reset(self.c, where(no_event(first), 0.0, rise)),
+            reset(self.c, where(pre(self.ticks) > 0.5, rise, 0.0)),
+            reset(self.ticks, pre(self.ticks) + 1),
         )
         yield self.y == self.u_sample + self.c * (time - self.t_sample)
 

@@ -129,3 +129,37 @@ def test_noise_is_the_same_in_every_run_and_in_its_range(run: acausal.Result) ->
     assert len(np.unique(run["noise.y"])) == 21  # and one more at the stop time
     assert 0.0 < run["noise.y"].min() < run["noise.y"].max() < 1.0
     assert abs(run["normal.y"].mean() - 1.0) < 1.5
+
+
+class Begun(Component):
+    """Blocks with a memory of time, behind a sine of 1 Hz."""
+
+    sine: blocks.Sine = part()
+    pulse: blocks.Pulse = part()
+    mean: blocks.Mean = part()
+    hold: blocks.FirstOrderHold = part()
+
+    def build(self) -> None:
+        self.sine = blocks.Sine(f=1.0, phase=1.0, start_time=-10.0)
+        self.pulse = blocks.Pulse(period=0.7, width=0.5, start_time=-0.2)
+        self.mean = blocks.Mean(f=0.8)
+        self.hold = blocks.FirstOrderHold(sample_period=0.1)
+
+    def equations(self) -> Equations:
+        yield connect(self.sine.y, self.mean.u, self.hold.u)
+
+
+@pytest.mark.parametrize("begin", [0.0, 1.37, 1.65])
+def test_a_run_may_begin_at_any_time(begin: float) -> None:
+    """Within a pulse or between two, within a period, between two ticks: nothing is made up of what was not seen."""
+    found = acausal.simulate(Begun(), start_time=begin, stop_time=begin + 5.0, output_interval=0.05)
+    t = begin + 0.025 + np.arange(90) * 0.05  # at no edge
+    assert found.at(t, "pulse.y") == pytest.approx((((t + 0.2) % 0.7) < 0.35).astype(float))
+    ends = np.floor(t / 1.25) * 1.25
+    integral = (np.cos(2.0 * math.pi * (ends - 1.25) + 1.0) - np.cos(2.0 * math.pi * ends + 1.0)) / (2.0 * math.pi)
+    assert found.at(t, "mean.y") == pytest.approx(np.where(ends - 1.25 >= begin - 1e-9, 0.8 * integral, 0.0), abs=1e-5)
+    tick = np.floor(t / 0.1 + 1e-9) * 0.1
+    last, before = np.sin(2.0 * math.pi * tick + 1.0), np.sin(2.0 * math.pi * (tick - 0.1) + 1.0)
+    slope = np.where(tick - 0.1 >= begin - 1e-9, (last - before) / 0.1, 0.0)
+    seen = tick >= begin - 1e-9
+    assert np.asarray(found.at(t, "hold.y"))[seen] == pytest.approx((last + slope * (t - tick))[seen], abs=1e-6)

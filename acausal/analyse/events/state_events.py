@@ -308,25 +308,28 @@ def _visible(pool: Pool, roots: Iterable[int]) -> list[int]:
 
 
 def _conditions(pool: Pool, roots: Iterable[int], timely: set[int], discrete: frozenset[int]) -> dict[str, set[int]]:
-    """Nodes that become modes, by kind; nothing below a relation of time is looked at."""
+    """Nodes that become modes, by kind; nothing below a relation of time is looked at.
+
+    Below a `no_event` relations are none, but `pre` and the others are what they are anywhere.
+    """
     found: dict[str, set[int]] = {"sample": set(), "pre": set(), "flag": set(), "relation": set()}
-    seen: set[int] = set()
-    stack = list(roots)
+    seen: set[tuple[int, bool]] = set()
+    stack = [(n, False) for n in roots]
     while stack:
-        number = stack.pop()
-        if number in seen or number in timely:
+        number, is_exempt = stack.pop()
+        if (number, is_exempt) in seen or (number, False) in seen or number in timely:
             continue
-        seen.add(number)
+        seen.add((number, is_exempt))
         node = pool.nodes[number]
         op = node[0]
         if op in ("sample", "pre"):
             found[op].add(number)
         if op in ("initial", "infinitesimal", "terminal"):
             found["flag"].add(number)
-        elif op not in LEAVES and op not in ("noevent", "sample"):
-            if op in RELATIONS and _moves(pool, number, discrete):
+        elif op not in LEAVES and op != "sample":
+            if op in RELATIONS and not is_exempt and _moves(pool, number, discrete):
                 found["relation"].add(number)
-            stack.extend(node[1:])
+            stack += [(n, is_exempt or op == "noevent") for n in node[1:]]
     return found
 
 
