@@ -142,8 +142,8 @@ def _maps(chain: Chain, n: int, span: float, fastest: float) -> tuple[Vector, li
     Shape (n, n); beyond 24 states the variations themselves, (n, 6), at the instants after the first.
     """
     whole = n <= _WHOLE
-    unit = np.eye(chain.nx, n)
-    x = unit if whole else np.random.default_rng(1).standard_normal((chain.nx, _DIRECTIONS))
+    unit = np.eye(chain.size, n)
+    x = unit if whole else np.random.default_rng(1).standard_normal((chain.size, _DIRECTIONS))
     times, maps = [chain.passages[0].time], [x[:n]] if not whole else []
     for k, passage in enumerate(chain.passages):
         stretch = chain.stretch(k)

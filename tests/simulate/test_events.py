@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -26,6 +27,8 @@ from acausal import (
     where,
 )
 from acausal.errors import IntegrationError, StructureError
+from acausal.lower.symbols import Symbols
+from acausal.simulate.events.held import Hold, held
 
 G = 9.81
 
@@ -230,3 +233,26 @@ def test_a_solution_that_ends_behind_an_event_is_given_up(solver: str) -> None:
         acausal.simulate(Pole(), stop_time=2.0, solver=solver)
     assert [e.time for e in caught.value.result.events] == pytest.approx([1.0 / 3.0], abs=1e-5)  # ten tolerances
     assert caught.value.result.time[-1] == pytest.approx(1.0, abs=0.01)
+
+
+class Slid(Component):
+    """x slides where y' = p."""
+
+    p: Real = parameter(default=1.0)
+    x: Real = variable(default=fixed(0.0))
+    y: Real = variable(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        yield der(self.x) == where(self.x > 0, -1.0, 1.0) + self.p
+        yield der(self.y) == where(self.x > 0, 1.0, -1.0)
+
+
+@pytest.mark.parametrize("p", [-1.0, 0.0, 1.0])
+def test_rates_of_a_sliding_mode_have_its_slopes_up_to_its_ends(p: float) -> None:
+    """From -1 to 1, where the multiplier is exactly 0 and 1: as sensitivities meet it at the last of a stretch."""
+    compiled = acausal.compile(Slid())
+    s = Symbols(compiled)
+    ode = held(compiled, (Hold(0),), None).compiled.rhs(*s.inputs)[0]
+    slope = ca.Function("slope", s.inputs, [ode[1], ca.jacobian(ode[1], s.p)])
+    rate, by_p = slope(0, [0, 0], [], [], [p], [1] * s.m.numel())
+    assert (float(rate), float(by_p)) == pytest.approx((p, 1.0), abs=1e-15)

@@ -7,7 +7,22 @@ import math
 import pytest
 
 import acausal
-from acausal import Component, Equations, Real, der, fixed, integer, pre, reset, signal_input, variable, when, where
+from acausal import (
+    Component,
+    Equations,
+    Real,
+    der,
+    discrete,
+    fixed,
+    integer,
+    pre,
+    reset,
+    sample,
+    signal_input,
+    variable,
+    when,
+    where,
+)
 
 SOLVERS = ("idas", "rosenbrock", "cvodes", "erk")
 
@@ -81,3 +96,19 @@ def test_a_step_that_ends_where_the_run_does(solver: str) -> None:
     inflow = ([0.0, 1.0, 1.0, 3.0], [1.5, 1.5, 0.25, 0.25])
     result = acausal.simulate(Filled(), inputs={"u": inflow}, stop_time=3.0, solver=solver, tolerance=1e-10)
     assert (result.final("n"), result.final("x")) == (2.0, 0.0)
+
+
+class Taken(Component):
+    """x = t, taken every half second by a discrete equation, which is no `when`."""
+
+    x: Real = variable(default=fixed(0.0))
+    d: Real = discrete()
+
+    def equations(self) -> Equations:
+        yield der(self.x) == 1.0
+        yield self.d == where(sample(0.5, 0.5), self.x, pre(self.d))
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_a_discrete_equation_reads_the_sample_of_the_stop_time(solver: str) -> None:
+    assert acausal.simulate(Taken(), stop_time=1.0, solver=solver).final("d") == pytest.approx(1.0, abs=1e-6)

@@ -40,12 +40,13 @@ class Chain:
         self.last = run.hybrid.moment
         self.stop = run.hybrid.recorder.time
         self.slopes = Slopes(run.compiled, run.p, run.u, chosen)
-        self.event = Saltation(self.slopes, run.hybrid, self.stop - self.passages[0].time)
-        self.nx, self.count = self.slopes.nx, self.slopes.count
+        first = self.passages[0].time
+        self.event = Saltation(self.slopes, run.hybrid, first, self.stop - first)
+        self.nx, self.count, self.size = self.slopes.nx, self.slopes.count, self.slopes.size
         self.temper, self.native = Temper(), run.options.native
 
     def forward(self) -> tuple[Vector, Vector]:
-        """(d outputs, d event times) / d parameters; states are carried along."""
+        """(d outputs, d event times) / d parameters; states and what is remembered of them are carried along."""
         x = self.start()
         of_times = np.zeros((len(self.passages), self.count))
         for k, passage in enumerate(self.passages):
@@ -108,7 +109,7 @@ class Chain:
         key = "shown", *outputs, tuple(self.chosen), regime.holds, regime.border
         packed = self.slopes.kept(key, lambda: Quick(self._packed(regime)))
         rows = packed.many(times[:, None], w[:, : self.nx], w[:, self.nx :], self.u, self.p, stretch.m)
-        nz, width = len(c.algebraic), (self.nx, self.count, len(c.algebraic))
+        nz, width = len(c.algebraic), (self.size, self.count, len(c.algebraic))
         shapes = [(size, n) for size in (len(outputs), nz) for n in width]
         ends = np.cumsum([a * b for a, b in shapes])[:-1]
         parts = [
@@ -122,12 +123,13 @@ class Chain:
         return np.asarray(by_x @ x + by_p)
 
     def _packed(self, regime: Regime) -> Any:
-        """Derivatives of the outputs and of the algebraic equations by x, the chosen parameters, and z, in a row."""
+        """Derivatives of the outputs and of the algebraic equations by what is carried, chosen parameters, and z."""
         s = Symbols(self.compiled)
         pieces = []
         for value in (self._observed(*s.inputs), regime.compiled.rhs(*s.inputs)[1]):
             by_p = ca.jacobian(value, s.p)[:, self.chosen]
-            pieces += [ca.jacobian(value, s.x), by_p, ca.jacobian(value, s.z)]
+            past = ca.jacobian(value, s.m)[:, self.slopes.memories.tolist()]
+            pieces += [ca.horzcat(ca.jacobian(value, s.x), past), by_p, ca.jacobian(value, s.z)]
         return ca.Function("shown", s.inputs, [ca.vertcat(*(ca.vec(ca.densify(piece)) for piece in pieces))])
 
     def _shown_by(self, regime: Regime, t: float, moment: Any) -> tuple[Vector, Vector, Vector]:
@@ -172,21 +174,24 @@ class Chain:
         return self.slopes.kept(key, lambda: Variation(regime.compiled, self.chosen))
 
     def start(self) -> Vector:
-        """Derivatives of the states at the start."""
+        """Derivatives at the start, before its events, of the states and of what is remembered."""
         passage = self.passages[0]
         moment, c = passage.left, self.compiled
+        nothing = np.zeros((self.size - self.nx, self.count))
         (direct,) = self.slopes.kept("given", self._given)(self.p)
         direct = direct[:, self.chosen]
         free = [k for k, v in enumerate(c.state_variables) if v not in c.start.direct and v not in c.start.defaulted]
         if not free:
-            return direct
+            return np.vstack([direct, nothing])
         slopes = self.slopes.kept("start", self._start_slopes)
-        by_x, by_z, by_p = slopes(passage.time, moment.x, moment.z, self.u, self.p, moment.m)
+        by_x, by_z, by_m, by_p = slopes(passage.time, moment.x, moment.z, self.u, self.p, moment.m)
         direct[free] = 0.0
         right = by_x @ direct + by_p[:, self.chosen]
-        unknown = np.linalg.lstsq(np.hstack([by_x[:, free], by_z]), -right, rcond=None)[0]
+        unknown = np.linalg.lstsq(np.hstack([by_x[:, free], by_z, by_m[:, self.slopes.memories]]), -right, rcond=None)[
+            0
+        ]
         direct[free] = unknown[: len(free)]
-        return direct
+        return np.vstack([direct, nothing])
 
     def _given(self) -> Matrices:
         """`(p) -> derivatives of the declared starts`."""
@@ -194,13 +199,16 @@ class Chain:
         return Matrices(ca.Function("given", [p], [ca.densify(ca.jacobian(self.compiled.guess(p)[0], p))]))
 
     def _start_slopes(self) -> Matrices:
-        """`(t, x, z, u, p, m) -> derivatives of the start conditions by x, z and p`."""
+        """`(t, x, z, u, p, m) -> derivatives of the start conditions by x, z, m and p`."""
         c, s = self.compiled, Symbols(self.compiled)
-        r = ca.vertcat(c.conditions(*s.inputs)[0], c.rhs(*s.inputs)[1])
-        return Matrices(ca.Function("slopes", s.inputs, [ca.densify(ca.jacobian(r, v)) for v in (s.x, s.z, s.p)]))
+        first = c.n_timely + len(c.state_events.samples)
+        held = s.m[first : first + self.size - self.nx]
+        remembered = c.events.reactions(*s.inputs)[4] - held if held.numel() else ca.SX(0, 1)
+        r = ca.vertcat(c.conditions(*s.inputs)[0], c.rhs(*s.inputs)[1], remembered)
+        return Matrices(ca.Function("slopes", s.inputs, [ca.densify(ca.jacobian(r, v)) for v in (s.x, s.z, s.m, s.p)]))
 
     def output(self) -> tuple[Vector, Vector]:
-        """d output / d states and d output / d parameters at the end."""
+        """d output / d what is carried, and d output / d parameters, at the end."""
         return self._shown_by(self.last.regime, self.stop, self.last)[:2]
 
     def values(self) -> Vector:
@@ -226,38 +234,51 @@ class Stretch:
         c = self.chain
         if self.end <= self.start:
             return
-        variation, scale = c.variation(self.regime), c.compiled.nominal_x[:, None]
+        variation, rows = c.variation(self.regime), self._rows
+        slopes = variation.slopes
+        scale, variables = slopes.scale[: slopes.nx, None], [*range(c.nx), *range(slopes.nx, slopes.n)]
         way = self._way([*stops.tolist(), self.end], variation)
-        for t, w, there in variation.carry(way, x / scale, c.temper, c.native, parameters=parameters):
-            yield t, w * variation.slopes.scale, there * scale
+        for t, w, there in variation.carry(way, x[rows] / scale, c.temper, c.native, parameters=parameters):
+            found = x.copy()
+            found[rows] = there * scale
+            yield t, (w * slopes.scale)[variables], found
 
     def forward(self, x: Vector) -> Vector:
-        """Variations of the states at the end from those at the start, and from the parameters."""
+        """Variations of what is carried at the end from those at the start, and from the parameters."""
         found = x
         for *_, there in self.carry(np.zeros(0), x):
             found = there
         return found
 
     def parts(self, ends: Vector) -> Iterator[tuple[float, Vector]]:
-        """For each part of the stretch its end, and the map of variations of the states over it."""
-        unit = np.eye(len(self.chain.compiled.nominal_x))
+        """For each part of the stretch its end, and the map of variations over it."""
+        unit = np.eye(self.chain.size)
         here = self
         for end in ends.tolist():
             part = replace(here, end=end)
             for t, w, through in part.carry(np.zeros(0), unit, parameters=False):
                 yield t, through
-                here = replace(here, start=t, x=w[: len(unit)], z=w[len(unit) :])
+                here = replace(here, start=t, x=w[: self.chain.nx], z=w[self.chain.nx :])
 
     def adjoint(self, rows: Vector) -> tuple[Vector, Vector]:
-        """Derivatives with respect to the states at the start, and to the parameters, of what has `rows` at the end."""
+        """Derivatives by what is carried at the start, and by the parameters, of what has `rows` at the end."""
         c = self.chain
         if self.end <= self.start:
             return rows, np.zeros((len(rows), c.count))
-        variation, scale = c.variation(self.regime), c.compiled.nominal_x
-        rows, total = variation.back(self._way([self.end], variation), rows * scale, c.temper, c.native)
-        return rows / scale, total
+        variation, places = c.variation(self.regime), self._rows
+        scale = variation.slopes.scale[: variation.slopes.nx]
+        found = rows.copy()
+        back, total = variation.back(self._way([self.end], variation), rows[:, places] * scale, c.temper, c.native)
+        found[:, places] = back / scale
+        return found, total
+
+    @cached_property
+    def _rows(self) -> list[int]:
+        """Places among what is carried of what varies in the equations: the states, and what these remember."""
+        c, held = self.chain, self.chain.variation(self.regime).slopes.held
+        return [*range(c.nx), *(c.nx + k - int(c.slopes.memories[0]) for k in held)]
 
     def _way(self, ends: Sequence[float], variation: Variation) -> Way:
         c = self.chain
-        w = np.concatenate([self.x, self.z]) / variation.slopes.scale
+        w = np.concatenate([self.x, self.m[variation.slopes.held], self.z]) / variation.slopes.scale
         return Way(self.start, ends, w, (np.concatenate([c.u, c.p]), self.m), c.tolerance)

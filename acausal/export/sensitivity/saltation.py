@@ -11,7 +11,7 @@ systems, Applied Numerical Mathematics 31 (1999).
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import casadi as ca
@@ -32,21 +32,23 @@ _BACK = 1e-6
 
 
 class Saltation:
-    """The maps over the events of one run, which lasts `duration` [s]."""
+    """The maps over the events of one run from `start`, which lasts `duration` [s]."""
 
-    def __init__(self, slopes: Slopes, hybrid: Hybrid, duration: float) -> None:
-        self.slopes, self.hybrid, self.duration = slopes, hybrid, duration
+    def __init__(self, slopes: Slopes, hybrid: Hybrid, start: float, duration: float) -> None:
+        self.slopes, self.hybrid, self.start, self.duration = slopes, hybrid, start, duration
         self.compiled, self.p, self.u = slopes.compiled, slopes.p, slopes.u
-        self.nx, self.count, self.chosen = slopes.nx, slopes.count, slopes.chosen
+        self.nx, self.count, self.chosen, self.size = slopes.nx, slopes.count, slopes.chosen, slopes.size
 
     def __call__(self, passage: Passage) -> tuple[Vector, Vector, Vector, Vector]:
-        """(dx+/dx-, dx+/dp, dt*/dx-, dt*/dp) of one event, at fixed time on both sides."""
+        """(dx+/dx-, dx+/dp, dt*/dx-, dt*/dp) of one event, at fixed time on both sides; x with what is remembered."""
         left, right, t = passage.left, passage.happened.moment, passage.time
         time_x, time_p = self._instant(passage)
-        f_left, f_right = self.slopes.rate(left.regime, t, left), self.slopes.rate(right.regime, t, right)
-        columns = self.nx + self.count + 1
-        x = np.eye(self.nx, columns)  # variations of the states by the states before, the parameters, and the time
-        past = self._after(left.regime, 4, None, t, left, x, np.zeros((len(self.slopes.memories), columns)))
+        f_left, f_right = (
+            np.concatenate([self.slopes.rate(at.regime, t, at), np.zeros(self.size - self.nx)]) for at in (left, right)
+        )
+        # variations by the states before, what was remembered, the parameters, and the time
+        x, past = np.vsplit(np.eye(self.size, self.size + self.count + 1), [self.nx])
+        past = self._after(left.regime, 4, None, t, left, x, past)
         past[:, -1] = 0.0  # what is remembered does not change until the event
         for jump in passage.happened.jumps:
             moment = jump.moment
@@ -61,28 +63,33 @@ class Saltation:
             if jump.advances:
                 past = self._after(moment.regime, 4, None, t, moment, x, past)
         x = self._set(self._assigned, self._after(right.regime, 1, None, t, right, x, past), x)
-        by_x, by_p, by_t = x[:, : self.nx], x[:, self.nx : -1], x[:, -1]
+        x = np.vstack([x, self._after(right.regime, 4, None, t, right, x, past)])
+        by_x, by_p, by_t = x[:, : self.size], x[:, self.size : -1], x[:, -1]
         shift = by_x @ f_left + by_t - f_right
         by_x, by_p = by_x + np.outer(shift, time_x), by_p + np.outer(shift, time_p)
         if len(right.regime.holds) > len(left.regime.holds):
             ways = self._onto(right.regime, t, right)
-            by_x, by_p = by_x - ways[0] @ by_x, by_p - ways[0] @ by_p - ways[1]
+            by_x[: self.nx], by_p[: self.nx] = (
+                by_x[: self.nx] - ways[0] @ by_x,
+                by_p[: self.nx] - ways[0] @ by_p - ways[1],
+            )
         return by_x, by_p, time_x, time_p
 
     def _instant(self, passage: Passage) -> tuple[Vector, Vector]:
         left, t = passage.left, passage.time
+        if passage.edge:
+            self._refuse_moving_edge(passage)
+            return np.zeros(self.size), np.zeros(self.count)
         if passage.guard is None:
-            instants, by_p = self.slopes.kept("instants", self._instants)(self.p)
-            at = [k for k, v in enumerate(instants.ravel()) if abs(v - t) <= 1e-12 * max(1.0, abs(t))]
-            return np.zeros(self.nx), by_p[at[0], self.chosen] if at else self._tick(t)
+            return np.zeros(self.size), self._known(t)
         guard, place = left.regime.held.watch, passage.guard
         own = self.slopes.total(left.regime, ("guard", place), lambda *a: guard(*a)[place], t, left)
         slope_x, slope_p, slope_t = own
-        rate = float(slope_t[0] + slope_x[0] @ self.slopes.rate(left.regime, t, left))
+        rate = float(slope_t[0] + slope_x[0, : self.nx] @ self.slopes.rate(left.regime, t, left))
         if self._is_grazed(passage, place, rate):
             relation = left.regime.held.owners[place][0]
             if relation in self.compiled.state_events.watched:  # nothing jumps there
-                return np.zeros(self.nx), np.zeros(self.count)
+                return np.zeros(self.size), np.zeros(self.count)
             cause = self.hybrid.guards.causes[relation]
             raise ExportError(
                 "AC615",
@@ -93,6 +100,30 @@ class Saltation:
                 "derivative: choose parameters by which the relation is passed clearly or not at all",
             )
         return -slope_x[0] / rate, -slope_p[0] / rate
+
+    def _refuse_moving_edge(self, passage: Passage) -> None:
+        """Refuse what moves across the stop time: on one side of there it is none of the run."""
+        left, right = passage.left, passage.happened.moment
+        changes = passage.happened.jumps or (left.m != right.m).any() or (left.x != right.x).any()
+        if passage.time <= self.start or not changes:
+            return
+        what, where = "a sample", None
+        if passage.guard is not None:
+            relation = left.regime.held.owners[passage.guard][0]
+            cause = self.hybrid.guards.causes[relation]
+            what, where = cause.text, cause.where
+            if relation in self.compiled.state_events.watched:  # nothing jumps there
+                return
+        elif not any(ways.any() for ways in self._ticks(passage.time)):
+            return
+        raise ExportError(
+            "AC615",
+            f"sensitivities do not take {self.compiled.name}: at its stop time, t = {passage.time:.9g} s, {what} acts "
+            "at an instant that depends on the parameters",
+            where=() if where is None else (where,),
+            cause="a little later it is none of the run, and so the values there have no derivative",
+            help="another stop time",
+        )
 
     def _is_grazed(self, passage: Passage, place: int, rate: float) -> bool:
         """Whether the rate at which a guard is passed would be another one, or none, within the error of the guard.
@@ -117,16 +148,31 @@ class Saltation:
         instants = ca.densify(self.compiled.instants(p))
         return Matrices(ca.Function("instants", [p], [instants, ca.densify(ca.jacobian(instants, p))]))
 
-    def _tick(self, t: float) -> Vector:
-        """How an instant of a sample moves: start + k * interval, with the number k of the tick."""
-        acting = np.flatnonzero(due(self.compiled, self.p, np.array([t]))[0])
-        if not len(acting):
+    def _known(self, t: float) -> Vector:
+        """How an instant that is known in advance moves; refused where several meet there that move apart."""
+        instants, by_p = self.slopes.kept("instants", self._instants)(self.p)
+        at = [k for k, v in enumerate(instants.ravel()) if abs(v - t) <= 1e-12 * max(1.0, abs(t))]
+        ways = [*by_p[at][:, self.chosen], *self._ticks(t)]
+        if not ways:
             return np.zeros(self.count)
-        sample = int(acting[0])
-        value, slope = self.slopes.kept(("clock", sample), lambda: self._clock(sample))(self.p)
-        first, interval = value.ravel()
-        by_p = slope[0] + round((t - first) / interval) * slope[1]
-        return np.asarray(by_p[self.chosen], dtype=np.float64)
+        if not np.allclose(ways, ways[0], rtol=1e-9, atol=0.0):
+            raise ExportError(
+                "AC615",
+                f"sensitivities do not take {self.compiled.name}: at t = {t:.9g} s samples or time events meet that "
+                "parameters move apart",
+                cause="which of them comes first then depends on the sign of the change, and so may what follows",
+                help="other values of the parameters, or differentiate by those only which move all of them alike",
+            )
+        return np.asarray(ways[0], dtype=np.float64)
+
+    def _ticks(self, t: float) -> list[Vector]:
+        """How the instant of each sample that acts moves: start + k * interval, with the number k of the tick."""
+        found = []
+        for sample in np.flatnonzero(due(self.compiled, self.p, np.array([t]))[0]).tolist():
+            value, slope = self.slopes.kept(("clock", sample), partial(self._clock, sample))(self.p)
+            first, interval = value.ravel()
+            found.append((slope[0] + round((t - first) / interval) * slope[1])[self.chosen])
+        return found
 
     def _clock(self, sample: int) -> Matrices:
         """`(p) -> start and interval of a sample, and their derivatives`."""
@@ -192,17 +238,18 @@ class Saltation:
         return self.slopes.carried(regime, key, lambda *a: reactions(*a)[output][chosen], t, moment, x, past)
 
     def _onto(self, regime: Regime, t: float, moment: Any) -> tuple[Vector, Vector]:
-        """Projection of a variation onto what a new hold keeps: `(by states, by parameters)` to subtract."""
+        """Projection of a variation onto what a new hold keeps: `(by what is carried, by parameters)` to subtract."""
         value, slope, ways = regime.held.kept(t, moment.x, moment.z, self.u, self.p, moment.m)
         slope, ways = slope.reshape(len(value), -1), ways.reshape(self.nx, -1)
         inverse = ways @ np.linalg.pinv(slope @ ways)
         key = "kept", regime.holds, regime.border
-        (by_p,) = self.slopes.kept(key, lambda: self._kept_slopes(regime))(
+        by_p, by_m = self.slopes.kept(key, lambda: self._kept_slopes(regime))(
             t, moment.x, moment.z, self.u, self.p, moment.m
         )
-        return inverse @ slope, inverse @ by_p[:, self.chosen]
+        return inverse @ np.hstack([slope, by_m[:, self.slopes.memories]]), inverse @ by_p[:, self.chosen]
 
     def _kept_slopes(self, regime: Regime) -> Matrices:
-        """`(t, x, z, u, p, m) -> derivatives by p of what a hold keeps`."""
+        """`(t, x, z, u, p, m) -> derivatives by p and m of what a hold keeps`."""
         s = Symbols(self.compiled)
-        return Matrices(ca.Function("kept", s.inputs, [ca.densify(ca.jacobian(regime.held.kept_of(*s.inputs), s.p))]))
+        value = regime.held.kept_of(*s.inputs)
+        return Matrices(ca.Function("kept", s.inputs, [ca.densify(ca.jacobian(value, v)) for v in (s.p, s.m)]))

@@ -99,7 +99,8 @@ def sensitivities(
         AC020 for an unknown parameter or none at all, AC010 for an unknown output, AC025 for an unknown method, AC044
         for `times` outside of the run.
     ExportError
-        AC608 where states are reset together with an impulse, AC615 where a relation is only grazed.
+        AC608 where states are reset together with an impulse, AC615 where a relation is only grazed, and where
+        something moves across the stop time or across something else that is known in advance.
     AcausalError
         What the run itself raises.
     """

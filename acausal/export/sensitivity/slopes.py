@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cached_property
 from typing import Any, TypeVar
 from weakref import WeakKeyDictionary
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from acausal.arrays import Vector
+from acausal.export.variation.slopes import memories
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.symbols import Symbols
 from acausal.simulate.equations.calls.quick import Quick
@@ -41,6 +40,8 @@ class Slopes:
     def __init__(self, compiled: CompiledModel, p: Vector, u: Vector, chosen: list[int]) -> None:
         self.compiled, self.p, self.u, self.chosen = compiled, p, u, chosen
         self.nx, self.count = len(compiled.states), len(chosen)
+        self.memories = memories(compiled)
+        self.size = self.nx + len(self.memories)
 
     def kept(self, key: Any, make: Callable[[], T]) -> T:
         """What is made once for a model."""
@@ -53,13 +54,10 @@ class Slopes:
     def total(
         self, regime: Regime, key: tuple[Any, ...], function: Any, t: float, moment: Any
     ) -> tuple[Vector, Vector, Vector]:
-        """Derivatives with respect to (x, chosen p, t) of a function of all, algebraic variables eliminated."""
-        return self.full(regime, key, function, t, moment)[:3]
+        """Derivatives with respect to (carried, chosen p, t) of a function of all, algebraic variables eliminated.
 
-    def full(
-        self, regime: Regime, key: tuple[Any, ...], function: Any, t: float, moment: Any
-    ) -> tuple[Vector, Vector, Vector, Vector]:
-        """The same, and with respect to what is remembered; `key` tells the functions of a regime apart."""
+        Carried are the states, and behind them what is remembered. `key` tells the functions of a regime apart.
+        """
         own_key = *key, regime.holds, regime.border
         slopes = self.kept(own_key, lambda: self._slopes(regime, function))
         *own, by_z, implied_x, implied_p, implied_t, implied_past, implied_z = slopes(
@@ -69,15 +67,15 @@ class Slopes:
             inner = by_z @ np.linalg.pinv(implied_z)
             implied = implied_x, implied_p, implied_t, implied_past
             own = [a - inner @ b for a, b in zip(own, implied, strict=True)]
-        return own[0], own[1][:, self.chosen], own[2].ravel(), own[3]
+        return np.hstack([own[0], own[3]]), own[1][:, self.chosen], own[2].ravel()
 
     def carried(
         self, regime: Regime, key: tuple[Any, ...], function: Any, t: float, moment: Any, x: Vector, past: Vector
     ) -> Vector:
         """Variations of a function of all, given those of the states and of what is remembered."""
-        by_x, by_p, by_t, by_past = self.full(regime, key, function, t, moment)
-        found = by_x @ x + by_past @ past
-        found[:, self.nx : -1] += by_p
+        by_x, by_p, by_t = self.total(regime, key, function, t, moment)
+        found = by_x @ np.vstack([x, past])
+        found[:, self.size : -1] += by_p
         found[:, -1] += by_t
         return np.asarray(found, dtype=np.float64)
 
@@ -89,13 +87,6 @@ class Slopes:
             pieces += [ca.jacobian(value, v) for v in (s.x, s.p, s.t)]
             pieces += [ca.jacobian(value, s.m)[:, self.memories.tolist()], ca.jacobian(value, s.z)]
         return Matrices(ca.Function("slopes", s.inputs, [ca.densify(piece) for piece in pieces]))
-
-    @cached_property
-    def memories(self) -> NDArray[np.int64]:
-        """Places among the modes of what `pre` remembers."""
-        events = self.compiled.state_events
-        first = self.compiled.n_timely + len(events.samples)
-        return np.arange(first, first + len(events.memories))
 
     def rate(self, regime: Regime, t: float, moment: Any) -> Vector:
         """The rates of the states there."""

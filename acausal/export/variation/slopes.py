@@ -7,12 +7,20 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from acausal.arrays import Vector
 from acausal.lower.compiled import CompiledModel
 from acausal.simulate.equations.calls.quick import Quick
 
 _DENSE = 30  # variables up to which small dense matrices are faster than sparse ones
+
+
+def memories(compiled: CompiledModel) -> NDArray[np.int64]:
+    """Places among the modes of what `pre` remembers."""
+    events = compiled.state_events
+    first = compiled.n_timely + len(events.samples)
+    return np.arange(first, first + len(events.memories))
 
 
 class Slopes:
@@ -22,20 +30,29 @@ class Slopes:
 
     The entries are those of the derivatives by w and by the chosen parameters, a matrix of n rows, column by column:
     their places are `rows` and `columns`, and `starts` is where each column starts.
+
+    What `pre` remembers, and the equations read, depends on parameters as states do: it is a state whose rate is zero,
+    behind the others. `held` are their places among the modes.
     """
 
     def __init__(self, compiled: CompiledModel, chosen: list[int]) -> None:
-        nx, nz = len(compiled.states), len(compiled.algebraic)
+        own_memories = memories(compiled).tolist()
+        read = {k for out in (0, 1) for k in compiled.rhs.jac_sparsity(out, 5).get_triplet()[1] if own_memories}
+        self.held = [k for k in own_memories if k in read]
+        own, nz = len(compiled.states), len(compiled.algebraic)
+        nx = own + len(self.held)
         self.nx, self.n, self.count = nx, nx + nz, len(chosen)
-        self.scale = np.concatenate([compiled.nominal_x, compiled.nominal_z])
-        t, w, m = ca.SX.sym("t"), ca.SX.sym("w", self.n), ca.SX.sym("m", compiled.n_modes)
+        self.scale = np.concatenate([compiled.nominal_x, np.ones(len(self.held)), compiled.nominal_z])
+        t, w, modes = ca.SX.sym("t"), ca.SX.sym("w", self.n), ca.SX.sym("m", compiled.n_modes)
         u, p = ca.SX.sym("u", len(compiled.inputs)), ca.SX.sym("p", len(compiled.parameters))
-        x, z = ca.vertsplit(w * ca.DM(self.scale), [0, nx, self.n])
+        x, past, z = ca.vertsplit(w * ca.DM(self.scale), [0, own, nx, self.n])
+        m = ca.SX(modes)
+        m[self.held] = past
         ode, alg = compiled.rhs(t, x, z, u, p, m)
-        value: Any = ca.densify(ca.vertcat(ode / ca.DM(compiled.nominal_x), alg))
+        value: Any = ca.densify(ca.vertcat(ode / ca.DM(compiled.nominal_x), ca.SX.zeros(nx - own, 1), alg))
         slopes: Any = ca.horzcat(ca.jacobian(value, w), ca.jacobian(value, p)[:, chosen])
         pattern = slopes.sparsity()
-        arguments = [t, w, ca.vertcat(u, p), m]
+        arguments = [t, w, ca.vertcat(u, p), modes]
         self.value: Any = ca.Function("value", arguments, [value])
         entries: Any = ca.vec(ca.densify(slopes.nz[:]))
         self.slopes = ca.Function("slopes", arguments, list(ca.cse([value, entries])))

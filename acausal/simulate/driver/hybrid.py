@@ -60,6 +60,8 @@ class Passage:
     left: Moment
     guard: int | None
     happened: Happened
+    edge: bool = False
+    """Whether it happened because the run starts or ends there."""
 
 
 @dataclass
@@ -110,7 +112,9 @@ class Hybrid:
         """
         moment = Moment(start.x, start.z, m.copy(), Regime(self.problem))
         self.bounces.begin(t)
-        self._say(self.iteration.settle(t, moment, m, flag=flag), t)
+        happened = self.iteration.settle(t, moment, m, flag=flag)
+        self.passages.append(Passage(t, moment, None, happened, edge=True))
+        self._say(happened, t)
 
     def regime_at(self, t: float) -> Regime:
         """The regime in force just after a time."""
@@ -232,12 +236,15 @@ class Hybrid:
 
     def end(self, t: float, samples: Vector) -> None:
         """The event at the end of the run: guards that are reached, `terminal()`, perhaps a sample."""
-        if self.moment is not None and not self.traced:
+        if self.moment is not None:
             self._finish(t, self.moment)
         if self.moment is None or not ("terminal" in self.iteration.flag_names or samples.any()):
             return
-        happened = self.iteration.settle(t, self.moment, self.moment.m, samples=samples, flag="terminal")
-        if happened.causes:
+        left = self.moment
+        happened = self.iteration.settle(t, left, left.m, samples=samples, flag="terminal")
+        self.passages.append(Passage(t, left, None, happened, edge=True))
+        # discrete equations are no causes, and yet may read a sample
+        if happened.causes or not _stays(left, happened.moment):
             self._record_start(t, self._say(happened, t), happened)
 
     def _finish(self, t: float, left: Moment) -> None:
@@ -252,6 +259,7 @@ class Hybrid:
         fired = relations & (np.abs(g) <= noise) & (rate < -noise)
         if fired.any():
             happened = self.event(t, left, fired)
+            self.passages.append(Passage(t, left, int(np.argmax(fired)), happened, edge=True))
             self._record_start(t, self._say(happened, t), happened)
         self._note_stuck(t, left, relations & (np.abs(g) <= noise) & (rate <= 0.0), rate)
 

@@ -28,6 +28,8 @@ TOGETHER = 16
 """Guards that share a factorisation: hundreds of bodies touch the ground in one instant."""
 # Entries of a Jacobian of guards of which one row is chosen.
 _MOST_SLOPES = 10_000
+# From an end of the interval of a multiplier to a number inside of it.
+_INSIDE = 2.0**-53
 
 
 @dataclass(frozen=True)
@@ -254,7 +256,9 @@ class Held:
         # inside the interval a blend is affine, which its formula, safe against infinite branches, does not show
         slope, here = (ca.substitute(e, mu, ca.DM([0.5] * len(self.holds))) for e in (ca.jacobian(r, mu), r))
         solved = 0.5 - (ca.solve(slope, here) if len(self.holds) > 1 else here / slope)
-        ode, alg = (ca.densify(ca.substitute(e, mu, solved)) for e in (ode, alg))
+        # where sliding ends a multiplier is 0 or 1, at which a blend has the slopes of one branch only
+        within = solved + _INSIDE * ((solved == 0) - (solved == 1))
+        ode, alg = (ca.densify(ca.substitute(e, mu, within)) for e in (ode, alg))
         other = ca.substitute(ca.jacobian(r, mu), mu, ca.DM([0.25] * len(self.holds)))
         return _Equations(s, ode, alg, ca.densify(solved), slope, other, ca.diag(slope) * solved, tuple(kept))
 
