@@ -11,7 +11,8 @@ import numpy as np
 
 from acausal.analyse.blocks.solve import Solution
 from acausal.analyse.delays import Delays
-from acausal.analyse.events.state_events import StateEvents
+from acausal.analyse.events.state_events import StateEvents, discrete_variables
+from acausal.analyse.events.steep import Moving, Steep, steep
 from acausal.analyse.events.time_events import TimeEvents
 from acausal.analyse.start import StartProblem
 from acausal.arrays import Vector
@@ -63,11 +64,25 @@ class Lowered:
     # modes. What u holds there is not used (`acausal.lower.variants.driven`).
     driven: tuple[int, ...] = ()
     timings: dict[str, float] = field(default_factory=dict)  # seconds per stage of the compilation
+    # Functions that may do something between two instants, of a part of a model: sample points are those of the whole.
+    # None where the solution says it (`narrow`).
+    steep: Steep | None = None
     varied: bool = False  # whether `rhs` says something else than `solution`: a regime (`simulate/events/regime.py`)
 
     def __getstate__(self) -> dict[str, Any]:
         """The fields: functions that were made from them are made again where they are asked for."""
         return {f.name: self.__dict__[f.name] for f in fields(self)}
+
+    @cached_property
+    def narrow(self) -> Steep:
+        """Steep functions in the equations."""
+        if self.steep is not None:
+            return self.steep
+        solution = self.solution
+        pool = solution.structure.reduced.pool
+        roots = [*(n for v, n in solution.definitions if v in solution.needed), *solution.residuals]
+        moving = Moving(pool, discrete_variables(solution.structure.reduced))
+        return steep(pool, solution.structure.points, pool.reachable(roots), moving)
 
     @property
     def flat(self) -> FlatSystem:

@@ -25,6 +25,7 @@ from acausal import (
     exp,
     fixed,
     parameter,
+    part,
     pre,
     reset,
     sin,
@@ -406,3 +407,48 @@ def test_one_step_for_itself_is_no_burst(force: Callable[[Any, Any], Expr]) -> N
     model, *notes = with_watched(acausal.compile(Harmless(force=force)), 1e-6)
     assert not model.state_events
     assert not any(notes)
+
+
+class Bounces(Component):
+    """A ball bounces; perhaps beside a step `1 + tanh(1e3 (h - 50))` at a height that it never comes near."""
+
+    has_step: bool = structural(default=True)
+    h: Real = variable(default=fixed(1.0))
+    v: Real = variable(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        step = 1.0 + tanh(1e3 * (self.h - 50.0)) if self.has_step else 0.0
+        yield der(self.h) == self.v
+        yield der(self.v) == -9.81 - 0.1 * self.v * abs(self.v) - step
+        yield when(self.h < 0.0, reset(self.v, -0.8 * pre(self.v)))
+
+
+@pytest.mark.parametrize("solver", ["rosenbrock", "erk"])
+def test_a_step_that_is_far_away_leaves_the_steps_of_a_run_as_they_are(solver: str) -> None:
+    """It is zero to the last digit: nothing is looked at more closely, and no solver is replaced by another way."""
+    run: dict[str, Any] = {"stop_time": 2.0, "solver": solver, "tolerance": 1e-7, "native": False}
+    with_step, without = (acausal.simulate(Bounces(has_step=h), **run) for h in (True, False))
+    assert len(without.events) == 3
+    assert with_step.stats["steps"] == without.stats["steps"]
+    assert with_step.final("h") == without.final("h")
+
+
+class Joined(Beside):
+    """The same, as one system: the ball would stop at a y that is never reached."""
+
+    def equations(self) -> Equations:
+        yield when(self.y > 1.0, reset(self.q, 0.0))
+
+
+class Four(Component):
+    parts: list[Joined] = part()
+
+    def build(self) -> None:
+        self.parts = [Joined(p=fixed(0.5 + 0.1 * k)) for k in range(4)]
+
+
+def test_steep_functions_of_systems_apart_are_found_in_each() -> None:
+    """Balls that fall from four heights, each beside a step that is awake for 6e-4 s, as it is alone."""
+    r = acausal.simulate(Four(), stop_time=1.8, solver="rosenbrock", tolerance=1e-6)
+    assert r.stats["subsystems"] == 4
+    assert [r.final(f"parts[{k}].y") for k in range(4)] == pytest.approx([6e-4] * 4, abs=1e-6)

@@ -17,6 +17,7 @@ import numpy as np
 
 from acausal.analyse.blocks.solve import Solution
 from acausal.analyse.events.state_events import StateEvents
+from acausal.analyse.events.steep import Steep
 from acausal.analyse.events.time_events import TimeEvents
 from acausal.analyse.start import StartProblem
 from acausal.arrays import Indices, Vector
@@ -76,6 +77,8 @@ def _made(compiled: CompiledModel) -> tuple[Subsystem, ...]:
     wholes = [_Whole(compiled, g) for g in found]
     pool = compiled.solution.structure.reduced.pool
     extracts = [extract(pool, w.roots, definition, compiled.rewritten, inputs) for w in wholes]
+    if not set(compiled.narrow.arguments) <= {n for e in extracts for n in e.nodes}:
+        return ()  # what is searched belongs to one of them
     kinds: dict[Any, list[int]] = {}
     for k, (w, e) in enumerate(zip(wholes, extracts, strict=True)):
         kinds.setdefault((e.key, w.key(e)), []).append(k)
@@ -134,6 +137,7 @@ class _Whole:
             ),
             tuple(at[a.position] for a in self.assignments),
             tuple(a.level for a in self.asserts),
+            self.steep(e),
             *(tuple(place for place, _ in self.shared(e, nodes)) for nodes in self._shared_nodes),
         )
 
@@ -147,6 +151,16 @@ class _Whole:
         """(place in the extract, number among these nodes) of those that a group mentions, by place."""
         number = {n: k for k, n in enumerate(nodes)}
         return [(place, number[n]) for place, n in enumerate(e.nodes) if n in number]
+
+    def steep(self, e: Extract) -> Steep:
+        """The steep functions of the whole that are in the group, by places in the extract."""
+        whole, place = self.compiled.narrow, {n: k for k, n in enumerate(e.nodes)}
+        own = [j for j, n in enumerate(whole.arguments) if n in place]
+        return Steep(
+            tuple(place[whole.arguments[j]] for j in own),
+            tuple(whole.kinds[j] for j in own),
+            tuple((place[w], own.index(j)) for w, j in whole.middles if j in own),
+        )
 
     def timely(self, e: Extract) -> tuple[list[int], list[int], list[int]]:
         """Numbers of the relations of time, samples and flags that the group mentions."""
@@ -223,6 +237,8 @@ class _Kind:
         solution = Solution(
             structure, definitions, (), (), frozenset(v for v, _ in definitions), (), compiled.solution.formulation
         )
+        narrow = whole.steep(e)
+        middles = tuple((self.node[k], owner) for k, owner in narrow.middles)
         shell = CompiledModel(
             compiled.name,
             solution,
@@ -235,6 +251,7 @@ class _Kind:
             None,
             None,
             state_events=self._events(e, whole, node),
+            steep=Steep(tuple(self.node[k] for k in narrow.arguments), narrow.kinds, middles),
         )
         own = with_functions(shell)
         own.__dict__["nominal_x"] = compiled.nominal_x[list(whole.group.states)]

@@ -113,9 +113,13 @@ class Member:
             here = here[~near]
             if not len(here):
                 continue
-            regime = self.dynamics.regime_at(t) if isinstance(self.dynamics, Hybrid) else Regime(self.problem)
             segment = replace(self.template, start=t, times=times[here], x=rows.x[:, row], z=_NO_Z, p=rows.m[:, row])
-            piece = self.solver.integrate(regime.problem, segment)
+            if isinstance(self.dynamics, Hybrid):
+                regime = self.dynamics.regime_at(t)
+                piece = self.dynamics.explore(regime, segment)
+            else:
+                regime = Regime(self.problem)
+                piece = self.dynamics.integrate(self.problem, segment)
             x[:, here] = piece.x
             m[:, here] = _columns(regime.modes(times[here], piece.x, piece.z, rows.m[:, row]), len(here))
         return x, m

@@ -12,7 +12,7 @@ import numpy as np
 from acausal.arrays import Truth, Vector
 from acausal.simulate.driver.agenda import Place, Schedule, Stretch
 from acausal.simulate.driver.flight import Flight, Passed, can_fly
-from acausal.simulate.equations.arguments import arguments
+from acausal.simulate.driver.overlooked import Overlooked
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.errors import RestlessKink, accumulated, unsettled
 from acausal.simulate.events.guards import INSTANT, Cause, Guards, Moment, resting_band
@@ -46,6 +46,8 @@ _SMALL, _RESTLESS = 400, 1e-6
 _SHORTEST = 1e-9
 # Looks of a one-step method in a whole run, and in any stretch.
 _LOOKS, _FEWEST_LOOKS = 64, 4
+# Stretches with the same relations that were not cleared of steep functions, after which none is tried.
+_VAIN = 2
 # So many failures must have brought a run on by this share of it.
 _MANY, _PROGRESS = 100, 1e-6
 # What is said where all stays as it was: a cause without words is no event of the result.
@@ -77,6 +79,8 @@ class Hybrid:
     template: Segment
     span: float
     traced: bool = False
+    overlooked: Overlooked | None = None
+    """Searches what has been passed by a solver that stops at guards by itself; None where nothing is steep."""
     moment: Moment | None = None
     notes: list[str] = field(default_factory=list)
     passages: list[Passage] = field(default_factory=list)
@@ -87,6 +91,7 @@ class Hybrid:
     _failed: bool = False
     _vague: dict[int, int] = field(default_factory=dict)
     _small: dict[int, list[float]] = field(default_factory=dict)
+    _vain: dict[bytes, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.guards = Guards(self.problem, self.tolerances, self.span)
@@ -100,10 +105,6 @@ class Hybrid:
         # what is delayed is recorded by integrations that go on to their end
         self.is_delayed = bool(self.problem.compiled.delays)
         self.single_step &= not self.is_delayed
-        # what steep functions do between steps is searched for in what a solver hands over: one that stops at guards
-        # by itself hands over nothing of what lies before them
-        if self.single_step and self.template.step is None:
-            self.single_step = arguments(self.problem.compiled) is None
 
     def begin(self, t: float, start: Start, m: Vector, flag: str | None) -> None:
         """The event at the start of the run; `m` is what the start has decided.
@@ -137,7 +138,8 @@ class Hybrid:
 
     def flight(self, schedule: Schedule) -> Flight | None:
         """How compiled code passes stretches and ordinary events of this run, if it can."""
-        if not self.single_step or not can_fly(self.problem, self.solver):
+        # what was passed over is looked for stretch by stretch
+        if not self.single_step or self.overlooked is not None or not can_fly(self.problem, self.solver):
             return None
         parts = self.problem, self.recorder, schedule, self.template, self.span, self.bounces, self._explained
         return Flight(*parts, self._trace if self.traced else None)
@@ -313,7 +315,7 @@ class Hybrid:
             looks = self.looks(segment)
             wide = replace(segment, times=np.union1d(segment.times[segment.times <= looks[-1]], looks))
             try:
-                stop = integrate_to_event(self.guards, moment, wide, self.solver.name, self.lingering)
+                stop = self._stopped(wide, moment)
             except Interrupted as interrupted:
                 self._rescue(segment, moment, interrupted.got)
                 raise
@@ -331,6 +333,9 @@ class Hybrid:
                 self._gap, self._failed = reach / 64, True
                 segment = replace(segment, patience=PATIENCE)
                 continue
+            if stop is None:
+                self.guards.step = 0.0
+                return self.searched(segment, moment, self.band(segment.start, moment))
             self._refuse_lingering(stop)
             keep = np.isin(stop.times, segment.times)
             self._record(stop.times[keep], stop.piece.x[:, keep], stop.piece.z[:, keep], moment, stop.piece.counters)
@@ -343,6 +348,31 @@ class Hybrid:
             rest = segment.times[segment.times > reached]
             segment = replace(segment, start=reached, times=rest, x=stop.x, z=stop.z, first=self.pace)
             moment = Moment(stop.x, stop.z, moment.m, moment.regime)
+
+    def _stopped(self, segment: Segment, moment: Moment) -> Stop | None:
+        """Where the solver stops by itself; None where it may have passed over what a steep function does.
+
+        Stretches in which the same relations hold are not tried again where that was in vain.
+        """
+        if self.overlooked is None:
+            return integrate_to_event(self.guards, moment, segment, self.solver.name, self.lingering)
+        relations = moment.m[self.guards.first :].tobytes()
+        if self._vain.get(relations, 0) >= _VAIN:
+            return None
+        stop = integrate_to_event(self.guards, moment, segment, self.solver.name, self.lingering)
+        if self._is_cleared(segment, moment, stop):
+            return stop
+        self._vain[relations] = self._vain.get(relations, 0) + 1
+        return None
+
+    def _is_cleared(self, segment: Segment, moment: Moment, stop: Stop) -> bool:
+        """Whether nothing was passed over up to a stop."""
+        assert self.overlooked is not None, "asked only where something is steep"
+        times, piece = stop.times, stop.piece
+        if stop.time is not None:
+            times, x = np.append(times, stop.time), np.hstack([piece.x, stop.x[:, None]])
+            piece = Piece(x, np.zeros((0, len(times))), piece.counters)
+        return self.overlooked.clears(moment.regime.problem, replace(segment, times=times), piece)
 
     def _refuse_lingering(self, stop: Stop) -> None:
         """Refuse what an explicit method neither passes nor leaves, as both modes lead to it."""

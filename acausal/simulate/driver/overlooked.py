@@ -29,6 +29,8 @@ Integrate = Callable[[Problem, Segment], Piece]
 # solution is no polynomial, and every place would be integrated again.
 _FEWEST, _MOST, _VALUES = 32, 20_000, 400_000
 _FINER = 8
+# Steps for each row up to which few rows and their rates tell how states go between them.
+_RESOLVED = 10.0
 # An argument is resolved where every other row tells the rows between to this share of its variation there.
 _SHARE = 0.2
 # Share of rows that may not be resolved: kinks, and what follows a start.
@@ -70,6 +72,14 @@ class Overlooked:
         if known is None:
             return self.solve(problem, segment)
         return _Search(self.solve, self.skip, problem, known).integrated(segment)
+
+    def clears(self, problem: Problem, segment: Segment, piece: Piece) -> bool:
+        """Whether a solution that was found at the times of a segment has passed over nothing, as far as its rows tell.
+
+        That of a solver which stops at events by itself: what is not cleared is found again by one that does not.
+        """
+        known = arguments(problem.compiled) if problem.n_dynamic and segment.step is None else None
+        return known is None or _Search(self.solve, self.skip, problem, known).is_clear(segment, piece)
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,6 +125,27 @@ class _Search:
             reach = here + length
             asked = whole
 
+    def is_clear(self, segment: Segment, piece: Piece) -> bool:
+        """Whether nothing can have been passed over between rows, few of which are taken to tell how states go."""
+        steps = piece.counters.get("steps", 0.0)
+        rows = self._rows(segment, piece)
+        if len(rows.times) < 2:
+            return True
+        if len(rows.times) < _FEWEST:
+            if steps > _RESOLVED * len(rows.times):
+                return False
+            return not self.known.are_steep(self._by_rates(segment, rows)).any()
+        if not rows.is_steep.any():
+            return True
+        if steps > self._most or not self._are_resolved(segment, rows):
+            return False
+        places, doubt = self._places(segment, rows, steps)
+        if doubt.any() and len(rows.times) < steps:
+            return False
+        return all(
+            self._again(segment, rows, *suspect) is None for suspect in self._suspects(segment, rows, places, doubt)
+        )
+
     def _part(self, segment: Segment, reach: float) -> tuple[Piece, tuple[float, Vector, Vector, float] | None]:
         """Rows of a segment up to the first that may be wrong, or up to `reach`; where it goes on, and how far."""
         is_last = reach >= segment.times[-1]
@@ -135,11 +166,8 @@ class _Search:
         times = wide.times[: piece.x.shape[1]]
         asked = np.isin(times, segment.times)
         for low, high, points in self._suspects(wide, rows, places, doubt):
-            try:
-                again = self._through(wide, rows, low, high, points)
-            except RuntimeError:
-                continue
-            if self._is_same(wide, again.x[:, -1], rows.x[:, high]):
+            again = self._again(wide, rows, low, high, points)
+            if again is None:
                 continue
             keep = asked & (times <= rows.times[low])
             first = Piece(piece.x[:, keep], piece.z[:, keep], piece.counters)
@@ -201,14 +229,18 @@ class _Search:
         """Where equations are not satisfied: first and last row around, and the instants to stop at in between."""
         if not len(places):
             return
-        off, large = self._defects(segment, rows, places)
-        bad = np.unique(places[large | (off & doubt)])
+        bad = np.unique(places[self._bad(segment, rows, places, doubt)])
         k = np.clip(np.searchsorted(rows.times, bad, side="right"), 1, len(rows.times) - 1)
         while len(bad):
             high = int(k[0])
             here = k == high
             yield self._asleep(segment, rows, high), high, bad[here]
             bad, k = bad[~here], k[~here]
+
+    def _bad(self, segment: Segment, rows: _Rows, places: Vector, doubt: Truth) -> Truth:
+        """At which places the solution does not satisfy its equations, whose functions the rows do not tell."""
+        off, large = self._defects(segment, rows, places)
+        return np.asarray(large | (off & doubt))
 
     def _asleep(self, segment: Segment, rows: _Rows, high: int) -> int:
         """The last row that stands before all that may have been overlooked."""
@@ -240,6 +272,20 @@ class _Search:
         """Columns of values at instants between rows."""
         both = interpolated(rows.times, np.vstack([rows.x, rows.z]).T, times, min(_NODES, len(rows.times)))[0]
         return self._values(segment, times, both[:, : len(rows.x)].T, both[:, len(rows.x) :].T)
+
+    def _by_rates(self, segment: Segment, rows: _Rows) -> Vector:
+        """Columns of values at more instants, by cubics with the states and rates of the rows on both sides."""
+        p, n, times = self.problem, self.problem.n_dynamic, rows.times
+        rates = kept(p.compiled).rhs.many(times[:, None], rows.x.T, rows.z.T, p.u, p.p, segment.p)[:, :n]
+        at = _finer(replace(segment, times=times[1:]), _FEWEST).times
+        k = np.clip(np.searchsorted(times, at), 1, len(times) - 1)
+        h = (times[k] - times[k - 1])[:, None]
+        s, x = (at - times[k - 1])[:, None] / h, rows.x.T[:, :n]
+        rise = x[k] - x[k - 1]
+        x = x[k - 1] + s * rise + s * (1.0 - s) * ((1.0 - s) * (h * rates[k - 1] - rise) - s * (h * rates[k] - rise))
+        others = np.repeat(rows.x[n:, :1], len(at), axis=1)
+        found = self._values(segment, at, np.vstack([x.T, others]), np.zeros((0, len(at))))
+        return np.vstack([rows.values[:1], found])
 
     def _places(self, segment: Segment, rows: _Rows, steps: float) -> tuple[Vector, Truth]:
         """Instants at which an argument turns or is in the middle of a step; and where rows do not tell its function.
@@ -317,6 +363,14 @@ class _Search:
         is_off = ~(off * width[:, None] <= _DEFECT * allowed)
         is_large = is_off & ~(off <= _LARGE * np.maximum(np.abs(rates), np.abs(slope)))
         return np.asarray(is_off.any(axis=1)), np.asarray(is_large.any(axis=1))
+
+    def _again(self, segment: Segment, rows: _Rows, low: int, high: int, points: Vector) -> Piece | None:
+        """What leads elsewhere than to row `high` when a step ends at these points; None where nothing does."""
+        try:
+            again = self._through(segment, rows, low, high, points)
+        except RuntimeError:
+            return None
+        return None if self._is_same(segment, again.x[:, -1], rows.x[:, high]) else again
 
     def _through(self, segment: Segment, rows: _Rows, low: int, high: int, points: Vector) -> Piece:
         """Rows behind `low` up to `high`, integrated with a step that ends at each of some points."""

@@ -240,7 +240,7 @@ class Run:
 
             def whole() -> Hybrid:
                 parts = integrate, explore, self.tolerances, template, opts.span, self.traced
-                return Hybrid(problem, solver, recorder, *parts)
+                return Hybrid(problem, solver, recorder, *parts, self.overlooked(self.compiled, solver))
 
             members = self.members(known, template) if memory is None else []
             if members:
@@ -259,8 +259,6 @@ class Run:
             return []
         if known.segments > _MOST_STOPS:
             return []
-        if arguments(self.compiled) is not None:  # what solvers overlook of steep functions is searched in the whole
-            return []
         return [self.member(part, template) for part in subsystems(self.compiled)]
 
     def member(self, part: Subsystem, template: Segment) -> Member:
@@ -277,7 +275,8 @@ class Run:
 
         if model.state_events:
             parts = under, under, tolerances, own, opts.span
-            return Member(part, problem, solver, recorder, Hybrid(problem, solver, recorder, *parts), opts.span)
+            hybrid = Hybrid(problem, solver, recorder, *parts, overlooked=self.overlooked(model, solver))
+            return Member(part, problem, solver, recorder, hybrid, opts.span)
         smooth = Smooth(problem, solver, recorder, partial(self.integrate, solver=solver), own, opts.span)
         return Member(part, problem, solver, recorder, smooth, opts.span)
 
@@ -289,15 +288,20 @@ class Run:
         """The solver, whose failure is KeyboardInterrupt when Ctrl-C was its reason."""
         try:
             own = solver or self.solver
-            searches = self.searches and solver is None
-            search = Overlooked(own.integrate, self.unsearched.append) if searches else own.integrate
-            piece = search(problem, segment)
+            search = self.overlooked(problem.compiled, own)
+            piece = own.integrate(problem, segment) if search is None else search(problem, segment)
         except RuntimeError:
             self.interrupt.check()
             raise
         if piece.stopped:
             self.interrupt.check()
         return piece
+
+    def overlooked(self, compiled: CompiledModel, solver: Solver) -> Overlooked | None:
+        """What searches behind a solver, where equations of this run hold something steep."""
+        if not self.searches or arguments(compiled) is None:
+            return None
+        return Overlooked(solver.integrate, self.unsearched.append)
 
     def segment(self, here: float, times: Vector, x: Vector, z: Vector, m: Vector) -> Segment:
         """What a solver is asked: from `here` over the output times `times`."""

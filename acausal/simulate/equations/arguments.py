@@ -9,8 +9,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from acausal.analyse.events.state_events import discrete_variables
-from acausal.analyse.events.steep import STEPS, Moving, steep
+from acausal.analyse.events.steep import STEPS
 from acausal.arrays import Vector
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.symbols import Symbols
@@ -73,17 +72,14 @@ _MADE: WeakKeyDictionary[CompiledModel, Arguments | None] = WeakKeyDictionary()
 
 def arguments(compiled: CompiledModel) -> Arguments | None:
     """Those of a model; None where no rate depends on such a function."""
+    compiled = compiled.common
     if compiled not in _MADE:
         _MADE[compiled] = _made(compiled)
     return _MADE[compiled]
 
 
 def _made(compiled: CompiledModel) -> Arguments | None:
-    solution = compiled.solution
-    pool = solution.structure.reduced.pool
-    roots = [*(n for v, n in solution.definitions if v in solution.needed), *solution.residuals]
-    moving = Moving(pool, discrete_variables(solution.structure.reduced))
-    found = steep(pool, solution.structure.points, pool.reachable(roots), moving)
+    found = compiled.narrow
     if not found.arguments:
         return None
     symbols = Symbols(compiled)
