@@ -57,12 +57,12 @@ def use_invariants(reduced: ReducedSystem) -> ReducedSystem:
 
 
 def _balances(reduced: ReducedSystem) -> dict[int, _Balance]:
-    """Residuals whose derivatives stand in plain sums with constant factors, without most that no other can cancel."""
+    """Residuals whose derivatives stand in plain sums with constant factors."""
     pool = reduced.pool
     found = {}
-    for i in _shared(reduced):
+    for i, residual in enumerate(reduced.residuals):
         total: Row = {}
-        add_terms(pool, reduced.residuals[i], 1, total)
+        add_terms(pool, residual, 1, total)
         derivatives: Row = {}
         terms: Row = {}
         for node, weight in total.items():
@@ -76,68 +76,22 @@ def _balances(reduced: ReducedSystem) -> dict[int, _Balance]:
     return found
 
 
-def _shared(reduced: ReducedSystem) -> list[int]:
-    """Residuals of derivatives but for those with a term that stands once in all of them: what is never cancelled.
-
-    Exact factors, as fractions, are for the few that are left.
-    """
-    pool = reduced.pool
-    rows: dict[int, list[int]] = {}
-    users: dict[int, list[int]] = {}
-    for i, residual in enumerate(reduced.residuals):
-        found = _terms(pool, residual)
-        terms = [n for n in found if pool.nodes[n][0] != "var" or pool.nodes[n][1] not in pool.integral_of]
-        if len(terms) < len(found):
-            rows[i] = terms
-            for n in terms:
-                users.setdefault(n, []).append(i)
-    lonely = [own[0] for own in users.values() if len(own) == 1]  # by a term that one row holds twice nothing is said
-    while lonely:
-        i = lonely.pop()
-        for n in rows.pop(i, ()):
-            users[n].remove(i)
-            if len(users[n]) == 1:
-                lonely.append(users[n][0])
-    return list(rows)
-
-
-def _terms(pool: Pool, root: int) -> list[int]:
-    """The terms that `add_terms` finds, each as often as it stands in the sum."""
-    nodes = pool.nodes
-    found, stack = [], [root]
-    while stack:
-        number = stack.pop()
-        op, *args = nodes[number]
-        if op == "add" or op == "sub":
-            stack += args
-        elif op == "neg":
-            stack.append(args[0])
-        elif op == "mul" and nodes[args[0]][0] == "const":
-            stack.append(args[1])
-        elif (op == "mul" and nodes[args[1]][0] == "const") or (op == "div" and pool.value(args[1])):
-            stack.append(args[0])
-        else:
-            found.append(number)
-    return found
-
-
 def add_terms(pool: Pool, root: int, factor: Number, total: Row) -> None:
     """Add `factor` times an expression, taken apart into its terms."""
     stack: list[tuple[int, Number]] = [(root, factor)]
     while stack:
         number, weight = stack.pop()
         op, *args = pool.nodes[number]
-        values = [pool.value(a) for a in args] if op in ("mul", "div") else []
-        if op in ("add", "sub"):
+        if op == "add" or op == "sub":
             stack += [(args[0], weight), (args[1], weight if op == "add" else -weight)]
         elif op == "neg":
             stack.append((args[0], -weight))
-        elif op == "mul" and values[0] is not None:
-            stack.append((args[1], weight * Fraction(values[0])))
-        elif op == "mul" and values[1] is not None:
-            stack.append((args[0], weight * Fraction(values[1])))
-        elif op == "div" and values[1]:
-            stack.append((args[0], weight / Fraction(values[1])))
+        elif op == "mul" and (value := pool.value(args[0])) is not None:
+            stack.append((args[1], weight * Fraction(value)))
+        elif op == "mul" and (value := pool.value(args[1])) is not None:
+            stack.append((args[0], weight * Fraction(value)))
+        elif op == "div" and (value := pool.value(args[1])):
+            stack.append((args[0], weight / Fraction(value)))
         else:
             total[number] = total.get(number, 0) + weight
             if not total[number]:
