@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -50,6 +50,23 @@ class Visited:
     values: Mapping[str, Samples]
 
 
+@cache
+def _draws() -> tuple[Samples, Samples]:
+    """Random directions around the start, shape (997, EVERYWHERE), and factors far from it, shape (997, FAR).
+
+    Drawn once in a process: 155 000 numbers took as long as all else that compiles a small model.
+    """
+    random = np.random.default_rng(20090507)
+    near = random.standard_normal((997, COUNT))
+    near *= np.array([0.0, 0.7, 0.02, 0.1, 0.3, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0])
+    more = random.standard_normal((997, EVERYWHERE - COUNT)) * np.linspace(0.1, 4.0, EVERYWHERE - COUNT)
+    signs = np.sign(random.standard_normal((997, FAR)))
+    found = np.hstack([near, more]), signs * 10.0 ** random.uniform(-1.0, 1.2, (997, FAR))
+    for numbers in found:
+        numbers.setflags(write=False)
+    return found
+
+
 class SamplePoints:
     """Values of variables at the sample points, the same in every run: at COUNT of them, or at all EVERYWHERE.
 
@@ -58,14 +75,8 @@ class SamplePoints:
 
     def __init__(self, reduced: ReducedSystem, visited: Visited | None = None) -> None:
         self.reduced, self.visited = reduced, visited
-        self._random = np.random.default_rng(20090507)
-        self._directions = self._random.standard_normal((997, COUNT))
-        self._directions *= np.array([0.0, 0.7, 0.02, 0.1, 0.3, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0])
-        more = self._random.standard_normal((997, EVERYWHERE - COUNT)) * np.linspace(0.1, 4.0, EVERYWHERE - COUNT)
-        self._directions = np.hstack([self._directions, more])
+        self._directions, self._far = _draws()
         self._times = 0.37 * np.concatenate([np.linspace(0.0, 1.0, COUNT), np.linspace(0.0, 20.0, EVERYWHERE - COUNT)])
-        signs = np.sign(self._random.standard_normal((997, FAR)))
-        self._far = signs * 10.0 ** self._random.uniform(-1.0, 1.2, (997, FAR))
         if visited is not None:
             self._times[EVERYWHERE - len(visited.times) :] = visited.times
         self._known: dict[int, Samples] = {}
