@@ -33,7 +33,6 @@ def largest_residual(r: Result, balance: str = "balance") -> float:
         pytest.param(ForceControlledDrilling(), {}, id="force control"),
         pytest.param(SlidingDrill(), {}, id="sliding"),
         pytest.param(SlidingDrill(n=9.28), {"stop_time": 0.05}, id="sliding and turning"),
-        pytest.param(SoftMachine(), {}, id="soft machine"),
         pytest.param(SoftMachine(), {"solver": "rosenbrock"}, id="soft machine, rosenbrock"),
     ],
 )
@@ -43,10 +42,10 @@ def test_energy_of_a_scene_is_accounted_for(scene: Any, settings: dict[str, Any]
     assert largest_residual(r) < 1e-6
 
 
-@pytest.mark.parametrize("drill", ["free", "capped"])
-def test_energy_of_the_breakthrough(drill: str) -> None:
+def test_energy_of_the_breakthrough() -> None:
     r = acausal.simulate(BreakthroughSurge())
-    assert largest_residual(r, f"{drill}.balance") < 1e-6
+    for drill in ("free", "capped"):
+        assert largest_residual(r, f"{drill}.balance") < 1e-6, drill
     # The brake takes what the force does on the capped drill beyond the cut.
     assert float(r.final("capped.balance.W_damping")) > float(r.final("free.balance.W_damping")) + 1.0
 
@@ -62,6 +61,7 @@ def test_cutting_power_is_force_times_feed_plus_torque_times_speed() -> None:
 
 def test_the_soft_machine_yields_in_every_direction_and_drills() -> None:
     r = acausal.simulate(SoftMachine())
+    assert largest_residual(r) < 1e-6
     # The balance would say little about joints that do not move.
     for name in ("sideways.s", "tilting.phi", "table.s"):
         assert np.ptp(r[name]) > 1e-5, name

@@ -122,16 +122,16 @@ def test_particles_stay_on_the_sphere_and_come_to_rest() -> None:
         assert signals(r, f"particles[{i}].lam")[0][-1] == pytest.approx(-4.75, abs=1e-9)
 
 
-@pytest.mark.parametrize(("stop", "error"), [(10.0, 1e-7), (1000.0, 1e-5)])
+@pytest.mark.parametrize(("stop", "error"), [(10.0, 1e-8), (100.0, 1e-8)])
 def test_pendulum_turns_for_ever(stop: float, error: float) -> None:
     """Exact: at even times it is back at (1, 0); on the circle and with energy 0 at all times.
 
-    The constraints hold after 1000 s as after 10 s; the phase error grows with the square of time.
+    Rows stand on the constraints to rounding, after 100 s as after 10 s: stabilised alone they are 6e-13 off.
     """
     r = acausal.simulate(PlanarPendulum(), stop_time=stop, output_interval=stop / 1000, solver="erk")
     x, y, vx, vy = signals(r, "x y vx vy")
-    assert np.abs(x**2 + y**2 - 1.0).max() < 1e-8
-    assert np.abs(x * vx + y * vy).max() < 1e-8
+    assert np.abs(x**2 + y**2 - 1.0).max() < 1e-13
+    assert np.abs(x * vx + y * vy).max() < 1e-13
     assert np.abs((vx**2 + vy**2) / 2 + GRAVITY * y).max() < 10 * error
     assert abs(x[-1] - 1.0) < error
     assert abs(y[-1]) < error
@@ -151,7 +151,7 @@ def test_wheelset_starts_with_the_published_forces() -> None:
 
 def test_wheelset_contacts_do_not_separate() -> None:
     """The constraint of the source, on the level of velocities."""
-    r = acausal.simulate(Wheelset(), stop_time=1.0)
+    r = acausal.simulate(Wheelset(), stop_time=0.2)
     rate = signals(r, "vx vy vz vtheta vphi")
     for side in ("left", "right"):
         row = signals(r, " ".join(f"{side}.Q[{k}]" for k in range(5)))

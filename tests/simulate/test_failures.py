@@ -187,14 +187,9 @@ def test_what_is_said(model: type[Component], end: float, code: str, fact: str, 
     assert error.result is not None
     # output times are 4 ms apart
     assert end - 0.0081 < error.result.time[-1] <= end + 1e-6
-
-
-def test_what_was_computed_is_right_up_to_the_end() -> None:
-    with pytest.raises(IntegrationError) as caught:
-        acausal.simulate(Explosion(), stop_time=2.0, tolerance=1e-8)
-    result = caught.value.result
-    t = result.time[result.time < 0.99]
-    np.testing.assert_allclose(result["x"][: len(t)], 1.0 / (1.0 - t), rtol=1e-5)
+    if model is Explosion:  # what was computed is right; a relative error grows as 1/(1 - t)
+        t = error.result.time[error.result.time < 0.99]
+        np.testing.assert_allclose(error.result["x"][: len(t)] * (1.0 - t), 1.0, atol=1e-4)
 
 
 def test_interrupted() -> None:

@@ -86,14 +86,17 @@ def test_every_way_to_write_it(rate: Rate) -> None:
 def test_no_solver_steps_over_it(solver: str, implicit: bool, native: bool) -> None:
     compiled = acausal.compile(Glimpse(implicit=implicit))
     ends = []
-    for run in ({"stop_time": 9.0}, {"stop_time": 9.0, "output_interval": 9.0}, {"stop_time": 12.5}):
+    for run in (
+        {"stop_time": 9.0, "output_interval": 9.0},
+        {"stop_time": 12.5},
+        {"stop_time": 9.0, "output_interval": 9.0},
+    ):
         r = acausal.simulate(compiled, solver=solver, native=native, tolerance=1e-8, **run)  # type: ignore[arg-type]
         ends.append(r.final("y"))
         assert not r.events
     # ten tolerances are a hundredth of 1 - c
     assert ends == pytest.approx([2.0] * 3, abs=1e-2)
-    again = acausal.simulate(compiled, solver=solver, native=native, tolerance=1e-8, stop_time=9.0)
-    assert again.final("y") == ends[0]
+    assert ends[0] == ends[2]
 
 
 def test_other_parameters_of_the_same_compiled_model() -> None:
