@@ -21,6 +21,7 @@ from acausal import (
     pre,
     reset,
     sample,
+    terminate,
     time,
     variable,
     when,
@@ -251,3 +252,30 @@ def test_a_relation_that_is_passed_at_the_stop_time_is_refused() -> None:
     with pytest.raises(ExportError, match=r"AC615[\s\S]*stop time[\s\S]*x > 1"):
         acausal.sensitivities(Arriving(), ["K"], ["n"], stop_time=1.0)
     assert acausal.sensitivities(Arriving(), ["K"], ["x"], stop_time=1.01).final[0, 0] == pytest.approx(1.01)
+
+
+class Ended(Component):
+    """x = K t and y = K t^2 / 2 until x is 1; z reads the time."""
+
+    K: Real = parameter(default=0.8)
+    x: Real = variable(default=fixed(0.0))
+    y: Real = variable(default=fixed(0.0))
+    z: Real = variable()
+
+    def equations(self) -> Equations:
+        yield der(self.x) == self.K
+        yield der(self.y) == self.x
+        yield self.z == time * self.y
+        yield when(self.x > 1, terminate("there"))
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(("solver", "native"), WAYS)
+def test_final_values_of_a_run_that_ends_itself_are_those_where_it_ends(
+    method: Method, solver: str | None, native: bool
+) -> None:
+    """At t = 1/K: x = 1, y = 1/(2 K), z = 1/(2 K^2)."""
+    asked = {"stop_time": 3.0, "method": method, "solver": solver, "native": native}
+    found = acausal.sensitivities(Ended(), ["K"], ["x", "y", "z"], **asked)  # type: ignore[arg-type]
+    np.testing.assert_allclose(found.final[:, 0], [0.0, -0.5 / 0.64, -1 / 0.512], rtol=1e-8, atol=1e-9)
+    np.testing.assert_allclose(found.of_event_times, [[-1 / 0.64]], rtol=1e-8)

@@ -231,3 +231,31 @@ def test_the_rows_are_those_asked_for(solver: str) -> None:
     assert result.time == pytest.approx(np.array(rows), abs=1e-6)
     assert [result["x"][6], result["y"][10]] == pytest.approx([2.0, 2.0], abs=1e-9)
     assert result["x"][5] == pytest.approx(result["y"][9], abs=1e-6)
+
+
+class Touched(Component):
+    """Relations of a delayed signal beside samples, one of them at an instant at which another has just been passed."""
+
+    x: Real = variable(default=fixed(0.0))
+    y: Real = variable(default=fixed(-0.7))
+    q: Real = variable(default=fixed(0.2))
+    h: Real = discrete(default=0.3)
+    n: Real = discrete(default=0.0)
+    w: Real = variable()
+
+    def equations(self) -> Equations:
+        yield self.w == delay(sin(3 * time), 0.3)
+        yield der(self.x) == -0.5 * self.x - where(self.w > 0.35, self.w, -0.2) + sin(2 * time)
+        yield der(self.y) == -0.5 * self.y + 0.8 * where(self.w > 0.35, self.w, -0.2) + sin(2 * time)
+        yield der(self.q) == where(self.w > self.x, 1.0, 0.3)
+        yield when(sample(0.2, 0.4), reset(self.n, self.w)).elsewhen(self.q > 0.4, reset(self.n, 0))
+        yield when(sample(0.15, 0.37), reset(self.h, -pre(self.h)))
+
+
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-7, 3e-8])
+def test_stretches_between_events_may_have_no_length(tolerance: float) -> None:
+    """With cvodes at 1e-7 one is located where it begins."""
+    found, other = (
+        acausal.simulate(Touched(), stop_time=1.3, tolerance=tolerance, solver=solver) for solver in ("cvodes", "erk")
+    )
+    assert found.final("q") == pytest.approx(other.final("q"), abs=1e2 * tolerance)

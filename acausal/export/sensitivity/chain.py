@@ -44,6 +44,9 @@ class Chain:
         self.event = Saltation(self.slopes, run.hybrid, first, self.stop - first)
         self.nx, self.count, self.size = self.slopes.nx, self.slopes.count, self.slopes.size
         self.temper, self.native = Temper(), run.options.native
+        own = [k for k, passage in enumerate(self.passages) if not passage.edge]
+        self.terminal = own[-1] if run.hybrid.terminated and own else None
+        """The event that has ended the run; final values are taken at its instant, which moves."""
 
     def forward(self) -> tuple[Vector, Vector]:
         """(d outputs, d event times) / d parameters; states and what is remembered of them are carried along."""
@@ -53,9 +56,19 @@ class Chain:
             by_x, by_p, time_x, time_p = self.event(passage)
             of_times[k] = time_x @ x + time_p
             x = by_x @ x + by_p
+            if k == self.terminal:
+                x[: self.nx] += np.outer(self._ending_rate(), of_times[k])
             x = self.stretch(k).forward(x)
-        y_x, y_p = self.output()
-        return y_x @ x + y_p, of_times
+        y_x, y_p, y_t = self.output()
+        if self.terminal is not None:
+            y_p = np.asarray(y_p + np.outer(y_t, of_times[self.terminal]), dtype=np.float64)
+        return np.asarray(y_x @ x + y_p, dtype=np.float64), of_times
+
+    def _ending_rate(self) -> Vector:
+        assert self.terminal is not None, "the run has been ended"
+        passage = self.passages[self.terminal]
+        moment = passage.happened.moment
+        return self.slopes.rate(moment.regime, passage.time, moment)
 
     def trajectory(self, times: Vector, states: Callable[[Vector], Vector] | None = None) -> Vector:
         """d outputs / d parameters at `times`, shape (times, outputs, parameters); at events just after them.
@@ -144,12 +157,17 @@ class Chain:
 
     def adjoint(self) -> tuple[Vector, Vector]:
         """The same, from the end backwards: one sweep, in which each event time joins at its event."""
-        rows, total = self.output()
+        rows, total, y_t = self.output()
         for k in reversed(range(len(self.passages))):
             rows, by_p = self.stretch(k).adjoint(rows)
             on_x, on_p, time_x, time_p = self.event(self.passages[k])
             total = total + by_p + rows @ on_p
-            rows = np.vstack([rows @ on_x, time_x])
+            before = rows @ on_x
+            if k == self.terminal:
+                worth = rows[:, : self.nx] @ self._ending_rate()
+                worth[: len(y_t)] += y_t
+                before, total = before + np.outer(worth, time_x), total + np.outer(worth, time_p)
+            rows = np.vstack([before, time_x])
             total = np.vstack([total, time_p])
         total = total + rows @ self.start()
         count = len(self.wanted)
@@ -207,9 +225,9 @@ class Chain:
         r = ca.vertcat(c.conditions(*s.inputs)[0], c.rhs(*s.inputs)[1], remembered)
         return Matrices(ca.Function("slopes", s.inputs, [ca.densify(ca.jacobian(r, v)) for v in (s.x, s.z, s.m, s.p)]))
 
-    def output(self) -> tuple[Vector, Vector]:
-        """d output / d what is carried, and d output / d parameters, at the end."""
-        return self._shown_by(self.last.regime, self.stop, self.last)[:2]
+    def output(self) -> tuple[Vector, Vector, Vector]:
+        """d output / d what is carried, / d parameters, and / d time at the end."""
+        return self._shown_by(self.last.regime, self.stop, self.last)
 
     def values(self) -> Vector:
         """The outputs at the end."""

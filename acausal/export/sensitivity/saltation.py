@@ -114,6 +114,8 @@ class Saltation:
             what, where = cause.text, cause.where
             if relation in self.compiled.state_events.watched:  # nothing jumps there
                 return
+        elif self.hybrid.terminated:
+            what = "terminal()"
         elif not any(ways.any() for ways in self._ticks(passage.time)):
             return
         raise ExportError(

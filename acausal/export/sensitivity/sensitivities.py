@@ -35,7 +35,8 @@ class Sensitivities:
     parameters, outputs
         Names, in the order of columns and rows.
     final
-        d output / d parameter at the stop time, shape (outputs, parameters), SI.
+        d output / d parameter at the stop time, shape (outputs, parameters), SI; where `terminate` has ended the
+        run, of the values at that instant, which moves.
     values
         The outputs at the stop time.
     event_times

@@ -402,6 +402,8 @@ class Hybrid:
                 self._judge(reached, moment)
         if not self.is_delayed:
             return Stop(none, segment.times[:0], reached.time, reached.x, reached.z)
+        if reached.time is not None and reached.time <= segment.start:  # it was found where the last one was passed
+            return Stop(none, segment.times[:0], reached.time, reached.x, reached.z)
         # what is delayed is remembered of the stretch as it is, and of nothing beyond it
         times = segment.times
         if reached.time is not None:
