@@ -25,8 +25,10 @@ from acausal.simulate.driver.driver import Driver
 from acausal.simulate.driver.flight import Flight
 from acausal.simulate.driver.hybrid import Hybrid
 from acausal.simulate.driver.smooth import Smooth
+from acausal.simulate.equations.arguments import arguments
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.guards import Cause, Moment
+from acausal.simulate.events.location.between import between
 from acausal.simulate.events.regime import Regime
 from acausal.simulate.native.flight import FlightProgram
 from acausal.simulate.native.policy import Library
@@ -38,6 +40,9 @@ from acausal.simulate.start.initialize import Start
 
 _log = logging.getLogger(__name__)
 _NO_Z = np.zeros(0)
+# Looks of a stretch between which rows are interpolated, closer to its ends, and rows of which none is.
+_LOOKS, _FEW = 24, 8
+_SHARES = 0.5 - 0.5 * np.cos(np.pi * np.arange(1, _LOOKS + 1) / _LOOKS)
 # Parts of a stretch of a run that reports its progress.
 _PARTS = 20
 
@@ -114,15 +119,40 @@ class Member:
             if not len(here):
                 continue
             segment = replace(self.template, start=t, times=times[here], x=rows.x[:, row], z=_NO_Z, p=rows.m[:, row])
-            if isinstance(self.dynamics, Hybrid):
-                regime = self.dynamics.regime_at(t)
-                piece = self.dynamics.explore(regime, segment)
-            else:
-                regime = Regime(self.problem)
-                piece = self.dynamics.integrate(self.problem, segment)
-            x[:, here] = piece.x
-            m[:, here] = _columns(regime.modes(times[here], piece.x, piece.z, rows.m[:, row]), len(here))
+            regime = self.dynamics.regime_at(t) if isinstance(self.dynamics, Hybrid) else Regime(self.problem)
+            x[:, here] = self._solved(regime, segment)
+            m[:, here] = _columns(regime.modes(times[here], x[:, here], _NO_Z, rows.m[:, row]), len(here))
         return x, m
+
+    def _solved(self, regime: Regime, segment: Segment) -> Vector:
+        """States at the times of a segment, shape (nx, n).
+
+        An interpreted step ends at each of them, and CasADi freezes them in an integrator. So many of them are
+        interpolated between looks, whose integrator is kept, where that is proved to be as good.
+        """
+        problem, times = regime.problem, segment.times
+        is_compiled = problem.native.used or self.solver.multistep or segment.step is not None
+        # what wakes between two looks and is asleep at both is no polynomial
+        is_smooth = arguments(problem.compiled) is None and problem.n_dynamic > 0
+        if is_compiled or not is_smooth or len(times) <= _FEW:
+            return self._integrated(regime, segment)
+        there = segment.start + segment.length * _SHARES
+        looks = self._integrated(regime, replace(segment, times=there, shares=_SHARES))
+        nodes, values = np.append(segment.start, there), np.column_stack([segment.x, looks]).T
+        size = np.abs(values[np.searchsorted(nodes, times).clip(1, _LOOKS) - 1])
+        n = problem.n_dynamic
+        allowed = np.full(size.shape, np.inf)
+        allowed[:, :n] = segment.tolerances.of(size[:, :n], problem.scale_x)
+        found, good = between(nodes, values, times, allowed)
+        x = found.T
+        if not good.all():
+            x[:, ~good] = self._integrated(regime, replace(segment, times=times[~good]))
+        return x
+
+    def _integrated(self, regime: Regime, segment: Segment) -> Vector:
+        if isinstance(self.dynamics, Hybrid):
+            return self.dynamics.explore(regime, segment).x
+        return self.dynamics.integrate(self.problem, segment).x
 
 
 @dataclass
@@ -263,15 +293,8 @@ class Apart:
             for name, count in member.recorder.counters.items():
                 counters[name] = counters.get(name, 0.0) + count
             member.recorder.counters.clear()
-        at = 0
-        for row, causes, changed in found.events:
-            self._add(found.times[at:row], x[:, at:row], m[:, at:row], {})
-            self.recorder.begin(float(found.times[row]), x[:, row], _NO_Z, m[:, row], causes, changed)
-            at = row + 1
-        self._add(found.times[at:], x[:, at:], m[:, at:], counters)
-
-    def _add(self, times: Vector, x: Vector, m: Vector, counters: dict[str, float]) -> None:
-        self.recorder.add(times, Piece(x, np.zeros((0, len(times))), counters), m)
+        boundaries = [(float(found.times[row]), causes, changed) for row, causes, changed in found.events]
+        self.recorder.extend(found.times, x, m, boundaries, counters)
 
     def _filled(self, k: int, rows: Rows, times: Vector) -> tuple[Vector, Vector]:
         """States and modes of one system at events of the others."""
