@@ -11,18 +11,21 @@ long they stay so (`EventFunctions.told`).
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
 
 import numpy as np
 
 from acausal.flatten.pool import LEAVES, RELATIONS, Pool
 from acausal.language.expressions.external import Call
-from acausal.numeric.evaluate import Samples
+from acausal.numeric.evaluate import Samples, values
 from acausal.numeric.samples import SamplePoints
 
 _MOST = 4
 """Kinks one within the other at which a relation is split."""
 _SAME = 1e-12
+# Lines between sample points on which a difference is followed to its zero, how closely, and how far behind it.
+_LINES, _HALVINGS, _BEYOND = 8, 50, 1e-9
 _OTHER = frozenset(("pre", "sample", "initial", "terminal", "infinitesimal"))
 _TURNED = {"gt": "lt", "lt": "gt", "ge": "le", "le": "ge"}
 _PLAIN = frozenset(("min", "max", "fabs"))
@@ -52,12 +55,53 @@ class Kinks:
 
     def that_rest(self, points: SamplePoints, relations: Iterable[int]) -> frozenset[int]:
         """Those of some relations whose sides are equal at several points: they may be so for a while."""
-        held = [n for n in relations if self.below(n)]
-        distances = ((n, points.everywhere(self.pool.sub(*self.pool.nodes[n][1:]))) for n in held)
-        return frozenset(n for n, distance in distances if np.count_nonzero(distance == 0.0) > 1)
+        found = set[int]()
+        for relation in relations:
+            kind = self.below(relation)
+            distance = self.pool.sub(*self.pool.nodes[relation][1:])
+            rests = kind > 0 and np.count_nonzero(points.everywhere(distance) == 0.0) > 1
+            if rests or (kind == 2 and self._stays_at_its_zero(points, distance)):
+                found.add(relation)
+        return frozenset(found)
+
+    def _stays_at_its_zero(self, points: SamplePoints, distance: int) -> bool:
+        """Whether a difference, followed from where it is positive to where it is not, stays zero from there on.
+
+        Between sample points, on straight lines: a dead zone may be narrower than they are apart.
+        """
+        defined, pool = dict(self.definitions), self.pool
+        behind = pool.variables_behind([distance], defined)
+        order = [v for v in defined if v in behind]
+        at = points.everywhere(distance)
+        above, others = np.flatnonzero(at > 0.0), np.flatnonzero(at <= 0.0)
+        count = min(len(above), len(others), _LINES)
+        above, others = above[:count], others[:count]
+
+        def along(share: Samples) -> Samples:
+            known: dict[int, Samples] = {}
+
+            def between(seen: Samples) -> Samples:
+                return np.asarray(seen[above] + share * (seen[others] - seen[above]))
+
+            leaves: dict[str, Callable[[int], Any]] = {
+                "var": lambda v: known[v] if v in known else between(points.everywhere(pool.var(v))),
+                "par": points.parameters.__getitem__,
+                "time": lambda _: between(points.everywhere(pool.time)),
+            }
+            for v in order:
+                known[v] = values(pool, [defined[v]], leaves)[defined[v]]
+            return np.asarray(values(pool, [distance], leaves)[distance]) + np.zeros(count)
+
+        low, high = np.zeros(count), np.ones(count)
+        for _ in range(_HALVINGS):
+            middle = 0.5 * (low + high)
+            is_above = along(middle) > 0.0
+            low, high = np.where(is_above, middle, low), np.where(is_above, high, middle)
+        beyond = high + _BEYOND * (1.0 - high)
+        return bool(((along(high) == 0.0) & (along(beyond) == 0.0)).any())
 
     def below(self, root: int) -> int:
-        """1 for a node with a kink somewhere below, 0 for none, 2 for one with what is computed elsewhere."""
+        """1 for a node with a kink somewhere below, else 0; 2 for what is computed elsewhere, 3 where that jumps."""
         nodes, known = self.pool.nodes, self._known
         below = self.pool.reachable([root], known)
         if not self._is_open and any(nodes[n][0] == "var" for n in below):
@@ -70,7 +114,7 @@ class Kinks:
             if op == "var":
                 known[number] = self._of.get(rest[0], 0)
             elif isinstance(op, Call):
-                known[number] = 2
+                known[number] = 3 if op.external.jumps else 2
             else:
                 inside = [known[n] for n in rest[op == "where" :]] if op not in LEAVES and op not in _OTHER else []
                 is_exempt = op == "noevent" or (op == "where" and nodes[rest[0]][0] == "noevent")

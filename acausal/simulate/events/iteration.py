@@ -24,7 +24,7 @@ from acausal.simulate.equations.kept import kept
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.equations.shares import Border
 from acausal.simulate.events.errors import contradicting, overloaded, undetermined, unsettled, vain, violated
-from acausal.simulate.events.guards import INSTANT, LOCATED, Cause, Guards, Moment
+from acausal.simulate.events.guards import AT_REST, INSTANT, LOCATED, Cause, Guards, Moment
 from acausal.simulate.events.held import Hold
 from acausal.simulate.events.regime import Regime
 from acausal.simulate.events.resets.constrained import followed
@@ -368,6 +368,8 @@ class Iteration:
         # or one holds no more, and the other one does some instants from now
         wrong &= ~(back & (rate > 0.0) & self.guards.behind(t, g, rate, noise))
         wrong |= free & (g == 0.0) & (rate == 0.0) & (walk.flips[own] < _TWICE) & self._untied(moment, own)
+        # or it begins or ends to rest here, and rounding alone says on which side of that it is
+        wrong &= ~((g == -AT_REST) & self.guards.rests[own] & (walk.flips[own] > _TWICE))
         found = np.asarray(wrong | leaves & ~early if leaving else wrong)
         if early.any() and not found.any():
             self._stay(t, [moment.regime.held.owners[k][0] for k in np.flatnonzero(early)])

@@ -500,6 +500,9 @@ class Search:
                 last = self._solved(moment.regime, self._only(asked, t))
                 x, z = last.x[:, -1], last.z[:, -1]
                 _add(counters, last.counters)
+                if jumps[which] and len(z):  # on their equations, as the event iteration will have them
+                    there = replace(segment, times=np.array([t]))
+                    z = on_equations(moment.regime.problem, there, x[:, None], z[:, None])[:, 0]
             at = replace(moment, x=x, z=z)
             distances, rate, noise = self.guards.state(t, at)
             value = float((distances + way.band + way.start.near(np.array([t]))[0])[which])
