@@ -433,6 +433,32 @@ def test_a_step_that_is_far_away_leaves_the_steps_of_a_run_as_they_are(solver: s
     assert with_step.final("h") == without.final("h")
 
 
+class Woken(Component):
+    """A ball bounces, and each crest of a sine makes y larger by one, awake for 2 h of its angle."""
+
+    w: Real = parameter(default=31.0)
+    h: Real = parameter(default=6.5910735e-4)
+    y: Real = variable(default=fixed(0.0))
+    p: Real = variable(default=fixed(1.0))
+    q: Real = variable(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        crest = 1.0 + tanh(75.0 / self.h**2 * (sin(self.w * time) - cos(self.h)))
+        yield der(self.y) == self.w / (4.0 * self.h) * crest
+        yield der(self.p) == self.q
+        yield der(self.q) == -9.81 - 0.1 * self.q * abs(self.q) + 0.02 * self.y
+        yield when(self.p < 0.0, reset(self.q, -0.8 * pre(self.q)))
+
+
+@pytest.mark.parametrize("solver", ["rosenbrock", "erk", "idas"])
+@pytest.mark.parametrize("w", [31.0, pytest.param(57.88, marks=pytest.mark.slow)])
+def test_what_wakes_shortly_before_an_event_is_kept(solver: str, w: float) -> None:
+    """A run goes to an event once more from where it was last known, and passes there over what it had found."""
+    given = {"w": w}
+    r = acausal.simulate(Woken(), stop_time=2.5, solver=solver, tolerance=1e-6, native=False, parameters=given)
+    assert r.final("y") == pytest.approx(math.floor(2.5 * w / (2.0 * math.pi) + 0.75), abs=0.05)
+
+
 class Joined(Beside):
     """The same, as one system: the ball would stop at a y that is never reached."""
 

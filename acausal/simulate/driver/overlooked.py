@@ -21,6 +21,7 @@ from acausal.simulate.equations.arguments import Arguments, arguments
 from acausal.simulate.equations.kept import kept
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.location.between import interpolated
+from acausal.simulate.events.location.looks import even
 from acausal.simulate.solvers.base import Piece, Segment, on_equations
 
 Integrate = Callable[[Problem, Segment], Piece]
@@ -186,6 +187,10 @@ class _Search:
         wide = segment
         if segment.shares is None and not segment.partial and len(segment.times) < _FEWEST:
             wide = _finer(segment, _FEWEST)
+        elif segment.shares is not None and not segment.partial:  # once more to an event, from far before it
+            shares = even(_FEWEST)
+            times = segment.start + shares * (segment.times[-1] - segment.start)
+            wide = replace(segment, times=np.append(times[:-1], segment.times[-1]), shares=shares)
         while True:
             piece = self.solve(self.problem, wide)
             rows = self._rows(wide, piece)
