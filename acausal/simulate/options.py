@@ -67,12 +67,13 @@ def options(
     tolerance: float | None = None,
     solver: str | None = None,
     step: float | None = None,
+    max_step: float | None = None,
     native: bool | None = None,
 ) -> Options:
     """Options from a model's experiment and what the caller overrides.
 
-    Raises UsageError: AC030 when times, tolerance or step make no sense, AC038 for a step given to a solver that
-    chooses its own.
+    Raises UsageError: AC030 when times, tolerance or steps make no sense, AC038 for a step given to a solver that
+    chooses its own, and for a largest step beside a fixed one.
     """
     start = experiment.start_time if start_time is None else _number("start_time", start_time)
     stop = experiment.stop_time if stop_time is None else _number("stop_time", stop_time)
@@ -93,7 +94,7 @@ def options(
         tolerance=experiment.tolerance if tolerance is None else _number("tolerance", tolerance),
         solver=name,
         step=steps,
-        max_step=experiment.max_step,
+        max_step=experiment.max_step if max_step is None else _number("max_step", max_step),
         native=native,
     )
     checks = (
@@ -112,6 +113,7 @@ def options(
             f"tolerance {chosen.tolerance:g} is finer than numbers of 16 digits allow: 1e-14",
         ),
         (chosen.step is None or chosen.step > 0, f"step {chosen.step} s is not positive"),
+        (chosen.max_step is None or chosen.max_step > 0, f"max_step {chosen.max_step} s is not positive"),
     )
     for holds, fact in checks:
         if not holds:
@@ -121,6 +123,12 @@ def options(
             "AC038",
             f"solver '{chosen.solver}' chooses its steps itself: a step of {chosen.step:g} s would change nothing",
             help="leave the step out and give a tolerance; rk2, rk, collocation, erk and rosenbrock take fixed steps",
+        )
+    if max_step is not None and chosen.step is not None:
+        raise UsageError(
+            "AC038",
+            f"steps of {chosen.step:g} s are fixed: a max_step of {max_step:g} s would change nothing",
+            help="leave one of them out",
         )
     return chosen
 

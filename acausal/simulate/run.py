@@ -49,6 +49,7 @@ def simulate(
     accuracy: float | None = None,
     solver: str | None = None,
     step: float | None = None,
+    max_step: float | None = None,
     parameters: Mapping[str, object] | None = None,
     inputs: Mapping[str, Any] | None = None,
     start: Mapping[str, object] | None = None,
@@ -72,6 +73,8 @@ def simulate(
         which a bench of the model finds first (`acausal.bench`; that takes many runs). A given solver is kept.
     solver
         "auto", "idas", "rosenbrock", "cvodes", "erk", "collocation", "rk" or "rk2".
+    max_step
+        No step of a solver that chooses them is longer [s]: of what comes and goes in less it must see something.
     parameters
         Values by path, numbers in SI or texts with a unit ("1 N/cm"); they never recompile a compiled model.
     inputs
@@ -101,13 +104,15 @@ def simulate(
         With a `result` attribute that holds what was computed.
     """
     times = {"start_time": start_time, "stop_time": stop_time, "output_interval": output_interval, "step": step}
-    asked: dict[str, Any] = {**times, "tolerance": tolerance, "solver": solver, "native": native}
+    asked: dict[str, Any] = {**times, "max_step": max_step, "tolerance": tolerance, "solver": solver, "native": native}
     recipe = _recipe(model, parameters)
     if recipe is not None and accuracy is None:
         chosen = options(type(recipe.model).experiment, **asked)
         return Pieces(recipe, chosen, recipe.parameters, _piece(inputs, start, chosen, force), progress).result()
     compiled = _compiled(model, parameters, outputs if recipe is None else None)
     compiled = with_starts(compiled, start) if start else compiled
+    if accuracy is not None and max_step is not None:
+        raise UsageError("AC043", "accuracy and max_step exclude each other", help="the bench chooses the steps")
     if accuracy is not None:
         own = parameters if isinstance(model, CompiledModel) else None
         run: dict[str, object] = {"start_time": start_time, "stop_time": stop_time, "parameters": own, "inputs": inputs}

@@ -122,6 +122,12 @@ def test_a_model_without_a_figure_shows_its_states() -> None:
     assert Path("Decay.png").stat().st_size > 1000
 
 
+def test_no_step_is_longer_than_asked_for() -> None:
+    """Without the bound, 10 s take 400 steps."""
+    outcome = run("simulate", "Oscillator", "--stop-time", "10", "--max-step", "2ms", "--json", "--no-output")
+    assert outcome.json["stats"]["steps"] >= 5000
+
+
 def test_fixed_step_is_taken_as_given() -> None:
     """Runge and Kutta's order 4 at 1 ms on the oscillator: error of the order (w h)^4 * w t = 1e-8 * 50."""
     outcome = run("simulate", "Oscillator", "--solver", "rk", "--step", "1ms", "--json", "--no-output")

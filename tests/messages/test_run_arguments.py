@@ -33,6 +33,10 @@ class Lag(Component):
         ({"tolerance": "fine"}, "AC030", ("tolerance = 'fine'",)),
         ({"solver": "idas", "step": 1e-3}, "AC038", ("idas", "0.001 s", "rk2")),
         ({"solver": "cvodes", "step": 1e-3}, "AC038", ("cvodes",)),
+        ({"solver": "rk", "step": 1e-3, "max_step": 1e-2}, "AC038", ("0.001 s", "0.01 s")),
+        ({"max_step": -1.0}, "AC030", ("max_step -1",)),
+        ({"max_step": "short"}, "AC030", ("max_step = 'short'",)),
+        ({"max_step": 1e-3, "accuracy": 1e-3}, "AC043", ("max_step",)),
         # no step is ever accepted: such a run did not end
         ({"tolerance": 1e-20}, "AC030", ("tolerance 1e-20", "1e-14")),
     ],

@@ -93,6 +93,7 @@ StartTime = Annotated[str | None, _time("--start-time", "Start of the run")]
 StopTime = Annotated[str | None, _time("--stop-time", "End of the run")]
 OutputInterval = Annotated[str | None, _time("--output-interval", "Time between two rows of the result")]
 Step = Annotated[str | None, _time("--step", "Size of a fixed step")]
+MaxStep = Annotated[str | None, _time("--max-step", "Longest step of a solver that chooses them")]
 Solver = Annotated[
     str | None,
     option("--solver", "auto, idas, rosenbrock, cvodes, erk, collocation, rk, rk2.", autocompletion=complete_solver),

@@ -48,6 +48,7 @@ def simulate(
     accuracy: options.Accuracy = None,
     solver: options.Solver = None,
     step: options.Step = None,
+    max_step: options.MaxStep = None,
     formulation: FormulationOption = "torn",
     native: options.Native = None,
     force: Annotated[
@@ -82,6 +83,7 @@ def simulate(
     prepared = prepare(cls, settings or (), freed or ())
     result_file, picture = _files(cls.__name__, no_output, output_file, plot, plot_file)
     asked = {"start_time": start_time, "stop_time": stop_time, "output_interval": output_interval, "step": step}
+    asked["max_step"] = max_step
     times = {name: seconds_of(name, time) for name, time in asked.items()}
     given = inputs_of(prepared.model, inputs, interpolation)
     starts = starts_of(prepared.model, start)
