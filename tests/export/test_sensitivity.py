@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import cmath
+import math
 from typing import Literal
 
 import numpy as np
@@ -263,3 +264,28 @@ def test_a_grazed_kink_is_no_event_and_is_not_refused() -> None:
     found = acausal.sensitivities(Throw(), ["depth"], ["area"], stop_time=1.7, values={"depth": 1e-11})
     assert len(found.event_times) == 0
     assert found.final[0, 0] == pytest.approx(2 * np.sqrt(2e-11 / 9.81), abs=5e-6)
+
+
+class Thrown(Component):
+    """x = t - t^2/2 comes up to 1/2 at t = 1; y is the time above h."""
+
+    h: Real = parameter(default=0.5)
+    x: Real = variable(default=fixed(0.0))
+    v: Real = variable(default=fixed(1.0))
+    y: Real = variable(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        yield der(self.x) == self.v
+        yield der(self.v) == -1.0
+        yield der(self.y) == where(self.x > self.h, 1.0, 0.0)
+
+
+@pytest.mark.parametrize("method", ["forward", "adjoint"])
+def test_what_is_passed_or_missed_by_its_error_has_no_derivative(method: Method) -> None:
+    """y = 2 sqrt(1 - 2 h) up to h = 1/2, and 0 beyond: its slope by h goes to minus infinity, and then is 0."""
+    for h in (0.5 - 1e-11, 0.5 + 1e-13):
+        with pytest.raises(ExportError, match="AC615"):
+            acausal.sensitivities(Thrown(h=h), ["h"], ["y"], stop_time=2.0, method=method)
+    for h, slope in ((0.499, -2.0 / math.sqrt(2e-3)), (0.501, 0.0)):
+        found = acausal.sensitivities(Thrown(h=h), ["h"], ["y"], stop_time=2.0, method=method)
+        assert found.final[0][0] == pytest.approx(slope, rel=1e-4)

@@ -75,6 +75,8 @@ class Kinks:
         at = points.everywhere(distance)
         above, others = np.flatnonzero(at > 0.0), np.flatnonzero(at <= 0.0)
         count = min(len(above), len(others), _LINES)
+        if not count:
+            return False
         above, others = above[:count], others[:count]
 
         def along(share: Samples) -> Samples:

@@ -16,6 +16,7 @@ from acausal.errors import UsageError, meant
 from acausal.export.forms import SENSITIVITIES, check
 from acausal.export.ports import named_outputs
 from acausal.export.sensitivity.chain import Chain
+from acausal.export.sensitivity.missed import refuse_missed
 from acausal.language.component import Component
 from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
@@ -123,6 +124,8 @@ def sensitivities(
     run = Run(compiled, opts, p, Inputs(input_vector(compiled, inputs or {})), None, traced=True)
     result = run.result()
     chain = Chain(run, chosen, wanted, tolerance)
+    assert run.hybrid is not None, "a traced run keeps its events"
+    refuse_missed(chain, run.hybrid.guards, result.time)
     asked = np.asarray(times, dtype=float)
     _check_times(asked, chain)
     final, of_times = chain.forward() if method == "forward" else chain.adjoint()

@@ -1,0 +1,97 @@
+"""Relations that a run has missed by no more than they can be wrong: with hardly other parameters they are events.
+
+What is passed so barely is refused where its event is differentiated (`Saltation`); what is missed makes no event.
+Where a guard comes down to zero and goes up again within a stretch, its lowest value is looked for: among points of the
+stretch first, and then more closely around those where a parabola through three of them comes near zero.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from acausal.arrays import Vector
+from acausal.errors import ExportError
+from acausal.export.sensitivity.chain import Chain, Stretch
+from acausal.simulate.events.guards import Guards, Moment
+
+# Points of a stretch at least, and between two of them where a guard may be lowest.
+_FEWEST, _CLOSER = 17, 16
+# A parabola is near zero where it is lower than this share of the guard beside; a guard comes from so many times as far
+# as it can be wrong, and goes there.
+_NEAR, _AWAY = 0.1, 10.0
+
+
+def refuse_missed(chain: Chain, guards: Guards, rows: Vector) -> None:
+    """Raise ExportError AC615 where a relation was missed by less than its error; `rows` are times of the run [s]."""
+    watched = chain.compiled.state_events.watched
+    for k in range(len(chain.passages)):
+        stretch = chain.stretch(k)
+        own = [
+            j for j, (relation, side) in enumerate(stretch.regime.held.owners) if side < 0 and relation not in watched
+        ]
+        if not own or stretch.end <= stretch.start:
+            continue
+        inside = rows[(rows > stretch.start) & (rows < stretch.end)]
+        if len(inside) < _FEWEST:
+            inside = np.linspace(stretch.start, stretch.end, _FEWEST + 2)[1:-1]
+        times, _, values = _along(chain, guards, stretch, inside)
+        for i, j in _turns(times, values[:, own]):
+            _refuse(
+                chain,
+                guards,
+                stretch,
+                own[j],
+                (float(times[i - 1]), float(times[i + 1])),
+                values[:, own[j]][i - 1 : i + 2],
+            )
+
+
+def _along(chain: Chain, guards: Guards, stretch: Stretch, stops: Vector) -> tuple[Vector, Vector, Vector]:
+    """Times from the start of a stretch to its end, and there all variables (n, nx + nz) and guards (n, guards)."""
+    nothing = np.zeros((chain.size, chain.count))
+    known = [(stretch.start, np.concatenate([stretch.x, stretch.z]))]
+    known += [(t, variables) for t, variables, _ in stretch.carry(stops, nothing, parameters=False)]
+    times, found = np.array([t for t, _ in known]), np.array([v for _, v in known])
+    x, z = found[:, : chain.nx].T, found[:, chain.nx :].T
+    return times, found, guards.along(times, x, z, stretch.m, stretch.regime)
+
+
+def _turns(times: Vector, values: Vector) -> Iterator[tuple[int, int]]:
+    """Rows and guards at which these are lowest, and where the parabola through three rows comes near zero."""
+    before, here, behind = values[:-2], values[1:-1], values[2:]
+    lowest = (here < before) & (here <= behind) & (here > 0.0)
+    for i, j in zip(*np.nonzero(lowest), strict=True):
+        if _vertex(times[i : i + 3], values[i : i + 3, j]) < _NEAR * min(before[i, j], behind[i, j]):
+            yield int(i) + 1, int(j)
+
+
+def _vertex(times: Vector, values: Vector) -> float:
+    """The lowest value of the parabola through three points, of which the middle one is the lowest."""
+    a, b, c = np.polyfit(times - times[1], values, 2)
+    return float(c - b * b / (4.0 * a)) if a > 0.0 else float(values[1])
+
+
+def _refuse(
+    chain: Chain, guards: Guards, stretch: Stretch, place: int, around: tuple[float, float], beside: Vector
+) -> None:
+    """Refuse a guard whose lowest value between two instants cannot be told from zero, as it can at these."""
+    stops = np.linspace(*around, 2 * _CLOSER + 1)[1:-1]
+    times, x, values = _along(chain, guards, stretch, stops)
+    near = np.flatnonzero((times > around[0]) & (times < around[1]))
+    k = int(near[np.argmin(values[near, place])])
+    at = Moment(x[k, : chain.nx], x[k, chain.nx :], stretch.m, stretch.regime)
+    noise = float(guards.rates(float(times[k]), at)[1][place])
+    low = _vertex(times[k - 1 : k + 2], values[k - 1 : k + 2, place])
+    if low > noise or min(beside[0], beside[2]) <= _AWAY * noise:
+        return
+    cause = guards.causes[stretch.regime.held.owners[place][0]]
+    raise ExportError(
+        "AC615",
+        f"sensitivities do not take {chain.compiled.name}: at t = {times[k]:.9g} s a relation is only just missed",
+        where=() if cause.where is None else (cause.where,),
+        evidence=[f"{cause.text}: nearer than {noise:.3g} in SI units, by which it may be wrong"],
+        help="a tighter tolerance where it is missed by more than the error of a run; else it is passed with hardly "
+        "other parameters: choose some by which it is passed clearly or not at all",
+    )
