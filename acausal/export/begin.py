@@ -10,7 +10,7 @@ import numpy as np
 
 from acausal.arrays import Vector
 from acausal.errors import ExportError, InitializationError
-from acausal.export.casadi.parts import NEWTON
+from acausal.export.casadi.parts import newton
 from acausal.lower.compiled import CompiledModel
 from acausal.numeric.evaluate import values
 from acausal.simulate.start.initialize import initialize
@@ -98,5 +98,6 @@ def _start_root(compiled: CompiledModel, begin: Begin, free: list[int], scale: V
             evidence=[c.text for c in compiled.start.conditions[:6]],
             help="give the start values of states with fixed(...)",
         )
-    function = ca.Function("start", [y, p], [residual], ["y", "p"], ["r"])
-    return ca.rootfinder("start", "newton", function, NEWTON)
+    function = ca.Function("start", [y, p], [residual], ["z", "q"], ["r"])
+    found = ca.DM(np.concatenate([begin.x[free], begin.z]) / scale)
+    return newton("start", function, found, ca.DM(begin.p))

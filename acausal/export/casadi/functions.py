@@ -73,7 +73,7 @@ def casadi_model(
         form = minimal_form(compiled, form, (begin.t, begin.x, begin.z, begin.u, begin.p))
         chosen = _without_bound(compiled, form, chosen, parameters)
         notes += form.notes
-    made = _functions(compiled, form)
+    made = _functions(compiled, form, begin)
     reacting = {name: getattr(reactions, name) for name in EVENT_FUNCTIONS} if reactions else {}
     timed = depends_on_time([*made.values(), *(f for n, f in reacting.items() if n in ("dae", "indicators", "round"))])
     is_timed = timed or (events and bool(compiled.n_timely or compiled.state_events.samples))
@@ -108,9 +108,10 @@ def _form(compiled: CompiledModel, wanted: Sequence[Output], begin: Begin) -> Fo
     )
 
 
-def _functions(compiled: CompiledModel, form: Form) -> dict[str, Any]:
+def _functions(compiled: CompiledModel, form: Form, begin: Begin) -> dict[str, Any]:
     """All functions but those of events, with t and all parameters."""
-    ode = ode_of(form.dae, np.array(form.z.start, dtype=float), np.array(form.z.nominal, dtype=float))
+    at = begin.t, form.x.start, begin.u, begin.p
+    ode = ode_of(form.dae, np.array(form.z.start, dtype=float), np.array(form.z.nominal, dtype=float), at)
     return {
         "dae": form.dae,
         "ode": ode,

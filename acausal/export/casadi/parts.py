@@ -10,12 +10,12 @@ import numpy as np
 
 from acausal.arrays import Vector
 
-# On variables divided by their nominal magnitude; residuals have units of their own, so the step decides.
+# On variables divided by their nominal magnitude, and residuals by `sizes`.
 NEWTON = {"abstol": 1e-14, "abstolStep": 1e-11, "max_iter": 200, "error_on_fail": True}
 
 
-def ode_of(dae: Any, z0: Vector, nominal: Vector) -> Any:
-    """`(t, x, u, p) -> (xdot, y)`; z is solved for from `z0`."""
+def ode_of(dae: Any, z0: Vector, nominal: Vector, start: Sequence[Any]) -> Any:
+    """`(t, x, u, p) -> (xdot, y)`; z is solved for from `z0`, the answer at `start = (t, x, u, p)`."""
     nz = dae.numel_in("z")
     names, results = ["t", "x", "u", "p"], ["xdot", "y"]
     kind: Any = ca.MX if nz else ca.SX
@@ -27,10 +27,25 @@ def ode_of(dae: Any, z0: Vector, nominal: Vector) -> Any:
     z, q = ca.SX.sym("z", nz), ca.SX.sym("q", 1 + x.numel() + u.numel() + p.numel())
     parts = ca.vertsplit(q, np.cumsum([0, 1, x.numel(), u.numel(), p.numel()]).tolist())
     residual = ca.Function("residual", [z, q], [dae(parts[0], parts[1], z * scale, *parts[2:])[1]], ["z", "q"], ["r"])
-    root = ca.rootfinder("algebraic", "newton", residual, NEWTON)
+    root = newton("algebraic", residual, ca.DM(z0) / scale, ca.vertcat(*map(ca.DM, start)))
     solved = root(ca.DM(z0) / scale, ca.vertcat(t, x, u, p)) * scale
     ode, _, y = dae(t, x, solved, u, p)
     return ca.Function("ode", [t, x, u, p], [ode, y], names, results)
+
+
+def newton(name: str, residual: Any, at: Any, known: Any) -> Any:
+    """Rootfinder of `(z, q) -> r`, which ends by the step or by a residual that is small beside what z makes of it.
+
+    Equations have units of their own, and one of picocoulombs is small anywhere: one that is small at z = `at` and
+    q = `known` is divided by a power of two.
+    """
+    slope = residual.factory("slope", ["z", "q"], ["jac:r:z"])(at, known)
+    reach = np.array(ca.fabs(slope) @ (1 + ca.fabs(at))).ravel()
+    is_small = np.isfinite(reach) & (reach > 0.0) & (reach < 1.0)
+    sizes = np.where(is_small, 2.0 ** np.floor(np.log2(np.where(is_small, reach, 1.0))), 1.0)
+    z, q = residual.sx_in()
+    sized = ca.Function("residual", [z, q], [residual(z, q) / ca.DM(sizes)], ["z", "q"], ["r"])
+    return ca.rootfinder(name, "newton", sized, NEWTON)
 
 
 def implicit_of(dae: Any) -> Any:

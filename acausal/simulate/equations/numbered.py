@@ -39,8 +39,8 @@ LARGEST = 1e100
 """Scaled rates and residuals beyond it are none."""
 UNIT = 2.0**20
 """How long a stretched interval is: its shortest piece is far from what SUNDIALS' interfaces take for nothing."""
-# What is left of an algebraic equation at its root, as a share of what its unknowns can make of it, and besides; and
-# the iterations to it.
+# What is left of an algebraic equation at its root, as a share of what its unknowns can make of it, and of the size of
+# its terms; and the iterations to it.
 _ROOT, _ROUNDING = 1e-8, 1e-12
 _MOST_ITERATIONS = 40
 
@@ -143,7 +143,9 @@ class Numbered:
         """`(t, x, z, [c, m, d, shift]) -> 1` where the algebraic equations hold, all scaled."""
         t, x, z, p, _, alg = self.scaled
         reach = ca.fabs(ca.jacobian(alg, z)) @ (1 + ca.fabs(z))
-        return ca.Function("is_root", [t, x, z, p], [ca.mmax(ca.fabs(alg) - _ROOT * reach) <= _ROUNDING])
+        others = ca.vertcat(t, x, p)
+        terms = reach + ca.fabs(ca.jacobian(alg, others)) @ ca.fabs(others)
+        return ca.Function("is_root", [t, x, z, p], [ca.mmax(ca.fabs(alg) - _ROOT * reach - _ROUNDING * terms) <= 0])
 
     @cached_property
     def slope(self) -> Quick:
@@ -175,14 +177,17 @@ class Numbered:
         return Quick(self._root(t, x, z, p, alg))
 
     def _root(self, t: Any, x: Any, z: Any, p: Any, alg: Any) -> Any:
-        """Rootfinder `(z0, [t, x, p]) -> z` for the scaled algebraic equations."""
+        """Rootfinder `(z0, [t, x, p]) -> z` for the scaled algebraic equations.
+
+        The step decides, and no residual: equations have units of their own, and one of picocoulombs is small anywhere.
+        """
         residual = ca.Function("residual", [z, ca.vertcat(t, x, p)], [alg], ["z", "q"], ["r"])
         return ca.rootfinder(
             "algebraic",
             "newton",
             residual,
             {
-                "abstol": 1e-13,
+                "abstol": 0.0,
                 "abstolStep": 1e-10,
                 "max_iter": _MOST_ITERATIONS,
                 "error_on_fail": False,

@@ -109,7 +109,7 @@ class Problem:
             states, numbers = x[: self.n_dynamic, k] / self.scale_x, self.vector(segment.p, x[:, k], 0.0)
             # the rates had their root from the start of the segment
             used = self._root(first, time, states, numbers)
-            if not self.numbered.quick_is_root(time, states, used, numbers)[0][0]:
+            if not self._holds(time, states, used, numbers):
                 raise RuntimeError("CONV_FAIL: the algebraic equations have no solution there")
             if not _are_close(used, here):
                 here = self._followed(before, (time, states), here, used, numbers)
@@ -122,8 +122,8 @@ class Problem:
     def _root(self, guess: Vector, t: float, states: Vector, numbers: Vector) -> Vector:
         return self.numbered.algebraic_root(guess, np.concatenate([[t], states, numbers]))[0]
 
-    def _residual(self, t: float, states: Vector, z: Vector, numbers: Vector) -> float:
-        return float(np.max(np.abs(self.numbered.quick(t, states, z, numbers, [])[1])))
+    def _holds(self, t: float, states: Vector, z: Vector, numbers: Vector) -> bool:
+        return bool(self.numbered.quick_is_root(t, states, z, numbers)[0][0])
 
     def _followed(
         self, a: tuple[float, Vector], b: tuple[float, Vector], z: Vector, end: Vector, numbers: Vector
@@ -141,10 +141,10 @@ class Problem:
         def solve(t: float, guess: Vector) -> Vector:
             return self._root(guess, t, at(t), numbers)
 
-        def residual(t: float, value: Vector) -> float:
-            return self._residual(t, at(t), value, numbers)
+        def holds(t: float, value: Vector) -> bool:
+            return self._holds(t, at(t), value, numbers)
 
-        return followed(solve, residual, ta, np.array([tb]), z)[:, 0]
+        return followed(solve, holds, ta, np.array([tb]), z)[:, 0]
 
     def follow_algebraic(self, start: float, times: Vector, x: Vector, z: Vector, p: Vector) -> Vector:
         """The same where nothing is integrated: from the values `z` at `start` along their branch; shape (nz, n)."""
@@ -153,10 +153,10 @@ class Problem:
         def solve(t: float, guess: Vector) -> Vector:
             return self._root(guess, t, np.zeros(0), numbers)
 
-        def residual(t: float, value: Vector) -> float:
-            return self._residual(t, np.zeros(0), value, numbers)
+        def holds(t: float, value: Vector) -> bool:
+            return self._holds(t, np.zeros(0), value, numbers)
 
-        return followed(solve, residual, start, times, z / self.scale_z) * self.scale_z[:, None]
+        return followed(solve, holds, start, times, z / self.scale_z) * self.scale_z[:, None]
 
 
 def _are_close(a: Vector, b: Vector) -> bool:
@@ -165,20 +165,21 @@ def _are_close(a: Vector, b: Vector) -> bool:
 
 # Largest distance between prediction and solution, in nominal magnitudes; below a tenth of it steps grow.
 CLOSE = 0.02
-_ZERO = 1e-9
 _SMALLEST = 1e-9
+# Steps of the smallest size that are taken without Newton's method: branches cross at points, not along stretches.
+_CROSSED = 100
 
 
 def followed(
     solve: Callable[[float, Vector], Vector],
-    residual: Callable[[float, Vector], float],
+    holds: Callable[[float, Vector], bool],
     start: float,
     times: Vector,
     z: Vector,
 ) -> Vector:
     """The solution at `times`, shape (nz, n), from its value `z` at `start`.
 
-    `solve(t, guess)` gives a solution, `residual(t, z)` the largest one.
+    `solve(t, guess)` gives a solution, `holds(t, z)` says whether z is one.
 
     Raises RuntimeError where the branch ends.
     """
@@ -186,7 +187,7 @@ def followed(
     past: list[tuple[float, Vector]] = [(start, z)]
     span = float(times[-1]) - start
     step = (float(times[0]) - start) / 4
-    here = start
+    here, crossed = start, 0
     for k, wanted in enumerate(times):
         while here < wanted:
             to = min(here + step, float(wanted))
@@ -195,11 +196,12 @@ def followed(
             guess = _extrapolated(past, to)
             value = solve(to, guess)
             off = float(np.max(np.abs(value - guess) / (1.0 + np.abs(guess)), initial=0.0))
-            if not (off <= CLOSE and residual(to, value) <= _ZERO):  # nan is not good either
+            if not (off <= CLOSE and holds(to, value)):  # nan is not good either
                 if to - here > _SMALLEST * span:
                     step = (to - here) / 4
                     continue
-                if not residual(to, guess) <= _ZERO:
+                crossed += 1
+                if not holds(to, guess) or crossed > _CROSSED:
                     raise RuntimeError(f"CONV_FAIL: the algebraic variables end at t = {here:g}")
                 value = guess  # where branches cross, Newton's method knows nothing of where it came from
             if to - past[-1][0] >= 0.1 * step or len(past) < 3:

@@ -217,7 +217,7 @@ def _common_null(jacobians: Sequence[Any]) -> tuple[Vector, Vector] | None:
         if matrix.shape[0] != matrix.shape[1] or not np.isfinite(matrix).all() or not len(matrix):
             return None
         size = np.max(np.abs(matrix), axis=1, keepdims=True)
-        u, s, vt = np.linalg.svd(matrix / np.where(size > _ROUNDING, size, 1.0))
+        u, s, vt = np.linalg.svd(matrix / np.where(size > _ROUNDING * min(1.0, size.max()), size, 1.0))
         if s[-1] > 1e-11 * max(s[0], 1e-300):
             return None
         found = found or (u[:, -1], vt[-1])

@@ -282,11 +282,10 @@ def _defaulted(compiled: CompiledModel, x: Vector) -> tuple[str, ...]:
     )
 
 
-def _last_step(residual: Any, y: Vector) -> float:
+def _last_step(matrix: Vector, residual: Vector, y: Vector) -> float:
     """Length of the Newton step that is left at `y`, relative to its entries; infinite where there is none."""
-    matrix = np.array(residual.factory("slope", ["y"], ["jac:r:y"])(y))
     try:
-        step = np.linalg.solve(matrix, np.array(residual(y)).ravel())
+        step = np.linalg.solve(matrix, residual)
     except np.linalg.LinAlgError:
         return np.inf
     length = float(np.max(np.abs(step) / (1.0 + np.abs(y))))
@@ -336,7 +335,7 @@ class _System:
         if residual.numel_out(0) != len(y0):
             return None
         settings = {
-            "abstol": 1e-13,
+            "abstol": 0.0,  # equations have units of their own, and one of picocoulombs is small anywhere: steps decide
             "abstolStep": 1e-11,
             "max_iter": 400,
             "error_on_fail": False,
@@ -346,15 +345,17 @@ class _System:
             found = np.array(ca.rootfinder("start", "newton", residual, settings)(y0)).ravel()
         except RuntimeError:
             return None
-        at = np.abs(np.array(residual(found)).ravel())
+        off = np.array(residual(found)).ravel()
+        at = np.abs(off)
         good = np.isfinite(found).all() and np.isfinite(at).all()
         if not good:
             return None
-        size = 1.0 + np.abs(np.array(residual(y0)).ravel())
+        matrix = np.array(residual.factory("slope", ["y"], ["jac:r:y"])(found))
+        size = np.abs(matrix) @ (1.0 + np.abs(found)) + np.abs(np.array(residual(y0)).ravel())
         if (at <= 1e-8 * np.nan_to_num(size, nan=1.0)).all():
             return found
         # Large terms that cancel, a stiff spring over a long way, leave more than that by rounding alone.
-        return found if _last_step(residual, found) <= 1e-10 else None
+        return found if _last_step(matrix, off, found) <= 1e-10 else None
 
     def _by_blocks(self, y0: Vector) -> Vector | None:
         """Newton's method on one block of the triangular form after the other, each with what is known by then.

@@ -145,5 +145,12 @@ def _at(conditions: Conditions, x: Vector, free: list[int], scale: Vector) -> tu
     """Conditions and their slopes by the scaled free states, each row by its size."""
     values, slope = conditions(x)
     slope = slope[:, free] * scale
-    size = np.maximum(np.linalg.norm(slope, axis=1), 1e-3)
+    size = sizes_of(slope)
     return values / size, slope / size[:, None]
+
+
+def sizes_of(slope: Vector) -> Vector:
+    """Sizes of conditions, by the rows of their slope: a row much smaller than others may be rounding."""
+    length = np.linalg.norm(slope, axis=1)
+    least = 1e-3 * min(1.0, float(length.max(initial=0.0)) or 1.0)
+    return np.asarray(np.maximum(length, least))

@@ -14,7 +14,8 @@ from acausal.lower.compiled import CompiledModel
 from acausal.lower.symbols import Symbols
 from acausal.simulate.equations.calls.quick import Quick
 
-# Steps, relative to the unknowns, and residuals, relative to those at the guesses, that end the search.
+# Steps, relative to the unknowns, and residuals, relative to those at the guesses and what unknowns can make of them,
+# that end the search.
 _CONVERGED, _SATISFIED = 1e-11, 1e-8
 
 
@@ -66,10 +67,10 @@ class Newton:
     ) -> tuple[Vector, Vector] | None:
         """States and algebraic variables, from those given; None when that takes more than so many steps."""
         x, z, places = x.copy(), z.copy(), list(self.free)
-        allowed: Vector | None = None
+        first: Vector | None = None
         for _ in range(most):
             change, residual = self._quick(t, x, z, u, p, m)
-            allowed = _SATISFIED * (1.0 + np.abs(residual)) if allowed is None else allowed
+            first = np.abs(residual) if first is None else first
             x[places] -= change[: len(places)]
             z -= change[len(places) :]
             here = np.abs(np.concatenate([x[places], z]))
@@ -77,6 +78,7 @@ class Newton:
                 return None
             if (np.abs(change) <= _CONVERGED * (self.scale + here)).all():
                 # a singular matrix makes steps that are so long that any other is short beside them
-                satisfied = np.abs(self._quick(t, x, z, u, p, m)[1]) <= allowed
-                return (x, z) if satisfied.all() else None
+                slope = np.abs(self.quick_slope(t, x, z, u, p, m)[0]).reshape(len(residual), -1)
+                allowed = _SATISFIED * (first + slope @ (1.0 + here / self.scale))
+                return (x, z) if (np.abs(self._quick(t, x, z, u, p, m)[1]) <= allowed).all() else None
         return None

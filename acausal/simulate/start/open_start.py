@@ -26,7 +26,7 @@ from acausal.lower.build import Builder
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.symbols import Symbols
 from acausal.simulate.equations.calls.quick import Quick
-from acausal.simulate.start.nearest import shortest
+from acausal.simulate.start.nearest import shortest, sizes_of
 
 _MOST = 400  # unknowns: matrices are dense
 _RANK = 1e-9  # smallest singular value that counts, by the largest
@@ -145,7 +145,7 @@ class OpenStart:
             values, slope, *_ = self.functions(*point)
             misses, by = self.hints(*point)
             slope, by = (part.reshape(-1, len(y))[:, free] * scale[free] for part in (slope, by))
-            size = np.maximum(np.linalg.norm(slope, axis=1), 1e-3)
+            size = sizes_of(slope)
             return values / size, slope / size[:, None], misses, by
 
         y, merit = np.concatenate([x[places], z]), np.inf
@@ -228,7 +228,7 @@ class OpenStart:
     def _chosen(self, slope: Vector, led: Vector) -> list[int] | None:
         """Candidates that together move with everything that the conditions leave open."""
         length = np.linalg.norm(slope, axis=1)
-        size = np.where(length > _ROUNDING, length, 1.0)[:, None]
+        size = np.where(length > _ROUNDING * min(1.0, length.max(initial=0.0)), length, 1.0)[:, None]
         if not (np.isfinite(slope).all() and np.isfinite(led).all()):
             return None
         count = slope.shape[1]
