@@ -7,7 +7,7 @@ import math
 import pytest
 
 import acausal
-from acausal import Component, Equations, Real, atan, der, fixed, guess, homotopy, parameter, sin, variable
+from acausal import Component, Equations, Real, atan, der, fixed, guess, homotopy, parameter, sin, structural, variable
 from acausal.errors import InitializationError
 from acausal.result.result import Result
 
@@ -182,3 +182,34 @@ def test_no_start(model: Component, code: str) -> None:
     with pytest.raises(InitializationError) as caught:
         start(model)
     assert caught.value.code == code
+
+
+class Released(Component):
+    """A point mass on a circle, at rest below the horizontal; `order` says how its three conditions are written."""
+
+    order: tuple[int, ...] = structural(default=(0, 1, 2))
+    x: Real = variable()
+    y: Real = variable()
+    vx: Real = variable()
+    vy: Real = variable()
+    pull: Real = variable()
+
+    def equations(self) -> Equations:
+        yield der(self.x) == self.vx
+        yield der(self.y) == self.vy
+        yield der(self.vx) == -self.pull * self.x
+        yield der(self.vy) == -self.pull * self.y - 9.81
+        yield self.x**2 + self.y**2 == 1.0
+
+    def initial_equations(self) -> Equations:
+        conditions = [self.x == 0.8, self.y == -0.6, self.vx == 0.0]
+        for k in self.order:
+            yield conditions[k]
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2), (1, 0, 2), (2, 1, 0), (2, 0, 1)])
+def test_a_condition_too_many_chooses_between_roots(order: tuple[int, ...]) -> None:
+    """x = 0.8 and the circle leave y = 0.6 and -0.6; the third condition is no contradiction, in whatever order."""
+    run = acausal.simulate(Released(order=order), stop_time=0.1)
+    assert run["y"][0] == pytest.approx(-0.6, abs=1e-12)
+    assert run["vy"][0] == pytest.approx(0.0, abs=1e-12)

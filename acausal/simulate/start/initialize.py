@@ -138,11 +138,14 @@ def _initialized(
     opened = _opened(compiled, t, guess, (x, z), u, p, m, set(assigned), lost or bool(left))
     if opened is not None:
         return replace(opened, notes=left) if left else opened
-    if failure is not None:
-        start = _nearest(compiled, t, x, z, u, p, m, set(assigned))
-        if start is None:
+    if failure is not None or _is_off(compiled, t, x, z, u, p, m):
+        # of two roots Newton's method has taken the one that a condition it was not given excludes
+        start = _nearest(compiled, t, *guess, u, p, m, set(assigned)) if failure is None else None
+        start = start or _nearest(compiled, t, x, z, u, p, m, set(assigned))
+        if start is None and failure is not None:
             raise failure
-        return start
+        if start is not None:
+            return start
     _check_defined(compiled, t, x, z, u, p, m)
     return Start(x, z, notes + left)
 
@@ -199,8 +202,9 @@ def _is_off(compiled: CompiledModel, t: float, x: Vector, z: Vector, u: Vector, 
 def _nearest(
     compiled: CompiledModel, t: float, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector, held: set[int]
 ) -> Start | None:
-    """The start nearest to the guesses, where the conditions leave states open; None where they do not, or none is."""
-    if not compiled.start.defaulted:
+    """The start nearest to the guesses in which all conditions hold, where they leave states open, or say more than
+    enough; None where they do not, or none is."""
+    if not (compiled.start.defaulted or compiled.start.surplus):
         return None
     near = nearest_start(compiled, t, x, z, u, p, m, held)
     if near is None:
@@ -208,8 +212,9 @@ def _nearest(
     count = counted(len(compiled.start.defaulted), "start value")
     moved = [f"{n} = {v:g}" for n, v, g in zip(compiled.states, near, x, strict=True) if v != g]
     note = f"{count} not given; taken, nearest to the guesses: {listed(moved, 6)}  (say so with fixed(...))"
+    notes = (note,) if compiled.start.defaulted else ()
     try:
-        return consistent(compiled, t, Start(near, z, (note,)), p, u, m)
+        return consistent(compiled, t, Start(near, z, notes), p, u, m)
     except InitializationError:
         return None
 
