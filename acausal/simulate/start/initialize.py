@@ -355,12 +355,13 @@ class _System:
         good = np.isfinite(found).all() and np.isfinite(at).all()
         if not good:
             return None
-        matrix = np.array(residual.factory("slope", ["y"], ["jac:r:y"])(found))
-        size = np.abs(matrix) @ (1.0 + np.abs(found)) + np.abs(np.array(residual(y0)).ravel())
+        matrix = residual.factory("slope", ["y"], ["jac:r:y"])(found)
+        # unknowns that a singular matrix has driven far off would make any residual small: those at the guesses count
+        size = np.array(ca.fabs(matrix) @ (1.0 + np.abs(y0)) + ca.fabs(residual(y0))).ravel()
         if (at <= 1e-8 * np.nan_to_num(size, nan=1.0)).all():
             return found
         # Large terms that cancel, a stiff spring over a long way, leave more than that by rounding alone.
-        return found if _last_step(matrix, off, found) <= 1e-10 else None
+        return found if _last_step(np.array(matrix), off, found) <= 1e-10 else None
 
     def _by_blocks(self, y0: Vector) -> Vector | None:
         """Newton's method on one block of the triangular form after the other, each with what is known by then.

@@ -28,7 +28,7 @@ class Newton:
     # `-> d residual / d y` of the start conditions (where states are free) and the algebraic equations, y in its
     # nominal magnitudes.
     slope: Any
-    step: Any  # `-> (y - root, residual)`, the first to first order
+    step: Any  # `-> (y - root, residual, size of the rows of the slope)`, the first to first order
 
     @cached_property
     def quick_slope(self) -> Quick:
@@ -53,7 +53,8 @@ class Newton:
         value, matrix = parts(*arguments)
         try:
             change = ca.DM(scale) * ca.solve(matrix, value, "qr")
-            step = ca.Function("newton_step", arguments, [ca.densify(change), value])
+            sizes = ca.fabs(matrix) @ ca.DM.ones(len(scale))
+            step = ca.Function("newton_step", arguments, [ca.densify(change), value, ca.densify(sizes)])
         except RuntimeError:  # structurally singular
             return None
         return cls(free, scale, ca.Function("slope", s.inputs, [slope]), step)
@@ -69,7 +70,7 @@ class Newton:
         x, z, places = x.copy(), z.copy(), list(self.free)
         first: Vector | None = None
         for _ in range(most):
-            change, residual = self._quick(t, x, z, u, p, m)
+            change, residual, _ = self._quick(t, x, z, u, p, m)
             first = np.abs(residual) if first is None else first
             x[places] -= change[: len(places)]
             z -= change[len(places) :]
@@ -78,7 +79,6 @@ class Newton:
                 return None
             if (np.abs(change) <= _CONVERGED * (self.scale + here)).all():
                 # a singular matrix makes steps that are so long that any other is short beside them
-                slope = np.abs(self.quick_slope(t, x, z, u, p, m)[0]).reshape(len(residual), -1)
-                allowed = _SATISFIED * (first + slope @ (1.0 + here / self.scale))
-                return (x, z) if (np.abs(self._quick(t, x, z, u, p, m)[1]) <= allowed).all() else None
+                _, left, sizes = self._quick(t, x, z, u, p, m)
+                return (x, z) if (np.abs(left) <= _SATISFIED * (first + sizes)).all() else None
         return None
