@@ -19,6 +19,7 @@ from acausal.export.step.methods import Method
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.events.round import Round
 from acausal.lower.symbols import Symbols
+from acausal.simulate.events.guards import LEAST
 
 # States are taken to be known to this share of their values or nominal magnitudes where relations are judged.
 _KNOWN = 1e-9
@@ -163,7 +164,7 @@ class Settling:
         own, noise, by_z, alg, alg_z = self.compiled.events.rates(t, x, z, u, p, m, *errors)
         if z.numel():
             own = own - by_z @ ca.solve(ca.sparsify(alg_z), alg)
-        return own, noise + 1e-15
+        return own, ca.if_else(noise == 0, LEAST, noise)
 
 
 def _places(part: slice) -> range:

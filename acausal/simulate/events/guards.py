@@ -20,6 +20,9 @@ from acausal.simulate.tolerances import Tolerances
 INSTANT = 1e-12
 # So many instants late a mode may begin: its guards are behind zero then, by more than their noise.
 LATE = 100
+# What rounding makes of guards that no error moves. Of all others it would be no small number where they are
+# picocoulombs.
+LEAST = 1e-15
 # What rounding makes of loads.
 _ROUNDED = 1e-13
 # Guards are located to this share of the noise.
@@ -111,8 +114,8 @@ class Guards:
             near = noise > np.abs(self.distances(t, at) if distances is None else distances)
             if near.any():
                 noise[near] = np.minimum(noise[near], self._relaxed(t, at, errors[0], np.flatnonzero(near)))
-        # never quite nothing: values are rounded, and instants are found to rounding only
-        noise += 1e-15 + np.abs(own) * (INSTANT * max(self.span, abs(t)))
+        noise += np.abs(own) * (INSTANT * max(self.span, abs(t)))  # instants are found to rounding only
+        noise[noise == 0.0] = LEAST
         if self._shared:
             # an element that carries its limit beside others that are stuck is at its guard but for rounding of loads
             noise += _ROUNDED * (1.0 + np.abs(at.z).max())
@@ -137,7 +140,8 @@ class Guards:
                 here, which = Moment(x[k], at.z, at.m, at.regime), near[k]
                 least = self._relaxed(float(times[k]), here, error[k], np.flatnonzero(which))
                 noises[k, which] = np.minimum(noises[k, which], least)
-        noises += 1e-15 + np.abs(rates) * (INSTANT * np.maximum(self.span, np.abs(times)))[:, None]
+        noises += np.abs(rates) * (INSTANT * np.maximum(self.span, np.abs(times)))[:, None]
+        noises[noises == 0.0] = LEAST
         return distances, rates, _finite(noises)
 
     def _relaxed(self, t: float, at: Moment, error: Vector, near: NDArray[np.intp]) -> Vector:

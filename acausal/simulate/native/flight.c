@@ -175,7 +175,8 @@ static int rates_at(const struct flight* s, struct space* o, double t, const dou
   (void) g;
 #endif
   for (k = 0; k < s->relations; ++k) {
-    o->noise[k] += 1e-15 + fabs(o->rate[k]) * instant;
+    o->noise[k] += fabs(o->rate[k]) * instant;
+    if (o->noise[k] == 0) o->noise[k] = 1e-15; /* no error moves it, and it is rounded */
     if (!isfinite(o->noise[k])) return UNUSUAL;
   }
   if (same) {
