@@ -78,7 +78,7 @@ def test_factors_of_relations_change_no_exported_step(c: float) -> None:
     names = [port.name for port in step.p]
     found = []
     for factor in (1.0, c):
-        x, p = np.array(step.x.start), np.array(step.p.start)
+        x, y, p = np.array(step.x.start), np.zeros(0), np.array(step.p.start)
         p[names.index("c")] = factor
         for _ in range(2000):
             x, y = (np.array(part).ravel() for part in step.function(x, [], p))
