@@ -69,6 +69,7 @@ class Builder:
         self.done: dict[int, Any] = dict(modes)
         self.homotopy: Any = None  # 0 at the simplified, 1 at the actual side of homotopy(...); None means 1
         self.windows: list[Any] = []  # modes of each delay
+        self.changes: Mapping[int, Callable[[list[Any]], Any]] = {}  # nodes that are something else of their operands
         self.blend = False  # whether `where` takes conditions between 0 and 1: a mean of its values (sliding modes)
         self._values: Any = ca.SX(0, 1)  # with room to grow, else each column would copy all before it
         self._filled = 0
@@ -108,6 +109,9 @@ class Builder:
     def _lower(self, roots: Sequence[int]) -> None:
         levels, operands = self._levels(roots)
         for (_, op), members in sorted(levels.items()):
+            for number in [n for n in members if n in self.changes]:
+                self.done[number] = self.changes[number]([self._scalar(c) for c in operands[number]])
+                members.remove(number)
             if op in LEAVES:
                 self._leaves(op, members)
             elif isinstance(op, Delayed):

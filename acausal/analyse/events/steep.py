@@ -37,12 +37,14 @@ class Steep:
 
     That is "tanh", "atan", "exp", or the exponent of a power; roots and denominators are powers. `middles` are nodes
     that are zero where something happens: of a step its argument, of an argument that is even in w this w; each with
-    the place of its argument.
+    the place of its argument. `functions` are the nodes of the functions, in evaluation order, each with the places of
+    its arguments: what it is multiplied by may be zero while a relation is false.
     """
 
     arguments: tuple[int, ...] = ()
     kinds: tuple[str | float, ...] = ()
     middles: tuple[tuple[int, int], ...] = ()
+    functions: tuple[tuple[int, tuple[int, ...]], ...] = ()
 
 
 class Moving:
@@ -65,7 +67,8 @@ class Moving:
 
 def steep(pool: Pool, points: SamplePoints, reachable: Iterable[int], moves: Callable[[int], bool]) -> Steep:
     """Those among the `reachable` nodes, in evaluation order, whose argument `moves` between events."""
-    found: dict[tuple[int, str | float], None] = {}
+    found: dict[tuple[int, str | float], int] = {}
+    functions: list[tuple[int, tuple[int, ...]]] = []
     candidates = [(n, a) for n, a in _arguments(pool, reachable) if moves(a)]  # few: most divide by parameters
     below = pool.reachable(a for _, a in candidates)
     has_floor = _floors(pool, below, moves)
@@ -91,13 +94,14 @@ def steep(pool: Pool, points: SamplePoints, reachable: Iterable[int], moves: Cal
             if exponent >= _LARGE or (exponent < 1.0 and is_valley(argument)):
                 kind = exponent
         if kind is not None:
-            found |= dict.fromkeys((n, kind) for n in _behind_kinks(pool, argument, moves))
+            places = [found.setdefault((n, kind), len(found)) for n in _behind_kinks(pool, argument, moves)]
+            functions.append((number, tuple(places)))
     middles = [
         (w, place)
         for place, (argument, kind) in enumerate(found)
         for w in ([argument] if kind in STEPS else _evens(pool, argument, moves))
     ]
-    return Steep(tuple(n for n, _ in found), tuple(kind for _, kind in found), tuple(middles))
+    return Steep(tuple(n for n, _ in found), tuple(kind for _, kind in found), tuple(middles), tuple(functions))
 
 
 def _arguments(pool: Pool, reachable: Iterable[int]) -> Iterator[tuple[int, int]]:

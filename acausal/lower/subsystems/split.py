@@ -156,10 +156,12 @@ class _Whole:
         """The steep functions of the whole that are in the group, by places in the extract."""
         whole, place = self.compiled.narrow, {n: k for k, n in enumerate(e.nodes)}
         own = [j for j, n in enumerate(whole.arguments) if n in place]
+        number = {j: k for k, j in enumerate(own)}
         return Steep(
             tuple(place[whole.arguments[j]] for j in own),
             tuple(whole.kinds[j] for j in own),
-            tuple((place[w], own.index(j)) for w, j in whole.middles if j in own),
+            tuple((place[w], number[j]) for w, j in whole.middles if j in number),
+            tuple((place[n], tuple(number[j] for j in places)) for n, places in whole.functions if n in place),
         )
 
     def timely(self, e: Extract) -> tuple[list[int], list[int], list[int]]:
@@ -239,6 +241,7 @@ class _Kind:
         )
         narrow = whole.steep(e)
         middles = tuple((self.node[k], owner) for k, owner in narrow.middles)
+        functions = tuple((self.node[k], places) for k, places in narrow.functions)
         shell = CompiledModel(
             compiled.name,
             solution,
@@ -251,7 +254,7 @@ class _Kind:
             None,
             None,
             state_events=self._events(e, whole, node),
-            steep=Steep(tuple(self.node[k] for k in narrow.arguments), narrow.kinds, middles),
+            steep=Steep(tuple(self.node[k] for k in narrow.arguments), narrow.kinds, middles, functions),
         )
         own = with_functions(shell)
         own.__dict__["nominal_x"] = compiled.nominal_x[list(whole.group.states)]

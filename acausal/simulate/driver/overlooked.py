@@ -69,18 +69,24 @@ class Overlooked:
 
     def __call__(self, problem: Problem, segment: Segment) -> Piece:
         """The solution at the times of a segment; RuntimeError when the solver cannot go on."""
-        known = arguments(problem.compiled) if problem.n_dynamic and segment.step is None else None
-        if known is None:
-            return self.solve(problem, segment)
-        return _Search(self.solve, self.skip, problem, known).integrated(segment)
+        search = self._search(problem, segment)
+        return self.solve(problem, segment) if search is None else search.integrated(segment)
 
     def clears(self, problem: Problem, segment: Segment, piece: Piece) -> bool:
         """Whether a solution that was found at the times of a segment has passed over nothing, as far as its rows tell.
 
         That of a solver which stops at events by itself: what is not cleared is found again by one that does not.
         """
+        search = self._search(problem, segment)
+        return search is None or search.is_clear(segment, piece)
+
+    def _search(self, problem: Problem, segment: Segment) -> _Search | None:
+        """None where nothing steep has an effect."""
         known = arguments(problem.compiled) if problem.n_dynamic and segment.step is None else None
-        return known is None or _Search(self.solve, self.skip, problem, known).is_clear(segment, piece)
+        if known is None:
+            return None
+        awake = known.awake(segment.p)
+        return _Search(self.solve, self.skip, problem, known, awake) if awake.any() else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,6 +109,7 @@ class _Search:
     skip: Callable[[float], None]
     problem: Problem
     known: Arguments
+    awake: Truth
 
     @property
     def _most(self) -> int:
@@ -133,19 +140,27 @@ class _Search:
         if len(rows.times) < 2:
             return True
         if len(rows.times) < _FEWEST:
-            if steps > _RESOLVED * len(rows.times):
-                return False
-            return not self.known.are_steep(self._by_rates(segment, rows)).any()
+            if steps <= _RESOLVED * len(rows.times) and not self._are_steep(self._by_rates(segment, rows)).any():
+                return True
+            return self._is_found_again(segment, piece)
         if not rows.is_steep.any():
             return True
         if steps > self._most or not self._are_resolved(segment, rows):
-            return False
+            return self._is_found_again(segment, piece)
         places, doubt = self._places(segment, rows, steps)
         if doubt.any() and len(rows.times) < steps:
-            return False
+            return self._is_found_again(segment, piece)
         return all(
             self._again(segment, rows, *suspect) is None for suspect in self._suspects(segment, rows, places, doubt)
         )
+
+    def _is_found_again(self, segment: Segment, piece: Piece) -> bool:
+        """Whether a solution with more rows leads to the same end, and has passed over nothing."""
+        try:
+            again, done = self._part(replace(segment, shares=None, partial=False, patience=None), np.inf)
+        except RuntimeError:
+            return False
+        return done is None and not again.stopped and self._is_same(segment, again.x[:, -1], piece.x[:, -1])
 
     def _part(self, segment: Segment, reach: float) -> tuple[Piece, tuple[float, Vector, Vector, float] | None]:
         """Rows of a segment up to the first that may be wrong, or up to `reach`; where it goes on, and how far."""
@@ -221,7 +236,10 @@ class _Search:
         x, z = np.column_stack([segment.x, piece.x]), np.column_stack([segment.z, piece.z])
         times, x, z = times[keep], x[:, keep], z[:, keep]
         values = self._values(segment, times, x, z)
-        return _Rows(times, x, z, values, self.known.are_steep(values))
+        return _Rows(times, x, z, values, self._are_steep(values))
+
+    def _are_steep(self, values: Vector) -> Truth:
+        return np.asarray(self.known.are_steep(values) & self.awake)
 
     def _values(self, segment: Segment, times: Vector, x: Vector, z: Vector) -> Vector:
         p = self.problem

@@ -1,0 +1,110 @@
+"""Steep functions that a relation, a kink or a clause switches on: searched while they count, and only then.
+
+Law: a pulse of height one and width w adds sqrt(pi) w times what it is multiplied by where the gate is open, and
+nothing where it is closed; in every solver, and whatever the gate is made of.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import acausal
+from acausal import (
+    Component,
+    Equations,
+    Expr,
+    Real,
+    der,
+    discrete,
+    exp,
+    fixed,
+    maximum,
+    minimum,
+    no_event,
+    parameter,
+    pre,
+    reset,
+    sqrt,
+    structural,
+    variable,
+    when,
+    where,
+)
+from acausal.simulate.equations.arguments import arguments
+
+OPENS, W = 40.0, 0.01
+# What multiplies a pulse F at s, and that factor at an instant behind the opening.
+GATES: dict[str, tuple[Callable[[Any, Expr, Expr], Any], Callable[[float], float]]] = {
+    "relation": (lambda m, s, f: where(s > OPENS, f, 0.0), lambda s: 1.0),
+    "other side": (lambda m, s, f: where(s <= OPENS, 0.0, f), lambda s: 1.0),
+    "factor": (lambda m, s, f: where(s > OPENS, 2.0, 0.0) * f, lambda s: 2.0),
+    "maximum": (lambda m, s, f: maximum(s - OPENS, 0.0) * f, lambda s: s - OPENS),
+    "minimum": (lambda m, s, f: minimum(OPENS - s, 0.0) * f, lambda s: OPENS - s),
+    "power": (lambda m, s, f: maximum(s - OPENS, 0.0) ** 1.5 * f, lambda s: (s - OPENS) ** 1.5),
+    "no event": (lambda m, s, f: where(no_event(s > OPENS), f, 0.0), lambda s: 1.0),
+    "no event, other side": (lambda m, s, f: where(no_event(s <= OPENS), 0.0, f), lambda s: 1.0),
+    "clause": (lambda m, s, f: m.on * f, lambda s: 1.0),
+    "two": (lambda m, s, f: where(s > OPENS, maximum(s - 20.0, 0.0), 0.0) * f, lambda s: s - 20.0),
+    "inside": (lambda m, s, f: where(s > OPENS, sqrt(1e-300 + f * f), 0.0), lambda s: 1.0),
+}
+
+
+class Gated(Component):
+    """y' is a pulse around s = c, with s = t, behind a gate that opens at s = 40."""
+
+    gate: str = structural(default="relation")
+    c: Real = parameter(default=50.0)
+    s: Real = variable(default=fixed(0.0))
+    y: Real = variable(default=fixed(0.0))
+    pulse: Real = variable()
+    on: Real = discrete(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        yield der(self.s) == 1.0
+        yield when(self.s > OPENS, reset(self.on, pre(self.on) + 1.0))
+        yield self.pulse == exp(-(((self.s - self.c) / W) ** 2))
+        yield der(self.y) == GATES[self.gate][0](self, self.s, self.pulse)
+
+
+@pytest.mark.parametrize("gate", GATES)
+@pytest.mark.parametrize("solver", ["rosenbrock", "erk", "idas", "cvodes"])
+def test_a_pulse_behind_a_gate_counts_where_this_is_open(solver: str, gate: str) -> None:
+    for c in (17.3, 61.9):
+        found = acausal.simulate(Gated(gate=gate, c=c), stop_time=100.0, solver=solver, tolerance=1e-8)["y"][-1]
+        factor = GATES[gate][1](c) if c > OPENS else 0.0
+        assert found == pytest.approx(factor * W * math.sqrt(math.pi), rel=1e-4, abs=1e-9)
+
+
+@pytest.mark.parametrize("gate", [g for g in GATES if g != "clause"])
+def test_nothing_is_searched_behind_a_closed_gate(gate: str) -> None:
+    compiled = acausal.compile(Gated(gate=gate))
+    known = arguments(compiled)
+    assert known is not None
+    modes = [compiled.all_modes(0.0, [s, 0.0, 0.0], [], [], [50.0]) for s in (0.0, 45.0)]
+    closed, opened = (known.awake(np.array(m).ravel()) for m in modes)
+    assert not closed.any()
+    assert opened.any()
+
+
+class Turned(Component):
+    """A rate behind `gate` whose friction holds another steep function inside its own."""
+
+    mu: Real = parameter(default=0.3)
+    v: Real = variable(default=fixed(1.0))
+
+    def equations(self) -> Equations:
+        speed = sqrt(self.v * self.v + 1e-18)
+        yield der(self.v) == where(self.v > 0.5, -self.v / speed * exp(-((speed - 0.75) ** 2) / 1e-4), -1.0)
+
+
+def test_what_is_inside_of_another_function_is_awake_with_it() -> None:
+    known = arguments(compiled := acausal.compile(Turned()))
+    assert known is not None
+    on, off = (np.array(compiled.all_modes(0.0, [v], [], [], [0.3])).ravel() for v in (0.8, 0.2))
+    assert known.awake(on).all()
+    assert not known.awake(off).any()
