@@ -8,7 +8,7 @@ says what that is). A flight ends before such an event, and the next one starts 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -23,10 +23,13 @@ from acausal.simulate.native.flight import FlightProgram, FlightStructure
 from acausal.simulate.native.policy import Library
 from acausal.simulate.record.record import Recorder
 from acausal.simulate.solvers import Solver
-from acausal.simulate.solvers.base import Segment, counted, growth
+from acausal.simulate.solvers.base import Piece, Segment, counted, growth
 
 Explain = Callable[[list[int], list[int]], tuple[Cause, ...]]
+Clears = Callable[[Segment, Piece], bool]
 _MOST_EVENTS = 1024
+# Looks of a stretch, on average (`flight.c`).
+_LOOKS = 8
 _ACTS = 16
 # Rounds with actions in one flight that is traced.
 _MOST_JUMPS = 4 * _MOST_EVENTS
@@ -76,7 +79,7 @@ class Flight:
     """The flights of one run.
 
     `explain` says what the relations and clauses with these numbers are; `bounces` is kept up to date. A run that is
-    traced has a `trace`, which gets every event.
+    traced has a `trace`, which gets every event. What `clears` does not clear of a flight is not taken from it.
     """
 
     def __init__(
@@ -89,9 +92,10 @@ class Flight:
         bounces: Bounces | None = None,
         explain: Explain = lambda relations, clauses: (),
         trace: Callable[[Passed], None] | None = None,
+        clears: Clears | None = None,
     ) -> None:
         self.problem, self.recorder, self.schedule, self.template = problem, recorder, schedule, template
-        self.span, self.bounces, self.explain, self.trace = span, bounces, explain, trace
+        self.span, self.bounces, self.explain, self.trace, self.clears = span, bounces, explain, trace, clears
         compiled = problem.compiled
         self._vain = 0
         self._states = compiled.states
@@ -109,6 +113,10 @@ class Flight:
         self.jump_x, self.jump_m = np.empty((most, len(compiled.states))), np.empty((most, compiled.n_modes))
         self.jump_applied = np.empty((most, sum(len(c.actions) for c in compiled.state_events.clauses)))
         self.jump_advances, self.jumps_end = np.empty(most, dtype=np.int64), np.zeros(_MOST_EVENTS, dtype=np.int64)
+        kept = 0 if clears is None else rows + _LOOKS * _MOST_EVENTS
+        self.trail_time, self.trail_x = np.empty(kept), np.empty((kept, len(compiled.states)))
+        each = min(kept, _MOST_EVENTS + 1)
+        self.trail_end, self.stretch_steps, self.stretch_events = (np.empty(each, dtype=np.int64) for _ in range(3))
 
     @property
     def is_vain(self) -> bool:
@@ -121,20 +129,14 @@ class Flight:
         flight = self._prepared(library)
         last = self.schedule.segments if segments is None else min(place.segment + segments, self.schedule.segments)
         flight.boundaries = last + 1
-        flight.segment, flight.here = place.segment, place.here
-        flight.entered, flight.fresh, flight.first = place.entered, place.fresh, start.pace
-        self.x[:], self.m[:] = x, m
         bounces = self.bounces
-        if bounces is not None:
-            flight.count = bounces.count
-        flight.rows = flight.events = flight.acts = flight.jumps = 0
-        flight.steps = flight.rejected = flight.rhs = flight.jacobians = 0
-        try:
-            library.run.run(flight)
-        except KeyboardInterrupt:
-            if flight.rows:
-                self._record(flight, place.here, x, m)
-            raise
+        before = None if bounces is None else (bounces.count, bounces.last.copy(), bounces.crowd.copy())
+        self._fly(library, flight, start, _MOST_EVENTS)
+        passed = self._cleared(flight, start)
+        if passed is not None:  # once more, up to where something may have been passed over
+            if before is not None and bounces is not None:
+                bounces.count, bounces.last[:], bounces.crowd[:] = before
+            self._fly(library, flight, start, passed + 1)
         if bounces is not None:
             bounces.count = flight.count
         self._vain = 0 if flight.rows else self._vain + 1
@@ -143,6 +145,42 @@ class Flight:
         self._record(flight, place.here, x, m)
         here = Place(flight.segment, flight.here, bool(flight.entered), bool(flight.fresh))
         return Landing(here, self.x.copy(), self.m.copy(), float(flight.first))
+
+    def _fly(self, library: Library[FlightProgram], flight: FlightStructure, start: Landing, events: int) -> None:
+        """Fly from a start as far as it goes with fewer than so many events."""
+        place = start.place
+        flight.segment, flight.here, flight.event_capacity = place.segment, place.here, events
+        flight.entered, flight.fresh, flight.first = place.entered, place.fresh, start.pace
+        self.x[:], self.m[:] = start.x, start.m
+        if self.bounces is not None:
+            flight.count = self.bounces.count
+        flight.rows = flight.events = flight.acts = flight.jumps = flight.trail = flight.stretches = 0
+        flight.steps = flight.rejected = flight.rhs = flight.jacobians = 0
+        try:
+            library.run.run(flight)
+        except KeyboardInterrupt:
+            if flight.rows:
+                self._record(flight, place.here, start.x, start.m)
+            raise
+
+    def _cleared(self, flight: FlightStructure, start: Landing) -> int | None:
+        """How many events were before the first stretch in which something may have been passed over; None if none."""
+        if self.clears is None:
+            return None
+        first = 0
+        for k, last in enumerate(self.trail_end[: flight.stretches].tolist()):
+            events = int(self.stretch_events[k])
+            t, x, m = start.place.here, start.x, start.m
+            if events:
+                row = int(self.event_row[events - 1])
+                t, x, m = float(self.row_time[row]), self.row_x[row], self.row_m[row]
+            times, own = self.trail_time[first:last], self.trail_x[first:last].T
+            first = last
+            segment = replace(self.template, start=t, times=times, x=x, p=m)
+            piece = Piece(own, np.zeros((0, len(times))), {"steps": float(self.stretch_steps[k])})
+            if len(times) and not self.clears(segment, piece):
+                return events
+        return None
 
     def _prepared(self, library: Library[FlightProgram]) -> FlightStructure:
         """What the program has to know of the run; made once."""
@@ -175,6 +213,7 @@ class Flight:
             "event_capacity": _MOST_EVENTS,
             "act_capacity": self._acts,
             "jump_capacity": len(self.jump_x),
+            "trail_capacity": len(self.trail_time),
         }
         whole = partial(np.array, dtype=np.int64)
         real = partial(np.ascontiguousarray, dtype=np.float64)
@@ -197,6 +236,8 @@ class Flight:
             **{
                 name: getattr(self, name) for name in ("jump_x", "jump_m", "jump_applied", "jump_advances", "jumps_end")
             },
+            **{name: getattr(self, name) for name in ("trail_time", "trail_x", "trail_end")},
+            **{name: getattr(self, name) for name in ("stretch_steps", "stretch_events")},
         }
         if self.bounces is not None:
             arrays |= {name: getattr(self.bounces, name) for name in ("last", "crowd", "impossible")}

@@ -138,11 +138,11 @@ class Hybrid:
 
     def flight(self, schedule: Schedule) -> Flight | None:
         """How compiled code passes stretches and ordinary events of this run, if it can."""
-        # what was passed over is looked for stretch by stretch
-        if not self.single_step or self.overlooked is not None or not can_fly(self.problem, self.solver):
+        if not self.single_step or not can_fly(self.problem, self.solver):
             return None
         parts = self.problem, self.recorder, schedule, self.template, self.span, self.bounces, self._explained
-        return Flight(*parts, self._trace if self.traced else None)
+        clears = None if self.overlooked is None else self._clears
+        return Flight(*parts, self._trace if self.traced else None, clears)
 
     def _trace(self, passed: Passed) -> None:
         """Keep an event of a flight."""
@@ -158,7 +158,9 @@ class Hybrid:
     def library(self) -> Library[FlightProgram] | None:
         """The compiled code for the regime in force, if there is one."""
         regime = self.reached.regime
-        return None if regime.holds else compiled_program(regime, self.template, self.solver.name)
+        if regime.holds or self._is_vain(self.reached.m):
+            return None
+        return compiled_program(regime, self.template, self.solver.name)
 
     def failed(self, times: Vector) -> Segment:
         """What could not be passed: from the last point that was reached, with the outputs left."""
@@ -356,23 +358,27 @@ class Hybrid:
         """
         if self.overlooked is None:
             return integrate_to_event(self.guards, moment, segment, self.solver.name, self.lingering)
-        relations = moment.m[self.guards.first :].tobytes()
-        if self._vain.get(relations, 0) >= _VAIN:
+        if self._is_vain(moment.m):
             return None
         stop = integrate_to_event(self.guards, moment, segment, self.solver.name, self.lingering)
-        if self._is_cleared(segment, moment, stop):
-            return stop
-        self._vain[relations] = self._vain.get(relations, 0) + 1
-        return None
-
-    def _is_cleared(self, segment: Segment, moment: Moment, stop: Stop) -> bool:
-        """Whether nothing was passed over up to a stop."""
-        assert self.overlooked is not None, "asked only where something is steep"
         times, piece = stop.times, stop.piece
         if stop.time is not None:
             times, x = np.append(times, stop.time), np.hstack([piece.x, stop.x[:, None]])
             piece = Piece(x, np.zeros((0, len(times))), piece.counters)
-        return self.overlooked.clears(moment.regime.problem, replace(segment, times=times), piece)
+        return stop if self._clears(replace(segment, times=times), piece, moment.regime.problem) else None
+
+    def _is_vain(self, m: Vector) -> bool:
+        """Whether stretches in which these relations hold have to be searched: others of them were not cleared."""
+        return self._vain.get(m[self.guards.first :].tobytes(), 0) >= _VAIN
+
+    def _clears(self, segment: Segment, piece: Piece, problem: Problem | None = None) -> bool:
+        """Whether nothing was passed over by what was found of a stretch."""
+        assert self.overlooked is not None, "asked only where something is steep"
+        if self.overlooked.clears(problem or self.problem, segment, piece):
+            return True
+        relations = segment.p[self.guards.first :].tobytes()
+        self._vain[relations] = self._vain.get(relations, 0) + 1
+        return False
 
     def _refuse_lingering(self, stop: Stop) -> None:
         """Refuse what an explicit method neither passes nor leaves, as both modes lead to it."""

@@ -45,7 +45,7 @@ _NODES = 8
 _BACK = 64
 # A function is told by the rows around where it is what they say to this share; less than nothing is none.
 _TOLD, _NOTHING, _FEW = 0.02, 1e-14, 4
-_TURNS = 30
+_TURNS, _EPSILON = 30, 4e-16
 # Parts of what is between two rows, where an argument turns or crosses its middle.
 _DENSER = 8
 # Rows are too close for that where they are one to this share of the time.
@@ -336,12 +336,11 @@ class _Search:
         top = interpolated(times, values, there, min(_NODES, len(times)))[0][np.arange(len(j)), j]
         both = (top * values[k, j] < 0.0) & (top * values[k + 1, j] < 0.0)
         k, j, there, top = k[both], j[both], there[both], top[both]
-        sides = (
-            _roots(times, values, own, crossed),
-            _roots(times, values, j, k, end=(there, top)),
-            _roots(times, values, j, k, begin=(there, top)),
-        )
-        found, columns = np.concatenate([found, *sides]), np.concatenate([columns, own, j, j])
+        columns, own = np.concatenate([columns, own, j, j]), np.concatenate([own, j, j])
+        behind = np.concatenate([crossed, k, k])
+        begin, end = (np.stack([times[n], values[n, own]]) for n in (behind, behind + 1))
+        end[:, len(crossed) : len(crossed) + len(k)] = begin[:, len(crossed) + len(k) :] = there, top
+        found = np.append(found, _roots(times, values, own, behind, (begin, end)))
         doubt = self._are_doubtful(segment, rows, steps, found, self.known.owners[columns])
         order = np.argsort(found)
         return found[order], doubt[order]
@@ -490,12 +489,11 @@ def _roots(
     values: Vector,
     columns: NDArray[np.intp],
     rows: NDArray[np.intp],
-    begin: tuple[Vector, Vector] | None = None,
-    end: tuple[Vector, Vector] | None = None,
+    ends: tuple[Vector, Vector] | None = None,
 ) -> Vector:
     """Where `columns[j]` of values is zero behind `rows[j]`, where it changes its sign; shape of `rows`.
 
-    Not from the row but from `begin`, or not to the next row but to `end`: times, and values there.
+    Between the row and the next one, or between other `ends`: times, and values there.
     """
     if not len(rows):  # as of most pieces: thirty turns over nothing take as long as a short piece
         return np.zeros(0)
@@ -517,10 +515,9 @@ def _roots(
 
     a, at_a = np.zeros(len(rows)), values[rows, columns]
     b, at_b, s = np.ones(len(rows)), values[rows + 1, columns], a
-    if begin is not None:
-        a, at_a = (begin[0] - origin) / width, begin[1]
-    if end is not None:
-        b, at_b = (end[0] - origin) / width, end[1]
+    if ends is not None:
+        (a, at_a), (b, at_b) = ends
+        a, b = (a - origin) / width, (b - origin) / width
     for turn in range(_TURNS):
         # a secant, and every third time the middle
         s = 0.5 * (a + b) if turn % 3 == 2 else a + (b - a) * at_a / np.where(at_a == at_b, np.inf, at_a - at_b)
@@ -528,6 +525,8 @@ def _roots(
         same = here * at_a > 0.0
         a, at_a = np.where(same, s, a), np.where(same, here, 0.5 * at_a)
         b, at_b = np.where(same, b, s), np.where(same, 0.5 * at_b, here)
+        if (b - a <= _EPSILON * b).all():
+            break
     return np.asarray(origin + s * width)
 
 

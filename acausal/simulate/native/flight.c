@@ -77,6 +77,11 @@ struct flight {
   count_t jumps, jump_capacity;
   double *jump_x, *jump_m, *jump_applied;
   count_t *jump_advances, *jumps_end;
+  /* what was found at looks and rows of each stretch, for who searches them; nothing is kept where there is no capacity.
+     Of each stretch: the end of its trail, its steps, and events before it */
+  count_t trail, trail_capacity, stretches;
+  double *trail_time, *trail_x;
+  count_t *trail_end, *stretch_steps, *stretch_events;
 };
 
 typedef int (*function_t)(const double**, double**, casadi_int*, double*, int);
@@ -307,6 +312,14 @@ static void record(struct flight* s, double t, const double* x) {
   ++s->rows;
 }
 
+/* Keep what was found at an instant of a stretch. */
+static void keep_trail(struct flight* s, double t, const double* x) {
+  if (!s->trail_capacity) return;
+  s->trail_time[s->trail] = t;
+  memcpy(s->trail_x + s->trail * s->states, x, (size_t) s->states * sizeof(double));
+  ++s->trail;
+}
+
 /* The row after an event, and what made it. */
 static void record_event(struct flight* s, double t, const unsigned char* fired) {
   s->event_time[s->events] = t;
@@ -516,6 +529,7 @@ static int lingers(const struct flight* s, const struct space* o) {
 static void reached(struct flight* s, struct space* o, count_t* k) {
   count_t j;
   if (o->asked[*k] & ROW) record(s, o->wide[*k], o->node[0].x);
+  keep_trail(s, o->wide[*k], o->node[0].x);
   ++*k;
   for (j = 0; j < s->relations; ++j) {
     o->node[0].above[j] += o->later[j] - o->band[j];
@@ -599,6 +613,7 @@ static int stretch(struct flight* s, struct space* o) {
     return 0;
   }
   if (s->rows + (until - from) + 3 > s->row_capacity || s->events + 1 >= s->event_capacity) return FULL;
+  if (s->trail_capacity && s->trail + (until - from) + looks + 1 > s->trail_capacity) return FULL;
   if (take_guards(s, o, s->here, s->x, o->g) || take_rates(s, o, s->here)) return UNUSUAL;
   for (k = 0; k < s->relations; ++k) {
     int resting = o->g[k] <= LOCATED * o->noise[k] && o->rate[k] <= o->noise[k];
@@ -649,6 +664,12 @@ static int stretch(struct flight* s, struct space* o) {
   s->here = time;
   s->fresh = 0;
   memcpy(s->x, o->node[0].x, s->states * sizeof(double));
+  if (found) keep_trail(s, time, s->x);
+  if (s->trail_capacity) {
+    s->trail_end[s->stretches] = s->trail;
+    s->stretch_steps[s->stretches] = s->steps - steps;
+    s->stretch_events[s->stretches++] = s->events;
+  }
   if (!found) {
     ++s->segment;
     s->entered = 0;

@@ -46,6 +46,8 @@ class FlightStructure(ctypes.Structure):
         *_fields(ctypes.c_longlong, "steps rejected rhs jacobians begun"),
         *_fields(ctypes.c_longlong, "jumps jump_capacity"),
         *_fields(ctypes.c_void_p, "jump_x jump_m jump_applied jump_advances jumps_end"),
+        *_fields(ctypes.c_longlong, "trail trail_capacity stretches"),
+        *_fields(ctypes.c_void_p, "trail_time trail_x trail_end stretch_steps stretch_events"),
     )
 
 
