@@ -19,6 +19,7 @@ from acausal import (
     Equations,
     Expr,
     Real,
+    cos,
     der,
     discrete,
     exp,
@@ -31,6 +32,7 @@ from acausal import (
     reset,
     sqrt,
     structural,
+    tanh,
     variable,
     when,
     where,
@@ -108,3 +110,36 @@ def test_what_is_inside_of_another_function_is_awake_with_it() -> None:
     on, off = (np.array(compiled.all_modes(0.0, [v], [], [], [0.3])).ravel() for v in (0.8, 0.2))
     assert known.awake(on).all()
     assert not known.awake(off).any()
+
+
+class Bounced(Component):
+    """A ball that bounces, and y' = (1 + tanh(k (x - cos(h)))) / 2 with x = sin(w t): a burst in each period."""
+
+    w: Real = parameter(default=4.0)
+    h: Real = parameter(default=0.01)
+    k: Real = parameter(default=1e8)
+    x: Real = variable(default=fixed(0.0))
+    v: Real = variable(default=fixed(1.0))
+    y: Real = variable(default=fixed(0.0))
+    high: Real = variable(default=fixed(1.0))
+    up: Real = variable(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        yield der(self.x) == self.w * self.v
+        yield der(self.v) == -self.w * self.x
+        yield der(self.y) == 0.5 * (1.0 + tanh(self.k * (self.x - cos(self.h))))
+        yield der(self.high) == self.up
+        yield der(self.up) == -9.81 + 1e-9 * self.y
+        yield when(self.high < 0.0, reset(self.up, -0.8 * pre(self.up)))
+
+
+@pytest.mark.parametrize("solver", ["rosenbrock", "erk"])
+@pytest.mark.parametrize("h", [0.003, 0.01, 0.05])
+def test_a_compiled_flight_passes_over_nothing(solver: str, h: float) -> None:
+    """Each period adds 2 h/w, the time for which sin(w t) is above cos(h), but for 1/k at both ends."""
+    stop = 4.0
+    result = acausal.simulate(Bounced(h=h), stop_time=stop, solver=solver, tolerance=1e-8, native=True)
+    assert result.stats["native"]
+    assert len(result.events) > 3
+    # crests at (pi/2 + 2 pi j)/w: 0.39, 1.96 and 3.53 s
+    assert result["y"][-1] == pytest.approx(3 * 2.0 * h / 4.0, rel=1e-3)
