@@ -13,6 +13,7 @@ from acausal.arrays import Vector
 from acausal.errors import ExportError, UsageError, meant
 from acausal.export.begin import input_start
 from acausal.export.forms import LINEAR, check
+from acausal.export.kinks import Slopes, refuse_kink
 from acausal.export.minimal.manifold import minimal, on_constraints
 from acausal.export.observed import dae_function
 from acausal.export.ports import Output, named_outputs
@@ -134,8 +135,9 @@ def linearize(
     InitializationError
         The model has no consistent point there.
     ExportError
-        AC604 when the algebraic variables, or bound states, are not determined there to first order, AC608 when events
-        change what the rates or outputs depend on, AC609 when `x` does not lie on the constraints.
+        AC604 when the algebraic variables, or bound states, are not determined there to first order, or rates or
+        outputs have a kink or a jump there, AC608 when events change what they depend on, AC609 when `x` does not lie
+        on the constraints.
     """
     compiled = model if isinstance(model, CompiledModel) else compile(model, parameters=parameters)
     wanted = named_outputs(compiled, outputs)
@@ -148,9 +150,14 @@ def linearize(
     start = _point(compiled, t, p, u, result, x or {})
     least = minimal(compiled, t, start, u, p, np.array(compiled.all_modes(t, start.x, start.z, u, p)).ravel())
     places = list(least.places)
-    found = _derivatives(compiled, wanted, (t, start.x, start.z, u, p))
-    slope = _algebraic_slopes(compiled, t, found)
-    A, B, C, D = (found[f"jac_{f}_{v}"] + found[f"jac_{f}_z"] @ slope[v] for f in ("ode", "y") for v in ("x", "u"))
+    jacobian = _jacobian(compiled, wanted)
+
+    def slopes(x: Vector, z: Vector, u: Vector) -> Slopes:
+        return _slopes(compiled, t, jacobian, (t, x, z, u, p))
+
+    here = slopes(start.x, start.z, u)
+    refuse_kink(compiled, t, slopes, least, start, u, [o.name for o in wanted])
+    A, B, C, D = here.matrices
     follow, driven = least.of_coordinates, least.of_inputs
     return Linearization(
         compiled.name,
@@ -164,17 +171,24 @@ def linearize(
         D + C @ driven,
         start.x[places],
         u,
-        found["y"].ravel(),
-        found["ode"].ravel()[places],
+        here.y,
+        here.rates[places],
         notes,
     )
 
 
-def _derivatives(compiled: CompiledModel, wanted: Sequence[Output], at: tuple[Any, ...]) -> dict[str, Vector]:
-    """Rates, outputs and all partial derivatives at `(t, x, z, u, p)`, by CasADi's names: `jac_ode_x`."""
+def _jacobian(compiled: CompiledModel, wanted: Sequence[Output]) -> Any:
+    """Rates, outputs and all partial derivatives as a function of `(t, x, z, u, p)`, by CasADi's names: `jac_ode_x`."""
     partial = [f"jac:{f}:{v}" for f in ("ode", "alg", "y") for v in ("x", "z", "u")]
-    jacobian = dae_function(compiled, wanted).factory("jacobian", ["t", "x", "z", "u", "p"], ["ode", "y", *partial])
-    return {name: np.array(m) for name, m in zip(jacobian.name_out(), jacobian(*at), strict=True)}
+    return dae_function(compiled, wanted).factory("jacobian", ["t", "x", "z", "u", "p"], ["ode", "y", *partial])
+
+
+def _slopes(compiled: CompiledModel, t: float, jacobian: Any, at: tuple[Any, ...]) -> Slopes:
+    """The matrices of all states at a point, where algebraic variables follow."""
+    found = {name: np.array(m) for name, m in zip(jacobian.name_out(), jacobian(*at), strict=True)}
+    follow = _algebraic_slopes(compiled, t, found)
+    matrices = tuple(found[f"jac_{f}_{v}"] + found[f"jac_{f}_z"] @ follow[v] for f in ("ode", "y") for v in ("x", "u"))
+    return Slopes(found["ode"].ravel(), found["y"].ravel(), matrices, follow["x"], follow["u"])
 
 
 def _recorded(compiled: CompiledModel, result: Result | None) -> dict[str, float]:
