@@ -59,32 +59,41 @@ def refuse_kink(
     x, z = start.x, start.z
     sizes = np.maximum(np.abs(x), compiled.nominal_x), np.maximum(np.abs(u), 1.0)
     here = slopes(x, z, u)
-    table = here.table(*sizes)
     names = [*(f"der({n})" for n in compiled.states), *outputs]
     for dx, du in _ways(compiled, least, *sizes):
         dz = here.z_of_x @ dx + here.z_of_u @ du
-        close, far = (
-            [slopes(x + s * dx, z + s * dz, u + s * du).table(*sizes) for s in (-share, share)]
-            for share in (_CLOSE, _FAR)
-        )
-        with np.errstate(invalid="ignore"):
-            jump, bend = (np.max([np.abs(side - table) for side in sides], axis=0) for sides in (close, far))
-            largest = np.max([np.abs(side).sum(axis=1) for side in (table, *close)], axis=0)[:, None]
-        least_row = _NOTHING * largest.max(initial=0.0)
-        off = ~(jump <= _ROUNDING * np.maximum(largest, least_row)) & ~(jump <= _SHRINKS * bend)
-        if not off.any():
+        found = two_sides(lambda s: slopes(x + s * dx, z + s * dz, u + s * du).table(*sizes))  # noqa: B023
+        if found is None:
             continue
-        row, column = np.argwhere(off)[0].tolist()
+        row, column, below, above = found
         by = ["", *(f" by {n}" for n in (*compiled.states, *compiled.inputs))][column]
-        size = np.concatenate([[1.0], *sizes])[column] / np.concatenate([sizes[0], np.ones(len(outputs))])[row]
-        below, above = (float(side[row, column] / size) for side in close)
+        size = np.concatenate([sizes[0], np.ones(len(outputs))])[row] / np.concatenate([[1.0], *sizes])[column]
         raise ExportError(
             "AC604",
             f"{compiled.name} has no linearization at t = {t:g} s: its rates or outputs have a kink or a jump there",
-            evidence=[f"{names[row]}{by} is {below:.6g} on one side and {above:.6g} on the other"],
+            evidence=[f"{names[row]}{by} is {size * below:.6g} on one side and {size * above:.6g} on the other"],
             cause="a relation, minimum, maximum or fabs changes sides exactly at this point",
             help="linearize at a time or states beside it",
         )
+
+
+def two_sides(at: Callable[[float], Vector]) -> tuple[int, int, float, float] | None:
+    """The first entry that is another one on both sides of a point, and what it is there; None where none is.
+
+    `at(share)` is a table of values and slopes, in rows of one size, where variables are displaced by such a share.
+    """
+    table, sides = at(0.0), [at(-_CLOSE), at(_CLOSE)]
+    with np.errstate(invalid="ignore"):
+        jump = np.max([np.abs(side - table) for side in sides], axis=0)
+        largest = np.max([np.abs(side).sum(axis=1) for side in (table, *sides)], axis=0)[:, None]
+        off = ~(jump <= _ROUNDING * np.maximum(largest, _NOTHING * largest.max(initial=0.0)))
+        if off.any():
+            bend = np.max([np.abs(at(share) - table) for share in (-_FAR, _FAR)], axis=0)
+            off &= ~(jump <= _SHRINKS * bend)
+    if not off.any():
+        return None
+    row, column = np.argwhere(off)[0].tolist()
+    return row, column, float(sides[0][row, column]), float(sides[1][row, column])
 
 
 def _ways(compiled: CompiledModel, least: Minimal, size_x: Vector, size_u: Vector) -> Iterator[tuple[Vector, Vector]]:

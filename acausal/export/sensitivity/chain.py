@@ -64,6 +64,18 @@ class Chain:
             y_p = np.asarray(y_p + np.outer(y_t, of_times[self.terminal]), dtype=np.float64)
         return np.asarray(y_x @ x + y_p, dtype=np.float64), of_times
 
+    def variations(self, k: int, t: float) -> Vector:
+        """Variations of what is carried at an instant of stretch `k`."""
+        x = self.start()
+        for j, passage in enumerate(self.passages[: k + 1]):
+            by_x, by_p, *_ = self.event(passage)
+            x = by_x @ x + by_p
+            if j < k:
+                x = self.stretch(j).forward(x)
+        stretch = self.stretch(k)
+        inside = np.array([t]) if t < stretch.end else np.zeros(0)
+        return next((there for _, _, there in stretch.carry(inside, x)), x)
+
     def _ending_rate(self) -> Vector:
         assert self.terminal is not None, "the run has been ended"
         passage = self.passages[self.terminal]
@@ -139,7 +151,7 @@ class Chain:
         """Derivatives of the outputs and of the algebraic equations by what is carried, chosen parameters, and z."""
         s = Symbols(self.compiled)
         pieces = []
-        for value in (self._observed(*s.inputs), regime.compiled.rhs(*s.inputs)[1]):
+        for value in (self.observed(*s.inputs), regime.compiled.rhs(*s.inputs)[1]):
             by_p = ca.jacobian(value, s.p)[:, self.chosen]
             past = ca.jacobian(value, s.m)[:, self.slopes.memories.tolist()]
             pieces += [ca.horzcat(ca.jacobian(value, s.x), past), by_p, ca.jacobian(value, s.z)]
@@ -148,10 +160,11 @@ class Chain:
     def _shown_by(self, regime: Regime, t: float, moment: Any) -> tuple[Vector, Vector, Vector]:
         """Derivatives of the outputs by states, parameters and time."""
         key = "outputs", *(output.name for output in self.wanted)
-        return self.slopes.total(regime, key, lambda *a: self._observed(*a), t, moment)
+        return self.slopes.total(regime, key, lambda *a: self.observed(*a), t, moment)
 
     @cached_property
-    def _observed(self) -> Any:
+    def observed(self) -> Any:
+        """The outputs, of the arguments of all functions of a model."""
         key = "observed", *(output.name for output in self.wanted)
         return self.slopes.kept(key, lambda: observed_function(self.compiled, self.wanted))
 
@@ -232,7 +245,7 @@ class Chain:
     def values(self) -> Vector:
         """The outputs at the end."""
         at = self.last
-        return np.array(self._observed(self.stop, at.x, at.z, self.u, self.p, at.m)).ravel()
+        return np.array(self.observed(self.stop, at.x, at.z, self.u, self.p, at.m)).ravel()
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,6 +17,7 @@ from acausal.export.forms import SENSITIVITIES, check
 from acausal.export.ports import named_outputs
 from acausal.export.sensitivity.chain import Chain
 from acausal.export.sensitivity.missed import refuse_missed
+from acausal.export.sensitivity.resting import refuse_resting
 from acausal.language.component import Component
 from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
@@ -101,8 +102,9 @@ def sensitivities(
         AC020 for an unknown parameter or none at all, AC010 for an unknown output, AC025 for an unknown method, AC044
         for `times` outside of the run.
     ExportError
-        AC608 where states are reset together with an impulse, AC615 where a relation is only grazed, and where
-        something moves across the stop time or across something else that is known in advance.
+        AC608 where states are reset together with an impulse, AC615 where a relation is only grazed, where the run
+        rests on a kink that has two derivatives, and where something moves across the stop time or across something
+        else that is known in advance.
     AcausalError
         What the run itself raises.
     """
@@ -126,6 +128,7 @@ def sensitivities(
     chain = Chain(run, chosen, wanted, tolerance)
     assert run.hybrid is not None, "a traced run keeps its events"
     refuse_missed(chain, run.hybrid.guards, result.time)
+    refuse_resting(chain, run.hybrid)
     asked = np.asarray(times, dtype=float)
     _check_times(asked, chain)
     final, of_times = chain.forward() if method == "forward" else chain.adjoint()

@@ -1,0 +1,115 @@
+"""Runs that rest on a kink have no derivatives by what moves them off it, and those by anything else.
+
+Law: the derivative is that of central differences where both one-sided differences agree; else it is refused.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Literal
+
+import numpy as np
+import pytest
+
+import acausal
+from acausal import (
+    Component,
+    Equations,
+    Expr,
+    Real,
+    der,
+    fabs,
+    fixed,
+    maximum,
+    minimum,
+    no_event,
+    parameter,
+    sign,
+    structural,
+    variable,
+    where,
+)
+from acausal.errors import ExportError
+
+# Rates of one argument, and where it rests.
+KINKS: dict[str, tuple[Callable[[Any], Expr], float]] = {
+    "fabs": (lambda s: -fabs(s), 0.0),
+    "maximum": (lambda s: -maximum(s, 0.0), 0.0),
+    "minimum elsewhere": (lambda s: 1.0 - minimum(s, 1.0), 1.0),
+    "relation": (lambda s: where(s > 0.0, -s, -2.0 * s), 0.0),
+    "no event": (lambda s: where(no_event(s > 0.0), -s, -2.0 * s), 0.0),
+    "sign": (lambda s: -s * sign(s), 0.0),
+}
+
+
+class Resting(Component):
+    """x' = f(x + b) + c v through an algebraic variable, beside v' = -v + a; x rests where f has a kink."""
+
+    f: Any = structural()
+    a: Real = parameter(default=1.0)
+    b: Real = parameter(default=0.0)
+    c: Real = parameter(default=0.0)
+    begin: Real = parameter(default=0.0)
+    x: Real = variable()
+    v: Real = variable(default=fixed(0.0))
+    s: Real = variable()
+
+    def initial_equations(self) -> Equations:
+        yield self.x == self.begin
+
+    def equations(self) -> Equations:
+        yield self.s == self.x + self.b
+        yield der(self.x) == self.f(self.s) + self.c * self.v
+        yield der(self.v) == -self.v + self.a
+
+
+@pytest.mark.parametrize("method", ["forward", "adjoint"])
+@pytest.mark.parametrize("kink", KINKS)
+@pytest.mark.parametrize("moved", ["b", "c", "begin"])
+def test_what_moves_a_run_off_its_kink_is_refused(moved: str, kink: str, method: Literal["forward", "adjoint"]) -> None:
+    f, begin = KINKS[kink]
+    model = Resting(f=f, begin=begin)
+    with pytest.raises(ExportError, match=r"AC615[\s\S]*rests on a kink[\s\S]*by " + moved):
+        acausal.sensitivities(model, [moved], ["x"], stop_time=1.0, method=method)
+
+
+@pytest.mark.parametrize("kink", KINKS)
+def test_what_moves_something_else_is_differentiated(kink: str) -> None:
+    """v(1) = a (1 - exp(-1)), and x does not depend on a as long as c is zero."""
+    f, begin = KINKS[kink]
+    found = acausal.sensitivities(Resting(f=f, begin=begin), ["a"], ["x", "v"], stop_time=1.0)
+    np.testing.assert_allclose(found.final, [[0.0], [1.0 - np.exp(-1.0)]], atol=1e-8)
+
+
+@pytest.mark.parametrize("c", [1.0, -1.0])
+def test_a_kink_that_is_only_left_or_passed_is_differentiated(c: float) -> None:
+    """x' = -|x| + c v leaves its kink at once: x(1) by c, from differences of runs on the same side."""
+    model = Resting(f=KINKS["fabs"][0], c=c)
+    found = acausal.sensitivities(model, ["c"], ["x"], stop_time=1.0).final[0, 0]
+    step = 1e-4
+    runs = [
+        acausal.simulate(model, parameters={"c": c + s * step}, stop_time=1.0, tolerance=1e-11)["x"][-1]
+        for s in (-1.0, 1.0)
+    ]
+    assert found == pytest.approx((runs[1] - runs[0]) / (2.0 * step), rel=1e-5)
+
+
+class Shown(Component):
+    """An output with a kink at the end of the run: x(1) = b - 1 is zero there."""
+
+    b: Real = parameter(default=1.0)
+    x: Real = variable()
+    y: Real = variable()
+
+    def initial_equations(self) -> Equations:
+        yield self.x == self.b
+
+    def equations(self) -> Equations:
+        yield der(self.x) == -1.0
+        yield self.y == fabs(self.x)
+
+
+def test_an_output_on_its_kink_is_refused() -> None:
+    with pytest.raises(ExportError, match="AC615"):
+        acausal.sensitivities(Shown(), ["b"], ["y"], stop_time=1.0)
+    assert acausal.sensitivities(Shown(), ["b"], ["y"], stop_time=0.5).final[0, 0] == pytest.approx(1.0)
