@@ -45,7 +45,7 @@ _NODES = 8
 _BACK = 64
 # A function is told by the rows around where it is what they say to this share; less than nothing is none.
 _TOLD, _NOTHING, _FEW = 0.02, 1e-14, 4
-_TURNS, _EPSILON = 30, 4e-16
+_TURNS = 30
 # Parts of what is between two rows, where an argument turns or crosses its middle.
 _DENSER = 8
 # Rows are too close for that where they are one to this share of the time.
@@ -156,8 +156,11 @@ class _Search:
 
     def _is_found_again(self, segment: Segment, piece: Piece) -> bool:
         """Whether a solution with more rows leads to the same end, and has passed over nothing."""
+        # as many as would tell most functions between them: fewer would only be followed by more
+        count = max(_FEWEST, min(2 * int(piece.counters.get("steps", 0.0)), self._most))
+        wide = _finer(replace(segment, shares=None, partial=False, patience=None, first=0.0), count)
         try:
-            again, done = self._part(replace(segment, shares=None, partial=False, patience=None), np.inf)
+            again, done = self._part(wide, np.inf)
         except RuntimeError:
             return False
         return done is None and not again.stopped and self._is_same(segment, again.x[:, -1], piece.x[:, -1])
@@ -525,8 +528,6 @@ def _roots(
         same = here * at_a > 0.0
         a, at_a = np.where(same, s, a), np.where(same, here, 0.5 * at_a)
         b, at_b = np.where(same, b, s), np.where(same, 0.5 * at_b, here)
-        if (b - a <= _EPSILON * b).all():
-            break
     return np.asarray(origin + s * width)
 
 
