@@ -18,15 +18,20 @@ from acausal import (
     Expr,
     Real,
     der,
+    discrete,
     fabs,
     fixed,
+    floor,
     maximum,
     minimum,
     no_event,
     parameter,
+    pre,
+    reset,
     sign,
     structural,
     variable,
+    when,
     where,
 )
 from acausal.errors import ExportError
@@ -113,3 +118,75 @@ def test_an_output_on_its_kink_is_refused() -> None:
     with pytest.raises(ExportError, match="AC615"):
         acausal.sensitivities(Shown(), ["b"], ["y"], stop_time=1.0)
     assert acausal.sensitivities(Shown(), ["b"], ["y"], stop_time=0.5).final[0, 0] == pytest.approx(1.0)
+
+
+# Rates of y, in which x' = v passes zero, and v.
+PASSED: dict[str, tuple[Callable[[Any], Expr], float]] = {
+    "jump": (lambda m: where(m.x < 0.0, 5.0, 0.0), -1.0),
+    "jump, closed": (lambda m: where(m.x >= 0.0, 5.0, 0.0), 1.0),
+    "sign": (lambda m: sign(m.x), 0.5),
+    "floor": (lambda m: floor(m.x), 0.5),
+    "clause": (lambda m: m.n, -1.0),
+}
+NO_EVENT: dict[str, tuple[Callable[[Any], Expr], float]] = {
+    "sign": (lambda m: no_event(sign(m.x)), -1.0),
+    "floor": (lambda m: no_event(floor(m.x)), -1.0),
+}
+
+
+class Passing(Component):
+    """x' = v from x(0) = b, and y' = f: what happens as x passes zero moves with b."""
+
+    f: Any = structural()
+    speed: float = structural(default=-1.0)
+    counted: bool = structural(default=False)
+    b: Real = parameter(default=0.0)
+    x: Real = variable()
+    y: Real = variable(default=fixed(0.0))
+    n: Real = discrete(default=fixed(0.0))
+
+    def initial_equations(self) -> Equations:
+        yield self.x == self.b
+
+    def equations(self) -> Equations:
+        yield der(self.x) == self.speed
+        yield der(self.y) == self.f(self)
+        yield when(self.x < (0.0 if self.counted else -9.0), reset(self.n, pre(self.n) + 1.0))
+
+
+@pytest.mark.parametrize("case", PASSED)
+def test_a_run_that_begins_on_what_acts_is_refused(case: str) -> None:
+    """From b = 0 on y has one difference for larger b and another one for smaller b."""
+    f, speed = PASSED[case]
+    with pytest.raises(ExportError, match=r"AC615[\s\S]*begins exactly on a relation"):
+        acausal.sensitivities(Passing(f=f, speed=speed, counted=case == "clause"), ["b"], ["y"], stop_time=0.9)
+
+
+def test_a_run_that_begins_on_a_kink_is_differentiated() -> None:
+    """y = 5 integral of t - b: y(1) by b is -5."""
+    model = Passing(f=lambda m: where(m.x < 0.0, -5.0 * m.x, 0.0))
+    found = acausal.sensitivities(model, ["b"], ["y"], stop_time=1.0).final[0, 0]
+    assert found == pytest.approx(-5.0, rel=1e-8)
+
+
+@pytest.mark.parametrize("begin", [0.0, 0.4371, 0.5])
+@pytest.mark.parametrize("case", NO_EVENT)
+def test_a_jump_without_an_event_is_refused(case: str, begin: float) -> None:
+    f, speed = NO_EVENT[case]
+    with pytest.raises(ExportError, match="AC615"):
+        acausal.sensitivities(Passing(f=f, speed=speed, b=begin), ["b"], ["y"], stop_time=0.9)
+
+
+@pytest.mark.parametrize("counted", [False, True])
+@pytest.mark.parametrize("begin", [0.4371, 0.5])
+def test_a_jump_whose_relation_is_watched_is_differentiated(begin: float, counted: bool) -> None:
+    """y(0.9) = 5 (0.9 - b), whether or not a clause locates x < 0, too."""
+    model = Passing(f=lambda m: where(no_event(m.x < 0.0), 5.0, 0.0), b=begin, counted=counted)
+    assert acausal.sensitivities(model, ["b"], ["y"], stop_time=0.9).final[0, 0] == pytest.approx(-5.0)
+
+
+def test_no_event_around_what_is_continuous_is_differentiated() -> None:
+    """y' = -v |x| as x falls from b through zero: y(T) = (b^2 + (T - b)^2)/2 for v = -1, by b 2 b - T."""
+    model = Passing(f=lambda m: no_event(where(m.x < 0.0, -m.x, m.x)), b=0.4371)
+    found = acausal.sensitivities(model, ["b"], ["y"], stop_time=0.9).final[0, 0]
+    assert found == pytest.approx(2.0 * 0.4371 - 0.9, rel=1e-7)

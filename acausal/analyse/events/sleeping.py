@@ -57,6 +57,8 @@ class Sleeping:
     """Those that are too many to be watched."""
     bursts: bool = False
     """Whether there are bursts, whose traces are cut off (`acausal.analyse.events.traces`)."""
+    branches: bool = False
+    """Whether the kinks themselves become branches on these relations, for who differentiates on one side of them."""
     numbers: tuple[int, ...] = ()
     """Numbers of the stretches of long tables, whose relations are watched (`acausal.analyse.events.table_stops`)."""
 
@@ -122,7 +124,8 @@ def _kinks(graph: _Graph, located: set[int]) -> Iterator[tuple[int, int, int]]:
             for relation in graph.pool.reachable([operands[0]]):
                 kind, *both = nodes[relation]
                 if kind in RELATIONS and relation not in located and moving[relation]:
-                    yield number, both[0], both[1]
+                    # as what is told of a > b is: a < b is b > a, to the last digit
+                    yield number, *(both if kind in ("gt", "le") else reversed(both))
 
 
 class _Graph:

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 
 from acausal.analyse.blocks.solve import Solution
 from acausal.analyse.delays import Delays
+from acausal.analyse.events.by_modes import by_modes
 from acausal.analyse.events.domains import guarded
 from acausal.analyse.events.resting import Kinks, at_their_kinks
 from acausal.analyse.events.sleeping import Sleeping
@@ -132,6 +133,14 @@ def find_state_events(
     branches = at_their_kinks(kinks, solution.structure.points, visible, dict(rewritten))
     branches |= _jumps(pool, [*visible, *_visible(pool, branches.values())], steps, discrete, {**rewritten, **branches})
     done = {**rewritten, **branches}
+    if asleep.branches:
+        located = [n for n in visible if pool.nodes[n][0] in RELATIONS]
+        whole = [*solution.residuals, *(n for v, n in solution.definitions if v in solution.needed)]
+        kinked = by_modes(pool, [*roots, *whole], dict(solution.definitions), located, asleep.watched, done)
+        branches |= kinked
+        done = {**rewritten, **branches}
+        # beyond a kink that is a branch a root or a power may be undefined, as beyond any other relation
+        roots += [n for n in whole if kinked and n not in roots]
     branches |= guarded(pool, roots, done, _assigned(reduced), solution.definitions)
     done = {**rewritten, **branches}
     if asleep.bursts:
@@ -139,7 +148,7 @@ def find_state_events(
     pool.rewrite(roots, pool.var, done)
     found = _conditions(pool, [done[r] for r in roots], set(time_events.relations), discrete)
     found["pre"] |= _before_impulses(pool, states, clauses, assignments)
-    relations = tuple(sorted(found["relation"]))
+    relations = tuple(sorted(set(found["relation"]).difference(asleep.watched)))
     silent = set(pool.reachable([done[n] for n in asleep.numbers]))
     resting = kinks.that_rest(solution.structure.points, relations)
     bends = (k for k, n in enumerate(relations) if n in silent)

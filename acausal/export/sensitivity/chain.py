@@ -22,10 +22,13 @@ from acausal.export.sensitivity.slopes import Matrices, Slopes
 from acausal.export.variation.element import Temper, Way
 from acausal.export.variation.variation import Variation
 from acausal.lower.symbols import Symbols
-from acausal.simulate.driver.hybrid import Passage
+from acausal.simulate.driver.hybrid import Hybrid, Passage
 from acausal.simulate.driver.run import Run
 from acausal.simulate.equations.calls.quick import Quick
 from acausal.simulate.events.regime import Regime
+
+# Instants that are closer than this share of the time are one.
+_APART = 1e-12
 
 
 class Chain:
@@ -44,9 +47,28 @@ class Chain:
         self.event = Saltation(self.slopes, run.hybrid, first, self.stop - first)
         self.nx, self.count, self.size = self.slopes.nx, self.slopes.count, self.slopes.size
         self.temper, self.native = Temper(), run.options.native
+        self.marks = self._marks(run.hybrid)
         own = [k for k, passage in enumerate(self.passages) if not passage.edge]
         self.terminal = own[-1] if run.hybrid.terminated and own else None
         """The event that has ended the run; final values are taken at its instant, which moves."""
+
+    def _marks(self, hybrid: Hybrid) -> Vector:
+        """Instants between events at which a step of a variation has to end: else it passes over what is steep there.
+
+        The states may know nothing of it, as of a burst that is multiplied by a parameter that is zero.
+        """
+        if hybrid.overlooked is None:
+            return np.zeros(0)
+        found = [np.zeros(0)]
+        for k in range(len(self.passages)):
+            own = self.stretch(k)
+            if own.end > own.start:
+                times = np.linspace(own.start, own.end, 3)[1:]
+                segment = replace(hybrid.template, start=own.start, times=times, x=own.x, z=own.z, p=own.m)
+                found.append(hybrid.overlooked.places(own.regime.problem, segment))
+        marks = np.unique(np.concatenate(found))
+        far = np.diff(marks, prepend=-np.inf) > _APART * np.abs(marks).max(initial=0.0)
+        return np.asarray(marks[far])
 
     def forward(self) -> tuple[Vector, Vector]:
         """(d outputs, d event times) / d parameters; states and what is remembered of them are carried along."""
@@ -269,7 +291,10 @@ class Stretch:
         slopes = variation.slopes
         scale, variables = slopes.scale[: slopes.nx, None], [*range(c.nx), *range(slopes.nx, slopes.n)]
         way = self._way([*stops.tolist(), self.end], variation)
+        asked = {*stops.tolist(), self.end}
         for t, w, there in variation.carry(way, x[rows] / scale, c.temper, c.native, parameters=parameters):
+            if t not in asked:
+                continue
             found = x.copy()
             found[rows] = there * scale
             yield t, (w * slopes.scale)[variables], found
@@ -312,4 +337,7 @@ class Stretch:
     def _way(self, ends: Sequence[float], variation: Variation) -> Way:
         c = self.chain
         w = np.concatenate([self.x, self.m[variation.slopes.held], self.z]) / variation.slopes.scale
+        marks = c.marks[(c.marks > self.start) & (c.marks < self.end)]
+        nearest = np.abs(marks[:, None] - np.append(ends, self.start)).min(axis=1)
+        ends = np.sort(np.append(marks[nearest > _APART * max(abs(self.start), abs(self.end))], ends)).tolist()
         return Way(self.start, ends, w, (np.concatenate([c.u, c.p]), self.m), c.tolerance)

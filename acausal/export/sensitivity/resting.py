@@ -7,10 +7,11 @@ row in the middle of each stretch tells, and of the outputs the end.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from acausal.arrays import Vector
 from acausal.errors import ExportError
@@ -20,8 +21,8 @@ from acausal.export.sensitivity.slopes import Slopes
 from acausal.simulate.driver.hybrid import Hybrid
 from acausal.simulate.events.guards import Moment
 
-# A guard that moves by less, in what it may be wrong, does not move.
-_STILL, _FAR = 1e-4, 1e-9
+# A guard that would move by less, as all variables move by what they are, in what it may be wrong, does not move.
+_STILL = 1e3
 
 
 def refuse_resting(chain: Chain, hybrid: Hybrid) -> None:
@@ -32,84 +33,98 @@ def refuse_resting(chain: Chain, hybrid: Hybrid) -> None:
         inside = np.flatnonzero((times > stretch.start) & (times < stretch.end))
         if not len(inside):
             continue
-        row = int(inside[len(inside) // 2])
-        moment = Moment(x[:, row], z[:, row], stretch.m, stretch.regime)
-        rates = moment.regime.compiled.rhs
-        _refuse(chain, hybrid, float(times[row]), moment, lambda *a: rates(*a)[0], ("rates",), k)  # noqa: B023
+        # two rows: one may happen to stand where a kink is passed
+        points = [
+            _Point(chain, hybrid, float(times[row]), Moment(x[:, row], z[:, row], stretch.m, stretch.regime), k, None)
+            for row in (int(inside[len(inside) // 2]), int(inside[len(inside) // 3]))
+        ]
+        if all(p.is_on_a_kink() for p in points):
+            points[0].refuse()
     if chain.terminal is None:
-        key = "outputs", *(output.name for output in chain.wanted)
-        _refuse(chain, hybrid, chain.stop, chain.last, chain.observed, key, len(chain.passages) - 1)
+        end = _Point(chain, hybrid, chain.stop, chain.last, len(chain.passages) - 1, chain.observed)
+        if end.is_on_a_kink():
+            end.refuse()
 
 
-def _refuse(
-    chain: Chain, hybrid: Hybrid, t: float, moment: Moment, function: Any, key: tuple[Any, ...], k: int
-) -> None:
-    """Refuse two sides along the variations of the run at a point of stretch `k`: asked for where any sides differ."""
-    rng = np.random.default_rng(0)
-    size_x, size_p = np.maximum(np.abs(moment.x), chain.compiled.nominal_x), _sizes(chain)
-    moving = np.arange(chain.nx) < chain.nx - chain.compiled.discretes
-    anyway = rng.choice([-1.0, 1.0], chain.nx) * size_x * moving, rng.choice([-1.0, 1.0], chain.count) * size_p
-    if not _differs(chain, hybrid, t, moment, function, key, anyway):
-        return
-    variations = chain.variations(k, t)[: chain.nx]
-    for j, name in enumerate(chain.chosen):
-        by_p = np.zeros(chain.count)
-        by_p[j] = 1.0
-        # as far as the largest of what moves goes by its own size
-        share = 1.0 / max(np.max(np.abs(variations[:, j]) / size_x, initial=0.0), 1.0 / size_p[j])
-        if _differs(chain, hybrid, t, moment, function, key, (share * variations[:, j] * moving, share * by_p)):
-            raise ExportError(
-                "AC615",
-                f"sensitivities do not take {chain.compiled.name}: at t = {t:.9g} s it rests on a kink or a jump",
-                evidence=[f"its derivative by {chain.compiled.parameters[name]} is another one on both sides"],
-                cause="a relation, minimum, maximum or fabs changes sides exactly where the run stays",
-                help="choose parameters by which it is on one side, or differentiate by those only that do not move it",
-            )
+@dataclass(frozen=True, eq=False)
+class _Point:
+    """A point of stretch `k`, at which a function of all is looked at from both sides: the rates, or the outputs."""
 
+    chain: Chain
+    hybrid: Hybrid
+    t: float
+    moment: Moment
+    k: int
+    outputs: Any
 
-def _sizes(chain: Chain) -> Vector:
-    own = np.abs(chain.p[chain.chosen])
-    return np.where(own > 0.0, own, 1.0)
+    @property
+    def _sizes(self) -> tuple[Vector, Vector]:
+        """What states and parameters are."""
+        own = np.abs(self.chain.p[self.chain.chosen])
+        return np.maximum(np.abs(self.moment.x), self.chain.compiled.nominal_x), np.where(own > 0.0, own, 1.0)
 
+    @property
+    def _moving(self) -> NDArray[np.bool_]:
+        return np.arange(self.chain.nx) < self.chain.nx - self.chain.compiled.discretes
 
-def _differs(
-    chain: Chain,
-    hybrid: Hybrid,
-    t: float,
-    moment: Moment,
-    function: Any,
-    key: tuple[Any, ...],
-    way: tuple[Vector, Vector],
-) -> bool:
-    """Whether a function has other values or slopes on both sides of a point along a way of states and parameters."""
-    slopes, (dx, dp) = chain.slopes, way
-    regime, held = moment.regime, moment.regime.held.owners
-    dz = np.zeros(len(moment.z))
-    if len(dz):
-        by_x, by_p, _ = slopes.total(regime, ("algebraic",), lambda *a: a[2], t, moment)
-        dz = by_x[:, : chain.nx] @ dx + by_p @ dp
+    def is_on_a_kink(self) -> bool:
+        """Whether both sides differ along some way of all states and parameters."""
+        rng = np.random.default_rng(0)
+        dx, dp = (rng.choice([-1.0, 1.0], len(size)) * size for size in self._sizes)
+        return self._differs(dx * self._moving, dp)
 
-    def beside(share: float) -> Moment:
-        return replace(moment, x=moment.x + share * dx, z=moment.z + share * dz)
+    def refuse(self) -> None:
+        """Refuse two sides along the variations of the run."""
+        chain, (size_x, size_p) = self.chain, self._sizes
+        variations = chain.variations(self.k, self.t)[: chain.nx]
+        for j, place in enumerate(chain.chosen):
+            dp = np.zeros(chain.count)
+            # as far as the largest of what moves goes by its own size
+            dp[j] = 1.0 / max(np.max(np.abs(variations[:, j]) / size_x, initial=0.0), 1.0 / size_p[j])
+            if self._differs(dp[j] * variations[:, j] * self._moving, dp):
+                raise ExportError(
+                    "AC615",
+                    f"sensitivities do not take {chain.compiled.name}: at t = {self.t:.9g} s it rests on a kink or a "
+                    "jump",
+                    evidence=[f"its derivative by {chain.compiled.parameters[place]} is another one on both sides"],
+                    cause="a relation, minimum, maximum or fabs changes sides exactly where the run stays",
+                    help="choose parameters by which it is on one side, or differentiate by those only that do not "
+                    "move it",
+                )
 
-    falls = np.zeros(len(held))
-    if len(held):
-        g, rate, noise = hybrid.guards.state(t, moment)
-        by_x, by_p, _ = slopes.total(regime, ("guards",), lambda *a: regime.held.watch(*a), t, moment)
-        falls = _FAR * (by_x[:, : chain.nx] @ dx + by_p @ dp)
-        is_resting = (np.abs(g) <= noise) & (np.abs(rate) <= noise) & np.array([side < 0 for _, side in held])
-        falls[~is_resting | (np.abs(falls) <= _STILL * noise)] = 0.0
-    size_x, size_p = np.maximum(np.abs(moment.x), chain.compiled.nominal_x), _sizes(chain)
-    size = size_x if key == ("rates",) else np.ones(len(chain.wanted))
+    def _differs(self, dx: Vector, dp: Vector) -> bool:
+        """Whether the function has other values or slopes on both sides along a way of states and parameters."""
+        chain, t, moment = self.chain, self.t, self.moment
+        regime, (size_x, size_p) = moment.regime, self._sizes
+        function, key, size = self.outputs, ("outputs", *(o.name for o in chain.wanted)), np.ones(len(chain.wanted))
+        if function is None:
+            function, key, size = (lambda *a: regime.compiled.rhs(*a)[0]), ("rates",), size_x
+        dz, falls = np.zeros(len(moment.z)), self._falls(dx, dp)
+        if len(dz):
+            by_x, by_p, _ = chain.slopes.total(regime, ("algebraic",), lambda *a: a[2], t, moment)
+            dz = by_x[:, : chain.nx] @ dx + by_p @ dp
 
-    def table(share: float) -> Vector:
-        at = hybrid.iteration.flipped(beside(share), share * falls < 0.0)
-        p = chain.p.copy()
-        p[chain.chosen] += share * dp
-        own = Slopes(chain.compiled, p, chain.u, chain.chosen)
-        by_x, by_p, _ = own.total(regime, key, function, t, at)
-        value = np.array(function(t, at.x, at.z, chain.u, p, at.m)).ravel()
-        found = np.column_stack([value, by_x[:, : chain.nx] * size_x, by_p * size_p])
-        return np.asarray(found / size[:, None])
+        def table(share: float) -> Vector:
+            beside = replace(moment, x=moment.x + share * dx, z=moment.z + share * dz)
+            at = self.hybrid.iteration.flipped(beside, share * falls < 0.0)
+            p = chain.p.copy()
+            p[chain.chosen] += share * dp
+            by_x, by_p, _ = Slopes(chain.compiled, p, chain.u, chain.chosen).total(regime, key, function, t, at)
+            value = np.array(function(t, at.x, at.z, chain.u, p, at.m)).ravel()
+            found = np.column_stack([value, by_x[:, : chain.nx] * size_x, by_p * size_p])
+            return np.asarray(found / size[:, None])
 
-    return two_sides(table) is not None
+        return two_sides(table) is not None
+
+    def _falls(self, dx: Vector, dp: Vector) -> Vector:
+        """How the guards that rest on zero move along a way; zero for all others."""
+        held = self.moment.regime.held
+        if not held.owners:
+            return np.zeros(0)
+        by_x, by_p, _ = self.chain.slopes.total(
+            self.moment.regime, ("guards",), lambda *a: held.watch(*a), self.t, self.moment
+        )
+        falls = by_x[:, : self.chain.nx] @ dx + by_p @ dp
+        g, rate, noise = self.hybrid.guards.state(self.t, self.moment)
+        is_resting = (np.abs(g) <= noise) & (np.abs(rate) <= noise) & np.array([side < 0 for _, side in held.owners])
+        return np.where(is_resting & (np.abs(falls) > _STILL * noise), falls, 0.0)

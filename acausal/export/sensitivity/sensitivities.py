@@ -15,7 +15,9 @@ from acausal.arrays import Vector
 from acausal.errors import UsageError, meant
 from acausal.export.forms import SENSITIVITIES, check
 from acausal.export.ports import named_outputs
+from acausal.export.sensitivity.begun import refuse_begun
 from acausal.export.sensitivity.chain import Chain
+from acausal.export.sensitivity.jumps import refuse_jumps
 from acausal.export.sensitivity.missed import refuse_missed
 from acausal.export.sensitivity.resting import refuse_resting
 from acausal.language.component import Component
@@ -103,8 +105,8 @@ def sensitivities(
         for `times` outside of the run.
     ExportError
         AC608 where states are reset together with an impulse, AC615 where a relation is only grazed, where the run
-        rests on a kink that has two derivatives, and where something moves across the stop time or across something
-        else that is known in advance.
+        rests on a kink that has two derivatives, begins on a relation that acts, or jumps without an event, and where
+        something moves across the stop time or across something else that is known in advance.
     AcausalError
         What the run itself raises.
     """
@@ -129,6 +131,8 @@ def sensitivities(
     assert run.hybrid is not None, "a traced run keeps its events"
     refuse_missed(chain, run.hybrid.guards, result.time)
     refuse_resting(chain, run.hybrid)
+    refuse_begun(chain, run.hybrid)
+    refuse_jumps(chain, run.hybrid)
     asked = np.asarray(times, dtype=float)
     _check_times(asked, chain)
     final, of_times = chain.forward() if method == "forward" else chain.adjoint()

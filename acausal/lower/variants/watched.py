@@ -20,7 +20,7 @@ from acausal.lower.subsystems.partition import system_of
 from acausal.lower.subsystems.split import subsystems
 
 _Made = tuple[CompiledModel | None, str]
-_MADE: WeakKeyDictionary[CompiledModel, dict[tuple[int, ...], _Made]] = WeakKeyDictionary()
+_MADE: WeakKeyDictionary[CompiledModel, dict[tuple[tuple[int, ...], bool], _Made]] = WeakKeyDictionary()
 UNWATCHED_STEPS = 5000
 """No step is longer than this part of a run whose kinks are not all watched."""
 _KINKS = frozenset(("min", "max", "fabs", "noevent"))
@@ -40,25 +40,27 @@ _BOUNDED = (
 )
 
 
-def with_watched(compiled: CompiledModel, relative: float) -> tuple[CompiledModel, str, str]:
+def with_watched(compiled: CompiledModel, relative: float, *, branches: bool = False) -> tuple[CompiledModel, str, str]:
     """The model for a solver that chooses its steps, at a relative tolerance; itself where nothing sleeps.
 
     And what is to be said: of kinks that are too many to be watched, under a bound of the steps, and of tables.
+
+    With `branches` kinks are told by their modes, for who differentiates on one side of them.
 
     Made once for each, and for what of its tables the tolerance can tell. Bursts are not watched: what a solver hands
     over is searched for what it has passed over (`acausal.simulate.driver.overlooked`).
     """
     made = _MADE.setdefault(compiled, {})
     numbers, passed = tuple[int, ...](), 0
-    if _has_tables(compiled) or () not in made:  # without, it is the same for all tolerances
+    if _has_tables(compiled) or ((), branches) not in made:  # without, it is the same for all tolerances
         solution = compiled.solution
         pool = solution.structure.reduced.pool
         roots = [*(n for v, n in solution.definitions if v in solution.needed), *solution.residuals]
         if _has_tables(compiled):
             numbers, passed = stretch_numbers(pool, roots, dict(solution.definitions), relative)
-        if numbers not in made:
-            made[numbers] = _watched(compiled, roots, numbers)
-    model, note = made[numbers]
+        if (numbers, branches) not in made:
+            made[numbers, branches] = _watched(compiled, roots, numbers, branches)
+    model, note = made[numbers, branches]
     return model or compiled, note, _tables_left(passed) if passed else ""
 
 
@@ -80,12 +82,12 @@ def _has_tables(compiled: CompiledModel) -> bool:
     return _TABLES[compiled]
 
 
-def _watched(compiled: CompiledModel, roots: Sequence[int], numbers: tuple[int, ...]) -> _Made:
+def _watched(compiled: CompiledModel, roots: Sequence[int], numbers: tuple[int, ...], branches: bool) -> _Made:
     """As much as can be watched in each of the systems that the model is split into, or else in the whole."""
     parted = cache(lambda: system_of(compiled))  # of most models nothing is watched in any part
-    model, found = _lowered(compiled, roots, numbers, lambda node: parted()(node))
+    model, found = _lowered(compiled, roots, numbers, branches, lambda node: parted()(node))
     if len(found.watched) > MOST and model is not None and not subsystems(model):
-        model, found = _lowered(compiled, roots, numbers, lambda node: 0)
+        model, found = _lowered(compiled, roots, numbers, branches, lambda node: 0)
     return model, _left(compiled, found) if found.left else ""
 
 
@@ -93,6 +95,7 @@ def _lowered(
     compiled: CompiledModel,
     roots: Sequence[int],
     numbers: tuple[int, ...],
+    branches: bool,
     system: Callable[[int], int],
 ) -> tuple[CompiledModel | None, Sleeping]:
     solution = compiled.solution
@@ -105,7 +108,7 @@ def _lowered(
         found = sleeping(solution, located, discrete_variables(reduced), system)
     if not found.watched and not found.bursts and not numbers:
         return None, found
-    lowered = lower(solution, compiled.driven, replace(found, numbers=numbers))
+    lowered = lower(solution, compiled.driven, replace(found, numbers=numbers, branches=branches))
     lowered = replace(lowered, selection=compiled.selection, recipe=compiled.recipe, start=compiled.start)
     return replace(lowered, timings=dict(compiled.timings)), found
 

@@ -48,6 +48,8 @@ _TOLD, _NOTHING, _FEW = 0.02, 1e-14, 4
 _TURNS = 30
 # Parts of what is between two rows, where an argument turns or crosses its middle.
 _DENSER = 8
+# How often the way to such an instant is halved for what comes to be awake on it.
+_GRADES = 40
 # Rows are too close for that where they are one to this share of the time.
 _CLOSE = 1e-11
 _ONE = 1e-13
@@ -79,6 +81,11 @@ class Overlooked:
         """
         search = self._search(problem, segment)
         return search is None or search.is_clear(segment, piece)
+
+    def places(self, problem: Problem, segment: Segment) -> Vector:
+        """Instants of a segment at which something steep may come and go, for who integrates it in another way."""
+        search = self._search(problem, segment)
+        return np.zeros(0) if search is None else search.places(segment)
 
     def _search(self, problem: Problem, segment: Segment) -> _Search | None:
         """None where nothing steep has an effect."""
@@ -153,6 +160,32 @@ class _Search:
         return all(
             self._again(segment, rows, *suspect) is None for suspect in self._suspects(segment, rows, places, doubt)
         )
+
+    def places(self, segment: Segment) -> Vector:
+        """Instants at which an argument turns or is in the middle of a step, in order."""
+        wide = _finer(segment, _FEWEST)
+        while True:
+            piece = self.integrated(wide)
+            rows = self._rows(wide, piece)
+            if self._are_resolved(wide, rows) or _FINER * len(wide.times) > self._most:
+                break
+            wide = _finer(wide, _FINER * len(wide.times))
+        places = self._places(wide, rows, piece.counters.get("steps", 1.0))[0]
+        return np.concatenate([places, *(self._around(wide, rows, places, sign) for sign in (-1.0, 1.0))])
+
+    def _around(self, segment: Segment, rows: _Rows, places: Vector, sign: float) -> Vector:
+        """Instants before or behind places, ever closer to them, between which a function there goes another way."""
+        if not len(places):
+            return np.zeros(0)
+        low, high = rows.times[0], rows.times[-1]
+        room = np.where(sign < 0.0, np.diff(places, prepend=low), np.diff(places, append=high))
+        shares = np.append(0.5 ** np.arange(_GRADES), 0.0)
+        at = np.clip(places[:, None] + sign * room[:, None] * shares, low, high)
+        values = self._between(segment, rows, at.ravel())
+        found = self.known.heights(values).reshape(*at.shape, -1)
+        apart = np.abs(np.diff(found, axis=1)) > _NOTHING * np.abs(found).max(axis=1, keepdims=True)
+        changes = apart.any(axis=2)
+        return np.asarray(at[:, :-1][changes & (at[:, :-1] > low) & (at[:, :-1] < high)])
 
     def _is_found_again(self, segment: Segment, piece: Piece) -> bool:
         """Whether a solution with more rows leads to the same end, and has passed over nothing."""

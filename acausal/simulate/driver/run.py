@@ -147,10 +147,10 @@ class Run:
         self.solver, reason = choose(self.compiled, opts.solver, opts.step, len(self.inputs.breaks))
         self.why = self.why or reason
         notes: tuple[str, ...] = ()
-        if not self.solver.fixed_step and opts.step is None and not self.traced:  # fixed steps sleep through nothing
+        if not self.solver.fixed_step and opts.step is None:  # fixed steps sleep through nothing
             bounded, tables = unwatched(), ""
             if self.watches:
-                self.compiled, bounded, tables = with_watched(self.compiled, opts.tolerance)
+                self.compiled, bounded, tables = with_watched(self.compiled, opts.tolerance, branches=self.traced)
             notes = tuple(note for note in (bounded, tables) if note)
             if bounded and opts.max_step is None:  # what sleeps wakes within a step, where its error is seen
                 opts = self.options = replace(opts, max_step=opts.span / UNWATCHED_STEPS)

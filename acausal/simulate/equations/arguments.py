@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from acausal.analyse.events.by_modes import compared
 from acausal.analyse.events.steep import STEPS
 from acausal.arrays import Vector
 from acausal.flatten.pool import Pool
@@ -150,20 +151,10 @@ class Effects:
             op, *sides = pool.nodes[relation]
             mode = self._symbols.m[first + k]
             # a < b is b > a, and a <= b is not a > b
-            found[_compared(pool, *(sides if op in ("gt", "le") else reversed(sides)))] = (
+            found[compared(pool, *(sides if op in ("gt", "le") else reversed(sides)))] = (
                 mode if op in ("gt", "lt") else 1 - mode
             )
         return found
-
-
-def _compared(pool: Pool, a: int, b: int) -> tuple[int, int]:
-    """Two nodes that are compared; a - b and zero are a and b."""
-    a, b = (pool.nodes[n][1] if pool.nodes[n][0] == "noevent" else n for n in (a, b))
-    for n, other in ((a, b), (b, a)):
-        if other == pool.zero and pool.nodes[n][0] == "sub":
-            x, y = pool.nodes[n][1:]
-            return (x, y) if n == a else (y, x)
-    return a, b
 
 
 def _told(pool: Pool, number: int, larger: Mapping[tuple[int, int], Any]) -> Callable[[list[Any]], Any] | None:
@@ -171,7 +162,7 @@ def _told(pool: Pool, number: int, larger: Mapping[tuple[int, int], Any]) -> Cal
     op, *operands = pool.nodes[number]
     if op not in _COMPARING:
         return None
-    a, b = _compared(pool, *(reversed(operands) if op in ("lt", "ge") else operands))
+    a, b = compared(pool, *(reversed(operands) if op in ("lt", "ge") else operands))
     is_larger = larger.get((a, b))
     if is_larger is None and op in ("max", "min") and (b, a) in larger:
         is_larger = 1 - larger[b, a]
