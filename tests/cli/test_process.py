@@ -7,11 +7,13 @@ import signal
 import subprocess
 import sys
 import time
+import weakref
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from acausal.cli.output.failure import report_unraisable
 from acausal.result.result import load
 from tests.cli.running import ROOT, spawn, start
 
@@ -101,6 +103,30 @@ def test_ctrl_c_while_it_begins_prints_no_traceback(folder: Path, delay: float) 
         return
     assert "acausal" not in err or "Traceback" not in err  # before its first line Python itself prints one
     assert process.returncode in (130, 1)
+
+
+def test_ctrl_c_inside_a_callback_prints_no_traceback(capsys: pytest.CaptureFixture[str]) -> None:
+    """Python only prints what is raised in a callback of a weak reference, as modules have while they are imported."""
+
+    class Told:
+        pass
+
+    def dropped(error: BaseException) -> str:
+        def tell(_: object) -> None:
+            raise error
+
+        told = Told()
+        kept = weakref.ref(told, tell)
+        before, sys.unraisablehook = sys.unraisablehook, report_unraisable
+        try:
+            del told
+        finally:
+            sys.unraisablehook = before
+        assert kept() is None
+        return capsys.readouterr().err
+
+    assert dropped(KeyboardInterrupt()) == ""
+    assert "ValueError: 7" in dropped(ValueError(7))
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")

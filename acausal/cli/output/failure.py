@@ -81,6 +81,17 @@ def heed_termination() -> None:
     """Let SIGTERM end a verb as Ctrl-C does: what a run has computed is kept. Not where somebody else handles it."""
     if threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
         signal.signal(signal.SIGTERM, terminate)
+    if sys.unraisablehook is sys.__unraisablehook__:
+        sys.unraisablehook = report_unraisable
+
+
+def report_unraisable(unraisable: sys.UnraisableHookArgs) -> None:
+    """Print, as Python does, what was raised where nobody can catch it; Ctrl-C is remembered, and said later.
+
+    A signal may come while a module is imported, inside a callback of a weak reference.
+    """
+    if not issubclass(unraisable.exc_type, KeyboardInterrupt):
+        sys.__unraisablehook__(unraisable)
 
 
 def _syntax_span(error: SyntaxError) -> Span:
