@@ -23,10 +23,12 @@ from acausal import (
     fabs,
     fixed,
     maximum,
+    no_event,
     parameter,
     structural,
     tanh,
     variable,
+    where,
 )
 
 # Pulses and their integrals.
@@ -88,3 +90,24 @@ def test_a_run_that_is_differentiated_sleeps_through_nothing() -> None:
         found = acausal.sensitivities(Woken(), ["k", "d"], ["y"], stop_time=1.0, tolerance=tolerance)
         assert found.result["y"][-1] == pytest.approx(1e-3, rel=1e-4)
         assert found.final[0] == pytest.approx([1e-6, 2.0], rel=1e-4)
+
+
+class Unwatched(Component):
+    """A tent squared, the power of which is no kink of a rate, among more choices than are watched (AC414)."""
+
+    k: Real = parameter(default=1.0)
+    x: Real = variable(default=fixed(0.0))
+    y: Real = variable(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        tent = maximum(1.0 - fabs(self.x - 0.3713) / 1e-3, 0.0)
+        far = sum((where(no_event(self.x > 5.0 + 0.01 * i), self.x, 0.0) for i in range(130)), start=0.0 * self.x)
+        yield der(self.x) == 1.0
+        yield der(self.y) == self.k * tent * tent + far * far
+
+
+def test_where_kinks_cannot_be_watched_no_step_is_longer_than_those_of_the_run() -> None:
+    """y(1) = k 2 w/3, by k 2 w/3."""
+    found = acausal.sensitivities(Unwatched(), ["k"], ["y"], stop_time=1.0, tolerance=1e-6)
+    assert "AC414" in str(found.result.stats["notes"])
+    assert found.final[0, 0] == pytest.approx(2e-3 / 3.0, rel=1e-3)

@@ -47,22 +47,22 @@ class Chain:
         self.event = Saltation(self.slopes, run.hybrid, first, self.stop - first)
         self.nx, self.count, self.size = self.slopes.nx, self.slopes.count, self.slopes.size
         self.temper, self.native = Temper(), run.options.native
-        self.marks = self._marks(run.hybrid)
+        self.marks = self._marks(run.hybrid, run.options.max_step)
         own = [k for k, passage in enumerate(self.passages) if not passage.edge]
         self.terminal = own[-1] if run.hybrid.terminated and own else None
         """The event that has ended the run; final values are taken at its instant, which moves."""
 
-    def _marks(self, hybrid: Hybrid) -> Vector:
+    def _marks(self, hybrid: Hybrid, longest: float | None) -> Vector:
         """Instants between events at which a step of a variation has to end: else it passes over what is steep there.
 
-        The states may know nothing of it, as of a burst that is multiplied by a parameter that is zero.
+        The states may know nothing of it, as of a burst that is multiplied by a parameter that is zero. Where no step
+        of the run may be longer than `longest`, as there are too many kinks to be watched, none of these is.
         """
-        if hybrid.overlooked is None:
-            return np.zeros(0)
-        found = [np.zeros(0)]
+        first = self.passages[0].time
+        found = [np.zeros(0) if longest is None else np.arange(first, self.stop, longest)]
         for k in range(len(self.passages)):
             own = self.stretch(k)
-            if own.end > own.start:
+            if hybrid.overlooked is not None and own.end > own.start:
                 times = np.linspace(own.start, own.end, 3)[1:]
                 segment = replace(hybrid.template, start=own.start, times=times, x=own.x, z=own.z, p=own.m)
                 found.append(hybrid.overlooked.places(own.regime.problem, segment))
