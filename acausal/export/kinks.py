@@ -16,7 +16,6 @@ from acausal.arrays import Vector
 from acausal.errors import ExportError
 from acausal.export.minimal.manifold import Minimal
 from acausal.lower.compiled import CompiledModel
-from acausal.simulate.start.initialize import Start
 
 # Displacements, as shares of what variables are, and ways along which all of them are displaced at once.
 _CLOSE, _FAR, _WAYS = 1e-12, 1e-9, 2
@@ -43,22 +42,21 @@ class Slopes:
         return np.vstack([rates, np.column_stack([self.y, C * x, D * u])])
 
 
-def refuse_kink(
+def slopes_of_both_sides(
     compiled: CompiledModel,
     t: float,
     slopes: Callable[[Vector, Vector, Vector], Slopes],
+    point: tuple[Vector, Vector, Vector],
     least: Minimal,
-    start: Start,
-    u: Vector,
     outputs: Sequence[str],
-) -> None:
-    """AC604 when the two sides of a point have different slopes, or values; `slopes` are those at `(x, z, u)`.
+) -> Slopes:
+    """The `slopes` at a point `(x, z, u)`; motions beside it keep to the coordinates in `least`.
 
-    Motions keep to the coordinates in `least`.
+    Raises ExportError: AC604 when both sides of the point have different slopes, or values.
     """
-    x, z = start.x, start.z
+    x, z, u = point
     sizes = np.maximum(np.abs(x), compiled.nominal_x), np.maximum(np.abs(u), 1.0)
-    here = slopes(x, z, u)
+    here = slopes(*point)
     names = [*(f"der({n})" for n in compiled.states), *outputs]
     for dx, du in _ways(compiled, least, *sizes):
         dz = here.z_of_x @ dx + here.z_of_u @ du
@@ -75,6 +73,7 @@ def refuse_kink(
             cause="a relation, minimum, maximum or fabs changes sides exactly at this point",
             help="linearize at a time or states beside it",
         )
+    return here
 
 
 def two_sides(at: Callable[[float], Vector]) -> tuple[int, int, float, float] | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,7 +13,7 @@ from acausal.arrays import Vector
 from acausal.errors import ExportError, UsageError, meant
 from acausal.export.begin import input_start
 from acausal.export.forms import LINEAR, check
-from acausal.export.kinks import Slopes, refuse_kink
+from acausal.export.kinks import Slopes, slopes_of_both_sides
 from acausal.export.minimal.manifold import minimal, on_constraints
 from acausal.export.observed import dae_function
 from acausal.export.ports import Output, named_outputs
@@ -150,13 +150,8 @@ def linearize(
     start = _point(compiled, t, p, u, result, x or {})
     least = minimal(compiled, t, start, u, p, np.array(compiled.all_modes(t, start.x, start.z, u, p)).ravel())
     places = list(least.places)
-    jacobian = _jacobian(compiled, wanted)
-
-    def slopes(x: Vector, z: Vector, u: Vector) -> Slopes:
-        return _slopes(compiled, t, jacobian, (t, x, z, u, p))
-
-    here = slopes(start.x, start.z, u)
-    refuse_kink(compiled, t, slopes, least, start, u, [o.name for o in wanted])
+    point = start.x, start.z, u
+    here = slopes_of_both_sides(compiled, t, _slopes_of(compiled, wanted, t, p), point, least, [o.name for o in wanted])
     A, B, C, D = here.matrices
     follow, driven = least.of_coordinates, least.of_inputs
     return Linearization(
@@ -177,18 +172,21 @@ def linearize(
     )
 
 
-def _jacobian(compiled: CompiledModel, wanted: Sequence[Output]) -> Any:
-    """Rates, outputs and all partial derivatives as a function of `(t, x, z, u, p)`, by CasADi's names: `jac_ode_x`."""
+def _slopes_of(
+    compiled: CompiledModel, wanted: Sequence[Output], t: float, p: Vector
+) -> Callable[[Vector, Vector, Vector], Slopes]:
+    """The matrices of all states as a function of `(x, z, u)`, where algebraic variables follow."""
     partial = [f"jac:{f}:{v}" for f in ("ode", "alg", "y") for v in ("x", "z", "u")]
-    return dae_function(compiled, wanted).factory("jacobian", ["t", "x", "z", "u", "p"], ["ode", "y", *partial])
+    jacobian = dae_function(compiled, wanted).factory("jacobian", ["t", "x", "z", "u", "p"], ["ode", "y", *partial])
+    pairs = [(f, v) for f in ("ode", "y") for v in ("x", "u")]
 
+    def slopes(x: Vector, z: Vector, u: Vector) -> Slopes:
+        found = {name: np.array(m) for name, m in zip(jacobian.name_out(), jacobian(t, x, z, u, p), strict=True)}
+        follow = _algebraic_slopes(compiled, t, found)
+        matrices = tuple(found[f"jac_{f}_{v}"] + found[f"jac_{f}_z"] @ follow[v] for f, v in pairs)
+        return Slopes(found["ode"].ravel(), found["y"].ravel(), matrices, follow["x"], follow["u"])
 
-def _slopes(compiled: CompiledModel, t: float, jacobian: Any, at: tuple[Any, ...]) -> Slopes:
-    """The matrices of all states at a point, where algebraic variables follow."""
-    found = {name: np.array(m) for name, m in zip(jacobian.name_out(), jacobian(*at), strict=True)}
-    follow = _algebraic_slopes(compiled, t, found)
-    matrices = tuple(found[f"jac_{f}_{v}"] + found[f"jac_{f}_z"] @ follow[v] for f in ("ode", "y") for v in ("x", "u"))
-    return Slopes(found["ode"].ravel(), found["y"].ravel(), matrices, follow["x"], follow["u"])
+    return slopes
 
 
 def _recorded(compiled: CompiledModel, result: Result | None) -> dict[str, float]:

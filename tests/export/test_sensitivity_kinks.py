@@ -29,6 +29,7 @@ from acausal import (
     pre,
     reset,
     sign,
+    sqrt,
     structural,
     variable,
     when,
@@ -190,3 +191,26 @@ def test_no_event_around_what_is_continuous_is_differentiated() -> None:
     model = Passing(f=lambda m: no_event(where(m.x < 0.0, -m.x, m.x)), b=0.4371)
     found = acausal.sensitivities(model, ["b"], ["y"], stop_time=0.9).final[0, 0]
     assert found == pytest.approx(2.0 * 0.4371 - 0.9, rel=1e-7)
+
+
+class Rooted(Component):
+    """x' = -1 from b on, and y' = k x^1.5 as long as x is positive: beyond, the root of x is no number."""
+
+    b: Real = parameter(default=0.4)
+    k: Real = parameter(default=1.0)
+    x: Real = variable()
+    y: Real = variable(default=fixed(0.0))
+
+    def initial_equations(self) -> Equations:
+        yield self.x == self.b
+
+    def equations(self) -> Equations:
+        yield der(self.x) == -1.0
+        yield der(self.y) == self.k * where(no_event(self.x > 0.0), self.x * sqrt(self.x), 0.0)
+
+
+@pytest.mark.parametrize("solver", ["rosenbrock", "erk", "idas", "cvodes"])
+def test_a_root_that_ends_at_a_kink_is_differentiated(solver: str) -> None:
+    """y(1) = k 0.4 b^2.5."""
+    found = acausal.sensitivities(Rooted(), ["k", "b"], ["y"], stop_time=1.0, solver=solver)
+    np.testing.assert_allclose(found.final, [[0.4 * 0.4**2.5, 0.4**1.5]], rtol=1e-6)

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 
-from acausal.flatten.pool import RELATIONS, Pool
+from acausal.flatten.pool import LEAVES, RELATIONS, Pool
 
-_KINKS = frozenset(("max", "min", "fabs"))
+KINKS = frozenset(("max", "min", "fabs"))
 _PARTIAL = frozenset(("pow", "sqrt", "log", "asin", "acos", "div"))
 
 
@@ -28,47 +28,69 @@ def by_modes(
     for them already. Kinks that keep a root, a power or a quotient defined stay as they are.
     """
     keeping = _keeping(pool, roots, definitions)
-    done, found = dict(rewritten), dict[int, int]()
-    larger: dict[tuple[int, int], int] = {}
-    for relations, is_watched in ((located, False), (watched, True)):
-        for number in relations:
-            op, *sides = pool.nodes[number]
-            if is_watched:
-                done[number] = number
-            else:
-                pool.rewrite([number], pool.var, done)
-            # a < b is b > a, and a <= b is not a > b
-            key = compared(pool, *(sides if op in ("gt", "le") else reversed(sides)))
-            larger.setdefault(key, done[number] if op in ("gt", "lt") else pool.make("not", done[number]))
-    own = {n for n in larger.values()}
+    own, done, found = set(watched), dict(rewritten), dict[int, int]()
+    done |= {n: n for n in own}  # nodes of their own, which modes are known by
+    known = sides(pool, (*located, *own))
+    pool.rewrite(located, pool.var, done)
     for number in pool.reachable(roots):
-        op, *operands = pool.nodes[number]
-        if number in rewritten or number in own or number in keeping or not (op in _KINKS or op in RELATIONS):
+        if number in rewritten or number in own or number in keeping or number in located:
             continue
-        a, b = operands if len(operands) == 2 else (operands[0], pool.zero)
-        is_larger = larger.get(compared(pool, a, b))
-        if is_larger is None and op in _KINKS and compared(pool, b, a) in larger:
-            is_larger = pool.make("not", larger[compared(pool, b, a)])
-        if op in RELATIONS:
-            image = _relation(pool, op, (a, b), larger) if number not in located else None
-        elif is_larger is None:
-            image = None
-        else:
-            pool.rewrite([a, b], pool.var, done)
-            u, v = (done[b], done[a]) if op == "min" else (done[a], done[b] if op == "max" else pool.neg(done[a]))
-            image = pool.where(is_larger, u, v)
-        if image is not None:
-            found[number] = done[number] = image
+        told = teller(pool, number, known)
+        if told is None:
+            continue
+        relation, holds = told
+        truth = done[relation] if holds else pool.make("not", done[relation])
+        op, *operands = pool.nodes[number]
+        if op in KINKS:
+            pool.rewrite(operands, pool.var, done)
+            u, *rest = (done[n] for n in operands)
+            v = rest[0] if rest else pool.neg(u)
+            truth = pool.where(truth, *((v, u) if op == "min" else (u, v)))
+        found[number] = done[number] = truth
     return found
 
 
-def _keeping(pool: Pool, roots: Sequence[int], definitions: Mapping[int, int]) -> set[int]:
-    """Nodes that arguments of functions depend on which are not defined everywhere."""
-    stack = []
-    for number in pool.reachable(roots):
+Sides = dict[tuple[int, int], tuple[int, bool]]
+
+
+def sides(pool: Pool, relations: Iterable[int]) -> Sides:
+    """Of two nodes the relation that tells whether the first is larger, and whether this holds where it is true."""
+    found: Sides = {}
+    for number in relations:
         op, *operands = pool.nodes[number]
-        if op in _PARTIAL and not (op == "pow" and _is_whole(pool, operands[1])):
+        # a < b is b > a, and a <= b is not a > b
+        key = _compared(pool, *(operands if op in ("gt", "le") else reversed(operands)))
+        found.setdefault(key, (number, op in ("gt", "lt")))
+    return found
+
+
+def teller(pool: Pool, number: int, known: Sides) -> tuple[int, bool] | None:
+    """A relation that tells which operand of a kink is larger, or whether a relation holds, if it is true, or false."""
+    op, *operands = pool.nodes[number]
+    if op not in KINKS and op not in RELATIONS:
+        return None
+    a, b = operands if len(operands) == 2 else (operands[0], pool.zero)
+    if op in RELATIONS:
+        told = known.get(_compared(pool, *((a, b) if op in ("gt", "le") else (b, a))))
+        return told if told is None or op in ("gt", "lt") else (told[0], not told[1])
+    told, other = known.get(_compared(pool, a, b)), known.get(_compared(pool, b, a))
+    return told if told is not None or other is None else (other[0], not other[1])
+
+
+def _keeping(pool: Pool, roots: Sequence[int], definitions: Mapping[int, int]) -> set[int]:
+    """What arguments of functions depend on that are not defined everywhere, and conditions of such functions."""
+    stack, partial = [], set[int]()
+    for number in pool.reachable(roots):  # operands come before
+        op, *operands = pool.nodes[number]
+        if op in LEAVES:
+            continue
+        if op in _PARTIAL and not _is_total(pool, op, operands[-1]):
             stack.append(operands[1] if op == "div" else operands[0])
+            partial.add(number)
+        elif not partial.isdisjoint(operands):
+            partial.add(number)
+            if op == "where":
+                stack.append(operands[0])
     found: set[int] = set()
     while stack:
         below = pool.reachable([stack.pop()], found)
@@ -78,12 +100,15 @@ def _keeping(pool: Pool, roots: Sequence[int], definitions: Mapping[int, int]) -
     return found
 
 
-def _is_whole(pool: Pool, number: int) -> bool:
-    node = pool.nodes[number]
-    return node[0] == "const" and float(node[1]).is_integer() and float(node[1]) >= 0.0
+def _is_total(pool: Pool, op: str, last: int) -> bool:
+    """Whether a whole power, or a quotient by a number, is defined wherever its other operand is."""
+    kind, *rest = pool.nodes[last]
+    if op == "pow":
+        return kind == "const" and float(rest[0]).is_integer() and float(rest[0]) >= 0.0
+    return op == "div" and kind in ("const", "par")
 
 
-def compared(pool: Pool, a: int, b: int) -> tuple[int, int]:
+def _compared(pool: Pool, a: int, b: int) -> tuple[int, int]:
     """Two nodes that are compared; a - b and zero are a and b."""
     a, b = (pool.nodes[n][1] if pool.nodes[n][0] == "noevent" else n for n in (a, b))
     for n, other in ((a, b), (b, a)):
@@ -91,11 +116,3 @@ def compared(pool: Pool, a: int, b: int) -> tuple[int, int]:
             x, y = pool.nodes[n][1:]
             return (x, y) if n == a else (y, x)
     return a, b
-
-
-def _relation(pool: Pool, op: str, sides: tuple[int, int], larger: dict[tuple[int, int], int]) -> int | None:
-    """The same relation by a mode, where there is one of these sides."""
-    is_larger = larger.get(compared(pool, *(sides if op in ("gt", "le") else reversed(sides))))
-    if is_larger is None:
-        return None
-    return is_larger if op in ("gt", "lt") else pool.make("not", is_larger)

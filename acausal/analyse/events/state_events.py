@@ -140,7 +140,7 @@ def find_state_events(
         branches |= kinked
         done = {**rewritten, **branches}
         # beyond a kink that is a branch a root or a power may be undefined, as beyond any other relation
-        roots += [n for n in whole if kinked and n not in roots]
+        roots += set(whole).difference(roots) if kinked else ()
     branches |= guarded(pool, roots, done, _assigned(reduced), solution.definitions)
     done = {**rewritten, **branches}
     if asleep.bursts:

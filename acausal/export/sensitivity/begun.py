@@ -10,21 +10,20 @@ import numpy as np
 
 from acausal.errors import ExportError
 from acausal.export.sensitivity.chain import Chain
-from acausal.simulate.driver.hybrid import Hybrid
 from acausal.simulate.events.guards import Moment
 
 # Rates that differ by less, as a share of what they are, do not jump; variations of a guard, in what it may be wrong.
 _SAME, _STILL = 1e-9, 1e-9
 
 
-def refuse_begun(chain: Chain, hybrid: Hybrid) -> None:
+def refuse_begun(chain: Chain) -> None:
     """Raise ExportError AC615 where a run begins on a relation that does something and that parameters move away."""
     passage = chain.passages[0]
     t, moment = passage.time, passage.happened.moment
     owners = moment.regime.held.owners
     if not owners:
         return
-    g, rate, noise = hybrid.guards.state(t, moment)
+    g, rate, noise = chain.hybrid.guards.state(t, moment)
     near = (np.abs(g) <= noise) & (np.abs(rate) > noise) & np.array([side < 0 for _, side in owners])
     if not near.any():
         return
@@ -35,10 +34,10 @@ def refuse_begun(chain: Chain, hybrid: Hybrid) -> None:
     sizes = np.abs(chain.p[chain.chosen])
     moves *= np.where(sizes > 0.0, sizes, 1.0)
     for k in np.flatnonzero(near & (moves > _STILL * noise[:, None]).any(axis=1)).tolist():
-        other = hybrid.iteration.consistent(t, hybrid.iteration.flipped(moment, np.arange(len(g)) == k))
-        if not _acts(chain, hybrid, t, moment, other):
+        other = chain.hybrid.iteration.consistent(t, chain.hybrid.iteration.flipped(moment, np.arange(len(g)) == k))
+        if not _acts(chain, t, moment, other):
             continue
-        cause = hybrid.guards.causes[owners[k][0]]
+        cause = chain.hybrid.guards.causes[owners[k][0]]
         name = chain.compiled.parameters[chain.chosen[int(np.argmax(moves[k]))]]
         raise ExportError(
             "AC615",
@@ -50,10 +49,10 @@ def refuse_begun(chain: Chain, hybrid: Hybrid) -> None:
         )
 
 
-def _acts(chain: Chain, hybrid: Hybrid, t: float, moment: Moment, other: Moment) -> bool:
+def _acts(chain: Chain, t: float, moment: Moment, other: Moment) -> bool:
     """Whether rates jump across a relation, or a clause acts when it is passed on the way from the `other` side."""
     rates = [chain.slopes.rate(m.regime, t, m) for m in (moment, other)]
     if (np.abs(rates[1] - rates[0]) > _SAME * (np.abs(rates[0]) + np.abs(rates[1]))).any():
         return True
-    after = hybrid.iteration.settle(t, moment, other.m)
+    after = chain.hybrid.iteration.settle(t, moment, other.m)
     return bool(after.acted) or after.terminated is not None or not np.array_equal(after.moment.x, moment.x)

@@ -22,7 +22,7 @@ from acausal.export.sensitivity.slopes import Matrices, Slopes
 from acausal.export.variation.element import Temper, Way
 from acausal.export.variation.variation import Variation
 from acausal.lower.symbols import Symbols
-from acausal.simulate.driver.hybrid import Hybrid, Passage
+from acausal.simulate.driver.hybrid import Passage
 from acausal.simulate.driver.run import Run
 from acausal.simulate.equations.calls.quick import Quick
 from acausal.simulate.events.regime import Regime
@@ -47,18 +47,19 @@ class Chain:
         self.event = Saltation(self.slopes, run.hybrid, first, self.stop - first)
         self.nx, self.count, self.size = self.slopes.nx, self.slopes.count, self.slopes.size
         self.temper, self.native = Temper(), run.options.native
-        self.marks = self._marks(run.hybrid, run.options.max_step)
+        self.hybrid = run.hybrid
+        self.marks = self._marks(run.options.max_step)
         own = [k for k, passage in enumerate(self.passages) if not passage.edge]
         self.terminal = own[-1] if run.hybrid.terminated and own else None
         """The event that has ended the run; final values are taken at its instant, which moves."""
 
-    def _marks(self, hybrid: Hybrid, longest: float | None) -> Vector:
+    def _marks(self, longest: float | None) -> Vector:
         """Instants between events at which a step of a variation has to end: else it passes over what is steep there.
 
         The states may know nothing of it, as of a burst that is multiplied by a parameter that is zero. Where no step
         of the run may be longer than `longest`, as there are too many kinks to be watched, none of these is.
         """
-        first = self.passages[0].time
+        first, hybrid = self.passages[0].time, self.hybrid
         found = [np.zeros(0) if longest is None else np.arange(first, self.stop, longest)]
         for k in range(len(self.passages)):
             own = self.stretch(k)

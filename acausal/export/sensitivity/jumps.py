@@ -1,8 +1,8 @@
 """Rates that jump where no event is: `no_event` says that it does no harm, and a derivative passes over it.
 
-`where(no_event(x < 0), 5, 0)` is integrated by a solver whose steps become short there, and its instant moves with the
-parameters: that part of a derivative would be missing. What is only continuous there, as friction of both directions,
-does no harm. Between two rows of a run in which such a relation changes the instant is looked for, and its two sides.
+`no_event(sign(x))` is integrated by a solver whose steps become short there, and its instant moves with the parameters:
+that part of a derivative would be missing. What is only continuous there, as `x*sign(x)`, does no harm. Between two
+rows of a run in which such a relation changes the instant is looked for, and its two sides.
 """
 
 from __future__ import annotations
@@ -22,7 +22,6 @@ from acausal.flatten.pool import RELATIONS
 from acausal.flatten.text import to_text
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.symbols import Symbols
-from acausal.simulate.driver.hybrid import Hybrid
 from acausal.simulate.equations.calls.quick import Narrow
 from acausal.simulate.events.guards import Moment
 
@@ -30,6 +29,8 @@ _STEPS = frozenset(("sign", "floor", "ceil"))
 _HALVINGS = 60
 # Both sides are looked at so far from the instant, in distances of rows; a jump is there at both, and no rounding.
 _FAR, _CLOSE, _SHRINKS, _ROUNDING = 1e-6, 1e-9, 0.5, 1e-7
+# A jump by which states go elsewhere by less than this share until the next row is none.
+_NOTHING = 1e-14
 _WIDTH = 60
 
 
@@ -46,16 +47,16 @@ class _Sides:
         return np.where(self.steps, np.floor(values) + np.ceil(values), np.sign(values))
 
 
-def refuse_jumps(chain: Chain, hybrid: Hybrid) -> None:
+def refuse_jumps(chain: Chain) -> None:
     """Raise ExportError AC615 where a rate of the run jumps without an event."""
     sides = chain.slopes.kept("jumps", lambda: _made(chain.compiled))
     if sides is None:
         return
-    times, x, z, m = hybrid.recorder.rows()
+    times, x, z, m = chain.hybrid.recorder.rows()
     levels = sides.levels(sides.function.many(times[:, None], x.T, z.T, chain.u, chain.p, m.T))
     changed = (levels[1:] != levels[:-1]) & (np.diff(times) > 0.0)[:, None]
     for row, k in np.argwhere(changed).tolist():
-        t = _jump(chain, hybrid, sides, k, tuple(times[row : row + 2].tolist()), x[:, row : row + 2], z[:, row])
+        t = _jump(chain, sides, k, tuple(times[row : row + 2].tolist()), x[:, row : row + 2], z[:, row])
         if t is not None:
             raise ExportError(
                 "AC615",
@@ -66,9 +67,7 @@ def refuse_jumps(chain: Chain, hybrid: Hybrid) -> None:
             )
 
 
-def _jump(
-    chain: Chain, hybrid: Hybrid, sides: _Sides, k: int, ends: tuple[float, float], x: Vector, z: Vector
-) -> float | None:
+def _jump(chain: Chain, sides: _Sides, k: int, ends: tuple[float, float], x: Vector, z: Vector) -> float | None:
     """Where rates jump between two rows as number k changes; None where they do not."""
     start, end = ends
     gap = end - start
@@ -82,7 +81,7 @@ def _jump(
         rise = x[:, 1] - x[:, 0]
         bend = (1.0 - s) * (rates[0] - rise) - s * (rates[1] - rise)
         found = Moment(x[:, 0] + s * rise + s * (1.0 - s) * bend, z, stretch.m, stretch.regime)
-        return hybrid.iteration.consistent(start + s * gap, found)
+        return chain.hybrid.iteration.consistent(start + s * gap, found)
 
     def level(s: float) -> float:
         here = at(s)
@@ -101,7 +100,8 @@ def _jump(
         left, right = (chain.slopes.rate(stretch.regime, start + s * gap, at(s)) for s in pair)
         apart.append(np.abs(right - left))
         size = np.abs(left) + np.abs(right)
-    jumps = (apart[1] > _ROUNDING * size) & (apart[1] > _SHRINKS * apart[0])
+    states = np.maximum(np.abs(x).max(axis=1), chain.compiled.nominal_x)
+    jumps = (apart[1] > _ROUNDING * size) & (apart[1] > _SHRINKS * apart[0]) & (gap * apart[1] > _NOTHING * states)
     return start + low * gap if jumps.any() else None
 
 
@@ -111,10 +111,10 @@ def _made(compiled: CompiledModel) -> _Sides | None:
     reduced = solution.structure.reduced
     pool, moving = reduced.pool, Moving(reduced.pool, discrete_variables(reduced))
     roots = [*(n for v, n in solution.definitions if v in solution.needed), *solution.residuals]
-    below = [
-        n for number in pool.reachable(roots) if pool.nodes[number][0] == "noevent" for n in pool.nodes[number][1:]
-    ]
-    found = [n for n in pool.reachable(below) if pool.nodes[n][0] in RELATIONS | _STEPS and moving(n)]
+    below = [pool.nodes[n][1] for n in pool.reachable(roots) if pool.nodes[n][0] == "noevent"]
+    # a jump that a mode tells is one of the saltations
+    told = {*compiled.rewritten, *compiled.mode_nodes}
+    found = [n for n in pool.reachable(below, told) if pool.nodes[n][0] in RELATIONS | _STEPS and moving(n)]
     if not found:
         return None
     symbols = Symbols(compiled)

@@ -23,9 +23,9 @@ _FEWEST, _CLOSER = 17, 16
 _NEAR, _AWAY = 0.1, 10.0
 
 
-def refuse_missed(chain: Chain, guards: Guards, rows: Vector) -> None:
+def refuse_missed(chain: Chain, rows: Vector) -> None:
     """Raise ExportError AC615 where a relation was missed by less than its error; `rows` are times of the run [s]."""
-    watched = chain.compiled.state_events.watched
+    guards, watched = chain.hybrid.guards, chain.compiled.state_events.watched
     for k in range(len(chain.passages)):
         stretch = chain.stretch(k)
         own = [

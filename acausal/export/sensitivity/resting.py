@@ -1,8 +1,8 @@
 """Runs that rest on a kink: there they have two derivatives by what moves them off it.
 
 A body that nothing moves stands where its friction turns over, a reservoir is as full as its overflow is high: what is
-differentiated there is the equation of one side, or the mean of both. A kink that is only passed does no harm, so one
-row in the middle of each stretch tells, and of the outputs the end.
+differentiated there is the equation of one side, or the mean of both. A kink that is only passed does no harm, so two
+rows inside of each stretch tell, and of the outputs the end.
 """
 
 from __future__ import annotations
@@ -18,16 +18,15 @@ from acausal.errors import ExportError
 from acausal.export.kinks import two_sides
 from acausal.export.sensitivity.chain import Chain
 from acausal.export.sensitivity.slopes import Slopes
-from acausal.simulate.driver.hybrid import Hybrid
 from acausal.simulate.events.guards import Moment
 
 # A guard that would move by less, as all variables move by what they are, in what it may be wrong, does not move.
 _STILL = 1e3
 
 
-def refuse_resting(chain: Chain, hybrid: Hybrid) -> None:
+def refuse_resting(chain: Chain) -> None:
     """Raise ExportError AC615 where the run has other derivatives on both sides of what it rests on."""
-    times, x, z, _ = hybrid.recorder.rows()
+    times, x, z, _ = chain.hybrid.recorder.rows()
     for k in range(len(chain.passages)):
         stretch = chain.stretch(k)
         inside = np.flatnonzero((times > stretch.start) & (times < stretch.end))
@@ -35,13 +34,13 @@ def refuse_resting(chain: Chain, hybrid: Hybrid) -> None:
             continue
         # two rows: one may happen to stand where a kink is passed
         points = [
-            _Point(chain, hybrid, float(times[row]), Moment(x[:, row], z[:, row], stretch.m, stretch.regime), k, None)
+            _Point(chain, float(times[row]), Moment(x[:, row], z[:, row], stretch.m, stretch.regime), k, None)
             for row in (int(inside[len(inside) // 2]), int(inside[len(inside) // 3]))
         ]
         if all(p.is_on_a_kink() for p in points):
             points[0].refuse()
     if chain.terminal is None:
-        end = _Point(chain, hybrid, chain.stop, chain.last, len(chain.passages) - 1, chain.observed)
+        end = _Point(chain, chain.stop, chain.last, len(chain.passages) - 1, chain.observed)
         if end.is_on_a_kink():
             end.refuse()
 
@@ -51,7 +50,6 @@ class _Point:
     """A point of stretch `k`, at which a function of all is looked at from both sides: the rates, or the outputs."""
 
     chain: Chain
-    hybrid: Hybrid
     t: float
     moment: Moment
     k: int
@@ -106,7 +104,7 @@ class _Point:
 
         def table(share: float) -> Vector:
             beside = replace(moment, x=moment.x + share * dx, z=moment.z + share * dz)
-            at = self.hybrid.iteration.flipped(beside, share * falls < 0.0)
+            at = self.chain.hybrid.iteration.flipped(beside, share * falls < 0.0)
             p = chain.p.copy()
             p[chain.chosen] += share * dp
             by_x, by_p, _ = Slopes(chain.compiled, p, chain.u, chain.chosen).total(regime, key, function, t, at)
@@ -125,6 +123,6 @@ class _Point:
             self.moment.regime, ("guards",), lambda *a: held.watch(*a), self.t, self.moment
         )
         falls = by_x[:, : self.chain.nx] @ dx + by_p @ dp
-        g, rate, noise = self.hybrid.guards.state(self.t, self.moment)
+        g, rate, noise = self.chain.hybrid.guards.state(self.t, self.moment)
         is_resting = (np.abs(g) <= noise) & (np.abs(rate) <= noise) & np.array([side < 0 for _, side in held.owners])
         return np.where(is_resting & (np.abs(falls) > _STILL * noise), falls, 0.0)

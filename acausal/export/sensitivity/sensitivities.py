@@ -15,11 +15,9 @@ from acausal.arrays import Vector
 from acausal.errors import UsageError, meant
 from acausal.export.forms import SENSITIVITIES, check
 from acausal.export.ports import named_outputs
-from acausal.export.sensitivity.begun import refuse_begun
 from acausal.export.sensitivity.chain import Chain
-from acausal.export.sensitivity.jumps import refuse_jumps
 from acausal.export.sensitivity.missed import refuse_missed
-from acausal.export.sensitivity.resting import refuse_resting
+from acausal.export.sensitivity.two_sided import refuse_two_sided
 from acausal.language.component import Component
 from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
@@ -128,11 +126,8 @@ def sensitivities(
     run = Run(compiled, opts, p, Inputs(input_vector(compiled, inputs or {})), None, traced=True)
     result = run.result()
     chain = Chain(run, chosen, wanted, tolerance)
-    assert run.hybrid is not None, "a traced run keeps its events"
-    refuse_missed(chain, run.hybrid.guards, result.time)
-    refuse_resting(chain, run.hybrid)
-    refuse_begun(chain, run.hybrid)
-    refuse_jumps(chain, run.hybrid)
+    refuse_missed(chain, result.time)
+    refuse_two_sided(chain)
     asked = np.asarray(times, dtype=float)
     _check_times(asked, chain)
     final, of_times = chain.forward() if method == "forward" else chain.adjoint()

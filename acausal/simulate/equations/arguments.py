@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -12,10 +12,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from acausal.analyse.events.by_modes import compared
+from acausal.analyse.events.by_modes import KINKS, sides, teller
 from acausal.analyse.events.steep import STEPS
 from acausal.arrays import Vector
-from acausal.flatten.pool import Pool
 from acausal.lower.build import BUILD
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.symbols import Symbols
@@ -23,7 +22,6 @@ from acausal.simulate.equations.calls.quick import Narrow
 
 # Functions that change by less than this factor, or of which less than this share of a step changes, are not steep.
 _MILD, _ROUNDING = 2.0, 1e-16
-_COMPARING = frozenset(("max", "min", "gt", "ge", "lt", "le"))
 # Sets of relations of which is kept what they put to sleep.
 _MOST_SETS = 64
 
@@ -130,11 +128,15 @@ class Effects:
         solution, pool = compiled.solution, builder.pool
         definitions = [d for d in solution.definitions if d[0] in solution.needed]
         builder.define(definitions, {})
-        larger, changes = self._larger(compiled), dict[int, Callable[[list[Any]], Any]]()
+        changes: dict[int, Callable[[list[Any]], Any]] = {}
+        first = compiled.n_modes - len(compiled.state_events.relations)
+        modes = {n: self._symbols.m[first + k] for k, n in enumerate(compiled.state_events.relations)}
+        known = sides(pool, modes)
         for number in pool.reachable([*(n for _, n in definitions), *solution.residuals]):
-            told = _told(pool, number, larger)
-            if told is not None:
-                changes[number] = told
+            told = teller(pool, number, known)
+            if told is not None and number not in modes:
+                truth = modes[told[0]] if told[1] else 1 - modes[told[0]]
+                changes[number] = partial(_on_one_side, pool.nodes[number][0], truth)
         for (number, _), change in zip(compiled.narrow.functions, ca.vertsplit(self._change), strict=True):
             changes[number] = partial(_plus, change, pool.nodes[number][0])
         builder.changes = changes
@@ -142,35 +144,13 @@ class Effects:
         column = builder.column([*rates, *solution.residuals])
         return ca.Function("changed", [*self._symbols.inputs, self._change], [column])
 
-    def _larger(self, compiled: CompiledModel) -> dict[tuple[int, int], Any]:
-        """Whether the first of two nodes is larger than the second, by the modes of relations between them."""
-        events, pool = compiled.state_events, compiled.solution.structure.reduced.pool
-        found: dict[tuple[int, int], Any] = {}
-        first = compiled.n_modes - len(events.relations)
-        for k, relation in enumerate(events.relations):
-            op, *sides = pool.nodes[relation]
-            mode = self._symbols.m[first + k]
-            # a < b is b > a, and a <= b is not a > b
-            found[compared(pool, *(sides if op in ("gt", "le") else reversed(sides)))] = (
-                mode if op in ("gt", "lt") else 1 - mode
-            )
-        return found
 
-
-def _told(pool: Pool, number: int, larger: Mapping[tuple[int, int], Any]) -> Callable[[list[Any]], Any] | None:
-    """What a kink or a relation without event is of its operands, where a mode tells which one is larger."""
-    op, *operands = pool.nodes[number]
-    if op not in _COMPARING:
-        return None
-    a, b = compared(pool, *(reversed(operands) if op in ("lt", "ge") else operands))
-    is_larger = larger.get((a, b))
-    if is_larger is None and op in ("max", "min") and (b, a) in larger:
-        is_larger = 1 - larger[b, a]
-    if is_larger is None:
-        return None
-    if op in ("max", "min"):
-        return lambda sides: ca.if_else(is_larger, *(sides if op == "max" else reversed(sides)))
-    return lambda sides: is_larger if op in ("gt", "lt") else 1 - is_larger
+def _on_one_side(op: str, truth: Any, operands: list[Any]) -> Any:
+    """A kink of which the first operand is the larger one, or not; a relation that holds, or not."""
+    if op not in KINKS:
+        return truth
+    a, b = operands if len(operands) == 2 else (operands[0], -operands[0])
+    return ca.if_else(truth, b, a) if op == "min" else ca.if_else(truth, a, b)
 
 
 def _plus(change: Any, op: str, operands: list[Any]) -> Any:

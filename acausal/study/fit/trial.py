@@ -13,6 +13,7 @@ from acausal.errors import AcausalError, RunError, UsageError
 from acausal.export.forms import SENSITIVITIES, check
 from acausal.export.ports import Output, named_outputs
 from acausal.export.sensitivity.chain import Chain
+from acausal.export.sensitivity.two_sided import refuse_two_sided
 from acausal.lower.cache.cache import choices_stand_for
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.variants.started import with_starts
@@ -145,6 +146,7 @@ class Flight:
     def derivatives(self, times: Vector) -> Vector | None:
         """Of the signals by the parameters, shape (times, signals, parameters); None where they cannot be had."""
         try:
+            refuse_two_sided(self.chain)  # differences of runs tell more there
             found = self.chain.trajectory(times, self._states)
         except (AcausalError, RuntimeError, np.linalg.LinAlgError):
             return None

@@ -12,7 +12,20 @@ from numpy.typing import NDArray
 from typer.testing import CliRunner
 
 import acausal
-from acausal import Component, Dataset, Equations, Real, der, fit, fixed, parameter, signal_input, variable
+from acausal import (
+    Component,
+    Dataset,
+    Equations,
+    Real,
+    der,
+    fit,
+    fixed,
+    no_event,
+    parameter,
+    sign,
+    signal_input,
+    variable,
+)
 from acausal.cli.main import app
 from acausal.errors import AcausalError
 from acausal.models.bouncing_ball import BouncingBall
@@ -238,3 +251,25 @@ def test_the_command_prints_what_was_found(tmp_path: Path) -> None:
     assert values["d"]["unit"] == "N.s/m"
     twice = CliRunner().invoke(app, ["fit", "Oscillator", str(file), str(file), "--free", "c"])
     assert twice.exit_code == 2
+
+
+class Turning(Component):
+    """x' = -1 from b on, and y' = sign(x) without an event: the derivative of y by b is that of an instant."""
+
+    b: Real = parameter(default=0.5)
+    x: Real = variable()
+    y: Real = variable(default=fixed(0.0))
+
+    def initial_equations(self) -> Equations:
+        yield self.x == self.b
+
+    def equations(self) -> Equations:
+        yield der(self.x) == -1.0
+        yield der(self.y) == no_event(sign(self.x))
+
+
+def test_a_jump_without_an_event_is_fitted_by_differences() -> None:
+    """y(t) = t up to b, and 2 b - t from there on; derivatives between events know nothing of b."""
+    times, b = np.linspace(0.0, 1.0, 21), 0.3137
+    found = fit(Turning(), {"y": (times, np.where(times < b, times, 2.0 * b - times))}, ["b"])
+    assert found.value[0] == pytest.approx(b, abs=1e-4)
