@@ -45,7 +45,10 @@ _NODES = 8
 _BACK = 64
 # A function is told by the rows around where it is what they say to this share; less than nothing is none.
 _TOLD, _NOTHING, _FEW = 0.02, 1e-14, 4
-_TURNS = 30
+# A function that is the same to this share at a turn and at the rows around it rests.
+_QUIET = 1e-3
+# An instant is found where a value is this share of what it is at both ends, and after so many turns at the latest.
+_ZERO, _TURNS = 1e-13, 30
 # Parts of what is between two rows, where an argument turns or crosses its middle.
 _DENSER = 8
 # How often the way to such an instant is halved for what comes to be awake on it.
@@ -377,9 +380,23 @@ class _Search:
         begin, end = (np.stack([times[n], values[n, own]]) for n in (behind, behind + 1))
         end[:, len(crossed) : len(crossed) + len(k)] = begin[:, len(crossed) + len(k) :] = there, top
         found = np.append(found, _roots(times, values, own, behind, (begin, end)))
-        doubt = self._are_doubtful(segment, rows, steps, found, self.known.owners[columns])
+        owners = self.known.owners[columns]
+        moves = self._move(segment, rows, found, owners)
+        found, owners = found[moves], owners[moves]
+        doubt = self._are_doubtful(segment, rows, steps, found, owners)
         order = np.argsort(found)
         return found[order], doubt[order]
+
+    def _move(self, segment: Segment, rows: _Rows, found: Vector, columns: NDArray[np.int64]) -> Truth:
+        """Whether functions are others at these instants than at the rows on both sides.
+
+        What rests turns all the time, by rounding; nothing comes and goes there.
+        """
+        behind, k = np.clip(np.searchsorted(rows.times, found), 1, len(rows.times) - 1), np.arange(len(found))
+        there = self.known.heights(self._between(segment, rows, found))[k, :, columns]
+        known = self.known.heights(rows.values)
+        around = np.stack([known[behind - 1, :, columns], known[behind, :, columns]])
+        return np.asarray((np.abs(around - there) > _QUIET * np.abs(there) + _NOTHING).any(axis=(0, 2)))
 
     def _are_doubtful(
         self, segment: Segment, rows: _Rows, steps: float, found: Vector, columns: NDArray[np.int64]
@@ -547,20 +564,27 @@ def _roots(
     def at(s: Vector) -> Vector:
         away = s[:, None] - nodes
         away[away == 0.0] = 1e-300
-        return np.asarray(np.nan_to_num(np.prod(away, axis=1) * (weights / away).sum(axis=1)))
+        value = np.prod(away, axis=1) * (weights / away).sum(axis=1)
+        return np.where(np.isfinite(value), value, 0.0)
 
     a, at_a = np.zeros(len(rows)), values[rows, columns]
     b, at_b, s = np.ones(len(rows)), values[rows + 1, columns], a
     if ends is not None:
         (a, at_a), (b, at_b) = ends
         a, b = (a - origin) / width, (b - origin) / width
-    for turn in range(_TURNS):
-        # a secant, and every third time the middle
-        s = 0.5 * (a + b) if turn % 3 == 2 else a + (b - a) * at_a / np.where(at_a == at_b, np.inf, at_a - at_b)
+    small = _ZERO * np.maximum(np.abs(at_a), np.abs(at_b))
+    before, done = np.full(len(rows), 2), np.zeros(len(rows), dtype=bool)
+    for _ in range(_TURNS):
+        s = np.where(done, s, a + (b - a) * at_a / np.where(at_a == at_b, np.inf, at_a - at_b))
         here = at(s)
+        done |= np.abs(here) <= small
+        if done.all():
+            break
         same = here * at_a > 0.0
-        a, at_a = np.where(same, s, a), np.where(same, here, 0.5 * at_a)
-        b, at_b = np.where(same, b, s), np.where(same, 0.5 * at_b, here)
+        again = same == before  # what stays for a second time counts half (Illinois)
+        a, at_a = np.where(same, s, a), np.where(same, here, np.where(again, 0.5, 1.0) * at_a)
+        b, at_b = np.where(same, b, s), np.where(same, np.where(again, 0.5, 1.0) * at_b, here)
+        before = same
     return np.asarray(origin + s * width)
 
 
