@@ -59,6 +59,7 @@ def test_cutting_power_is_force_times_feed_plus_torque_times_speed() -> None:
     assert r.at(15.0, "drill.energy") == pytest.approx(2000.0**2 / (2 * 1e8), rel=1e-5)
 
 
+@pytest.mark.slow
 def test_the_soft_machine_yields_in_every_direction_and_drills() -> None:
     r = acausal.simulate(SoftMachine())
     assert largest_residual(r) < 1e-6

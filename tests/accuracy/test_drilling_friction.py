@@ -40,6 +40,7 @@ def engaged(s: float, length: float = 1.0) -> float:
     return below - above
 
 
+@pytest.mark.slow
 def test_margins_of_a_turning_drill_brake_its_rotation() -> None:
     r = acausal.simulate(DrivenDrill(), stop_time=35.0, solver="idas", output_interval=1.0)
     expected = [engaged(s) for s in r["drill.s"]]

@@ -32,6 +32,7 @@ def test_poses_are_those_of_the_run(tmp_path: Path) -> None:
         assert np.allclose(matrix[3], [0, 0, 0, 1])
 
 
+@pytest.mark.slow
 def test_the_drill_is_where_it_is_whatever_is_up(tmp_path: Path) -> None:
     """Poses are in the model's axes, not in those that the page turns upright; s(20 s) = 10.521275 mm."""
     page = acausal.animate(ThickBlock(), poses=1000).html()
@@ -46,6 +47,7 @@ def test_the_drill_is_where_it_is_whatever_is_up(tmp_path: Path) -> None:
     assert found["curves"] == len(ThickBlock.figure)
 
 
+@pytest.mark.slow
 def test_scenes_of_contact_shapes_move_too(tmp_path: Path) -> None:
     model = StackedPlates()
     result = acausal.simulate(model, stop_time=0.5)

@@ -74,6 +74,7 @@ def test_the_recommendation_can_be_typed_in() -> None:
     assert run(*command[1:], "--no-output").code == 0
 
 
+@pytest.mark.slow
 def test_inputs_are_given_as_for_a_run(folder: Path) -> None:
     (folder / "driven.py").write_text(DRIVEN)
     missing = run("bench", "driven.py", "--tolerance", "1e-4", "-q", *QUICK)
@@ -91,6 +92,7 @@ def test_inputs_are_given_as_for_a_run(folder: Path) -> None:
     assert run("reduce", "driven.py", "--outputs", "x", "--input", "u=2", "--repeat", "1").code == 0
 
 
+@pytest.mark.slow
 def test_accuracy_instead_of_a_tolerance() -> None:
     found = run("simulate", "Pendulum", "--accuracy", "1e-5", "--stop-time", "0.2s", "--json", "--no-output")
     assert found.code == 0

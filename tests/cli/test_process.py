@@ -69,7 +69,8 @@ def test_simulate_separates_the_streams(folder: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("number", "code", "word"), [(signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "terminated")]
+    ("number", "code", "word"),
+    [(signal.SIGINT, 130, "interrupted"), pytest.param(signal.SIGTERM, 143, "terminated", marks=pytest.mark.slow)],
 )
 def test_who_ends_a_run_keeps_what_was_computed(folder: Path, number: int, code: int, word: str) -> None:
     (folder / "endless.py").write_text(ENDLESS)

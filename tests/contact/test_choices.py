@@ -59,6 +59,7 @@ def test_the_second_run_and_a_compiled_one_are_as_the_first() -> None:
         assert moved.final("ball.r_0[0]") < runs[0].final("ball.r_0[0]") - 0.05
 
 
+@pytest.mark.slow
 def test_two_threads_do_not_disturb_each_other() -> None:
     """One model thrown at two speeds at a time: each as it goes alone."""
     model = ThrownBall(n=8, keep=2)

@@ -20,7 +20,7 @@ def test_a_box_on_the_ground_stays_for_100_s() -> None:
     np.testing.assert_allclose(r["body.Q"][-1], [0.0, 0.0, 0.0, 1.0], atol=1e-9)
 
 
-@pytest.mark.parametrize("share", [0.2, 0.8])
+@pytest.mark.parametrize("share", [pytest.param(0.2, marks=pytest.mark.slow), 0.8])
 def test_a_box_on_a_slope_creeps_as_its_law_says(share: float) -> None:
     """Regularised Coulomb friction holds q of what it can at v_s atanh(q): the closed form of the law."""
     mu, v_s = 0.5, 1e-6
@@ -98,9 +98,9 @@ def test_stribeck_falls_from_the_static_to_the_sliding_coefficient() -> None:
 @pytest.mark.parametrize(
     ("law", "friction"),
     [
-        (FIRM, Coulomb(mu=0.3)),
+        pytest.param(FIRM, Coulomb(mu=0.3), marks=pytest.mark.slow),
         (HuntCrossley(k=1e7, n=1.5, e=0.7, v_0=0.5), Stribeck(mu=0.2, mu_s=0.4)),
-        (FIRM, LuGre(mu=0.3, mu_s=0.4, s_0=1e4)),
+        pytest.param(FIRM, LuGre(mu=0.3, mu_s=0.4, s_0=1e4), marks=pytest.mark.slow),
     ],
 )
 def test_the_energy_of_a_tumbling_box_is_accounted_for(law: HuntCrossley, friction: Coulomb) -> None:

@@ -96,7 +96,7 @@ class Clocked(Component):
         yield when(self.throw.ball.r_0[2] < self.low, terminate("low"))
 
 
-@pytest.mark.parametrize("solver", ["idas", "rosenbrock"])
+@pytest.mark.parametrize("solver", [pytest.param("idas", marks=pytest.mark.slow), "rosenbrock"])
 def test_what_happens_once_happens_once_over_all_structures(solver: str) -> None:
     """From 0 to 0.6 s a clock of 30 ms ticks 21 times."""
     r = acausal.simulate(Clocked(), stop_time=0.6, solver=solver)

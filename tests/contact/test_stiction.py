@@ -16,7 +16,9 @@ REST = 0.05 - G / 4e5
 STICKS: dict[str, Any] = {"solver": "rosenbrock", "tolerance": 1e-8}
 
 
-@pytest.mark.parametrize("share", [0.3, 0.7, 0.95])
+@pytest.mark.parametrize(
+    "share", [pytest.param(0.3, marks=pytest.mark.slow), pytest.param(0.7, marks=pytest.mark.slow), 0.95]
+)
 def test_below_the_angle_of_friction_nothing_creeps(share: float) -> None:
     """A stuck contact is a spring: at rest after it was bent, by no more than rounding in 100 s.
 
@@ -31,7 +33,7 @@ def test_below_the_angle_of_friction_nothing_creeps(share: float) -> None:
     assert r.final("contact.f_0[0]") == pytest.approx(0.4 * share * G, rel=1e-9)
 
 
-@pytest.mark.parametrize(("mu", "slope"), [(0.3, 0.36), (0.5, 0.75)])
+@pytest.mark.parametrize(("mu", "slope"), [(0.3, 0.36), pytest.param(0.5, 0.75, marks=pytest.mark.slow)])
 def test_above_it_slides_with_the_difference(mu: float, slope: float) -> None:
     """g (sin - mu cos), here with gravity's normal part as g cos."""
     start = {"sideways": slope, "height": REST}
@@ -40,7 +42,10 @@ def test_above_it_slides_with_the_difference(mu: float, slope: float) -> None:
     assert (v[1] - v[0]) / 0.7 == pytest.approx((slope - mu) * G, rel=1e-6)
 
 
-@pytest.mark.parametrize(("mu", "mu_s", "solver"), [(0.3, None, "rosenbrock"), (0.3, None, "idas"), (0.2, 0.4, "idas")])
+@pytest.mark.parametrize(
+    ("mu", "mu_s", "solver"),
+    [(0.3, None, "rosenbrock"), pytest.param(0.3, None, "idas", marks=pytest.mark.slow), (0.2, 0.4, "idas")],
+)
 def test_a_push_that_grows_breaks_it_away_at_the_limit(mu: float, mu_s: float | None, solver: str) -> None:
     """A push of 0.1 m g a second reaches mu_s m g at t = 10 mu_s; before, the friction is the push."""
     r = acausal.simulate(
@@ -69,6 +74,7 @@ def test_sliding_ends_at_an_instant_and_for_good() -> None:
     assert np.abs(r["balance.residual"]).max() < 1e-6 * 0.5
 
 
+@pytest.mark.slow
 def test_a_tumbling_box_keeps_its_energy_balance() -> None:
     """Landing, slipping and sticking on single corners: to 1e-6 of the work."""
     r = acausal.simulate(

@@ -191,6 +191,7 @@ class Tumbling(Component):
         yield connect(self.box.frame_a, self.scene.frame("box"))
 
 
+@pytest.mark.slow
 def test_a_tumbling_box_accounts_for_its_energy() -> None:
     """From corner to edge to face: what points take that fade is part of the losses, and small.
 

@@ -44,6 +44,7 @@ def test_curves_are_the_values_of_the_results(tmp_path: Path) -> None:
     assert [p["signals"] for p in found["panels"]] == [["mass.s"]]
 
 
+@pytest.mark.slow
 def test_differences_are_at_the_times_of_the_first_and_know_jumps(tmp_path: Path) -> None:
     """3 t + 1 less 2 t is t + 1 on any grid; a jump of 3 less a jump of 1 is 0 before and 2 after."""
     straight = acausal.explore(line([0, 0.4, 1], [0, 0.8, 2]), line([0, 0.3, 0.9], [1, 1.9, 3.7])).html()
@@ -55,6 +56,7 @@ def test_differences_are_at_the_times_of_the_first_and_know_jumps(tmp_path: Path
     assert probe(jumping, script, tmp_path) == [0.0, 0.0, 2.0, 2.0]
 
 
+@pytest.mark.slow
 def test_units_zoom_search_and_events(tmp_path: Path) -> None:
     events = (Event(0.5, "x > 1", None, "part"),)
     page = acausal.explore(line([0, 0.5, 1], [0, 1, 2], events=events), signals=["part.x", "k"]).html()

@@ -106,6 +106,7 @@ class Unwatched(Component):
         yield der(self.y) == self.k * tent * tent + far * far
 
 
+@pytest.mark.slow
 def test_where_kinks_cannot_be_watched_no_step_is_longer_than_those_of_the_run() -> None:
     """y(1) = k 2 w/3, by k 2 w/3."""
     found = acausal.sensitivities(Unwatched(), ["k"], ["y"], stop_time=1.0, tolerance=1e-6)

@@ -161,6 +161,7 @@ def test_the_convex_level_costs_at_most_three_times_the_plate() -> None:
     assert best[1] < 3.0 * best[0]
 
 
+@pytest.mark.slow
 def test_stacked_plates_account_for_all_work() -> None:
     """A plate that gives way, a gap, two cuts: the residual of the energy is 1e-6 of the work or less."""
     r = acausal.simulate(StackedPlates(), stop_time=18.0, tolerance=1e-8)

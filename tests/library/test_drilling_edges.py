@@ -182,6 +182,7 @@ class HoleAtTheEdge(HolesSideBySide):
         self.across = TimeTable(table=((0.0, 0.0), (5.0, 0.0), (6.0, aside), (15.0, aside)))
 
 
+@pytest.mark.slow
 def test_a_scene_tells_it_of_each_workpiece() -> None:
     """Down to 3 mm at 7/3 mm/s from 6 s on: the cone reaches the edge at depth 5 mm / tan(sigma / 2) = 3.004 mm, which
     the first way down just misses and the second, to 6 mm from 11 s on in 3 s, does not."""

@@ -72,6 +72,7 @@ class PulledDrill(Component):
         yield connect(self.speed.flange, self.spindle.axis)
 
 
+@pytest.mark.slow
 def test_the_wall_holds_a_drill_that_is_pulled_sideways() -> None:
     """Two springs of k L/2 behind the clearance: e = clearance + F / (k L), L the length behind the cone."""
     r = acausal.simulate(PulledDrill(), stop_time=13.0, tolerance=1e-8, solver="rosenbrock")

@@ -99,6 +99,7 @@ def test_the_feed_cap_of_the_controller_holds_at_the_exit(compiled: Any) -> None
     assert r["feed.v"][after_entry].max() < 1.3 * 4 * steady_feed_rate(3000.0, 9.28)
 
 
+@pytest.mark.slow
 def test_figures_show_what_exists_and_moves() -> None:
     for model in (ForceControlledDrilling, SpindleStall, BreakthroughSurge):
         r = acausal.simulate(model())

@@ -95,7 +95,7 @@ def test_chatter_that_grows(solver: str) -> None:
     assert max(abs(x - exact(t)[0]) for t, x in zip(r.time, r["x"], strict=True)) < 1e-8
 
 
-@pytest.mark.parametrize("lobe", [1, 4])
+@pytest.mark.parametrize("lobe", [1, pytest.param(4, marks=pytest.mark.slow)])
 def test_the_limit_of_chatter_is_where_theory_puts_it(lobe: int) -> None:
     """J. Tlusty, M. Polacek (1963): k = 2 d (1 + d) at w = sqrt(1 + 2 d), the least over all speeds; there amplitudes
     stay, below they decay, above they grow."""

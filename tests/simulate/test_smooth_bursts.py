@@ -450,7 +450,7 @@ class Woken(Component):
         yield when(self.p < 0.0, reset(self.q, -0.8 * pre(self.q)))
 
 
-@pytest.mark.parametrize("solver", ["rosenbrock", "erk", "idas"])
+@pytest.mark.parametrize("solver", ["rosenbrock", "erk", pytest.param("idas", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("w", [31.0, pytest.param(57.88, marks=pytest.mark.slow)])
 def test_what_wakes_shortly_before_an_event_is_kept(solver: str, w: float) -> None:
     """A run goes to an event once more from where it was last known, and passes there over what it had found."""

@@ -132,7 +132,7 @@ def preload(times: tuple[float, ...]) -> Times:
     return np.asarray(found.y[0] - 0.0955 + 0.095)
 
 
-@pytest.mark.parametrize("solver", ["idas", "cvodes", "rosenbrock"])
+@pytest.mark.parametrize("solver", ["idas", pytest.param("cvodes", marks=pytest.mark.slow), "rosenbrock"])
 def test_preload_of_msl(solver: str) -> None:
     """Its published numbers, and its own stop time and output interval among others: neither changes what is found."""
     compiled = acausal.compile(PreLoad())

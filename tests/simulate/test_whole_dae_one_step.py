@@ -144,7 +144,7 @@ class Lines(Component):
         yield connect(b.p, d.p, self.C.n, self.load.n)
 
 
-@pytest.mark.parametrize("tolerance", [1e-6, 1e-9])
+@pytest.mark.parametrize("tolerance", [1e-6, pytest.param(1e-9, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(("model", "stop"), [(TwoGates, 3e-4), (Lines, 0.04)])
 def test_circuits_end_as_torn_ones(model: type[Component], stop: float, tolerance: float) -> None:
     whole = acausal.compile(model(), formulation="dae")

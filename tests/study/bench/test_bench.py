@@ -249,6 +249,7 @@ class Ender(Component):
         yield when(self.x < 0.25, terminate("done"))
 
 
+@pytest.mark.slow
 def test_a_run_that_the_model_ends_is_compared_on_the_grid_of_the_whole() -> None:
     found = acausal.bench(Ender(), solvers=["rosenbrock"], tolerances=[1e-6], steps=[], repeat=1, native=False)
     assert found.runs[0].error < 1e-5

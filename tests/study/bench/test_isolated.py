@@ -34,6 +34,7 @@ def test_work_without_end_is_ended() -> None:
     assert outcome.failure == "no end after 0.2 s"
 
 
+@pytest.mark.slow
 def test_a_value_before_the_end_of_time_is_kept() -> None:
     def work() -> Iterator[int]:
         yield 1

@@ -140,6 +140,7 @@ class OneHole(Component):
         yield connect(self.speed.flange, self.spindle.axis)
 
 
+@pytest.mark.slow
 def test_a_drill_that_moves_along_its_axis_leaves_one_hole() -> None:
     # the drill may wander by its declaration; on this rail it cannot, and never comes to the other plates
     found = acausal.reduce(OneHole(), ["slide.s"], freeze=["zeros"], stop_time=1.0, repeat=1)
