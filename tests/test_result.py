@@ -224,3 +224,11 @@ def test_several_times_between_two_rows_of_a_run_with_events() -> None:
     run = acausal.simulate(BouncingBall(), stop_time=1.0, output_interval=0.1)
     t = np.array([0.12, 0.15, 0.17])
     np.testing.assert_allclose(run.at(t, "h"), 1.0 - 9.81 * t**2 / 2, rtol=1e-9)
+
+
+def test_the_stop_time_is_inside_where_an_event_is_at_it() -> None:
+    """An event within 1e-12 of the run of its stop time ends the run: the last row has the time of the event."""
+    r = make()
+    assert r.at(4.0 + 2e-12, "body.r_0") == pytest.approx(r.final("body.r_0"), abs=0.0)
+    with pytest.raises(UsageError):
+        r.at(4.0 + 1e-11, "body.r_0")

@@ -54,9 +54,8 @@ def dynamics_of(
     switches = [problem.guards[s.switch].relation if s.switch is not None else None for s in problem.specs]
     if all(k is None for k in switches):
         check(compiled, SMOOTH, q.outputs)
-    else:
-        refuse_delays(compiled.flat, "optimal control", PADE)
-        _refuse_clocks(compiled)
+    refuse_delays(compiled.flat, "optimal control", PADE)
+    _refuse_clocks(compiled)
     begins = q.begin.t + np.cumsum([0.0, *(guess.duration for guess in guesses)])
     inside = [_arguments(guess, _INSIDE, begin, q.p) for guess, begin in zip(guesses, begins[:-1], strict=True)]
     found = []

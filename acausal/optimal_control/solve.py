@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time as clock
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,17 +12,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.arrays import Vector
-from acausal.errors import AcausalError, OptimizationError, UsageError
+from acausal.errors import OptimizationError, UsageError
 from acausal.optimal_control.branches import Widths
 from acausal.optimal_control.guess import guessed
 from acausal.optimal_control.optimum.error import interval_errors
 from acausal.optimal_control.optimum.optimum import Optimum, optimum_of
+from acausal.optimal_control.optimum.replayed import elsewhere
 from acausal.optimal_control.optimum.trajectory import Trajectory, trajectory_of
 from acausal.optimal_control.phases import bias, dynamics_of, kinks, verified
 from acausal.optimal_control.problem import StatedProblem
 from acausal.optimal_control.program.nlp import Solution, minimized
 from acausal.optimal_control.program.polynomials import Basis
-from acausal.optimal_control.program.radau import PhaseProgram, Program, transcribed
+from acausal.optimal_control.program.radau import Dynamics, PhaseProgram, Program, transcribed
 from acausal.optimal_control.program.shooting import Steps
 
 _INFEASIBLE = ("Infeasible_Problem_Detected", "Restoration_Failed")
@@ -31,6 +32,9 @@ _UNBOUNDED = "Diverging_Iterates"
 _DIVERGING = 1e8
 # Errors of an interval, by the magnitude of a state, that are worth a note.
 _NOTED = 1e-3
+# A run that goes elsewhere by so many times what the intervals one behind the other do, and what is rounded explains,
+# meets what they do not see.
+_BLIND = 10.0
 # How far ipopt moves the guess of a run inside of limits: such a run drives into them, and what lies at a limit
 # shortens the first steps of all unknowns. The answer of a coarser mesh stays where it is.
 _INSIDE = {"bound_push": 0.1, "bound_frac": 0.1}
@@ -102,12 +106,8 @@ def solved(problem: StatedProblem, choices: Choices) -> Optimum:
             widths, guesses, expected = others, trajectory.guesses(), trajectory.p
             laws = dynamics_of(problem, first, widths, free)
             continue
-        drift = 0.0
-        if program.relaxed:
-            errors = switching_errors(problem, program, solution, trajectory)
-        else:
-            verified(problem, laws, trajectory)
-            errors, drift = interval_errors(problem, laws, trajectory)
+        best = optimum_of(problem, program, solution, trajectory, {})
+        errors, drift, is_blind = _errors(problem, program, laws, solution, trajectory, best)
         worst = max((float(e.max()) for e in errors), default=0.0)
         taken.lap("check")
         if accuracy is None or worst <= accuracy:
@@ -123,15 +123,37 @@ def solved(problem: StatedProblem, choices: Choices) -> Optimum:
         "solver": choices.solver,
         "iterations": iterations[0] if len(iterations) == 1 else tuple(iterations),
         "intervals": sum(map(len, meshes)),
-        **({"replay_error": worst} if program.relaxed else {"interval_error": worst, "replay_error": drift}),
+        **({} if program.relaxed else {"interval_error": worst}),
+        "replay_error": drift,
         "bias": (off := bias(laws, trajectory)),
         **taken.seconds,
     }
-    own = _switching(worst) if program.relaxed else _coarse(trajectory, errors, worst, drift)
+    own = _switching(worst) if program.relaxed else _coarse(trajectory, errors, worst, drift, is_blind)
     stats["notes"] = (*problem.quantities.begin.notes, *own, *(_rounded(widths, off) if choices.smooth else ()))
     for note in stats["notes"]:
         _log.warning("%s: %s", problem.compiled.name, note)
-    return optimum_of(problem, program, solution, trajectory, stats)
+    return replace(best, stats=stats)
+
+
+def _errors(
+    problem: StatedProblem,
+    program: Program,
+    laws: Sequence[Dynamics],
+    solution: Solution,
+    trajectory: Trajectory,
+    best: Optimum,
+) -> tuple[list[Vector], float, bool]:
+    """Errors of all intervals, how far a run goes elsewhere, and whether that is more than the points can tell."""
+    if not program.relaxed:
+        verified(problem, laws, trajectory)
+    drift, farther = elsewhere(best, [len(phase.mesh) for phase in program.phases])
+    if program.relaxed:
+        return _of_switches(program, solution, drift), drift, False
+    errors, foretold = interval_errors(problem, laws, trajectory)
+    is_blind = drift > max(_BLIND * max(foretold, bias(laws, trajectory)), _NOTED)
+    if is_blind:
+        errors = [np.maximum(*both) for both in zip(errors, farther, strict=True)]
+    return errors, drift, is_blind
 
 
 def _others(problem: StatedProblem, trajectory: Trajectory, widths: list[Widths], smooth: float) -> list[Widths]:
@@ -251,8 +273,16 @@ def _largest(program: Program, solution: Solution) -> list[str]:
     return list(dict.fromkeys(name for _, name in sorted(found, key=lambda item: -item[0])))[:3]
 
 
-def _coarse(trajectory: Trajectory, errors: list[Vector], worst: float, drift: float) -> tuple[str, ...]:
+def _coarse(
+    trajectory: Trajectory, errors: list[Vector], worst: float, drift: float, is_blind: bool
+) -> tuple[str, ...]:
     """A note where the mesh is so coarse that the optimum may live on its errors, or a run go elsewhere."""
+    if is_blind:
+        return (
+            "something acts between the points of the mesh that they do not see: a run with these inputs goes "
+            f"{drift:.2g} of a state's magnitude elsewhere from {_place(trajectory, errors)} on; solve(accuracy=1e-3), "
+            "or more intervals there",
+        )
     if worst <= _NOTED and drift <= 10 * _NOTED:
         return ()
     if worst <= _NOTED:
@@ -261,19 +291,23 @@ def _coarse(trajectory: Trajectory, errors: list[Vector], worst: float, drift: f
             f"errors grow along the motion: {worst:.2g} of a state's magnitude in one interval at most, a run with "
             f"these inputs goes {drift:.2g} elsewhere; solve(accuracy={enough:g}), or keep to it with a controller",
         )
-    phase = max(range(len(errors)), key=lambda k: float(errors[k].max(initial=0.0)))
-    k = int(np.argmax(errors[phase]))
-    where = f"interval {k + 1} of {len(errors[phase])} in {trajectory.phases[phase].name}"
+    where = _place(trajectory, errors)
     return (f"the mesh is coarse: IDAS ends {worst:.2g} of a state's magnitude off in {where}; solve(accuracy=1e-4)",)
 
 
+def _place(trajectory: Trajectory, errors: list[Vector]) -> str:
+    """The interval with the largest error."""
+    phase = max(range(len(errors)), key=lambda k: float(errors[k].max(initial=0.0)))
+    k = int(np.argmax(errors[phase]))
+    return f"interval {k + 1} of {len(errors[phase])} in {trajectory.phases[phase].name}"
+
+
 def _too_coarse(trajectory: Trajectory, errors: list[Vector], accuracy: float) -> OptimizationError:
-    worst = max(range(len(errors)), key=lambda k: float(errors[k].max()))
-    k = int(np.argmax(errors[worst]))
+    worst = max(float(e.max(initial=0.0)) for e in errors)
     return OptimizationError(
         "AC707",
-        f"the mesh is still too coarse after all refinements: an error of {errors[worst][k]:.2g} in one interval",
-        evidence=[f"interval {k + 1} of {len(errors[worst])} in {trajectory.phases[worst].name}"],
+        f"the mesh is still too coarse after all refinements: an error of {worst:.2g} in one interval",
+        evidence=[_place(trajectory, errors)],
         help=f"more intervals or refinements, or accuracy={10 * accuracy:g}",
     )
 
@@ -304,22 +338,15 @@ def tightened(program: Program, solution: Solution, options: Mapping[str, Any]) 
     return replace(solution, iterations=iterations)
 
 
-def switching_errors(
-    problem: StatedProblem, program: Program, solution: Solution, trajectory: Trajectory
-) -> list[Vector]:
-    """Where a run with the answer goes elsewhere, by the largest magnitude of a state: in intervals with a switch.
+def _of_switches(program: Program, solution: Solution, drift: float) -> list[Vector]:
+    """Where a run with the answer goes elsewhere: in intervals with a switch.
 
     Where there is none the mesh is too coarse for what is smooth, and all intervals have the error.
     """
-    best = optimum_of(problem, program, solution, trajectory, {})
-    try:
-        worst = max(best.error(best.replay()).values(), default=0.0)
-    except AcausalError:
-        worst = np.inf  # the run does not get to the end
     marked = [_switched(program, phase, solution) for phase in program.phases]
     if not any(m.any() for m in marked):
         marked = [np.ones_like(m) for m in marked]
-    return [np.where(m, worst, 0.0) for m in marked]
+    return [np.where(m, drift, 0.0) for m in marked]
 
 
 def _switched(program: Program, phase: PhaseProgram, solution: Solution) -> NDArray[np.bool_]:

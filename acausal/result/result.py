@@ -182,14 +182,17 @@ class Result:
         times = np.asarray(t, dtype=float)
         flat = times.ravel()
         slack = 4 * np.finfo(float).eps * np.abs(self.time[[0, -1]]).max()
+        # an event this near to the stop time is at it, and the last row has its time
+        beyond = max(slack, 1e-12 * np.ptp(self.time))
         # Negated so that nan is outside too.
-        outside = flat[~((flat >= self.time[0] - slack) & (flat <= self.time[-1] + slack))]
+        outside = flat[~((flat >= self.time[0] - beyond) & (flat <= self.time[-1] + beyond))]
         if outside.size:
             raise UsageError(
                 "AC011",
                 f"{outside[0]:.17g} s is outside the run of {self.model}",
                 evidence=[f"the run goes from {self.time[0]:.10g} s to {self.time[-1]:.10g} s"],
             )
+        flat = np.clip(flat, self.time[0], self.time[-1])
         shape, signals = self.elements(name)
         if name == "time":
             values: Array = flat

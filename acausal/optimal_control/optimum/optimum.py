@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 # A constraint is active where it is this near to its limit, by its magnitude, and its multiplier counts.
 _NEAR = 1e-3
 _NEWTON_STEPS = 4
+# Points this near to an event are at it, and events this near to each other are one; by the length of all phases.
+_AT_EVENT, _SAME_EVENT = 1e-6, 1e-3
 # Share of its magnitude by which an input that is constant varies.
 _ROUNDING = 1e-9
 
@@ -128,13 +130,25 @@ class Optimum(Result):
     def error(self, replay: Result) -> dict[str, float]:
         """Largest distance of every state from a replay at the points of the mesh, by the state's largest magnitude."""
         assert self.compiled is not None, "made by Problem.solve"
-        found = {}
-        for name in self.compiled.continuous:
+        found = np.nanmax(np.abs(self.distances(replay)), axis=1, initial=0.0)
+        return dict(zip(self.compiled.continuous, found.tolist(), strict=True))
+
+    def distances(self, replay: Result) -> Vector:
+        """Distances of the states of a replay at the points of the mesh, by their largest magnitudes; nan at events.
+
+        Shape (states, points).
+        """
+        assert self.compiled is not None, "made by Problem.solve"
+        found = np.full((len(self.compiled.continuous), len(self.time)), np.nan)
+        keep = self.away_from_events(replay)
+        for k, name in enumerate(self.compiled.continuous):
             own, other = self[name], np.asarray(replay.at(self.time, name))
-            keep = _off_events(self.time, self.events, replay.events)
-            size = float(np.abs(own).max()) or 1.0
-            found[name] = float(np.abs(own - other)[keep].max(initial=0.0)) / size
+            found[k, keep] = ((own - other) / (float(np.abs(own).max()) or 1.0))[keep]
         return found
+
+    def away_from_events(self, replay: Result) -> NDArray[np.bool_]:
+        """Which points of the mesh are not at an event: there values before and after stand side by side."""
+        return _off_events(self.time, self.events, replay.events)
 
     def active(self, phase: str, share: float = 0.0) -> tuple[str, ...]:
         """Names of the constraints that are at a limit at more than `share` of a phase's points, the longest first."""
@@ -164,13 +178,16 @@ class Optimum(Result):
         return f"Optimum({super().__repr__()[7:-1]}, objective {self.objective:.8g})"
 
 
-def _off_events(times: Vector, *events: tuple[Event, ...]) -> NDArray[np.bool_]:
-    """Which times are not at an event: there values before and after stand side by side."""
-    at = [e.time for group in events for e in group]
-    near = 1e-6 * float(np.ptp(times))
+def _off_events(times: Vector, own: tuple[Event, ...], others: tuple[Event, ...]) -> NDArray[np.bool_]:
+    """Which times are not where states jump in the replay, nor between that and the end of a phase which it is."""
+    span = float(np.ptp(times))
+    ends = np.array([e.time for e in own])
     keep = np.ones(len(times), dtype=bool)
-    for t in at:
-        keep &= np.abs(times - t) > near
+    for t in [e.time for e in others if e.changed]:
+        low = high = t
+        if len(ends) and np.abs(ends - t).min() < _SAME_EVENT * span:
+            low, high = sorted((t, float(ends[np.abs(ends - t).argmin()])))
+        keep &= (times < low - _AT_EVENT * span) | (times > high + _AT_EVENT * span)
     return keep
 
 

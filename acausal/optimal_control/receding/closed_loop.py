@@ -1,22 +1,28 @@
-"""A controller on a plant: the model once more, with other parameters, between samples integrated by IDAS."""
+"""A controller on a plant: the model once more, with other parameters, in a run whose inputs it decides on the way."""
 
 from __future__ import annotations
 
 import time as clock
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
-import casadi as ca
 import numpy as np
 
 from acausal.arrays import Vector
+from acausal.export.begin import input_start
+from acausal.lower.chebyshev import INPUT_WIDTH
 from acausal.lower.compiled import CompiledModel
-from acausal.optimal_control.quantities import Quantities
+from acausal.lower.variants.driven import with_driven
 from acausal.optimal_control.receding.controller import Controller
 from acausal.result.result import Result
-from acausal.result.series import TimeSeries
-from acausal.simulate.run import simulate
+from acausal.simulate.arguments import input_vector, parameter_vector
+from acausal.simulate.driver.run import Run
+from acausal.simulate.events.guards import Cause, Moment
+from acausal.simulate.inputs.given import Inputs
+from acausal.simulate.inputs.pieces import Pieces, steps
+from acausal.simulate.interrupt import interruptible
+from acausal.simulate.options import options
+from acausal.simulate.record.record import Recorder
 
 Estimate = Callable[[float, Mapping[str, float]], Mapping[str, float]]
 
@@ -28,7 +34,7 @@ class ClosedLoop:
     Attributes
     ----------
     result
-        The plant simulated with the inputs that the controller gave, each held for its sample.
+        The run of the plant with the inputs that the controller gave on the way, each held for its sample.
     cost
         Processor time of each sample [s], shape (n,); `iterations` those of ipopt.
     """
@@ -38,6 +44,7 @@ class ClosedLoop:
     iterations: Vector
 
 
+@interruptible
 def closed_loop(
     controller: Controller,
     plant: CompiledModel,
@@ -50,6 +57,9 @@ def closed_loop(
 ) -> ClosedLoop:
     """Run a controller on a plant from the plant's start.
 
+    The plant is simulated once, by IDAS, with its events, delays and contacts; the run stops at each sample and goes on
+    with what the controller says.
+
     Parameters
     ----------
     plant
@@ -57,63 +67,93 @@ def closed_loop(
     parameters
         The plant's own values, which the controller does not know.
     measure, estimate
-        At each sample `estimate(time, measured)` gets the named variables of the plant, inputs as they were held up to
-        now, and returns parameters for the controller, those that it does not return as in its problem, and states that
-        the controller takes instead of the plant's.
+        At each sample `estimate(time, measured)` gets the named variables of the plant, before what happens at this
+        instant and with inputs as they were held up to it, and returns parameters for the controller, those that it
+        does not return as in its problem, and states that the controller takes instead of the plant's.
 
     Raises
     ------
     OptimizationError
         AC703 where the controller finds no inputs.
     UsageError
-        AC010 for an unknown variable.
+        AC010 for an unknown variable, AC027 for a plant whose equations do not stay.
+    RunError
+        Where the plant cannot be simulated; its `result` holds what was.
     """
-    q = Quantities(plant, dict(parameters or {}))
-    for name in measure:
-        q[name]
-    dae = q.dae()
-    step = _sample(q, dae, controller.step)
-    x, z, u = q.first, q.begin.z, q.begin.u
-    names, order = [o.name for o in q.outputs], [q.states.names.index(n) for n in controller.states]
-    given, cost, iterations = [], np.zeros(samples), np.zeros(samples, dtype=int)
-    for k in range(samples):
-        t = q.begin.t + k * controller.step
-        measured = dict(zip(names, np.array(dae(t, x, z, u, q.p)[2]).ravel().tolist(), strict=True))
-        began = clock.process_time()
-        known = estimate(t, measured) if estimate is not None else None
-        states = dict(zip(controller.states, q.coordinates.states(x[:, None]).ravel()[order].tolist(), strict=True))
-        found = {} if known is None else dict(known)
-        states |= {name: found.pop(name) for name in controller.states if name in found}
-        inputs = controller(states, found)
-        cost[k], iterations[k] = clock.process_time() - began, controller.iterations
-        u = np.array([inputs[n] for n in q.u.names])
-        given.append(u)
-        ended = step(x0=x / q.x.nominal, z0=z, p=ca.vertcat(t, *u))
-        x, z = np.array(ended["xf"]).ravel() * q.x.nominal, np.array(ended["zf"]).ravel()
-    times = q.begin.t + controller.step * np.arange(samples + 1)
-    held = np.vstack([*given, given[-1]])
-    result = simulate(
-        plant,
-        inputs={n: TimeSeries(times, held[:, k], "hold") for k, n in enumerate(q.u.names)},
-        parameters=dict(parameters or {}),
-        start_time=float(times[0]),
+    plant = plant.unchanging("closed_loop")
+    begin = plant.flat.experiment.start_time
+    times: Vector = begin + controller.step * np.arange(samples + 1, dtype=np.float64)
+    p = parameter_vector(plant, dict(parameters or {}))
+    places = tuple(plant.inputs.index(name) for name in controller.inputs)
+    first = {n: input_start(plant, s, p) for n, s in zip(plant.inputs, plant.flat.inputs, strict=True)}
+    u = input_vector(plant, {n: first[n] for n in controller.inputs}, unchecked=controller.inputs)
+    # values that alternate, so that what must not jump is refused: they are not known before the run has come to them
+    held = [steps(times, u[k] + (1.0 + abs(u[k])) * (np.arange(samples) % 2)) for k in places]
+    u[list(places)] = 0.0
+    driven = with_driven(plant, places)
+    chosen = options(
+        plant.flat.experiment,
+        start_time=begin,
         stop_time=float(times[-1]),
         output_interval=controller.step / 10,
         tolerance=tolerance,
         solver="idas",
     )
-    return ClosedLoop(result, cost, iterations)
+    asked = Asked(controller, times, held, len(driven.time_events.relations), tuple(measure), estimate)
+    run = Run(driven, chosen, p, Inputs(u, places, tuple(held)), None, sources=(asked,))
+    asked.decide(0, run.start())
+    return ClosedLoop(run.result(), np.array(asked.cost), np.array(asked.iterations))
 
 
-def _sample(q: Quantities, dae: Any, length: float) -> Any:
-    """One sample as an integrator; its parameters are the time of its start and the inputs."""
-    nx, nz, nu = (dae.numel_in(k) for k in (1, 2, 3))
-    s, x, z, p = ca.SX.sym("s"), ca.SX.sym("x", nx), ca.SX.sym("z", nz), ca.SX.sym("p", 1 + nu)
-    size = ca.DM(q.x.nominal)
-    ode, alg, _ = dae(p[0] + length * s, x * size, z, p[1:], q.p)
-    system = {"x": x, "t": s, "p": p, "ode": length * ode / size}
-    options: dict[str, Any] = {"reltol": 1e-9, "abstol": 1e-12, "max_num_steps": 20000, "first_time": 1e-6}
-    if nz:
-        system |= {"z": z, "alg": alg}
-        options["suppress_algebraic"] = True
-    return ca.integrator("sample", "idas", system, 0.0, 1.0, options)
+@dataclass(eq=False)
+class Asked:
+    """A controller as a source of stops: asked at each sample, its answer is held up to the next.
+
+    `held` are the inputs as steps at `times`, whose values are filled in; `first` is the place of their numbers.
+    """
+
+    controller: Controller
+    times: Vector
+    held: Sequence[Pieces]
+    first: int
+    measure: Sequence[str]
+    estimate: Estimate | None
+
+    def __post_init__(self) -> None:
+        self.sample = -1
+        self.cost: list[float] = []
+        self.iterations: list[int] = []
+
+    def limit(self, here: float, until: float, moment: Moment) -> tuple[float, tuple[Cause, ...]]:
+        """Samples are among the stops that are known in advance."""
+        return until, ()
+
+    def prepare(self, modes: Vector) -> None:
+        """The inputs of the sample that the run has come to."""
+        numbers = [pieces.numbers[self.sample] for pieces in self.held]
+        modes[self.first : self.first + INPUT_WIDTH * len(self.held)] = np.concatenate(numbers)
+
+    def passed(self, record: Recorder, events: Sequence[float], complete: bool) -> bool:
+        """Ask for the next inputs where a sample has ended."""
+        ahead = self.sample + 1
+        near = 1e-9 * self.controller.step
+        if complete and ahead < len(self.times) - 1 and record.time >= self.times[ahead] - near:
+            self.decide(ahead, record.since(record.count - 1))
+        return True
+
+    def decide(self, sample: int, now: Result) -> None:
+        """Inputs for a sample, from what the plant has come to."""
+        controller = self.controller
+        names = dict.fromkeys((*controller.states, *self.measure))
+        seen = {name: float(np.ravel(now[name])[-1]) for name in names}
+        began = clock.process_time()
+        found: dict[str, float] = {}
+        if self.estimate is not None:
+            found = dict(self.estimate(float(self.times[sample]), {name: seen[name] for name in self.measure}))
+        states = {name: found.pop(name, seen[name]) for name in controller.states}
+        inputs = controller(states, found)
+        self.cost.append(clock.process_time() - began)
+        self.iterations.append(controller.iterations)
+        for name, pieces in zip(controller.inputs, self.held, strict=True):
+            pieces.numbers[sample, 2] = inputs[name]
+        self.sample = sample

@@ -31,6 +31,8 @@ class Controller:
         The sample [s].
     states
         Names of the states, in the order in which they are given.
+    inputs
+        Names of the inputs that it decides.
     """
 
     def __init__(
@@ -51,7 +53,7 @@ class Controller:
         program = transcribed(problem, laws, guesses, [spec.mesh], Basis(degree, 0), q.p, self._varying)
         self._program = Warm("controller", program.nlp, tolerance, options)
         self._first = ca.Function("inputs", [program.nlp.x], [program.phases[0].u[:, 0]])
-        self._names = q.u.names
+        self.inputs = q.u.names
 
     @property
     def iterations(self) -> int:
@@ -79,7 +81,7 @@ class Controller:
                 evidence=[f"{n} = {v:.6g}" for n, v in list(zip(self.states, np.ravel(x), strict=True))[:6]],
                 help="hold the last inputs for this sample; limits on measured quantities may have to be soft",
             )
-        return dict(zip(self._names, np.array(self._first(found)).ravel().tolist(), strict=True))
+        return dict(zip(self.inputs, np.array(self._first(found)).ravel().tolist(), strict=True))
 
     def _given(self, parameters: Mapping[str, float]) -> Vector:
         q = self.problem.quantities

@@ -70,6 +70,11 @@ def held(times: Vector, values: Vector) -> Pieces:
     return _joined([(float(times[k]), end, values[k : k + 1]) for k, end in zip(starts, ends, strict=True)])
 
 
+def steps(times: Vector, values: Vector) -> Pieces:
+    """A piece between each two of n + 1 instants, with n values that may be equal."""
+    return _joined([(a, b, v) for (a, b), v in zip(pairwise(times.tolist()), values[:, None], strict=True)])
+
+
 def straight(times: Vector, values: Vector, error: float) -> Pieces:
     """Straight lines through all points, or what comes within `error` of them with fewer breaks."""
     parts: list[tuple[float, float, Vector]] = []
