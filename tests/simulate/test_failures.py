@@ -19,6 +19,7 @@ from acausal import (
     guess,
     parameter,
     part,
+    sin,
     sqrt,
     time,
     variable,
@@ -102,6 +103,34 @@ def test_a_branch_is_followed_whatever_the_outputs(solver: str, step: float | No
     z = 2 * math.sin(math.asin(0.9) / 3)
     assert result.final("z") == pytest.approx(z, abs=1e-7)
     assert result.final("area") == pytest.approx(0.6 * z - z**2 / 2 + z**4 / 12, abs=1e-4 if solver == "rk2" else 1e-6)
+
+
+class Snaking(Component):
+    """z + 1.5 sin z = x folds at cos z = -2/3, with branches beyond that lie side by side."""
+
+    x: Real = variable(default=fixed(-0.3 - 1.5 * math.sin(0.3)))
+    y: Real = variable(default=fixed(0.0))
+    z: Real = variable(default=guess(-0.3))
+
+    def equations(self) -> Equations:
+        yield der(self.x) == -1.0
+        yield self.z + 1.5 * sin(self.z) == self.x
+        yield der(self.y) == self.z
+
+
+@pytest.mark.parametrize("steps", [20, 200])
+@pytest.mark.parametrize("rows", [1, 500])
+def test_collocation_does_not_step_to_another_branch(steps: int, rows: int) -> None:
+    """Newton's method within a step past the fold found z = -6.28, which is a solution, but not of this run."""
+    with pytest.raises(IntegrationError) as error:
+        acausal.simulate(
+            Snaking(), stop_time=5.53, solver="collocation", step=5.53 / steps, output_interval=5.53 / rows
+        )
+    assert error.value.code == "AC402"
+    z = -math.acos(-2 / 3)
+    fold = -0.3 - 1.5 * math.sin(0.3) - (z + 1.5 * math.sin(z))
+    result = error.value.result
+    assert rows == 1 or (result is not None and result.time[-1] <= fold + 1e-6)
 
 
 class Ending(Component):

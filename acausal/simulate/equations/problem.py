@@ -10,6 +10,7 @@ the outputs ask. Source: E. L. Allgower, K. Georg, Numerical Continuation Method
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
@@ -114,10 +115,39 @@ class Problem:
             if not _are_close(used, here):
                 here = self._followed(before, (time, states), here, used, numbers)
                 if not _are_close(used, here):
-                    raise RuntimeError("CONV_FAIL: the algebraic variables leave their branch")
+                    raise RuntimeError(LEFT)
             here, before = used, (time, states)
             found[:, k] = here * self.scale_z
         return found
+
+    def keeps_branch(self, segment: Stretch, x: Vector, z: Vector) -> int:
+        """How many of an implicit method's steps, `x` and `z` at the times of a segment, stay on their branch.
+
+        Newton's method within a step past a fold may end on what else solves the equations. Where the states of a
+        step and its rates do not lead there along a cubic, as after a stiff transient, a straight line may.
+        """
+        here, before = segment.z / self.scale_z, (segment.start, segment.x[: self.n_dynamic] / self.scale_x)
+        for k, time in enumerate(segment.times.tolist()):
+            at, used = (time, x[: self.n_dynamic, k] / self.scale_x), z[:, k] / self.scale_z
+            if not _are_close(used, here):
+                numbers = self.vector(segment.p, x[:, k], 0.0)
+                if not any(self._leads(before, at, here, used, numbers, straight) for straight in (False, True)):
+                    return k
+            here, before = used, at
+        return len(segment.times)
+
+    def _leads(
+        self,
+        a: tuple[float, Vector],
+        b: tuple[float, Vector],
+        z: Vector,
+        end: Vector,
+        numbers: Vector,
+        straight: bool,
+    ) -> bool:
+        with suppress(RuntimeError):
+            return _are_close(end, self._followed(a, b, z, end, numbers, straight))
+        return False
 
     def _root(self, guess: Vector, t: float, states: Vector, numbers: Vector) -> Vector:
         return self.numbered.algebraic_root(guess, np.concatenate([[t], states, numbers]))[0]
@@ -126,12 +156,20 @@ class Problem:
         return bool(self.numbered.quick_is_root(t, states, z, numbers)[0][0])
 
     def _followed(
-        self, a: tuple[float, Vector], b: tuple[float, Vector], z: Vector, end: Vector, numbers: Vector
+        self,
+        a: tuple[float, Vector],
+        b: tuple[float, Vector],
+        z: Vector,
+        end: Vector,
+        numbers: Vector,
+        straight: bool = False,
     ) -> Vector:
         """Algebraic variables at `b = (t, states)` along the cubic that leaves `a` and arrives there with its rates."""
         (ta, xa), (tb, xb) = a, b
         h = tb - ta
-        fa, fb = (self.numbered.quick(t, s, w, numbers, [])[0] for (t, s), w in ((a, z), (b, end)))
+        fa = fb = (xb - xa) / h
+        if not straight:
+            fa, fb = (self.numbered.quick(t, s, w, numbers, [])[0] for (t, s), w in ((a, z), (b, end)))
 
         def at(t: float) -> Vector:
             s = (t - ta) / h
@@ -157,6 +195,9 @@ class Problem:
             return self._holds(t, np.zeros(0), value, numbers)
 
         return followed(solve, holds, start, times, z / self.scale_z) * self.scale_z[:, None]
+
+
+LEFT = "CONV_FAIL: the algebraic variables leave their branch"
 
 
 def _are_close(a: Vector, b: Vector) -> bool:
