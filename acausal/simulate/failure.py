@@ -14,7 +14,7 @@ from acausal.lower.compiled import CompiledModel
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.one_sided import one_sided
 from acausal.simulate.record.project import constraints
-from acausal.simulate.solvers.base import Segment
+from acausal.simulate.solvers.segment import Segment
 from acausal.simulate.start.finite import UNDEFINED, Undefined, first_undefined
 
 _KNOWN: tuple[tuple[str, str, str], ...] = (
@@ -43,6 +43,8 @@ class _Finding:
     help: str
 
 
+# where a run ends values overflow, also what is made of them here
+@np.errstate(over="ignore", invalid="ignore")
 def integration_error(problem: Problem, solver: str, reached: Segment, text: str) -> IntegrationError:
     """What went wrong, when, and which variables were moving fastest.
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from acausal.simulate.solvers.base import Piece, Segment
+from acausal.simulate.solvers.segment import Piece, Segment
 from acausal.simulate.tolerances import Tolerances
 
 MANY = 100_000

@@ -88,30 +88,32 @@ def case(seed: int) -> Case:
         return Case(curve, z, v, 10 ** rnd.uniform(-4, 4), stop, fold, (found.y[0, -1], found.y[1, -1]))
 
 
-SOLVERS = ["idas", "cvodes", "rosenbrock", "erk", "collocation", "rk", "rk2"]
+SOLVERS = ["idas", "cvodes", "rosenbrock", "erk", "rosenbrock with steps", "collocation", "rk", "rk2"]
 
 
 def check(seed: int, solver: str) -> None:
     """Refused at the fold, or at the exact end."""
     c = case(seed)
     rnd = random.Random(f"{seed} {solver}")
-    is_fixed = solver in ("collocation", "rk", "rk2")
+    is_fixed = solver in ("rosenbrock with steps", "collocation", "rk", "rk2")
     options: dict[str, Any] = {"step": c.stop / rnd.choice([20, 50, 200, 1000])} if is_fixed else {}
     if not is_fixed:
         options = {"tolerance": rnd.choice([1e-3, 1e-5, 1e-8])}
-    options["output_interval"] = c.stop / rnd.choice([1, 40, 500])
+    options |= {"solver": solver.split()[0], "output_interval": c.stop / rnd.choice([1, 40, 500])}
     model = Folding(curve=c.curve, z=guess(c.z))
     parameters = {"v": c.v, "scale": c.scale, "begin": float(np.array(_value(c.curve, c.z)))}
     label = f"seed {seed}, {solver}, {options}: {c}"
     if c.fold is not None:
-        with pytest.raises(acausal.AcausalError) as error:
-            found = acausal.simulate(model, parameters=parameters, stop_time=c.stop, solver=solver, **options)
+        try:
+            found = acausal.simulate(model, parameters=parameters, stop_time=c.stop, **options)
+        except acausal.AcausalError as error:
+            result = getattr(error, "result", None)
+        else:
             pytest.fail(f"{label}: passed the fold, z = {found.final('z')}")
-        result = getattr(error.value, "result", None)
         late = options.get("step", 0.0) + 0.02 * c.stop
         assert result is None or result.time[-1] <= c.fold + late, label
         return
-    found = acausal.simulate(model, parameters=parameters, stop_time=c.stop, solver=solver, **options)
+    found = acausal.simulate(model, parameters=parameters, stop_time=c.stop, **options)
     close = max(100 * options.get("tolerance", 0.0), 1e-6) if not is_fixed else 0.05 if solver == "rk2" else 0.01
     np.testing.assert_allclose((found.final("z"), found.final("y")), c.end, atol=close, rtol=close, err_msg=label)
 
@@ -128,7 +130,16 @@ def _value(curve: str, z: float) -> float:
     return numbers[curve]
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
-@pytest.mark.parametrize("seed", [pytest.param(k, marks=() if k == 1 else pytest.mark.slow) for k in range(8)])
+# cvodes takes up to half a minute to say that a solution ends (docs/known-gaps.md)
+CASES = [(seed, solver) for seed in range(8) for solver in SOLVERS if solver != "cvodes" or seed < 2]
+
+
+@pytest.mark.parametrize(
+    ("seed", "solver"),
+    [
+        pytest.param(*c, marks=() if c[0] == 1 and c[1] in ("rosenbrock", "collocation") else pytest.mark.slow)
+        for c in CASES
+    ],
+)
 def test_no_solver_passes_a_fold(seed: int, solver: str) -> None:
     check(seed, solver)

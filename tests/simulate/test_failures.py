@@ -27,8 +27,8 @@ from acausal import (
 from acausal.errors import IntegrationError
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.solvers import solver_named
-from acausal.simulate.solvers.base import Piece, Segment
 from acausal.simulate.solvers.patience import PATIENCE, Counted, crawl, salvage
+from acausal.simulate.solvers.segment import Piece, Segment
 from acausal.simulate.tolerances import Tolerances
 
 
@@ -120,12 +120,11 @@ class Snaking(Component):
 
 @pytest.mark.parametrize("steps", [20, 200])
 @pytest.mark.parametrize("rows", [1, 500])
-def test_collocation_does_not_step_to_another_branch(steps: int, rows: int) -> None:
+@pytest.mark.parametrize("solver", ["collocation", "rosenbrock"])
+def test_no_fixed_step_ends_on_another_branch(solver: str, steps: int, rows: int) -> None:
     """Newton's method within a step past the fold found z = -6.28, which is a solution, but not of this run."""
     with pytest.raises(IntegrationError) as error:
-        acausal.simulate(
-            Snaking(), stop_time=5.53, solver="collocation", step=5.53 / steps, output_interval=5.53 / rows
-        )
+        acausal.simulate(Snaking(), stop_time=5.53, solver=solver, step=5.53 / steps, output_interval=5.53 / rows)
     assert error.value.code == "AC402"
     z = -math.acos(-2 / 3)
     fold = -0.3 - 1.5 * math.sin(0.3) - (z + 1.5 * math.sin(z))

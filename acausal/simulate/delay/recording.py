@@ -12,7 +12,7 @@ from acausal.arrays import Vector
 from acausal.simulate.delay.history import Panel
 from acausal.simulate.equations.chebyshev import between, fitted, tail
 from acausal.simulate.events.regime import Regime
-from acausal.simulate.solvers.base import Piece, Segment
+from acausal.simulate.solvers.segment import Piece, Segment
 
 Integrate = Callable[[Regime, Segment], Piece]
 Signals = Callable[[Regime, Segment, Vector, Piece], Vector]

@@ -35,7 +35,7 @@ from acausal.simulate.native.policy import Library
 from acausal.simulate.record.merge import Rows, merged
 from acausal.simulate.record.record import Recorder
 from acausal.simulate.solvers import Solver
-from acausal.simulate.solvers.base import Piece, Segment
+from acausal.simulate.solvers.segment import Piece, Segment
 from acausal.simulate.start.initialize import Start
 
 _log = logging.getLogger(__name__)

@@ -18,7 +18,7 @@ from acausal.simulate.failure import integration_error, is_constraining
 from acausal.simulate.native.flight import FlightProgram
 from acausal.simulate.native.policy import Library
 from acausal.simulate.record.record import Recorder
-from acausal.simulate.solvers.base import Segment
+from acausal.simulate.solvers.segment import Segment
 from acausal.simulate.start.initialize import Start
 
 # Calls of compiled code in a run that reports its progress.

@@ -23,7 +23,8 @@ from acausal.simulate.native.flight import FlightProgram, FlightStructure
 from acausal.simulate.native.policy import Library
 from acausal.simulate.record.record import Recorder
 from acausal.simulate.solvers import Solver
-from acausal.simulate.solvers.base import Piece, Segment, counted, growth
+from acausal.simulate.solvers.base import counted, growth
+from acausal.simulate.solvers.segment import Piece, Segment
 
 Explain = Callable[[list[int], list[int]], tuple[Cause, ...]]
 Clears = Callable[[Segment, Piece], bool]

@@ -26,8 +26,9 @@ from acausal.simulate.native.flight import FlightProgram
 from acausal.simulate.native.policy import Library
 from acausal.simulate.record.record import Recorder
 from acausal.simulate.solvers import Solver
-from acausal.simulate.solvers.base import Piece, Segment, pace
+from acausal.simulate.solvers.base import pace
 from acausal.simulate.solvers.patience import PATIENCE
+from acausal.simulate.solvers.segment import Piece, Segment
 from acausal.simulate.start.initialize import Start
 from acausal.simulate.tolerances import Tolerances
 

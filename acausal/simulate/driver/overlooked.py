@@ -22,7 +22,8 @@ from acausal.simulate.equations.kept import kept
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.location.between import interpolated
 from acausal.simulate.events.location.looks import even
-from acausal.simulate.solvers.base import Piece, Segment, on_equations
+from acausal.simulate.solvers.base import on_equations
+from acausal.simulate.solvers.segment import Piece, Segment
 
 Integrate = Callable[[Problem, Segment], Piece]
 # Rows of a piece at least, and at most where arguments are not resolved by fewer. Many functions, as of contacts,

@@ -42,7 +42,7 @@ from acausal.simulate.options import Options
 from acausal.simulate.record.record import Dense, Recorder, make_result
 from acausal.simulate.rounding import MANY, STRETCH, STRETCHES, attainable, remark
 from acausal.simulate.solvers import Solver, choose, share_of
-from acausal.simulate.solvers.base import Piece, Segment
+from acausal.simulate.solvers.segment import Piece, Segment
 from acausal.simulate.start.initialize import Start, consistent, initialize
 from acausal.simulate.step_limit.limit import StepLimit
 from acausal.simulate.tolerances import Tolerances

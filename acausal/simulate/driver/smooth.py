@@ -23,8 +23,9 @@ from acausal.simulate.native.policy import Library
 from acausal.simulate.record.pivots import loses_pivots, may_lose_pivots
 from acausal.simulate.record.record import Recorder
 from acausal.simulate.solvers import Solver
-from acausal.simulate.solvers.base import MOST_STEPS, Piece, Segment, pace, program
+from acausal.simulate.solvers.base import MOST_STEPS, pace, program
 from acausal.simulate.solvers.patience import salvage
+from acausal.simulate.solvers.segment import Piece, Segment
 from acausal.simulate.start.initialize import Start, consistent
 
 _log = logging.getLogger(__name__)

@@ -9,6 +9,7 @@ the outputs ask. Source: E. L. Allgower, K. Georg, Numerical Continuation Method
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
@@ -226,19 +227,20 @@ def followed(
     """
     found = np.empty((len(z), len(times)))
     past: list[tuple[float, Vector]] = [(start, z)]
-    span = float(times[-1]) - start
+    # a step is of several units in the last place, so that every one gets on
+    smallest = max(_SMALLEST * (float(times[-1]) - start), 4 * math.ulp(float(times[-1])), 4 * math.ulp(start))
     step = (float(times[0]) - start) / 4
     here, crossed = start, 0
     for k, wanted in enumerate(times):
         while here < wanted:
-            to = min(here + step, float(wanted))
-            if wanted - to < 1e-3 * step:
+            to = min(here + max(step, smallest), float(wanted))
+            if wanted - to < max(1e-3 * step, smallest):
                 to = float(wanted)
             guess = _extrapolated(past, to)
             value = solve(to, guess)
             off = float(np.max(np.abs(value - guess) / (1.0 + np.abs(guess)), initial=0.0))
             if not (off <= CLOSE and holds(to, value)):  # nan is not good either
-                if to - here > _SMALLEST * span:
+                if to - here > 2 * smallest:
                     step = (to - here) / 4
                     continue
                 crossed += 1

@@ -22,7 +22,7 @@ from acausal.numeric.samples import Visited
 
 if TYPE_CHECKING:
     from acausal.simulate.record.record import Recorder
-    from acausal.simulate.solvers.base import Segment
+    from acausal.simulate.solvers.segment import Segment
 
 Rows = tuple[Vector, Vector, Vector, Vector]
 

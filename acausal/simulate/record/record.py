@@ -24,7 +24,7 @@ from acausal.simulate.equations.calls.direct import rows
 from acausal.simulate.equations.kept import kept
 from acausal.simulate.events.guards import Cause
 from acausal.simulate.record.project import off_constraints, projected, projection
-from acausal.simulate.solvers.base import Piece
+from acausal.simulate.solvers.segment import Piece
 
 # All signals of so many rows are computed column by column.
 _LONG = 1024

@@ -7,12 +7,13 @@ from typing import Any, Protocol
 from acausal.errors import UsageError
 from acausal.lower.compiled import CompiledModel
 from acausal.simulate.equations.problem import Problem
-from acausal.simulate.solvers.base import SMOOTH_SHARE, TOLERANCE_SHARE, Piece, Segment
+from acausal.simulate.solvers.base import SMOOTH_SHARE, TOLERANCE_SHARE
 from acausal.simulate.solvers.cvodes import Cvodes
 from acausal.simulate.solvers.erk import Erk
 from acausal.simulate.solvers.fixed import Collocation, Rk, Rk2
 from acausal.simulate.solvers.idas import Idas
 from acausal.simulate.solvers.rosenbrock import Rosenbrock
+from acausal.simulate.solvers.segment import Piece, Segment
 
 
 class Solver(Protocol):

@@ -16,7 +16,7 @@ import numpy as np
 
 from acausal.arrays import Vector
 from acausal.simulate.equations.problem import Problem
-from acausal.simulate.solvers.base import Segment
+from acausal.simulate.solvers.segment import Segment
 
 _ROUNDING = 1.2e-16
 # IDA takes a first correction as good when it is so many times smaller than what it asks for (`ss20` in IDANls).
@@ -76,6 +76,8 @@ def _noise(problem: Problem, segment: Segment) -> Vector | None:
     x, z = segment.x[: problem.n_dynamic] / problem.scale_x, segment.z / problem.scale_z
     numbers = problem.vector(segment.p, segment.x, segment.start)
     slope, sizes = problem.numbered.slope(0.0, x, z, numbers)
+    if not (np.isfinite(slope).all() and np.isfinite(sizes).all()):
+        return None
     try:
         return np.asarray(_ROUNDING * np.abs(np.linalg.inv(slope.reshape(n, n))) @ sizes)
     except np.linalg.LinAlgError:

@@ -20,7 +20,8 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -38,7 +39,8 @@ from acausal.simulate.native.flight import FlightProgram
 from acausal.simulate.native.policy import Library
 from acausal.simulate.record.islands import integrals
 from acausal.simulate.record.polish import polished
-from acausal.simulate.tolerances import Tolerances
+from acausal.simulate.solvers.segment import Piece, Segment
+from acausal.simulate.solvers.step_by_step import step_by_step
 
 TOLERANCE_SHARE = 0.1
 """Share of the tolerance that solvers get for their local errors: end errors are about ten times as large.
@@ -59,57 +61,6 @@ _AT_ONCE = 20_000
 
 MOST_STEPS = 10**6
 """Steps between two output times of a one-step method: what a long run may need."""
-
-
-@dataclass(frozen=True, eq=False)
-class Segment:
-    """One stretch: from `start` to the last of `times` (ascending, all after `start`).
-
-    `x` (all states), `z` are consistent at the start; `p` are the modes of the time events. `patience` is the number of
-    steps between two output times after which a solver gives up; None: as many as a long run may need. `first` is the
-    first step, 0 to have it estimated. With `partial`, the rows before a failure are a result (see `Piece`); without
-    any row it is a RuntimeError as always.
-
-    `shares` says that the times are these shares of the whole: one of a few grids, whose integrators are kept.
-    Integrals that act on nothing are left as they are at the start. IDAS begins without derivatives, and wants a
-    `first` step in which the states change by less than their tolerance.
-    """
-
-    start: float
-    times: Vector
-    x: Vector
-    z: Vector
-    p: Vector
-    tolerances: Tolerances
-    step: float | None
-    max_step: float | None = None
-    patience: int | None = None
-    first: float = 0.0
-    partial: bool = False
-    shares: Vector | None = None
-
-    @property
-    def length(self) -> float:
-        """From the start to the last of the times [s]."""
-        return float(self.times[-1]) - self.start
-
-    @property
-    def most_steps(self) -> int:
-        """Steps between two output times; with few of these, as many as a run with many would be allowed."""
-        return self.patience or max(20_000, 400_000 // len(self.times))
-
-
-@dataclass(frozen=True, eq=False)
-class Piece:
-    """Values at `segment.times`: `x` of shape (nx, n), `z` of shape (nz, n), and the solver's counters.
-
-    Of a `partial` segment perhaps only the first of them: `stopped` says then in the solver's words why.
-    """
-
-    x: Vector
-    z: Vector
-    counters: dict[str, float]
-    stopped: str = ""
 
 
 class CasadiSolver:
@@ -136,6 +87,11 @@ class CasadiSolver:
 
     def integrate(self, problem: Problem, segment: Segment) -> Piece:
         """Solve one segment."""
+        if segment.step is None or not (self.algebraic and problem.n_dynamic and problem.compiled.algebraic):
+            return self._integrated(problem, segment)
+        return step_by_step(partial(self._integrated, problem), problem, segment, segment.step)
+
+    def _integrated(self, problem: Problem, segment: Segment) -> Piece:
         if problem.n_dynamic == 0:
             # no plugin takes a problem without states: its algebraic variables are a function of time
             x = unmoved(problem, segment)

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from acausal.simulate.equations.problem import Problem
-from acausal.simulate.solvers.base import CasadiSolver, Segment, beginning, bounded
+from acausal.simulate.solvers.base import CasadiSolver, beginning, bounded
+from acausal.simulate.solvers.segment import Segment
 
 
 class Cvodes(CasadiSolver):

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from acausal.simulate.equations.problem import Problem
-from acausal.simulate.solvers.base import CasadiSolver, Segment, stepping
+from acausal.simulate.solvers.base import CasadiSolver, stepping
+from acausal.simulate.solvers.segment import Segment
 
 
 class Erk(CasadiSolver):

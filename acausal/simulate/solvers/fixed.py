@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from acausal.arrays import Vector
 from acausal.errors import UsageError
-from acausal.simulate.equations.problem import LEFT, Problem
+from acausal.simulate.equations.problem import Problem
 from acausal.simulate.interrupt import Interrupted
-from acausal.simulate.solvers.base import CasadiSolver, Piece, Segment, islands, unmoved
+from acausal.simulate.solvers.base import CasadiSolver, islands, unmoved
+from acausal.simulate.solvers.segment import Piece, Segment
 
 
 def step_of(segment: Segment, solver: str) -> float:
@@ -68,34 +69,6 @@ class Collocation(CasadiSolver):
             # a step that Newton's method does not solve is none
             "rootfinder_options": {"error_on_fail": True, "max_iter": 100, "show_eval_warnings": False},
         }
-
-    def integrate(self, problem: Problem, segment: Segment) -> Piece:
-        """Solve one segment; with algebraic variables every step is looked at, as it may end on another branch."""
-        if not problem.n_dynamic or not problem.compiled.algebraic:
-            return super().integrate(problem, segment)
-        asked = segment.times if segment.shares is not None else _every_step(segment, step_of(segment, self.name))
-        try:
-            piece = super().integrate(problem, replace(segment, times=asked))
-        except Interrupted as stop:
-            if stop.got is not None:
-                due = np.isin(asked[: stop.got.x.shape[1]], segment.times)
-                stop.got = replace(stop.got, x=stop.got.x[:, due], z=stop.got.z[:, due]) if due.any() else None
-            raise
-        count = piece.x.shape[1]
-        kept = problem.keeps_branch(replace(segment, times=asked[:count]), piece.x, piece.z)
-        due = np.isin(asked[:kept], segment.times)
-        if kept < count and not (segment.partial and due.any()):
-            raise RuntimeError(LEFT)
-        stopped = piece.stopped if kept == count else LEFT
-        return Piece(piece.x[:, :kept][:, due], piece.z[:, :kept][:, due], piece.counters, stopped)
-
-
-def _every_step(segment: Segment, step: float) -> Vector:
-    """The ends of all steps up to the last of the times, these among them."""
-    before = np.append(segment.start, segment.times[:-1])
-    counts = np.maximum(1, np.ceil((segment.times - before) / step - 1e-9)).astype(int)
-    inner = [np.linspace(a, b, n + 1)[1:-1] for a, b, n in zip(before, segment.times, counts, strict=True) if n > 1]
-    return np.sort(np.concatenate([segment.times, *inner]))
 
 
 class Rk2:

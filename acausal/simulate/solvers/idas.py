@@ -6,7 +6,8 @@ from typing import Any
 
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.solvers.attainable import attainable
-from acausal.simulate.solvers.base import CasadiSolver, Piece, Segment, beginning, bounded
+from acausal.simulate.solvers.base import CasadiSolver, beginning, bounded
+from acausal.simulate.solvers.segment import Piece, Segment
 
 
 class Idas(CasadiSolver):

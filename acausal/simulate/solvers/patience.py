@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from acausal.arrays import Vector
-from acausal.simulate.solvers.base import Piece, Segment
+from acausal.simulate.solvers.segment import Piece, Segment
 
 PATIENCE = 3000
 """Steps between two output times in a piece."""

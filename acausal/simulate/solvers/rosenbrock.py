@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.record.pivots import may_lose_pivots
 from acausal.simulate.solvers.attainable import units
-from acausal.simulate.solvers.base import MOST_STEPS, CasadiSolver, Segment, stepping
+from acausal.simulate.solvers.base import MOST_STEPS, CasadiSolver, stepping
+from acausal.simulate.solvers.segment import Segment
 
 
 class Rosenbrock(CasadiSolver):

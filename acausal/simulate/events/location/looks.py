@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from acausal.arrays import Vector
 from acausal.simulate.equations.problem import Problem
-from acausal.simulate.solvers.base import Segment
+from acausal.simulate.solvers.segment import Segment
 
 # Looks at once: fewer when there are many numbers to each.
 _LOOKS, _FEWEST, _NUMBERS = 512, 4, 4e6

@@ -27,7 +27,8 @@ from acausal.simulate.events.location import looks as looking
 from acausal.simulate.events.location.between import between, lowest, newton_form
 from acausal.simulate.events.regime import Regime
 from acausal.simulate.solvers import Solver
-from acausal.simulate.solvers.base import Piece, Segment, islands, on_equations
+from acausal.simulate.solvers.base import islands, on_equations
+from acausal.simulate.solvers.segment import Piece, Segment
 
 Integrate = Callable[[Regime, Segment], Piece]
 Record = Callable[[Vector, Piece], None]

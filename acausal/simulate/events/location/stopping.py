@@ -34,7 +34,8 @@ from acausal.simulate.interrupt import Interrupted
 from acausal.simulate.native.equations import parametric
 from acausal.simulate.native.flight import FlightProgram
 from acausal.simulate.native.policy import Library, StoppingEquations
-from acausal.simulate.solvers.base import Piece, Segment, bounded, islands, pace
+from acausal.simulate.solvers.base import bounded, islands, pace
+from acausal.simulate.solvers.segment import Piece, Segment
 
 # A look of an interpreted run, with what Python does around it at guards and events, takes as long as so many
 # evaluations: 0.25 ms. The default compiles 4000 switchings on its way, after which they take 10 us each.
