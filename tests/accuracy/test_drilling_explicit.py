@@ -13,6 +13,7 @@ from acausal.models.drilling_dynamic import ThickBlock
 from acausal.models.drilling_spindle import SpindleStall
 from tests.accuracy.drilling_reference import PlainDrilling
 from tests.accuracy.test_drilling_oracle import THICK_BLOCK
+from tests.marks import slow_but
 
 H_C_PER_D = 1 / (2 * math.tan(math.radians(59.0)))
 
@@ -52,7 +53,7 @@ def test_the_compiler_solves_the_contact_equation(chisel: bool) -> None:
     assert worst < 1e-9
 
 
-@pytest.mark.parametrize("D", [6.0, 8.0, 12.0, 16.0, 20.0])
+@pytest.mark.parametrize("D", slow_but([6.0, 8.0, 12.0, 16.0, 20.0], 8.0, 16.0))
 @pytest.mark.parametrize("f", [0.1, 0.2, 0.3])
 def test_thrust_and_motor_torque_against_a_tool_catalogue(D: float, f: float) -> None:
     # Tungaloy General Catalogue 2020-2021, p. L068: thrust 570 K D f**0.85 N, torque K D**2 (0.63 + 16.84 f)/100 N.m,

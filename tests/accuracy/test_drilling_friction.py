@@ -62,6 +62,7 @@ def test_a_drill_that_is_pulled_out_without_turning_has_all_of_the_friction_alon
     assert r["drill.margin.torque"].max() == 0.0
 
 
+@pytest.mark.slow
 def test_short_margins_leave_the_hole_open_behind_them() -> None:
     values = {"drill.margin_length": 5e-3}
     r = acausal.simulate(DrivenDrill(), parameters=values, stop_time=35.0, solver="idas", output_interval=1.0)

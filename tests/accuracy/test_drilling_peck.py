@@ -18,6 +18,7 @@ from acausal.library.multibody.orientation import IDENTITY
 from acausal.library.rotational import Speed
 from acausal.library.translational import Position
 from tests.accuracy.drilling_reference import PlainDrilling
+from tests.marks import slow_but
 
 PLAIN = PlainDrilling(((0.0, 0.0), (1.0, 0.0)), ((0.0, 9.28), (1.0, 9.28)))
 START, FEED, DEPTH, RATE = -3e-3, 0.8e-3, 4e-3, 1.0
@@ -87,7 +88,7 @@ def test_no_contact_is_stepped_over(solver: str, run: dict[str, Any], reference:
 
 
 @pytest.mark.parametrize("solver", ["idas", "rosenbrock"])
-@pytest.mark.parametrize("rate", [0.3, 7.0])
+@pytest.mark.parametrize("rate", slow_but([0.3, 7.0], 0.3))
 def test_slow_and_fast_pecks(solver: str, rate: float) -> None:
     r = acausal.simulate(PeckDrilling(rate=rate), stop_time=9.0, solver=solver)
     assert r.final("drill.s_tar") == pytest.approx(by_hand(rate, 9.0)[0], abs=1e-7)

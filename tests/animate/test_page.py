@@ -16,6 +16,7 @@ from tests.browser.chromium import probe
 pytest.importorskip("pygltflib")
 
 
+@pytest.mark.slow
 def test_poses_are_those_of_the_run(tmp_path: Path) -> None:
     """At recorded times to single precision; between them as a chord is: an eighth of the second difference off."""
     model = PendulumChain(n=3)

@@ -76,6 +76,7 @@ class TiltedDrill(Component):
         yield connect(self.speed.flange, self.spindle.axis)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("degrees", [5.0, pytest.param(20.0, marks=pytest.mark.slow)])
 def test_a_tilted_drill_goes_through(degrees: float) -> None:
     """At full diameter the cutting law at the given feed; the thrust pushes the spring aside by its part along x."""

@@ -113,7 +113,9 @@ def test_on_a_half_space(name: str, swapped: bool) -> None:
     assert up @ (q - ground[0]) == pytest.approx(0.0, abs=EXACT)
 
 
-@pytest.mark.parametrize(("a", "b"), PAIRS)
+@pytest.mark.parametrize(
+    ("a", "b"), [pytest.param(*p, marks=pytest.mark.slow if k % 3 else ()) for k, p in enumerate(PAIRS)]
+)
 def test_depth_is_the_least_overlap_of_all_directions(a: str, b: str) -> None:
     """By definition: the least height of the support plane of the difference over all directions.
 

@@ -20,6 +20,7 @@ def test_a_box_on_the_ground_stays_for_100_s() -> None:
     np.testing.assert_allclose(r["body.Q"][-1], [0.0, 0.0, 0.0, 1.0], atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [pytest.param(0.2, marks=pytest.mark.slow), 0.8])
 def test_a_box_on_a_slope_creeps_as_its_law_says(share: float) -> None:
     """Regularised Coulomb friction holds q of what it can at v_s atanh(q): the closed form of the law."""
@@ -51,7 +52,10 @@ def test_bristles_hold_without_creep() -> None:
     assert np.ptp(np.asarray(r.at([50.0, 100.0], "body.r_0[0]"))) < 1e-8
 
 
-@pytest.mark.parametrize("friction", [Coulomb(mu=0.2, v_s=1e-4), LuGre(mu=0.2, mu_s=0.2, s_0=1e5, s_1=1e2)])
+@pytest.mark.parametrize(
+    "friction",
+    [Coulomb(mu=0.2, v_s=1e-4), pytest.param(LuGre(mu=0.2, mu_s=0.2, s_0=1e5, s_1=1e2), marks=pytest.mark.slow)],
+)
 def test_a_box_slides_as_far_as_friction_lets_it(friction: Coulomb) -> None:
     """From v_0 it stops after v_0 / (mu g), v_0**2 / (2 mu g) away; the start is at rest on its corners."""
     r = acausal.simulate(

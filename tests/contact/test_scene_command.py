@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from tests.cli.running import run
 
 
+@pytest.mark.slow
 def test_the_command_line_runs_a_scene_in_pieces(tmp_path: Path) -> None:
     picture = tmp_path / "holes.png"
     done = run("simulate", "HolesSideBySide", "--set", "n=3", "--json", "--no-output", "--plot-file", picture)

@@ -16,6 +16,7 @@ REST = 0.05 - G / 4e5
 STICKS: dict[str, Any] = {"solver": "rosenbrock", "tolerance": 1e-8}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "share", [pytest.param(0.3, marks=pytest.mark.slow), pytest.param(0.7, marks=pytest.mark.slow), 0.95]
 )
@@ -62,6 +63,7 @@ def test_a_push_that_grows_breaks_it_away_at_the_limit(mu: float, mu_s: float | 
     assert r.final("contact.f_0[0]") == pytest.approx(mu * G, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_sliding_ends_at_an_instant_and_for_good() -> None:
     """v_0 / (mu g) after the start, v_0**2 / (2 mu g) away, to the bending of the springs."""
     start = {"v_x": 1.0, "height": REST}

@@ -30,6 +30,7 @@ from acausal import (
     variable,
     where,
 )
+from tests.marks import slow_but
 
 # Pulses and their integrals.
 PULSES: dict[str, tuple[Callable[[Any], Expr], float]] = {
@@ -55,7 +56,7 @@ class Pulse(Component):
 
 
 @pytest.mark.parametrize("method", ["forward", "adjoint"])
-@pytest.mark.parametrize("solver", ["rosenbrock", "idas", "cvodes", "erk"])
+@pytest.mark.parametrize("solver", slow_but(["rosenbrock", "idas", "cvodes", "erk"], "rosenbrock", "idas"))
 @pytest.mark.parametrize("pulse", PULSES)
 def test_what_is_awake_for_a_moment_is_differentiated(
     pulse: str, solver: str, method: Literal["forward", "adjoint"]

@@ -137,6 +137,7 @@ def test_power_limit_of_the_spindle_lowers_its_torque_at_speed() -> None:
     assert float(early.final("drill.n")) < 0.01
 
 
+@pytest.mark.slow
 def test_surge_at_breakthrough_with_and_without_a_feed_cap() -> None:
     r = acausal.simulate(BreakthroughSurge(), output_interval=1e-4)
 

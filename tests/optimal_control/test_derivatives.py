@@ -60,6 +60,7 @@ def shot() -> Problem:
     return problem
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("stated", "steps", "far"),
     # a drill's contact has no value far from where its states follow from each other

@@ -65,7 +65,11 @@ def test_time_optimal_drilling_converges_from_the_default_guess(tmp_path: Path) 
 
 
 @pytest.mark.parametrize(
-    ("intervals", "k_c11", "z"), [(8, 2240e6, 0.21), (5, 1500e6, 0.21), (5, 3000e6, 0.25), (4, 1780e6, 0.17)]
+    ("intervals", "k_c11", "z"),
+    [
+        (5, 1500e6, 0.21),
+        *(pytest.param(*v, marks=pytest.mark.slow) for v in ((8, 2240e6, 0.21), (5, 3000e6, 0.25), (4, 1780e6, 0.17))),
+    ],
 )
 def test_other_materials_and_meshes_need_no_more_iterations(intervals: int, k_c11: float, z: float) -> None:
     best = least_time(intervals, parameters={"drill.k_c11": k_c11, "drill.z": z}).solve()

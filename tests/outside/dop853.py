@@ -6,7 +6,8 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from acausal.simulate.equations.problem import Problem
-from acausal.simulate.solvers.base import Piece, Segment, islands, unmoved
+from acausal.simulate.solvers.base import islands, unmoved
+from acausal.simulate.solvers.segment import Piece, Segment
 
 
 class Dop853:

@@ -38,6 +38,7 @@ from acausal import (
     where,
 )
 from acausal.simulate.equations.arguments import arguments
+from tests.marks import slow_but
 
 OPENS, W = 40.0, 0.01
 # What multiplies a pulse F at s, and that factor at an instant behind the opening.
@@ -74,7 +75,7 @@ class Gated(Component):
 
 
 @pytest.mark.parametrize("gate", GATES)
-@pytest.mark.parametrize("solver", ["rosenbrock", "erk", "idas", "cvodes"])
+@pytest.mark.parametrize("solver", slow_but(["rosenbrock", "erk", "idas", "cvodes"], "rosenbrock"))
 def test_a_pulse_behind_a_gate_counts_where_this_is_open(solver: str, gate: str) -> None:
     for c in (17.3, 61.9):
         found = acausal.simulate(Gated(gate=gate, c=c), stop_time=100.0, solver=solver, tolerance=1e-8)["y"][-1]

@@ -29,6 +29,7 @@ from acausal import (
     when,
     where,
 )
+from tests.marks import slow_but
 from tests.simulate.delayed import Decay
 
 ADAPTIVE = ["idas", "cvodes", "rosenbrock", "erk"]
@@ -185,7 +186,7 @@ class Approached(Component):
         yield der(self.y) == delay(self.x, self.T, 0.35)
 
 
-@pytest.mark.parametrize("solver", ["rosenbrock", "idas"])
+@pytest.mark.parametrize("solver", slow_but(["rosenbrock", "idas"], "idas"))
 def test_an_event_just_before_a_break_is_read_hides_none_of_it(solver: str) -> None:
     """y(1) by quadrature, whatever the distance from the event to where the corner is read."""
     from scipy.integrate import quad

@@ -110,7 +110,7 @@ HIDDEN: dict[str, tuple[Signal, Callable[[Any], Expr]]] = {
 @pytest.mark.parametrize(
     ("solver", "written"),
     [
-        pytest.param(solver, written, id=f"{name}-{solver}")
+        pytest.param(solver, written, id=f"{name}-{solver}", marks=() if solver == "idas" else pytest.mark.slow)
         for name, written in HIDDEN.items()
         for solver in ("erk", "cvodes", "idas")
         if (name, solver) != ("sum of roots", "idas")

@@ -39,6 +39,7 @@ from acausal import (
 )
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.variants.watched import with_watched
+from tests.marks import slow_but
 
 SOLVERS = ["idas", "cvodes", "rosenbrock", "erk"]
 SPAN = 100.0
@@ -103,7 +104,7 @@ def _compiled(pulse: str, argument: str) -> CompiledModel:
     return acausal.compile(Burst(pulse=pulse, argument=argument))
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("solver", slow_but(SOLVERS, "rosenbrock", "idas"))
 def test_random_bursts(solver: str) -> None:
     """Peaks of 1e-5 to 1e-1 of the run, of height or area one, anywhere in it, against the integral in closed form.
 
@@ -276,7 +277,7 @@ def _crest(step: str, argument: str, switches: bool = False) -> CompiledModel:
 
 
 @pytest.mark.parametrize("count", [3, pytest.param(20, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("solver", slow_but(SOLVERS, "rosenbrock", "erk"))
 def test_a_single_step_that_comes_and_goes(solver: str, count: int) -> None:
     """One step on the crests of a sine, awake for 1e-4 to 0.3 rad of them, against quadrature.
 

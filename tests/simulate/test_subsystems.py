@@ -37,6 +37,7 @@ from acausal import (
 )
 from acausal.errors import EventError
 from acausal.lower.subsystems.split import subsystems
+from tests.marks import slow_but
 
 G = 9.81
 
@@ -136,7 +137,7 @@ def alone(kind: str, given: tuple[tuple[str, float], ...]) -> Result:
     return acausal.simulate(KINDS[kind](**dict(given)), solver="rosenbrock", native=False, **RUN)
 
 
-@pytest.mark.parametrize("solver", ["auto", "idas", "cvodes", "erk"])
+@pytest.mark.parametrize("solver", slow_but(["auto", "idas", "cvodes", "erk"], "auto"))
 def test_side_by_side_as_alone(solver: str) -> None:
     """Values at outputs and at every event, and the number of events."""
     run = acausal.simulate(Together(), solver=solver, native=False, **RUN)

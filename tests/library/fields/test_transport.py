@@ -62,6 +62,7 @@ def test_upwind_moves_with_the_flow_and_spreads_by_half_a_cell(v: float) -> None
     assert grown == pytest.approx(2.0 * (1e-4 + abs(v) / n / 2.0) * t, rel=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("v", [0.2, pytest.param(-0.2, marks=pytest.mark.slow)])
 def test_the_limiter_makes_no_extremes_and_keeps_a_bump(v: float) -> None:
     """Harten's theorem: a TVD scheme stays between the extremes of the start; it is nearer than upwind, too."""

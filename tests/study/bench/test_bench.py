@@ -77,6 +77,7 @@ def swing() -> Bench:
     )
 
 
+@pytest.mark.slow
 def test_two_different_solvers_agree_on_the_reference(swing: Bench) -> None:
     reference = swing.reference
     assert reference.trusted_digits > 10
@@ -142,6 +143,7 @@ def test_failures_stay_with_their_reason(tmp_path: Path) -> None:
     assert sum(r["failed"] for r in found.record()["runs"]) >= 2
 
 
+@pytest.mark.slow
 def test_a_reference_can_be_given(tmp_path: Path) -> None:
     file = tmp_path / "end.json"
     file.write_text(
@@ -167,6 +169,7 @@ def test_a_reference_can_be_given(tmp_path: Path) -> None:
         acausal.bench(Swing, reference=file, **options)  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_parameters_and_variables_are_taken() -> None:
     found = acausal.bench(
         Swing(),
@@ -228,6 +231,7 @@ def test_a_dead_method_costs_its_limit_once(tmp_path: Path) -> None:
     assert reasons[1:] == ["not tried: no end after 0.05 s at tolerance 0.001"] * 2
 
 
+@pytest.mark.slow
 def test_exact_runs_stand_on_the_chart_too(tmp_path: Path) -> None:
     """A counter has no error at all: zero has no place on a logarithmic axis, and is drawn at the end of it."""
     found = acausal.bench(Counter(), solvers=["erk"], tolerances=[1e-4], steps=[], repeat=1, native=False)
