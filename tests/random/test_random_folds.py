@@ -115,7 +115,8 @@ def check(seed: int, solver: str) -> None:
         return
     found = acausal.simulate(model, parameters=parameters, stop_time=c.stop, **options)
     close = max(100 * options.get("tolerance", 0.0), 1e-6) if not is_fixed else 0.05 if solver == "rk2" else 0.01
-    np.testing.assert_allclose((found.final("z"), found.final("y")), c.end, atol=close, rtol=close, err_msg=label)
+    ended = np.array([found.final("z"), found.final("y")])
+    np.testing.assert_allclose(ended, np.array(c.end), atol=close, rtol=close, err_msg=label)
 
 
 def _value(curve: str, z: float) -> float:
