@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import acausal
-from acausal import Component, Equations, connect, part
+from acausal import Component, Equations, Real, boolean, connect, part, time
 from acausal.library import blocks
 
 
@@ -163,3 +163,35 @@ def test_a_run_may_begin_at_any_time(begin: float) -> None:
     slope = np.where(tick - 0.1 >= begin - 1e-9, (last - before) / 0.1, 0.0)
     seen = tick >= begin - 1e-9
     assert np.asarray(found.at(t, "hold.y"))[seen] == pytest.approx((last + slope * (t - tick))[seen], abs=1e-6)
+
+
+class Triggered(Component):
+    """A sampler of 7 + t behind a source that is true when the run begins."""
+
+    source: Component = part()
+    sampler: blocks.TriggeredSampler = part()
+    y: Real = boolean()
+
+    def build(self) -> None:
+        self.sampler = blocks.TriggeredSampler(y_start=-5.0, u=7.0 + time)
+
+    def equations(self) -> Equations:
+        row = isinstance(self.source, blocks.Pulse)
+        yield self.y == ((self.source.y > 0.5) if row else self.source.y)  # type: ignore[attr-defined]
+        yield self.sampler.trigger == self.y
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        blocks.BooleanPulse(period=0.6),
+        blocks.BooleanPulse(period=0.6, start_time=-0.6),
+        blocks.BooleanTable(table=(0.0, 0.3, 0.6, 0.9)),
+        blocks.Pulse(period=0.6),
+        blocks.Pulse(period=0.6, nperiod=3),
+    ],
+)
+def test_what_is_true_from_the_start_does_not_become_true(source: Component) -> None:
+    """One signal, written in five ways: it rises at 0.6 s only, as in Modelica."""
+    r = acausal.simulate(Triggered(source=source), stop_time=1.0, output_interval=0.25)
+    np.testing.assert_allclose(r.at([0.1, 0.5, 0.7, 1.0], "sampler.y"), [-5.0, -5.0, 7.6, 7.6])

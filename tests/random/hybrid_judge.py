@@ -17,10 +17,10 @@ TOLERANCE = 1e-8
 _CLOSE = 2e-5
 
 
-def built(model: Hybrid) -> Any:
-    """The component that the source of a model declares."""
+def built(model: Hybrid, text: str | None = None) -> Any:
+    """The component that the source of a model declares, or another text that means the same."""
     space: dict[str, Any] = {"__name__": "random_model"}
-    exec(compile(source(model), "<random model>", "exec"), space)
+    exec(compile(text or source(model), "<random model>", "exec"), space)
     return space["Model"]()
 
 

@@ -302,3 +302,34 @@ def fewer(e: Tree) -> list[Tree]:
         if op not in ("gt", "lt", "pre", "mul"):
             found += [(*e[:k], less, *e[k + 1 :]) for less in fewer(a)]
     return found
+
+
+def opened(model: Hybrid, draw: random.Random) -> str | None:
+    """The same with other starts, which a `when(initial(), ...)` puts right; None where `pre` tells the two apart.
+
+    During the start `pre` is what was declared: a condition or equation that reads it sees the difference.
+    """
+    equations = [d.equation for d in model.discretes if d.equation is not None]
+    asked = [c for chain in model.chains for branch in chain for c in branch.conditions]
+    if any(op in ("pre", "edge", "change", "sample") for e in equations for op in _operators(e)):
+        return None
+    if any(op == "pre" for c in asked for op in _operators(c)):
+        return None
+    discretes, states, actions = list(model.discretes), list(model.states), []
+    for j, d in enumerate(discretes):
+        if d.equation is None:
+            start = bool(d.start) if d.kind == "boolean" else d.start
+            actions.append(f"reset(self.d{j}, {start!r})")
+            discretes[j] = replace(d, start=1.0 - d.start if d.kind == "boolean" else d.start + draw.choice([3, -2]))
+    for i, x in enumerate(states):
+        if draw.random() < 0.6:
+            actions.append(f"reset(self.x{i}, {x.start!r})")
+            states[i] = replace(x, start=x.start + draw.uniform(-2, 2))
+    if not actions:
+        return None
+    other = replace(model, discretes=tuple(discretes), states=tuple(states))
+    return source(other) + f"        yield when(initial(), {', '.join(actions)})\n"
+
+
+def _operators(e: Tree) -> list[str]:
+    return [e[0], *(op for c in children(e) for op in _operators(c))]

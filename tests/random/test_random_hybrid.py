@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import random
+
 import pytest
 
 import acausal
 from tests.random.hybrid_judge import DRIVERS, built, expected, judged
-from tests.random.hybrid_models import random_model
+from tests.random.hybrid_models import opened, random_model
 from tests.random.hybrid_reference import Discard
 
 INTERPRETED = ("rosenbrock", "erk", "idas", "cvodes", "step_function")
@@ -29,6 +31,37 @@ def failures(seeds: range, drivers: tuple[str, ...]) -> list[str]:
                 found.append(f"seed {seed}, {driver}: {wrong}")
     assert tried >= len(seeds) // 5
     return found
+
+
+def openings(seeds: range, drivers: tuple[str, ...]) -> list[str]:
+    """What goes wrong where `initial()` sets the start: it is a start like any other, and no event."""
+    found, tried = [], 0
+    for seed in seeds:
+        model = random_model(seed)
+        text = opened(model, random.Random(seed))
+        try:
+            run = expected(model)
+        except Discard:
+            continue
+        if text is None or isinstance(run, str):
+            continue
+        tried += 1
+        compiled = acausal.compile(built(model, text))
+        for driver in drivers:
+            wrong = judged(model, compiled, driver, run)
+            if wrong is not None:
+                found.append(f"seed {seed}, {driver}: {wrong}\n{text}")
+    assert tried >= len(seeds) // 50
+    return found
+
+
+def test_what_initial_sets_is_the_start() -> None:
+    assert not openings(range(200), ("rosenbrock", "idas"))
+
+
+@pytest.mark.slow
+def test_what_initial_sets_is_the_start_of_many() -> None:
+    assert not openings(range(200, 1000), ("rosenbrock", "rosenbrock native", "idas", "erk", "step_function"))
 
 
 @pytest.mark.parametrize("driver", INTERPRETED)

@@ -110,6 +110,9 @@ class Iteration:
         self.flags = slice(first_flag, first_flag + len(self.events.flags))
         nodes = compiled.solution.structure.reduced.pool.nodes
         self.flag_names = [nodes[n][0] for n in self.events.flags]
+        pool = compiled.solution.structure.reduced.pool
+        asking = [any(nodes[n][0] == "initial" for n in pool.reachable([c])) for c in self.events.conditions]
+        self.opening = np.array(asking, dtype=float)
         self.assigned = np.array([a.position for a in self.events.assignments], dtype=int)
 
     def settle(
@@ -124,7 +127,8 @@ class Iteration:
         """Iterate from modes that have changed already.
 
         `before`: The modes that held before the event; a `when` acts if its condition was false under them.
-        `samples`, `flag`: Which samples are true now; "initial" or "terminal" at the ends of a run.
+        `samples`, `flag`: Which samples are true now; "initial" or "terminal" at the ends of a run. What `initial()`
+        sets is the start: no other `when` acts because of it (Modelica 3.6, section 8.6).
         """
         m = moment.m.copy()
         m[self.samples] = 0.0 if samples is None else samples
@@ -133,7 +137,8 @@ class Iteration:
         was = self._round(t, Moment(x_before, moment.z, before, moment.regime), none, none, 0.0).conditions
         story = _Story()
         try:
-            moment, last = self._rounds(t, Moment(moment.x, moment.z, m, moment.regime), was, story)
+            held = 1.0 - self.opening if flag == "initial" and self.opening.any() else None
+            moment, last = self._rounds(t, Moment(moment.x, moment.z, m, moment.regime), was, held, story)
         except InitializationError as error:
             if flag == "initial" or error.code not in ("AC301", "AC304"):
                 raise
@@ -146,14 +151,20 @@ class Iteration:
         jumps, acted = tuple(story.jumps), tuple(story.acted)
         return Happened(moment, tuple(story.causes), changed, tuple(story.notes), story.terminated, jumps, acted)
 
-    def _rounds(self, t: float, moment: Moment, was: Vector, story: _Story) -> tuple[Moment, Round]:
-        """Rounds until one changes nothing; the moment then, and what that round gave."""
+    def _rounds(
+        self, t: float, moment: Moment, was: Vector, held: Vector | None, story: _Story
+    ) -> tuple[Moment, Round]:
+        """Rounds until one changes nothing; the moment then, and what that round gave.
+
+        `was`: The truth of the conditions before. `held`: 1 for those that do not become true while `initial()` acts.
+        """
         decided, level, acting = np.zeros_like(was), 0.0, np.zeros(0, dtype=int)
         count = len(moment.m) - self.first
         walk = _Walk(np.zeros(count, dtype=int), np.zeros(count))
         for _ in range(self.most_rounds):
+            was = was if held is None else np.maximum(was, held)
             moment, found = self.decide(t, moment, story.notes, walk, (was, decided, level))
-            advances = found.level == 0.0
+            advances, m = found.level == 0.0, found.m
             if found.clash:
                 raise self._clash(t, moment, found)
             acting = np.flatnonzero(found.acting) if advances else np.zeros(0, dtype=int)
@@ -165,13 +176,19 @@ class Iteration:
             if found.settled:
                 return moment, found
             applied, x = found.applied > 0.5, found.x
-            if applied.any() or not np.array_equal(found.m, moment.m):
+            moves = not np.array_equal(found.x[: self.dynamic], moment.x[: self.dynamic])
+            if held is not None and advances:
+                # conditions see what states begin with once, under the `pre` of the start; only then does that advance
+                held = np.ones_like(held) if moves else None
+                if moves:
+                    m, advances = moment.m, False
+            if applied.any() or not np.array_equal(m, moment.m):
                 story.jumps.append(Jump(moment, applied, advances))
-            if not np.array_equal(found.x[: self.dynamic], moment.x[: self.dynamic]):
+            if moves:
                 if self.is_constrained:
                     x = self._followed(t, moment, found.x, applied, story.notes)
                 walk = _Walk(np.zeros(count, dtype=int), np.zeros(count))  # other states: no relation leads back yet
-            moment = Moment(x, moment.z, found.m, self._released(t, moment, x))
+            moment = Moment(x, moment.z, m, self._released(t, moment, x))
             was, decided, level = found.was, found.decided, float(found.level)
         texts = [self.events.clauses[k].text for k in acting]
         raise unsettled(self.problem.compiled.name, t, texts or [a.text for a in self.events.assignments])
