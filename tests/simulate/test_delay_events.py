@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from math import cos, log
+import math
+from math import log
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from acausal import (
     Component,
     Equations,
     Real,
+    cos,
     delay,
     der,
     discrete,
@@ -193,7 +195,7 @@ def test_an_event_just_before_a_break_is_read_hides_none_of_it(solver: str) -> N
     from scipy.optimize import brentq
 
     def read(t: float) -> float:
-        return t - 0.3 + 0.1 * t + (1.0 - cos(3.0 * t)) / 15.0
+        return t - 0.3 + 0.1 * t + (1.0 - math.cos(3.0 * t)) / 15.0
 
     root: Any = brentq
     first, corner = (float(root(lambda t, s=s: read(t) - s, 0.0, 1.0, xtol=1e-15)) for s in (0.0, 0.4))
@@ -260,3 +262,30 @@ def test_stretches_between_events_may_have_no_length(tolerance: float) -> None:
         acausal.simulate(Touched(), stop_time=1.3, tolerance=tolerance, solver=solver) for solver in ("cvodes", "erk")
     )
     assert found.final("q") == pytest.approx(other.final("q"), abs=1e2 * tolerance)
+
+
+class Counted(Component):
+    """x = sin(w t), n how often it has risen above c; y reads it later."""
+
+    w: Real = parameter(default=1.0)
+    c: Real = parameter(default=0.0)
+    x: Real = variable(default=fixed(0.0))
+    y: Real = variable(default=fixed(0.0))
+    n: Real = discrete()
+
+    def equations(self) -> Equations:
+        yield der(self.x) == self.w * cos(self.w * time)
+        yield der(self.y) == delay(self.x, 0.55)
+        yield when(self.x > self.c, reset(self.n, pre(self.n) + 1))
+
+
+@pytest.mark.parametrize("solver", ADAPTIVE)
+@pytest.mark.parametrize(("w", "c"), [(5.8, 0.161), (10.0, 0.5), (7.0, -0.6)])
+@pytest.mark.parametrize("tolerance", [1e-5, 1e-7])
+def test_what_is_delayed_passes_its_relation_once(solver: str, w: float, c: float, tolerance: float) -> None:
+    """Between -1 and 1, a sine rises above c once in each period; idas and cvodes counted up to 13 for 10."""
+    r = acausal.simulate(
+        Counted(), parameters={"w": w, "c": c}, stop_time=6.0, solver=solver, tolerance=tolerance, output_interval=6.0
+    )
+    first = math.asin(c) % (2 * math.pi)
+    assert r.final("n") == math.floor((6.0 * w - first) / (2 * math.pi)) + 1

@@ -53,6 +53,8 @@ _VAIN = 2
 _MANY, _PROGRESS = 100, 1e-6
 # What is said where all stays as it was: a cause without words is no event of the result.
 _NOTHING = (Cause(""),)
+# How often an integration that is remembered goes on until a guard is passed, and how much farther than its rate says.
+_TURNS, _BEYOND = 8, 1.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -411,14 +413,33 @@ class Hybrid:
             return Stop(none, segment.times[:0], reached.time, reached.x, reached.z)
         if reached.time is not None and reached.time <= segment.start:  # it was found where the last one was passed
             return Stop(none, segment.times[:0], reached.time, reached.x, reached.z)
-        # what is delayed is remembered of the stretch as it is, and of nothing beyond it
-        times = segment.times
-        if reached.time is not None:
-            times = np.append(times[times < reached.time], reached.time)
-        piece = self.integrate(moment.regime, replace(segment, times=times))
-        keep = np.isin(times, segment.times) & (times != reached.time)
-        self._record(times[keep], piece.x[:, keep], piece.z[:, keep], moment, piece.counters)
-        return Stop(none, segment.times[:0], reached.time, piece.x[:, -1], piece.z[:, -1])
+        return self._remembered(segment, moment, reached.time)
+
+    def _remembered(self, segment: Segment, moment: Moment, event: float | None) -> Stop:
+        """Integrate to an event that was located, or to the end, as it is remembered, and record that.
+
+        What is delayed is remembered of the stretch as it is, and of nothing beyond it. This integration passes the
+        guard a little elsewhere: in front of it, what has flipped would flip back, and be an event once more.
+        """
+        none, end = Piece(np.zeros((len(moment.x), 0)), np.zeros((len(moment.z), 0)), {}), float(segment.times[-1])
+        until, rest = end if event is None else event, segment
+        for turn in range(_TURNS):
+            times = np.append(rest.times[rest.times < until], until)
+            piece = self.integrate(moment.regime, replace(rest, times=times))
+            x, z = piece.x[:, -1], piece.z[:, -1]
+            ahead = 0.0
+            if event is not None and turn + 1 < _TURNS:
+                ahead = _BEYOND * self.guards.ahead(until, replace(moment, x=x, z=z))
+            if ahead > 0.0 and until == end:  # found where the next stretch begins
+                event, ahead = None, 0.0
+            keep = np.isin(times, segment.times)
+            keep[-1] &= event is None or ahead > 0.0
+            self._record(times[keep], piece.x[:, keep], piece.z[:, keep], moment, piece.counters)
+            if ahead == 0.0:
+                break
+            rest = replace(rest, start=until, times=segment.times[segment.times > until], x=x, z=z, first=0.0)
+            event = until = min(self._near(until) + ahead, end)
+        return Stop(none, segment.times[:0], event, x, z)
 
     def _judge(self, reached: Arrival, moment: Moment) -> None:
         """Say of a guard that it was never as large as it may be wrong; refuse it where no other one is passed."""

@@ -27,6 +27,8 @@ LEAST = 1e-15
 _ROUNDED = 1e-13
 # Guards are located to this share of the noise.
 LOCATED = 1e-2
+# No guard changes more slowly than this, where it is asked how long that takes.
+_SLOWEST = 1e-30
 # No guard is farther: where a limit is infinite, differences of guards are numbers all the same.
 FAR = 1e100
 
@@ -185,12 +187,22 @@ class Guards:
 
     def fired(self, t: float, at: Moment) -> Truth:
         """Guards that end the regime at this event: all that are reached and falling; at least the nearest."""
+        found, ahead = self._reached(t, at)
+        if not found.any():
+            found[int(np.argmin(np.abs(ahead)))] = True
+        return found
+
+    def ahead(self, t: float, at: Moment) -> float:
+        """How long it takes until the nearest guard is passed at its rate [s]; 0 where one is, or where none falls."""
+        found, ahead = self._reached(t, at)
+        return 0.0 if found.any() else max(float(ahead[int(np.argmin(np.abs(ahead)))]), 0.0)
+
+    def _reached(self, t: float, at: Moment) -> tuple[Truth, Vector]:
+        """Guards that are reached and falling; and how far away all of them are [s], below zero where they rise."""
         g, rate, noise = self.state(t, at)
         near = np.abs(g) <= np.maximum(LOCATED * noise, np.abs(rate) * INSTANT * max(self.span, abs(t)))
-        found = (g < 0) | (near & (rate < 0))
-        if not found.any():
-            found[int(np.argmin(np.abs(g) / np.maximum(np.abs(rate), 1e-30)))] = True
-        return np.asarray(found)
+        ahead = np.abs(g) / np.where(np.abs(rate) > _SLOWEST, -rate, -_SLOWEST)
+        return np.asarray((g < 0) | (near & (rate < 0))), ahead
 
 
 def _finite(noise: Vector) -> Vector:
