@@ -422,7 +422,7 @@ class Hybrid:
         guard a little elsewhere: in front of it, what has flipped would flip back, and be an event once more.
         """
         none, end = Piece(np.zeros((len(moment.x), 0)), np.zeros((len(moment.z), 0)), {}), float(segment.times[-1])
-        until, rest = end if event is None else event, segment
+        until, rest, x, z = end if event is None else event, segment, moment.x, moment.z
         for turn in range(_TURNS):
             times = np.append(rest.times[rest.times < until], until)
             piece = self.integrate(moment.regime, replace(rest, times=times))
