@@ -1,1 +1,1 @@
-"""Numbers for expressions at sample points."""
+"""Numeric values of expressions at sample points."""

@@ -1,6 +1,6 @@
-"""Numbers for pool expressions: values and sparse gradients at several points at once, without CasADi.
+"""Evaluation of pool expressions without CasADi: values and sparse gradients at several points at once.
 
-The compiler asks for them to see which pivots and which states are safe; exactness is not needed, speed of set-up is.
+The compiler uses them to see which pivots and which states are safe, so speed of set-up matters more than exactness.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from acausal.language.expressions.external import Call, External
 Samples = NDArray[np.float64]
 Gradient = dict[int, Any]
 
+# Nodes from which on long sums are differentiated as a whole.
 _MANY = 100
 
 FUNCTIONS: dict[str, Callable[..., Any]] = {
@@ -57,19 +58,22 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
 
 
 def operation(op: str) -> Callable[..., Any]:
-    """The numeric function of an operation."""
+    """The numpy function of an operation."""
     if isinstance(op, Delayed):
-        return _past(op)
+        return _delayed_value(op)
     return _External(op) if isinstance(op, Call) else FUNCTIONS[op]
 
 
-def _past(op: Delayed) -> Callable[[Any], Any]:
-    """Some signal of both signs: what it will be is not known before the run."""
+def _delayed_value(op: Delayed) -> Callable[[Any], Any]:
+    """A stand-in signal of both signs, because the delayed value is not known before the run."""
     return lambda instant: np.sin(37.0 * np.asarray(instant) + 1.0 + op.number)
 
 
 class _External:
-    """One scalar of an external function; the other scalars are asked for with the same arrays right after."""
+    """One scalar output of an external function.
+
+    The other outputs are requested right after it with the same arrays, so the last evaluation is cached for them.
+    """
 
     last: tuple[External, tuple[Any, ...], Any] | None = None
 
@@ -92,27 +96,30 @@ def values(
     leaves: Mapping[str, Callable[[int], Any]],
     known: Mapping[int, Any] | None = None,
 ) -> dict[int, Any]:
-    """Value of every node below `roots`; `leaves` gives "var" and "par" by number and "time"."""
-    found: dict[int, Any] = dict(known) if known and len(known) < 64 else {}
+    """Value of every node below `roots`, by node number; scalars or arrays of shape (K,) at K points.
+
+    `leaves` maps "var" and "par" to functions of their numbers, and "time"; `known` holds values evaluated before.
+    """
+    value: dict[int, Any] = dict(known) if known and len(known) < 64 else {}
     with np.errstate(all="ignore"):
         for number in pool.reachable(roots):
-            if number in found:
+            if number in value:
                 continue
             node = pool.nodes[number]
             op = node[0]
             if op == "const":
-                found[number] = node[1]
+                value[number] = node[1]
             elif op in leaves:
-                found[number] = leaves[op](node[1] if len(node) > 1 else 0)
+                value[number] = leaves[op](node[1] if len(node) > 1 else 0)
             else:
-                found[number] = operation(op)(*[found[c] for c in node[1:]])
-    return found
+                value[number] = operation(op)(*[value[c] for c in node[1:]])
+    return value
 
 
 def gradients(
     pool: Pool, roots: Sequence[int], variables: Iterable[int], leaves: Mapping[str, Callable[[int], Any]]
 ) -> list[Gradient]:
-    """Partial derivatives of each root with respect to `variables`, as sparse rows."""
+    """Partial derivatives of each root with respect to `variables`, as sparse rows: variable to value, shape (K,)."""
     wanted = set(variables)
     value = values(pool, roots, leaves)
     slope: dict[int, Gradient] = {}
@@ -135,7 +142,10 @@ def gradients(
 def _sums(
     pool: Pool, roots: Sequence[int], value: Mapping[int, Any]
 ) -> tuple[dict[int, list[tuple[int, int]]], Iterable[int]]:
-    """Long sums below the roots with their terms, and the nodes that are left when partial sums are not needed."""
+    """Terms of the long sums below the roots, and the nodes to differentiate when partial sums are left out.
+
+    A sum of n terms is a chain of n - 1 additions: differentiated node by node it costs n^2 entries.
+    """
     chains: dict[int, list[tuple[int, int]]] = {}
     if len(value) < _MANY:
         return chains, value
@@ -153,6 +163,7 @@ def _sums(
 
 
 def _combine(parts: Iterable[tuple[Any, Gradient]]) -> Gradient:
+    """Linear combination of sparse rows."""
     total: Gradient = {}
     for factor, gradient in parts:
         for v, g in gradient.items():
@@ -163,6 +174,7 @@ def _combine(parts: Iterable[tuple[Any, Gradient]]) -> Gradient:
 def _gradient(
     op: str, number: int, args: tuple[int, ...], value: dict[int, Any], slope: dict[int, Gradient]
 ) -> Gradient:
+    """Sparse gradient of one operation by the chain rule."""
     if not any(slope[a] for a in args):
         return {}
     if op == "where":

@@ -1,4 +1,4 @@
-"""External functions of the language as CasADi Functions: made once, called on scalars in row-major order."""
+"""External functions of the language as CasADi Functions, one for each, called on scalars in row-major order."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from acausal.language.expressions.expression import Shape, shape_text
 from acausal.language.expressions.external import External
 from acausal.language.expressions.lookup import Lookup
 
-_made: WeakKeyDictionary[External, Any] = WeakKeyDictionary()
+_FUNCTIONS: WeakKeyDictionary[External, Any] = WeakKeyDictionary()
 
 
 def function(external: External) -> Any:
@@ -26,33 +26,36 @@ def function(external: External) -> Any:
     DeclarationError
         AC163 when the factory's function has other inputs or outputs than declared.
     """
-    if external not in _made:
+    if external not in _FUNCTIONS:
         if isinstance(external, Lookup):
-            _made[external] = _searched(external)
+            _FUNCTIONS[external] = _make_lookup(external)
         else:
-            _made[external] = _differentiated(external.primal) if external.primal is not None else _checked(external)
-    return _made[external]
+            _FUNCTIONS[external] = (
+                _make_jacobian(external.primal) if external.primal is not None else _make_declared(external)
+            )
+    return _FUNCTIONS[external]
 
 
 def call(external: External, operands: Sequence[Any]) -> list[Any]:
-    """SX of every scalar of the outputs for SX operands."""
+    """SX of every scalar output for SX operands."""
     results = function(external).call(list(_matrices(external.inputs, ca.vertcat(*operands))), False, False)
     column = ca.vertcat(*map(_rows, results))
     return [column[k] for k in range(column.numel())]
 
 
 def evaluate(external: External, operands: Sequence[Any]) -> NDArray[np.float64]:
-    """Numbers of every scalar of the outputs, shape (scalars, points); operands are numbers, or one for each point."""
+    """Values of every scalar output, shape (n_outputs, K); each operand is a number or an array of shape (K,)."""
     points = np.broadcast_arrays(*(np.atleast_1d(np.asarray(a, dtype=float)) for a in operands))
     f = function(external)
-    found = []
+    outputs = []
     for column in np.stack(points, axis=1):
         results = f.call(list(_matrices(external.inputs, ca.DM(column))))
-        found.append(np.concatenate([np.asarray(r.full()).ravel() for r in results]))
-    return np.stack(found, axis=1)
+        outputs.append(np.concatenate([np.asarray(r.full()).ravel() for r in results]))
+    return np.stack(outputs, axis=1)
 
 
 def _matrices(shapes: Sequence[Shape], column: Any) -> Iterator[Any]:
+    """The inputs as matrices, out of one column of scalars in row-major order."""
     first = 0
     for shape in shapes:
         rows, columns = (*shape, 1, 1)[:2]
@@ -65,11 +68,12 @@ def _rows(matrix: Any) -> Any:
     return ca.vec(ca.densify(matrix).T)
 
 
-def _checked(external: External) -> Any:
+def _make_declared(external: External) -> Any:
+    """The factory's function, compared with the declared shapes."""
     f = external.factory()
-    found = [[f.size_in(k) for k in range(f.n_in())], [f.size_out(k) for k in range(f.n_out())]]
-    wanted = [[(*s, 1, 1)[:2] for s in shapes] for shapes in (external.inputs, external.outputs)]
-    if found != wanted:
+    shapes_made = [[f.size_in(k) for k in range(f.n_in())], [f.size_out(k) for k in range(f.n_out())]]
+    shapes_declared = [[(*s, 1, 1)[:2] for s in shapes] for shapes in (external.inputs, external.outputs)]
+    if shapes_made != shapes_declared:
         raise DeclarationError(
             "AC163",
             f"the factory of {external.name} makes a function that is not as declared",
@@ -83,8 +87,11 @@ def _checked(external: External) -> Any:
     return f
 
 
-def _searched(external: Lookup) -> Any:
-    """A search by halving, then Horner's scheme; one call wherever it is used, so that its points are stored once."""
+def _make_lookup(external: Lookup) -> Any:
+    """Table lookup: binary search for the segment, then Horner's scheme.
+
+    A function that is never inlined, so that the table is stored once however often it is used.
+    """
     u = ca.MX.sym("u")
     segment = ca.low(ca.DM(external.breaks), u, {"lookup_mode": "binary"})
     columns = [ca.MX(ca.DM(c)) for c in zip(*external.coefficients, strict=True)]
@@ -95,7 +102,8 @@ def _searched(external: Lookup) -> Any:
     return ca.Function(external.name, [u], [y], ["u"], ["y"], {"never_inline": True})
 
 
-def _differentiated(primal: External) -> Any:
+def _make_jacobian(primal: External) -> Any:
+    """Partial derivatives of all scalar outputs by all scalar inputs, both in row-major order."""
     inputs = [ca.SX.sym(f"i{k}", *(*s, 1, 1)[:2]) for k, s in enumerate(primal.inputs)]
     results = function(primal).call(inputs, False, False)
     # Derivatives by column, which is how CasADi lays out the inputs, then by row.

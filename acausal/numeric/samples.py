@@ -1,14 +1,16 @@
-"""Points at which the compiler looks at numbers: the declared start, and generic points around it.
+"""Sample points of a model, and which sampled values are significant.
 
-Which values are made of rounding errors: 1/3 + 1/3 - 2/3 is 6e-17, and no pivot.
+The first point is the declared start, the others are scattered around it. At such points the compiler decides which
+pivots are safe. A value may consist of rounding errors only: 1/3 + 1/3 - 2/3 is 6e-17, and no pivot.
 
-A running error bound to first order: every operation passes on the errors of its operands by its partial derivatives
-and adds its own, of the size of its result (N. J. Higham, Accuracy and Stability of Numerical Algorithms, 2002,
-section 3.3). Bounds are in units of the rounding error of one operation.
+A value is significant when it exceeds a running error bound to first order: every operation propagates the errors of
+its
+operands by its partial derivatives and adds its own, of the size of its result (N. J. Higham, Accuracy and Stability of
+Numerical Algorithms, 2002, section 3.3). Bounds are in units of the rounding error of one operation.
 
-Such bounds are of the worst case: over a hundred bodies in a row they grow without limit, though the values stay right
-to fourteen digits. So what comes out the same in single precision is believed before any bound is asked for: a
-rounding error would be 1e9 times as large there, or vanish.
+Such bounds are worst cases: over a chain of a hundred bodies they grow without limit, though the values stay right to
+fourteen digits. Therefore a value that single precision reproduces is accepted before any bound is computed: a rounding
+error would be 1e9 times as large there, or vanish.
 """
 
 from __future__ import annotations
@@ -29,14 +31,14 @@ COUNT = 12
 """Number of points; the first is the declared start."""
 
 EVERYWHERE = 60
-"""Number of points where more certainty is wanted; the first COUNT are the same."""
+"""Number of points for decisions that need more evidence; the first COUNT are the same."""
 
 
 ALL_TRUE = 5
 """The point at which all Booleans are true."""
 
 FAR = 48
-"""Number of points where a choice of states must hold too: it is made once for wherever the run may go."""
+"""Number of further points, far from the start: states are chosen once for wherever the run may go."""
 
 STABILISATION_RATE = 100.0
 """Default rate [1/s] at which stabilised constraints decay; a run estimates a better one from its own time scale."""
@@ -44,7 +46,7 @@ STABILISATION_RATE = 100.0
 
 @dataclass(frozen=True, eq=False)
 class Visited:
-    """Points that a run has come to: times, shape (k,), and values of scalar variables there by name."""
+    """Points of an earlier run: times [s], shape (k,), and values of scalar variables there by name, shape (k,)."""
 
     times: Samples
     values: Mapping[str, Samples]
@@ -54,23 +56,23 @@ class Visited:
 def _draws() -> tuple[Samples, Samples]:
     """Random directions around the start, shape (997, EVERYWHERE), and factors far from it, shape (997, FAR).
 
-    Drawn once in a process: 155 000 numbers took as long as all else that compiles a small model.
+    Drawn once per process: 155 000 random numbers took as long as the rest of compiling a small model.
     """
     random = np.random.default_rng(20090507)
     near = random.standard_normal((997, COUNT))
     near *= np.array([0.0, 0.7, 0.02, 0.1, 0.3, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0])
     more = random.standard_normal((997, EVERYWHERE - COUNT)) * np.linspace(0.1, 4.0, EVERYWHERE - COUNT)
     signs = np.sign(random.standard_normal((997, FAR)))
-    found = np.hstack([near, more]), signs * 10.0 ** random.uniform(-1.0, 1.2, (997, FAR))
-    for numbers in found:
+    draws = np.hstack([near, more]), signs * 10.0 ** random.uniform(-1.0, 1.2, (997, FAR))
+    for numbers in draws:
         numbers.setflags(write=False)
-    return found
+    return draws
 
 
 class SamplePoints:
-    """Values of variables at the sample points, the same in every run: at COUNT of them, or at all EVERYWHERE.
+    """Values of variables and nodes at the sample points, the same in every process: COUNT of them, or all EVERYWHERE.
 
-    The last of them are those `visited`, if any.
+    The last points are those `visited` by an earlier run, if any.
     """
 
     def __init__(self, reduced: ReducedSystem, visited: Visited | None = None) -> None:
@@ -85,14 +87,14 @@ class SamplePoints:
         self._bounds: dict[int, Any] = {}
         self._rough: dict[int, Any] = {}
         self._varies: dict[int, bool] = {}
-        self._settled: dict[int, Samples] = {}
+        self._constant_values: dict[int, Samples] = {}
 
     def __getstate__(self) -> dict[str, Any]:
-        """All but what is kept of properties: functions, made again when asked for."""
+        """Everything but cached properties, which hold functions and are rebuilt on demand."""
         return {k: v for k, v in self.__dict__.items() if not isinstance(getattr(type(self), k, None), cached_property)}
 
     def define(self, variable: int, node: int) -> None:
-        """From now on the variable has the value of `node` at every point."""
+        """Give the variable the value of `node` at every point from now on."""
         self._definition[variable] = node
         self._known.pop(variable, None)
         self._values.clear()
@@ -107,21 +109,21 @@ class SamplePoints:
         """Values of a node, shape (EVERYWHERE,)."""
         return np.broadcast_to(np.asarray(self._value(node), dtype=float), (EVERYWHERE,))
 
-    def certainly(self, node: int) -> Samples:
-        """As `everywhere`, with zero for values that are nothing but rounding errors of terms that cancel."""
-        known = self._settled.get(node)
+    def significant(self, node: int) -> Samples:
+        """As `everywhere`, with zero for values that consist of rounding errors of cancelling terms."""
+        known = self._constant_values.get(node)
         if known is not None:
             return known
-        found = self._certainly(node)
-        if not self.varies(node):  # whatever is defined later; equal cells of a field divide by one and the same
-            self._settled[node] = found
+        found = self._significant(node)
+        if not self.varies(node):  # no later definition changes it, and equal cells of a field share the node
+            self._constant_values[node] = found
         return found
 
-    def _certainly(self, node: int) -> Samples:
+    def _significant(self, node: int) -> Samples:
         found = self.everywhere(node)
         if agrees(self.reduced.pool, node, self._values, self._rough):
             return found
-        certain = is_certain(self.reduced.pool, node, self._values, self._bounds)
+        certain = is_significant(self.reduced.pool, node, self._values, self._bounds)
         return np.where(certain | ~np.isfinite(found), found, 0.0)
 
     def varies(self, node: int) -> bool:
@@ -143,7 +145,7 @@ class SamplePoints:
         return known[node]
 
     def _value(self, node: int) -> Any:
-        """Value of a node; every node below it is evaluated once until a variable is defined anew."""
+        """Value of a node; every node below it is evaluated once until a variable is redefined."""
         nodes, known = self.reduced.pool.nodes, self._values
         leaves: Mapping[str, Callable[[int], Any]] = {
             "var": self._variable,
@@ -170,7 +172,7 @@ class SamplePoints:
         return known[node]
 
     def _evaluate(self, variable: int) -> None:
-        """Fill in a defined variable, its definitions first; chains are walked without recursion."""
+        """Evaluate a defined variable after the variables its definition needs; without recursion, for long chains."""
         pool = self.reduced.pool
         stack = [variable]
         while stack:
@@ -187,11 +189,11 @@ class SamplePoints:
 
     @cached_property
     def parameters(self) -> tuple[float, ...]:
-        """Values of the free parameters, and of the stabilisation rate behind them."""
+        """Values of the free parameters, followed by the stabilisation rate."""
         return (*self.reduced.flat.parameter_values, STABILISATION_RATE)
 
     def variable(self, variable: int) -> Samples:
-        """Values of a variable, shape (COUNT,): its start, then scattered by its nominal size."""
+        """Values of a variable, shape (COUNT,): its start, then scattered around it by its nominal magnitude."""
         return self._variable(variable)[:COUNT]
 
     def _variable(self, variable: int) -> Samples:
@@ -207,17 +209,17 @@ class SamplePoints:
             offset = 1.0 if variable >= 997 else 0.9
             found = start + offset * nominal * self._directions[(variable * 7919) % 997]
             if declared is not None and (declared.boolean or declared.integer):
-                # both branches of a switch must be seen, and no value that it never has
+                # Sample both branches of a switch, and no value that it never takes.
                 found = np.mod(np.round(found - start) + start, 2.0) if declared.boolean else np.round(found)
-                if declared.boolean:  # all friction that is stuck at once: a mode that chance does not hit
+                if declared.boolean:  # all friction elements stuck at once: chance would not hit this mode
                     found[ALL_TRUE] = 1.0
-            seen = self._seen(variable)
+            seen = self._visited_values(variable)
             found[EVERYWHERE - len(seen) :] = seen
             self._known[variable] = found
         return self._known[variable]
 
-    def _seen(self, variable: int) -> Samples:
-        """Values where a run has been; none if there was none, or the variable is none of it."""
+    def _visited_values(self, variable: int) -> Samples:
+        """Values at the points of an earlier run, shape (k,); empty without a run or where it has no such variable."""
         nothing = np.zeros(0)
         return nothing if self.visited is None else self.visited.values.get(self.reduced.name(variable), nothing)
 
@@ -226,14 +228,14 @@ class SamplePoints:
 
         Nearby points are not enough to choose states by: x of a pendulum that starts at x = 5 with a nominal magnitude
         of 1 is positive at nearly all of them, and half the points around the start of a four-bar lie in one branch.
-        Angles are seen all around.
+        Angles are sampled all around.
         """
         near = self.variable(variable)
         declared = self.reduced.flat.declaration(self.reduced.scalar[variable]) if self._is_declared(variable) else None
         if declared is not None and (declared.boolean or declared.integer):
             return np.concatenate([near, np.resize(near, FAR)])
         size = max(abs(float(near[0])), 1.0 if declared is None else abs(declared.nominal))
-        seen = self._seen(variable)
+        seen = self._visited_values(variable)
         return np.concatenate([near, size * self._far[(variable * 7919) % 997][: FAR - len(seen)], seen])
 
     def _is_declared(self, variable: int) -> bool:
@@ -256,27 +258,27 @@ class SamplePoints:
 
     @cached_property
     def leaves_anywhere(self) -> Mapping[str, Callable[[int], Any]]:
-        """The same at COUNT + FAR points."""
+        """As `leaves`, at COUNT + FAR points."""
         times = np.concatenate([self._times[:COUNT], np.resize(self._times, FAR)])
         return {"var": self.anywhere, "par": self.parameters.__getitem__, "time": lambda _: times}
 
     @cached_property
     def leaves(self) -> Mapping[str, Callable[[int], Any]]:
-        """What `values` and `gradients` need, at COUNT points."""
+        """Values of variables, parameters and time for `values` and `gradients`, at COUNT points."""
         return {"var": self.variable, "par": self.parameters.__getitem__, "time": lambda _: self._times[:COUNT]}
 
 
-CERTAIN = 1e-10
-"""What is smaller than this, measured by its error bound, has less than six digits that are not rounding errors."""
+SIGNIFICANT = 1e-10
+"""A value smaller than this times its error bound has less than six significant digits."""
 
 AGREES = 0.1
-"""Largest relative difference between values in double and in single precision that are the same."""
+"""Largest relative difference at which values in double and in single precision agree."""
 
 
 def agrees(pool: Pool, node: int, values: dict[int, Any], rough: dict[int, Any]) -> bool:
     """Whether a node has the same value everywhere when it is computed in single precision.
 
-    `values` holds it and every node below it; `rough` is filled with the values in single precision.
+    `values` holds it and every node below it; `rough` receives the values in single precision.
     """
 
     def value(here: int, op: str, operands: list[int]) -> Any:
@@ -292,15 +294,15 @@ def agrees(pool: Pool, node: int, values: dict[int, Any], rough: dict[int, Any])
 
 
 def _ends(op: str) -> bool:
-    """Whether an operation is taken as it is in double precision: a leaf, or a call of a function from outside."""
+    """Whether an operation keeps its value in double precision: a leaf, or a call of an external function."""
     return op in LEAVES or isinstance(op, Call)
 
 
-def is_certain(pool: Pool, node: int, values: dict[int, Any], bounds: dict[int, Any]) -> Samples:
-    """Where a node is larger than rounding errors can be.
+def is_significant(pool: Pool, node: int, values: dict[int, Any], bounds: dict[int, Any]) -> Samples:
+    """At which points a node exceeds its rounding errors, shape (EVERYWHERE,) or ().
 
-    `values` holds it and every node below it; `bounds` is filled with the bounds of these nodes, each computed once as
-    long as the values are the same.
+    `values` holds it and every node below it; `bounds` receives the bounds of these nodes, each computed once as long
+    as the values stay the same.
     """
 
     def value(here: int, op: str, operands: list[int]) -> Any:
@@ -308,7 +310,7 @@ def is_certain(pool: Pool, node: int, values: dict[int, Any], bounds: dict[int, 
 
     with np.errstate(all="ignore"):
         _fill(pool, node, bounds, LEAVES.__contains__, value)
-        return np.asarray(np.abs(values[node]) > CERTAIN * bounds[node])
+        return np.asarray(np.abs(values[node]) > SIGNIFICANT * bounds[node])
 
 
 def _fill(
@@ -318,7 +320,7 @@ def _fill(
     ends: Callable[[str], bool],
     value: Callable[[int, str, list[int]], Any],
 ) -> None:
-    """Fill `done` with the value of a node and of all below it, each after its operands; what `ends` needs none."""
+    """Enter a node and all nodes below it in `done`, operands first; an operation for which `ends` holds needs none."""
     stack = [node]
     while stack:
         here = stack[-1]
@@ -333,7 +335,7 @@ def _fill(
 
 
 def _bound(op: str, operands: list[int], y: Any, values: dict[int, Any], bounds: dict[int, Any]) -> Any:
-    """Error bound of one operation whose operands have theirs."""
+    """Error bound of one operation from the bounds of its operands."""
     if op in LEAVES:
         return np.abs(y)
     if op == "where":

@@ -1,8 +1,8 @@
-"""Stretches of a table on each of which its rows are one curve, as far as a run of some tolerance can tell.
+"""Stretches of a table: runs of rows that are one smooth curve, as far as a run of some tolerance can tell.
 
-Neighbours are joined while a cubic through four of their points comes within the error of all of them. What is
-between two stretches no cubic joins: a kink, a jump, or the place at which a curve has gone on for long enough. Rounds
-of independent pairs take n log n operations, all in numpy: 100 000 rows of noise or of a sine take below a second.
+Neighbours are joined while a cubic through four of their points stays within the error at all of them. Two stretches
+meet where no cubic joins them: at a kink, a jump, or where a curve is too long for one cubic. Independent pairs are
+joined in rounds, n log n operations, all in numpy: 100 000 rows of noise or of a sine take less than a second.
 """
 
 from __future__ import annotations
@@ -12,35 +12,41 @@ from numpy.typing import NDArray
 
 from acausal.arrays import Indices, Vector
 
-# Where in a stretch the cubic passes through the table, and where in each row it is compared.
+# Relative positions in a stretch at which the cubic interpolates the table.
 _NODES = np.array([0.0, 0.25, 0.75, 1.0])
 _THROUGH = np.linalg.inv(np.vander(_NODES, increasing=True)).T
-_SEEN = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
-# Rounds after which rows are left as they are: more stretches than need be are no error.
+# Relative positions in each row at which it is compared with the table.
+_COMPARED = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
+# Largest number of rounds; stopping early leaves more stretches than necessary, which is no error.
 _MOST_ROUNDS = 80
-# The least size of a variation, by the largest one: most of the values may be equal.
+# Least variation as a share of the range of the values, most of which may be equal.
 _LEAST = 1e-3
 
 
 def variation(values: Vector) -> float:
-    """How much values vary: the mean distance from their middle, which a single peak does not make large."""
+    """Mean absolute deviation of values, shape (n,), from their median, which a single peak does not make large."""
     return max(float(np.abs(values - np.median(values)).mean()), _LEAST * float(np.ptp(values)))
 
 
 def stretches(ends: Vector, rows: Vector, error: float) -> Indices:
-    """The first rows of all stretches, and the number of rows behind them; ascending.
+    """First row of each stretch, followed by the number of rows; ascending, shape (n_stretches + 1,).
 
-    `ends`: Abscissas of n rows and the end of the last one, shape (n + 1,).
-    `rows`: Coefficients of each row in the distance from its beginning, the constant first, shape (n, degree + 1).
-    `error`: How far a cubic may be off, in the units of the values.
+    Parameters
+    ----------
+    ends
+        Shape (n + 1,): abscissas of the beginnings of n rows, and of the end of the last one.
+    rows
+        Shape (n, degree + 1): coefficients of each row in the distance from its beginning, the constant first.
+    error
+        Largest deviation of a cubic, in the unit of the values.
     """
     n = len(rows)
     lengths = np.diff(ends)
-    values = _horner(rows[:, None, :], lengths[:, None] * _SEEN)
-    places = ends[:-1, None] + lengths[:, None] * _SEEN
+    values = _horner(rows[:, None, :], lengths[:, None] * _COMPARED)
+    places = ends[:-1, None] + lengths[:, None] * _COMPARED
 
-    def joined(first: Indices, last: Indices) -> NDArray[np.bool_]:
-        """Whether the rows from each `first` up to each `last` are one cubic."""
+    def are_one_cubic(first: Indices, last: Indices) -> NDArray[np.bool_]:
+        """Whether the rows from each `first` up to its `last` are one cubic; shapes (k,)."""
         left, length = ends[first], ends[last] - ends[first]
         at = left[:, None] + length[:, None] * _NODES
         inside = np.clip(np.searchsorted(ends, at, side="right") - 1, first[:, None], last[:, None] - 1)
@@ -50,8 +56,8 @@ def stretches(ends: Vector, rows: Vector, error: float) -> Indices:
         own = np.repeat(np.arange(len(first)), counts)
         row = np.arange(len(own)) - begins[own] + first[own]
         share = (places[row] - left[own, None]) / length[own, None]
-        off = np.abs(_horner(cubic[own][:, None, :], share) - values[row]).max(axis=1)
-        return np.asarray(np.maximum.reduceat(off, begins) <= error)
+        deviation = np.abs(_horner(cubic[own][:, None, :], share) - values[row]).max(axis=1)
+        return np.asarray(np.maximum.reduceat(deviation, begins) <= error)
 
     bounds, tried = np.arange(n + 1), np.zeros(n + 1, dtype=bool)
     tried[[0, -1]] = True
@@ -61,19 +67,19 @@ def stretches(ends: Vector, rows: Vector, error: float) -> Indices:
             break
         runs = np.concatenate([[0], np.cumsum(np.diff(open_) > 1)])
         first = np.concatenate([[0], np.flatnonzero(np.diff(runs)) + 1])
-        chosen = open_[(np.arange(len(open_)) - first[runs]) % 2 == 0]  # no two of them share a stretch
-        good = joined(bounds[chosen - 1], bounds[chosen + 1])
+        chosen = open_[(np.arange(len(open_)) - first[runs]) % 2 == 0]  # no two of them bound the same stretch
+        is_joined = are_one_cubic(bounds[chosen - 1], bounds[chosen + 1])
         tried[chosen] = True
-        gone = chosen[good]
-        tried[gone - 1] = tried[gone + 1] = False  # neighbours have changed
+        removed = chosen[is_joined]
+        tried[removed - 1] = tried[removed + 1] = False  # neighbours have changed
         tried[[0, -1]] = True
-        bounds, tried = np.delete(bounds, gone), np.delete(tried, gone)
+        bounds, tried = np.delete(bounds, removed), np.delete(tried, removed)
     return bounds
 
 
 def _horner(coefficients: Vector, at: Vector) -> Vector:
-    """Polynomials with their coefficients along the last axis, the constant first."""
-    found = np.broadcast_to(coefficients[..., -1], at.shape)
+    """Polynomials at `at`, by Horner's scheme; coefficients along the last axis, the constant first."""
+    value = np.broadcast_to(coefficients[..., -1], at.shape)
     for k in range(coefficients.shape[-1] - 2, -1, -1):
-        found = coefficients[..., k] + at * found
-    return np.asarray(found)
+        value = coefficients[..., k] + at * value
+    return np.asarray(value)

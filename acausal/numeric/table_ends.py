@@ -1,4 +1,4 @@
-"""Where the stretches of a table end that a run of some tolerance can tell, and where it has to stop among them."""
+"""Ends of the stretches of a table, and which of them a run has to stop at."""
 
 from __future__ import annotations
 
@@ -12,27 +12,30 @@ from acausal.arrays import Vector
 from acausal.language.expressions.lookup import Lookup
 from acausal.numeric.stretches import stretches, variation
 
-# Share of the tolerance by which a stretch may be off, by the size of the variation of its table.
+# Largest deviation of a stretch, as a share of the tolerance times the variation of its table.
 _SHARE = 0.1
-# Stretches that follow one another are alike where the longest is so many times as long.
-_ALIKE = 4.0
-# How many kinks before one are looked at, and how much larger it is where they do not announce it.
+# Largest ratio of the lengths of stretches in one group.
+_LENGTH_RATIO = 4.0
+# A kink is sudden where it exceeds each of this many kinks before it by this factor.
 _RECENT, _SUDDEN = 8, 8.0
-# Stops of one table up to which it has all, and stretches that are alike which make a row of them.
+# Up to `MOST_STOPS` ends are all stops; beyond that, groups of more than `_ROW` stretches are regular.
 MOST_STOPS, _ROW = 500, 16
-# By table and tolerance: every run asks for the same few.
-_KNOWN: WeakKeyDictionary[Lookup, dict[float, Vector]] = WeakKeyDictionary()
-_MOST_KNOWN = 16
+# By table and tolerance: every run requests the same few.
+_CACHE: WeakKeyDictionary[Lookup, dict[float, Vector]] = WeakKeyDictionary()
+_MOST_CACHED = 16
 
 
 def table_ends(table: Lookup, relative: float) -> Vector:
-    """The arguments at which stretches of a table end, ascending."""
-    known = _KNOWN.setdefault(table, {})
-    if relative not in known:
-        if len(known) >= _MOST_KNOWN:
-            known.clear()
-        known[relative] = _ends(table, relative)
-    return known[relative]
+    """Arguments at which stretches of a table end, ascending, without its own ends; shape (k,).
+
+    `relative`: tolerance of the run, relative to the variation of the table.
+    """
+    cached = _CACHE.setdefault(table, {})
+    if relative not in cached:
+        if len(cached) >= _MOST_CACHED:
+            cached.clear()
+        cached[relative] = _ends(table, relative)
+    return cached[relative]
 
 
 def _ends(table: Lookup, relative: float) -> Vector:
@@ -43,17 +46,20 @@ def _ends(table: Lookup, relative: float) -> Vector:
     return np.asarray(ends[stretches(ends, rows, _SHARE * relative * size)[1:-1]])
 
 
-def alike(ends: Vector) -> tuple[list[float], list[float]]:
-    """Stretches that follow one another and are about as long, from the first of `ends` to the last.
+def regular_groups(ends: Vector) -> tuple[list[float], list[float]]:
+    """Group stretches of similar length that follow one another, from the first of `ends` to the last.
 
-    Returns the ends of each group, and half of its shortest stretch, infinite where it is one stretch.
+    `ends`: shape (k,), ascending.
+
+    Returns the ends of the groups (n_groups + 1 of them), and half of the shortest stretch of each group, infinite for
+    a group of one stretch.
     """
     marks, halves = [float(ends[0])], list[float]()
     least = most = 0.0
     count = 0
     for a, b in pairwise(ends.tolist()):
         length = b - a
-        if count and max(most, length) <= _ALIKE * min(least, length):
+        if count and max(most, length) <= _LENGTH_RATIO * min(least, length):
             least, most, count = min(least, length), max(most, length), count + 1
             continue
         if count:
@@ -67,37 +73,38 @@ def alike(ends: Vector) -> tuple[list[float], list[float]]:
 
 
 def stops(table: Lookup, relative: float) -> Vector:
-    """Where a run stops whose argument moves along a table in any way, ascending.
+    """Arguments at which a run stops, however its argument moves along the table; ascending, shape (k,).
 
-    At all ends where there are up to `MOST_STOPS`. Of more, the steps that have followed a row of stretches that are
-    about as long, with kinks that are about as large, are taken to follow the next; noise would be a stop at each row.
+    All ends of stretches, up to `MOST_STOPS` of them. In a longer table, regular groups of stretches, of similar length
+    and with similar kinks, are left to the error control of the integrator, whose steps have adapted to them; a table
+    of noise would stop the run at every row otherwise.
     """
-    own = table_ends(table, relative)
-    if len(own) <= MOST_STOPS:
-        return own
-    whole = np.concatenate([[table.breaks[0]], own, [table.breaks[-1]]])
-    lengths = np.diff(whole)
-    turns = np.abs(np.diff(np.diff(_at(table, whole)) / lengths))
-    sizes = turns * np.minimum(lengths[:-1], lengths[1:])
-    marks = np.searchsorted(whole, alike(whole)[0])
-    many = np.repeat(np.diff(marks) > _ROW, np.diff(marks))  # of each stretch, whether it is one of many
-    inside = many[:-1] & many[1:] & ~np.isin(np.arange(1, len(lengths)), marks)
-    return np.asarray(own[~inside | _sudden(sizes) | _sudden(sizes[::-1])[::-1]])
+    ends = table_ends(table, relative)
+    if len(ends) <= MOST_STOPS:
+        return ends
+    bounds = np.concatenate([[table.breaks[0]], ends, [table.breaks[-1]]])
+    lengths = np.diff(bounds)
+    kinks = np.abs(np.diff(np.diff(_interpolate(table, bounds)) / lengths))
+    sizes = kinks * np.minimum(lengths[:-1], lengths[1:])
+    marks = np.searchsorted(bounds, regular_groups(bounds)[0])
+    is_regular = np.repeat(np.diff(marks) > _ROW, np.diff(marks))  # for each stretch: is it in a regular group
+    is_within = is_regular[:-1] & is_regular[1:] & ~np.isin(np.arange(1, len(lengths)), marks)
+    return np.asarray(ends[~is_within | _sudden(sizes) | _sudden(sizes[::-1])[::-1]])
 
 
 def _sudden(sizes: Vector) -> NDArray[np.bool_]:
-    """Which are much larger than the few before them."""
+    """Which sizes, shape (n,), are much larger than the `_RECENT` ones before them."""
     padded = np.append(np.zeros(_RECENT), sizes)
     before = np.lib.stride_tricks.sliding_window_view(padded, _RECENT)[: len(sizes)].max(axis=1)
     return np.asarray(sizes > _SUDDEN * before)
 
 
-def _at(table: Lookup, places: Vector) -> Vector:
-    """The values of a table."""
+def _interpolate(table: Lookup, places: Vector) -> Vector:
+    """Values of a table at `places`, shape (k,)."""
     ends, rows = np.array(table.breaks), np.array(table.coefficients)
     row = np.clip(np.searchsorted(ends, places, side="right") - 1, 0, len(rows) - 1)
     s = places - ends[row]
-    found = rows[row, -1].copy()
+    value = rows[row, -1].copy()
     for k in range(rows.shape[1] - 2, -1, -1):
-        found = rows[row, k] + s * found
-    return np.asarray(found)
+        value = rows[row, k] + s * value
+    return np.asarray(value)

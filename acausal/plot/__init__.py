@@ -1,1 +1,1 @@
-"""Pictures of results and of the structure of models."""
+"""Plots of results and of the structure of models."""

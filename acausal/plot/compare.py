@@ -1,4 +1,4 @@
-"""Two results over each other, and their difference: what `acausal compare --plot` draws."""
+"""Plot of two results and their difference, for `acausal compare --plot`."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from acausal.plot.scale import readable, same_unit
 if TYPE_CHECKING:
     from acausal.result.result import Result
 
-# Rows up to which a first result reads as single measurements: points, not a line.
+# Up to this many rows the first result is drawn as points, because it may be a measurement.
 _POINTS = 2000
 
 
@@ -48,18 +48,18 @@ def _draw(first: Result, second: Result, name: str, upper: Axes, lower: Axes) ->
     x, y = first[name], convert(second[name])
     inside = (first.time >= second.time[0]) & (first.time <= second.time[-1])
     times = first.time[inside]
-    left = convert(np.asarray(second.at(times, name))) - x[inside]
+    difference = convert(np.asarray(second.at(times, name))) - x[inside]
     scale = readable(unit, float(np.nanmax(np.abs(np.concatenate([x, y])))))
-    rest = readable(unit, float(np.nanmax(np.abs(left))) if left.size else 0.0)
+    difference_scale = readable(unit, float(np.nanmax(np.abs(difference))) if difference.size else 0.0)
     clock = readable("s", float(max(first.time[-1], second.time[-1])))
     points: dict[str, Any] = {"marker": ".", "ls": "", "ms": 3.0, "color": COLORS[0], "alpha": 0.6}
-    look: dict[str, Any] = points if len(first.time) <= _POINTS else {"color": COLORS[0]}
-    upper.plot(clock(first.time), scale(x), label=first.model, **look)
+    style: dict[str, Any] = points if len(first.time) <= _POINTS else {"color": COLORS[0]}
+    upper.plot(clock(first.time), scale(x), label=first.model, **style)
     upper.plot(clock(second.time), scale(y), lw=1.2, color=COLORS[1], label=second.model)
-    lower.plot(clock(times), rest(left), **look)
+    lower.plot(clock(times), difference_scale(difference), **style)
     lower.axhline(0.0, color="0.4", lw=0.8)
     upper.set_title(name, loc="left")
     upper.set_ylabel(scale.label)
-    lower.set_ylabel(f"difference\n{rest.label}")
+    lower.set_ylabel(f"difference\n{difference_scale.label}")
     lower.set_xlabel(f"Time {clock.label}")
     upper.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.2, markerscale=2.5)

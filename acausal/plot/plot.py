@@ -1,4 +1,4 @@
-"""Pictures of results: one panel per unit, prefixes chosen to read well, events as thin vertical lines."""
+"""Plots of results: one panel per unit, readable prefixes, events as thin vertical lines."""
 
 from __future__ import annotations
 
@@ -80,12 +80,12 @@ class Drawing(Figure):
 
 @dataclass(frozen=True)
 class _Line:
-    """One signal of one result, scaled, over what is on the horizontal axis of its panel."""
+    """One signal of one result: abscissas and scaled values, shape (n,) each."""
 
     label: str
     signal: Signal
     source: int
-    across: Array
+    abscissas: Array
     values: Array
 
 
@@ -102,7 +102,7 @@ class _Group:
         docs = list(dict.fromkeys(s.doc.rstrip(".") for s in self.signals if s.doc))
         lines = wrap(", ".join(docs), _LABEL_WIDTH)
         if len(lines) > 2 or (len(docs) > 1 and len(lines) > 1):
-            lines = []  # the legend tells the meanings apart better than a paragraph along the axis
+            lines = []  # a paragraph along the axis is harder to read than the legend
         if lines and len(lines[-1]) + len(self.scale.label) < _LABEL_WIDTH:
             lines[-1] = f"{lines[-1]} {self.scale.label}".rstrip()
             return "\n".join(lines)
@@ -160,7 +160,7 @@ def figure(
     xlabel: str | None = None,
     also: Also = (),
 ) -> Figure:
-    """Draw the panels that a model defines, below each other; arguments and errors as for `plot`."""
+    """Draw the panels that a model defines, one below the other; arguments and errors as for `plot`."""
     if not panels:
         raise UsageError("AC016", "a figure needs at least one panel")
     check_picture(file)
@@ -197,7 +197,7 @@ def show(drawing: Figure) -> None:
 
     if matplotlib.get_backend().lower() in ("agg", "cairo", "pdf", "pgf", "ps", "svg", "template"):
         raise UsageError("AC017", "there is no display to show a figure on", help='write it: plot(..., file="x.png")')
-    # Only pyplot knows the windows of the chosen toolkit, so one of its empty figures lends its window.
+    # Only pyplot can open a window of the chosen toolkit: move the figure into that of an empty one.
     manager = pyplot.figure(figsize=drawing.get_size_inches()).canvas.manager
     if manager is not None:
         manager.canvas.figure = drawing
@@ -228,7 +228,7 @@ def _magnitude(values: Array) -> float:
 
 
 def _labelled(result: Result, also: Also) -> tuple[tuple[str, Result], ...]:
-    """All results with their names for the legend; those of one model are told apart by counting them."""
+    """All results with their names for the legend; results of the same model are numbered."""
     if isinstance(also, Mapping):
         return ((result.model, result), *also.items()) if also else (("", result),)
     found = [result, *(also if isinstance(also, Sequence) else [also])]
@@ -240,8 +240,8 @@ def _labelled(result: Result, also: Also) -> tuple[tuple[str, Result], ...]:
 def _groups(results: Sequence[tuple[str, Result]], panel: Panel) -> list[_Group]:
     """The lines of a panel by dimension, scaled; the first group goes left, the second right.
 
-    What has one dimension has one scale, and a plain number has that of the quantity beside it, in its SI unit, as in
-    an equation: a set point without a unit on an axis of its own would look missed by the value that follows it.
+    Signals of one dimension share a scale. A plain number shares that of the quantity beside it, read in its SI unit as
+    in an equation: on an axis of its own, a set point without a unit would not coincide with the value that tracks it.
     """
     result = results[0][1]
     signals = [signal for name in panel.signals for signal in result.elements(name)[1]]
@@ -260,7 +260,7 @@ def _groups(results: Sequence[tuple[str, Result]], panel: Panel) -> list[_Group]
             evidence=[f"{m[0].unit or '1'}  {', '.join(s.name for s in m)}" for m in lines.values()],
             help="a panel has two vertical axes; give the other signals a panel of their own",
         )
-    return [_scaled(results, panel, members) for members in lines.values()]
+    return [_scaled_group(results, panel, members) for members in lines.values()]
 
 
 def _is_plain(signal: Signal) -> bool:
@@ -268,10 +268,10 @@ def _is_plain(signal: Signal) -> bool:
 
 
 def _kind(unit: str) -> tuple[Dimension, bool] | str:
-    """What shares a scale: the dimension of a unit, or the name of one that a file of another program brought along.
+    """Key of signals that share a scale: the dimension of the unit, or its name if unknown (files of other programs).
 
-    Cycles per second stand apart from rad/s, which have the same dimension: on one scale 50 Hz would look six times
-    slower than the 314 rad/s that it is.
+    Hz and rad/s are kept apart although they have the same dimension: on one scale 50 Hz would look six times slower
+    than the 314 rad/s that it is.
     """
     try:
         return parse(unit).dimension, "Hz" in unit
@@ -279,11 +279,11 @@ def _kind(unit: str) -> tuple[Dimension, bool] | str:
         return unit
 
 
-def _scaled(results: Sequence[tuple[str, Result]], panel: Panel, members: Sequence[Signal]) -> _Group:
+def _scaled_group(results: Sequence[tuple[str, Result]], panel: Panel, members: Sequence[Signal]) -> _Group:
     """Signals of one dimension, and plain numbers, on the scale of the first that is a quantity."""
     declared = next((s.unit for s in members if not _is_plain(s)), members[0].unit)
     lines = [
-        _Line(f"{s.name} ({label})" if label else s.name, s, k, _across(result, panel), _values(result, s, declared))
+        _Line(f"{s.name} ({label})" if label else s.name, s, k, _abscissas(result, panel), _values(result, s, declared))
         for s in members
         for k, (label, result) in enumerate(results)
         if s.name in result
@@ -293,8 +293,8 @@ def _scaled(results: Sequence[tuple[str, Result]], panel: Panel, members: Sequen
     return _Group(tuple(members), tuple(replace(line, values=scale(line.values)) for line in lines), scale)
 
 
-def _across(result: Result, panel: Panel) -> Array:
-    """What is on the horizontal axis, as declared."""
+def _abscissas(result: Result, panel: Panel) -> Array:
+    """Values on the horizontal axis in the declared unit, shape (n,)."""
     shape, (signal, *_) = result.elements(panel.against or "time")
     if shape:
         raise UsageError("AC016", f"'{panel.against}' is an array, one of its elements fits on the horizontal axis")
@@ -302,7 +302,7 @@ def _across(result: Result, panel: Panel) -> Array:
 
 
 def _values(result: Result, signal: Signal, declared: str) -> Array:
-    """Values in the unit of the scale; a result that does not know its units has those of the first."""
+    """Values in the unit of the scale, shape (n,); a result without units is read in those of the first."""
     own = result.elements(signal.name)[1][0]
     own = own if own.unit else signal
     return result[signal.name] if own.unit == declared else _converted(own, declared)(result[signal.name])
@@ -316,9 +316,9 @@ def _converted(signal: Signal, declared: str) -> Scale:
 
 
 def _draw(ax: Axes, results: Sequence[tuple[str, Result]], panel: Panel, groups: Sequence[_Group]) -> str:
-    """Draw one panel; the label of its horizontal axis."""
+    """Draw one panel; returns the label of its horizontal axis."""
     _, (horizontal, *_) = results[0][1].elements(panel.against or "time")
-    scale = readable(horizontal.unit, max(_magnitude(line.across) for group in groups for line in group.lines))
+    scale = readable(horizontal.unit, max(_magnitude(line.abscissas) for group in groups for line in group.lines))
     handles: list[Line2D] = []
     side = ax
     for k, group in enumerate(groups):
@@ -326,11 +326,11 @@ def _draw(ax: Axes, results: Sequence[tuple[str, Result]], panel: Panel, groups:
         for line in group.lines:
             beside = " [1]" if _is_plain(line.signal) and group.scale.label else " (right)" if k else ""
             color = COLORS[len(handles) % len(COLORS)]
-            # Lines of one result are solid until colours repeat; those of another one are not.
+            # One line style per result; the next one when colours repeat.
             style = STYLES[(line.source + (len(handles) >= len(COLORS))) % len(STYLES)]
-            handles += side.plot(scale(line.across), line.values, ls=style, color=color, label=line.label + beside)
+            handles += side.plot(scale(line.abscissas), line.values, ls=style, color=color, label=line.label + beside)
         side.set_ylabel(group.label)
-        _calm(side, [line.values for line in group.lines])
+        _widen_constant(side, [line.values for line in group.lines])
         if k:
             side.grid(False)
             side.spines["right"].set_visible(True)
@@ -351,15 +351,15 @@ def _draw(ax: Axes, results: Sequence[tuple[str, Result]], panel: Panel, groups:
 
 
 def _right_of(side: Axes) -> Transform:
-    """A little to the right of the axes and of what stands there: ticks and label of a second scale."""
+    """Transform to a point right of the axes, beyond the ticks and label of a second scale."""
     drawing = side.get_figure(root=True)
     box = side.yaxis.get_tightbbox()
     end = max(0.0, box.x1 - side.bbox.x1) * 72.0 / drawing.dpi if box is not None and drawing is not None else 0.0
     return offset_copy(side.transAxes, drawing, x=end + 8.0, units="points")
 
 
-def _calm(ax: Axes, values: Sequence[Array]) -> None:
-    """Widen the axis where all values agree to rounding, which a tight axis would show as a wild curve."""
+def _widen_constant(ax: Axes, values: Sequence[Array]) -> None:
+    """Widen the axis where all values agree to rounding: a tight axis would magnify the rounding errors."""
     finite = np.concatenate([v[np.isfinite(v)] for v in values])
     if not finite.size:
         return
@@ -371,17 +371,17 @@ def _calm(ax: Axes, values: Sequence[Array]) -> None:
 
 
 def check_picture(file: str | Path | None) -> None:
-    """Refuse a file that is no picture (AC013), before the work of drawing it."""
+    """Raise UsageError AC013 for a file that is no picture, before anything is drawn."""
     if file is not None:
         check_suffix(Path(file), FORMATS, "picture format")
 
 
 def save(drawing: Figure, file: str | Path | None) -> None:
-    """Write a figure, completely or not at all, where a file is given; the same figure gives the same file."""
+    """Write a figure to a file, if one is given, completely or not at all; equal figures give equal files."""
     if file is None:
         return
     suffix = Path(file).suffix.lower()
-    # Without the date, the same run gives the same file.
+    # Leave out the date, so that equal figures give equal files.
     metadata = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(suffix, {})
     with atomic(Path(file)) as stream:
         drawing.savefig(stream, format=suffix[1:], dpi=150, metadata=metadata)

@@ -1,4 +1,4 @@
-"""The unit in which a quantity reads well: 0.016 m as 16 mm, 230e6 Pa as 230 MPa."""
+"""Readable units for plots: 0.016 m as 16 mm, 230e6 Pa as 230 MPa."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from acausal.result.signals import Array
 from acausal.units import convert
 
-# Units that take a prefix when they come first; `kg` is not among them, and nobody says kilosecond.
+# Units that take a prefix when they come first; `kg` has one already, and kiloseconds are unusual (`_LARGEST`).
 _LEADING = re.compile(r"(?P<unit>Ohm|Pa|Hz|Wb|N|W|J|V|A|F|H|C|S|T|m|s)(?P<power>[23]?)(?=$|[./])")
 _PREFIXES = {-12: "p", -9: "n", -6: "u", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 _LARGEST = {"s": 0, "m": 3}
@@ -26,6 +26,7 @@ class Scale:
     offset: float = 0.0
 
     def __call__(self, values: Array) -> Array:
+        """Values, of any shape, converted from the declared unit."""
         return values * self.slope + self.offset
 
     @property

@@ -1,4 +1,4 @@
-"""Picture of a model's incidence matrix, as the equations come and in the order in which they are solved."""
+"""Spy plot of a model's incidence matrix, in the order of the source and in that of the solution."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ _MOST_OUTLINES = 2000
 class Pattern:
     """Incidence of unknowns in equations, with the blocks of the solving order."""
 
-    # `rows`, `columns`: entries as they come: equation by equation, unknowns in the order of their numbers.
+    # `rows`, `columns`: shape (n_entries,), entries equation by equation, unknowns in the order of their numbers.
     rows: NDArray[np.int64]
     columns: NDArray[np.int64]
-    # `row_place`, `column_place`: place of each equation and unknown in the solving order.
+    # `row_place`, `column_place`: shape (size,), position of each equation and unknown in the solving order.
     row_place: NDArray[np.int64]
     column_place: NDArray[np.int64]
     blocks: tuple[tuple[int, int, str], ...]  # (first place, size, kind) of every block
@@ -49,7 +49,7 @@ class Pattern:
 
 
 def pattern(compiled: CompiledModel) -> Pattern:
-    """The incidence matrix that the block order was found for: states and inputs are known, all else is solved for."""
+    """Incidence matrix of the unknowns other than states and inputs, and its block order."""
     structure = compiled.solution.structure
     equations = sorted(e for b in structure.blocks for e in b.rows)
     unknowns = sorted(v for b in structure.blocks for v in b.columns)
@@ -82,18 +82,18 @@ def spy(compiled: CompiledModel, file: str | Path | None = None, title: str | No
     `title`: Text above the figure; the model's name by default.
     """
     check_picture(file)
-    found = pattern(compiled)
+    incidence = pattern(compiled)
     with matplotlib.rc_context({"font.size": 9.0, "svg.hashsalt": "acausal"}):
         drawing = Drawing(figsize=(2 * _SIDE, _SIDE + 1.0), layout="constrained")
         before, after = drawing.subplots(1, 2)
-        _panel(before, found.rows, found.columns, found.size)
-        before.set_title(f"as composed: {found.size} equations, {len(found.rows)} entries", fontsize=9)
-        rows, columns = found.row_place[found.rows], found.column_place[found.columns]
-        _panel(after, rows, columns, found.size)
-        largest = max((size for _, size, _ in found.blocks), default=0)
-        after.set_title(f"as solved: {len(found.blocks)} blocks, the largest of {largest}", fontsize=9)
-        _outline(after, found.blocks)
-        handles = _legend(found.blocks)
+        _panel(before, incidence.rows, incidence.columns, incidence.size)
+        before.set_title(f"as composed: {incidence.size} equations, {len(incidence.rows)} entries", fontsize=9)
+        rows, columns = incidence.row_place[incidence.rows], incidence.column_place[incidence.columns]
+        _panel(after, rows, columns, incidence.size)
+        largest = max((size for _, size, _ in incidence.blocks), default=0)
+        after.set_title(f"as solved: {len(incidence.blocks)} blocks, the largest of {largest}", fontsize=9)
+        _outline(after, incidence.blocks)
+        handles = _legend(incidence.blocks)
         if handles:
             drawing.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False, fontsize=8)
         drawing.suptitle(compiled.name if title is None else title, fontsize=11, fontweight="bold")
@@ -102,9 +102,9 @@ def spy(compiled: CompiledModel, file: str | Path | None = None, title: str | No
 
 
 def _panel(ax: Axes, rows: NDArray[np.int64], columns: NDArray[np.int64], size: int) -> None:
-    """Entries as squares of the size of a cell, but never too small to be seen."""
+    """Draw entries as squares of the size of a cell, but never too small to be seen."""
     cell = _POINTS / max(size, 1)
-    # Rasterised, so that a picture of a large model in SVG stays small.
+    # Rasterised, because an SVG of a large model would be huge.
     ax.plot(columns, rows, "s", color="0.25", ms=float(np.clip(0.86 * cell, 0.7, 9.0)), mew=0, rasterized=size > 300)
     ax.set_xlim(-0.5, max(size, 1) - 0.5)
     ax.set_ylim(max(size, 1) - 0.5, -0.5)

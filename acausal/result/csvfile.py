@@ -1,8 +1,8 @@
-"""Tables of numbers as text: results as we write them, and measurements as other programs do.
+"""Tables of numbers as text: results written by acausal, and measurements of other programs.
 
 The first row holds names, with a unit in brackets where values have one: `time [ms], force [kN]`; or a second row
 holds the units. The time is the column `time` or `t`. Separators are comma, semicolon and tab; with the latter two a
-comma may be the decimal sign. Lines that begin with # are left out.
+comma may be the decimal sign. Lines that begin with # are skipped.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from typing import BinaryIO
 import numpy as np
 
 from acausal.errors import AcausalError, UsageError
-from acausal.result.signals import Array, Signal, Table, doubled
+from acausal.result.signals import Array, Signal, Table, events_at_repeated_times
 from acausal.units import in_si, parse
 
 _DELIMITERS = ",;\t"
@@ -26,35 +26,35 @@ _DELIMITERS = ",;\t"
 
 @dataclass(frozen=True)
 class Sheet:
-    """The text of a file, cut at its header."""
+    """The text of a file, split into header and rows."""
 
     path: Path
     header: tuple[str, ...]  # the first row as it stands
-    # `names`, `units`: of every column; "" where a unit is not said.
+    # `names`, `units`: of every column; "" for a column without a unit.
     names: tuple[str, ...]
     units: tuple[str, ...]
-    clock: int  # place of the column of times
-    lines: tuple[tuple[int, str], ...]  # the rows of numbers with the numbers of their lines
+    clock: int  # index of the column of times
+    lines: tuple[tuple[int, str], ...]  # (line number, text) of every row of numbers
     # `delimiter`, `decimal`: what separates cells, and the decimal sign.
     delimiter: str
     decimal: str
 
     def rows(self) -> list[tuple[int, list[str]]]:
-        """Cells by line; decimal signs are points."""
+        """(Line number, cells) of every row, with a point as decimal sign."""
         table = csv.reader((line for _, line in self.lines), delimiter=self.delimiter)
         cells = [[cell.strip().replace(self.decimal, ".") for cell in row] for row in table]
         return list(zip((k for k, _ in self.lines), cells, strict=False))
 
     def numbers(self, rows: Sequence[tuple[int, list[str]]], places: Sequence[int]) -> Array:
-        """Some columns of some rows, shape (rows, places), as they stand.
+        """Some columns of some rows as numbers, without conversion of units; shape (len(rows), len(places)).
 
         Raises UsageError: AC045, with the line, for a cell that is no number.
         """
-        found = np.empty((len(rows), len(places)))
+        values = np.empty((len(rows), len(places)))
         for i, (line, row) in enumerate(rows):
             for j, k in enumerate(places):
                 try:
-                    found[i, j] = float(row[k])
+                    values[i, j] = float(row[k])
                 except (ValueError, IndexError):
                     what = repr(row[k]) if k < len(row) else "missing"
                     raise UsageError(
@@ -62,10 +62,10 @@ class Sheet:
                         f"{self.path}:{line}: {self.header[k]} is {what}, no number",
                         help="leave out rows without a value; units stand in the first row: force [N]",
                     ) from None
-        return found
+        return values
 
     def seconds(self, times: Array) -> Array:
-        """Values of the column of times in s."""
+        """Values of the column of times, shape (n,), converted to seconds."""
         unit = self.units[self.clock] or "s"
         return times if unit == "s" else _as_si(times, unit)
 
@@ -106,7 +106,7 @@ def read_sheet(path: Path) -> Sheet:
 
 
 def named(text: str) -> tuple[str, str]:
-    """Name and unit of a header `force [N]`; an index as in `x[0]` is part of the name."""
+    """Name and unit of a header `force [N]`; "" without a unit. An index as in `x[0]` is part of the name."""
     name, bracket, rest = text.partition(" [")
     return (name.strip(), rest.rstrip("] ").strip()) if bracket and rest.rstrip().endswith("]") else (text.strip(), "")
 
@@ -130,6 +130,7 @@ def _is_number(text: str) -> bool:
 
 
 def _as_si(values: Array, unit: str) -> Array:
+    """Values, shape (n,), converted to the SI unit; `in_si` is affine, so two numbers give slope and offset."""
     offset = in_si(0.0, unit)
     return np.asarray(values * (in_si(1.0, unit) - offset) + offset)
 
@@ -148,7 +149,7 @@ def read_csv(path: Path) -> Table:
     with suppress(ValueError):
         data = np.loadtxt(texts, delimiter=sheet.delimiter, ndmin=2)
     if data is None or data.shape[1] != len(sheet.names):
-        # Slowly, for the place of what is wrong.
+        # numpy does not tell the line of a bad cell: read again cell by cell, which raises with the place.
         rows = sheet.rows()
         for line, row in rows:
             if len(row) != len(sheet.names):
@@ -157,11 +158,14 @@ def read_csv(path: Path) -> Table:
     time = sheet.seconds(data[:, sheet.clock])
     others = [k for k in range(len(sheet.names)) if k != sheet.clock]
     signals = {sheet.names[k]: Signal(sheet.names[k], sheet.units[k], column=i) for i, k in enumerate(others)}
-    return Table(path.stem, time, data[:, others], signals, doubled(time))
+    return Table(path.stem, time, data[:, others], signals, events_at_repeated_times(time))
 
 
 def write_csv(table: Table, file: BinaryIO, units: bool = False) -> None:
-    """A row of names, of units if wanted, then one per time; numbers in the shortest form that reads back the same."""
+    """Write a row of names, a row of units on request, then one row per time.
+
+    Numbers have the shortest form that reads back as the same double.
+    """
     header = io.StringIO()
     writer = csv.writer(header, lineterminator="\n")
     writer.writerow(["time", *table.signals])
@@ -169,7 +173,7 @@ def write_csv(table: Table, file: BinaryIO, units: bool = False) -> None:
         writer.writerow(["s", *(s.unit for s in table.signals.values())])
     file.write(header.getvalue().encode())
     n = len(table.time)
-    # Formatting is the cost, so a column is formatted once for all its aliases.
+    # Formatting dominates the cost, so a column is formatted once for all its aliases.
     formatted: dict[tuple[int, int], list[str]] = {}
     columns = [[repr(t) for t in table.time.tolist()]]
     for signal in table.signals.values():

@@ -27,7 +27,7 @@ from acausal.result.signals import Array, Event, Signal, Table
 
 
 def write(table: Table, path: Path, units: bool = False) -> None:
-    """Write a table in the format of the suffix, completely or not at all; `units` gives a `.csv` a second row of them.
+    """Write a table in the format of the suffix, completely or not at all; `units` adds a row of units to a `.csv`.
 
     Raises UsageError: AC012 when the file cannot be written, AC013 for an unknown suffix.
     """
@@ -60,12 +60,12 @@ def read(path: Path) -> Table:
         evidence = [error.fact, *error.evidence]
         raise UsageError("AC014", f"cannot read {path} as a result", evidence=evidence, help=error.help) from error
     except Exception as error:
-        # scipy, numpy and zipfile have a dozen ways, classes of their own among them, to say that bytes are no result.
+        # scipy, numpy and zipfile raise a dozen unrelated classes of errors for bytes that are no result.
         raise UsageError("AC014", f"cannot read {path} as a result", evidence=[str(error) or "empty file"]) from error
 
 
 def _check_times(time: Array) -> None:
-    """Refuse rows that are not in the order of time, and times that are no numbers."""
+    """Raise ValueError for rows that are not in the order of time, and for times that are not finite."""
     broken = np.flatnonzero(~np.isfinite(time))
     if broken.size:
         raise ValueError(f"the time of row {broken[0] + 1} is {time[broken[0]]:g}")
@@ -78,7 +78,7 @@ def _check_times(time: Array) -> None:
 
 
 def check_suffix(path: Path, accepted: Collection[str], what: str) -> str:
-    """The suffix of a path, in small letters; UsageError AC013 when it is none of the `accepted` ones of `what`."""
+    """The suffix of a path in lower case; UsageError AC013 when it is not among the `accepted` ones for `what`."""
     suffix = path.suffix.lower()
     if suffix not in accepted:
         raise UsageError(
@@ -98,7 +98,7 @@ class atomic:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        # A link stays a link: what it points to is replaced.
+        # Replace the target of a symbolic link, not the link.
         self._target = Path(os.path.realpath(path))
         self._part = self._target.with_name(f".{self._target.name}.{os.getpid()}.part")
 
@@ -106,7 +106,7 @@ class atomic:
         try:
             if self._target.is_dir():
                 raise IsADirectoryError(0, "it is a directory")
-            # Replacing needs a writable folder only; a file its owner protected is left alone all the same.
+            # os.replace needs a writable folder only; respect the protection of the file itself too.
             if self._target.exists() and not os.access(self._target, os.W_OK):
                 raise PermissionError(0, "the file is write-protected")
             self._file = self._part.open("xb")
@@ -173,7 +173,7 @@ def _event(record: Mapping[str, Any]) -> Event:
 
 
 def _plain(value: object) -> object:
-    """Values of stats that JSON does not know: numpy's as lists and numbers, mappings, anything else as text."""
+    """Values of stats that JSON cannot encode: numpy's as lists and numbers, mappings, anything else as text."""
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     return dict(value) if isinstance(value, Mapping) else str(value)

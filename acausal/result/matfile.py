@@ -9,8 +9,7 @@ grows by one record per time. Column i of `dataInfo` belongs to name i:
 3. 0: linear interpolation;
 4. -1: not defined outside the run.
 
-The description of time ends in a checksum of the file, by which a damaged one is told from a right one; files of others
-have none.
+The description of time ends in a checksum of the file, so that damage is detected; files of other programs have none.
 
 Sources: Dymola User Manual 2, section "Data in trajectory files"; `simulation_result_mat.cpp` of OpenModelica.
 """
@@ -28,13 +27,13 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from acausal.result.signals import Signal, Table, doubled
+from acausal.result.signals import Signal, Table, events_at_repeated_times
 
 _UNIT = re.compile(r"(?P<doc>.*?) ?\[(?P<unit>[^][|]*)(?:\|[^][]*)?\]", re.DOTALL)
 
 _DIGITS = 16
 _CHECKSUM = re.compile(rb"(Time, checksum )([0-9a-f]{16})")
-# What is left of it where damage has met the checksum itself; others say "Time in [s]" or "Simulation time".
+# Fragments of a damaged checksum; other programs write "Time in [s]" or "Simulation time" here.
 _REMAINS = re.compile(r"Time, ch|ecksum|sum [0-9a-f]{4}|[0-9a-f]{8} \[s\]")
 
 # Type codes of level 4, little-endian: 1000 * order + 10 * precision + kind (0 numbers, 1 text).
@@ -62,10 +61,10 @@ def write_mat(table: Table, file: BinaryIO) -> None:
             digest.update(part)
             file.write(part)
 
-    # OpenModelica's reader insists on 4 x 11 characters, so the model's name has no place here.
+    # OpenModelica's reader requires 4 x 11 characters here, so the third line cannot hold the model's name.
     add("Aclass", _TEXT, _characters(["Atrajectory", "1.1", "", "binTrans"]).T)
     add("name", _TEXT, _characters(names))
-    # Behind the head of the matrix, and its name with a zero.
+    # Where the checksum goes: after the matrix header of 20 bytes, its zero-terminated name, and the text before.
     place = file.tell() + 20 + len("description") + 1 + len("Time, checksum ")
     add("description", _TEXT, _characters(descriptions))
     add("dataInfo", _INT32, np.array(info, dtype="<i4"))
@@ -77,7 +76,7 @@ def write_mat(table: Table, file: BinaryIO) -> None:
 
 
 def _matrix(name: str, code: int, transposed: NDArray[Any]) -> tuple[bytes, bytes]:
-    """One matrix, head and numbers, given transposed: the format stores columns, numpy rows."""
+    """Header and data of one matrix, given transposed, because the format is column-major and numpy row-major."""
     columns, rows = transposed.shape
     label = name.encode("ascii") + b"\0"
     head = np.array([code, rows, columns, 0, len(label)], dtype="<i4").tobytes() + label
@@ -85,7 +84,7 @@ def _matrix(name: str, code: int, transposed: NDArray[Any]) -> tuple[bytes, byte
 
 
 def _characters(texts: Sequence[str]) -> NDArray[np.uint8]:
-    """UTF-8 bytes, one text per row, padded with zeros."""
+    """Texts as UTF-8 bytes padded with zeros, shape (len(texts), width)."""
     encoded = [text.encode() for text in texts]
     width = max(1, *map(len, encoded))
     return np.frombuffer(b"".join(text.ljust(width, b"\0") for text in encoded), dtype=np.uint8).reshape(-1, width)
@@ -133,11 +132,11 @@ def read_mat(path: Path) -> Table:
             signals[name] = Signal(name, unit, doc, None, 1, sign * float(constants[row]), parameter=True)
         else:
             signals[name] = Signal(name, unit, doc, row - 1, sign)
-    return Table(path.stem, data[:, 0], data[:, 1:], signals, doubled(data[:, 0]))
+    return Table(path.stem, data[:, 0], data[:, 1:], signals, events_at_repeated_times(data[:, 0]))
 
 
 def _check_places(places: NDArray[Any], constants: int, columns: int) -> None:
-    """Raise ValueError where a signal is said to be outside of its block: numpy would take another one."""
+    """Raise ValueError for a signal outside its block: a negative index of numpy would silently take another one."""
     blocks, rows = places[:, 0], np.abs(places[:, 1])
     if not (np.isin(blocks, (0, 1, 2)) & (places == np.floor(places)).all(axis=1)).all():
         raise ValueError("dataInfo names a block that does not exist")
@@ -147,6 +146,6 @@ def _check_places(places: NDArray[Any], constants: int, columns: int) -> None:
 
 
 def _texts(characters: NDArray[np.str_]) -> list[str]:
-    """Rows of characters as texts; scipy hands over each byte as one Latin-1 character."""
+    """Texts from rows of characters; scipy returns each byte as one Latin-1 character."""
     rows = ("".join(row) for row in characters.tolist())
     return [row.encode("latin-1", "replace").decode("utf-8", "replace").rstrip("\0 ") for row in rows]

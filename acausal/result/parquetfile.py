@@ -1,4 +1,4 @@
-"""Results as Parquet: a column per signal, its unit and meaning as metadata of the field, and for pandas in `attrs`."""
+"""Results as Parquet: one column per signal; units and meanings are metadata of the fields, and `attrs` for pandas."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from acausal.errors import UsageError
 from acausal.result.csvfile import named
-from acausal.result.signals import Signal, Table, doubled
+from acausal.result.signals import Signal, Table, events_at_repeated_times
 from acausal.units import in_si
 
 # Where pandas keeps `DataFrame.attrs`.
@@ -28,49 +28,49 @@ def write_parquet(table: Table, file: BinaryIO) -> None:
     columns = [table.time]
     for s in table.signals.values():
         fields.append(pyarrow.field(s.name, pyarrow.float64(), metadata={"unit": s.unit, "doc": s.doc}))
-        moving = s.column is not None
-        columns.append(table.trajectories[:, s.column] * s.sign + 0.0 if moving else np.full(n, s.value))
-    about = {"model": table.model, _ATTRS: json.dumps({"model": table.model, "units": units})}
+        varies = s.column is not None
+        columns.append(table.trajectories[:, s.column] * s.sign + 0.0 if varies else np.full(n, s.value))
+    file_metadata = {"model": table.model, _ATTRS: json.dumps({"model": table.model, "units": units})}
     arrays = [pyarrow.array(c) for c in columns]
-    whole = pyarrow.Table.from_arrays(arrays, schema=pyarrow.schema(fields, metadata=about))
-    parquet.write_table(whole, file, write_page_checksum=True)
+    arrow_table = pyarrow.Table.from_arrays(arrays, schema=pyarrow.schema(fields, metadata=file_metadata))
+    parquet.write_table(arrow_table, file, write_page_checksum=True)
 
 
 def read_parquet(path: Path) -> Table:
-    """Read numbers over a column `time` or `t`, of any program; units are those of metadata, or of names `force [kN]`.
+    """Read a table with a column `time` or `t`, from any program; units come from metadata or names `force [kN]`.
 
     Raises UsageError: AC015 without pyarrow.
     Raises ValueError for a table without times, or with empty cells.
     """
     _, parquet = _pyarrow()
     table = parquet.read_table(path, page_checksum_verification=True)
-    about: Mapping[bytes, bytes] = table.schema.metadata or {}
-    attrs = json.loads(about.get(_ATTRS, b"{}"))
+    file_metadata: Mapping[bytes, bytes] = table.schema.metadata or {}
+    attrs = json.loads(file_metadata.get(_ATTRS, b"{}"))
     units = attrs.get("units", {}) if isinstance(attrs, dict) else {}
-    split = [named(name) for name in table.column_names]
-    clock = next((k for wanted in ("time", "t") for k, (n, _) in enumerate(split) if n.lower() == wanted), None)
+    headers = [named(name) for name in table.column_names]
+    clock = next((k for wanted in ("time", "t") for k, (n, _) in enumerate(headers) if n.lower() == wanted), None)
     if clock is None:
         raise ValueError(f"no column of times among {', '.join(table.column_names[:8])}: name one `time` or `time [s]`")
     time = np.empty(0)
     signals: dict[str, Signal] = {}
     columns: list[Any] = []
-    for k, (label, (name, beside)) in enumerate(zip(table.column_names, split, strict=True)):
+    for k, (label, (name, unit_in_name)) in enumerate(zip(table.column_names, headers, strict=True)):
         column = table.column(k)
         if column.null_count:
             raise ValueError(f"column '{label}' has {column.null_count} empty cells: leave out rows without a value")
         values = np.asarray(column.to_numpy(), dtype=float)
-        said = table.schema.field(k).metadata or {}
-        unit = beside or said.get(b"unit", b"").decode() or str(units.get(label, ""))
+        metadata = table.schema.field(k).metadata or {}
+        unit = unit_in_name or metadata.get(b"unit", b"").decode() or str(units.get(label, ""))
         if k == clock:
             time = values * in_si(1.0, unit) if unit else values
             continue
         if name in signals:
             raise ValueError(f"two columns are named '{name}'")
-        signals[name] = Signal(name, unit, said.get(b"doc", b"").decode(), len(columns))
+        signals[name] = Signal(name, unit, metadata.get(b"doc", b"").decode(), len(columns))
         columns.append(values)
-    model = about.get(b"model", path.stem.encode()).decode()
+    model = file_metadata.get(b"model", path.stem.encode()).decode()
     matrix = np.column_stack(columns) if columns else np.empty((len(time), 0))
-    return Table(model, time, matrix, signals, doubled(time))
+    return Table(model, time, matrix, signals, events_at_repeated_times(time))
 
 
 def _pyarrow() -> tuple[Any, Any]:

@@ -1,4 +1,4 @@
-"""The outcome of a simulation: every variable of the model by its path, over the whole run."""
+"""Result of a simulation: every variable of the model by its path, over the whole run."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Event", "Result", "Signal", "load"]
 
-# Columns that are computed one by one before all are.
+# Up to this many columns are computed individually; beyond that the whole matrix is.
 _MANY = 64
 _ELEMENT = re.compile(r"(?P<base>.+)\[(?P<index>\d+(?:, ?\d+)*)\]")
 
@@ -38,18 +38,18 @@ class Result:
     time
         Shape (n,), in s, non-decreasing; two equal neighbours are the values before and after an event.
     trajectories
-        Shape (n, k), or a function that computes it: variables that only outputs need cost nothing until
-        the first of them is read.
+        Shape (n, k), or a function that computes it, so that variables which the integration does not need cost
+        nothing until the first of them is read.
     signals
         Description of every signal, in the order of declaration.
     events, stats
-        What happened, and how the run was made (solver, reason of its choice, counters, times).
+        Events of the run, and statistics: solver, reason for its choice, counters, times.
     dense
-        Rows of `trajectories` at any times of the run, shape (n,) to (n, k), accurate to the run's tolerance, nan where
-        the solver does not get to; None for results read from a file.
+        Dense output: maps times of the run, shape (m,), to rows of `trajectories`, shape (m, k), accurate to the run's
+        tolerance, nan where the solver does not succeed; None for results read from a file.
     some
-        Some columns of `trajectories`, shape (n, their number), at the cost of what these need; None where that is the
-        cost of all.
+        Maps j column indices to these columns of `trajectories`, shape (n, j), computing no others; None where some
+        columns cost as much as all.
     """
 
     model: str
@@ -67,12 +67,12 @@ class Result:
             raise InternalError("AC901", f"the time of a result of {self.model} does not increase")
 
     def __reduce__(self) -> tuple[type[Result], tuple[object, ...]]:
-        """With all values computed, and without the integrators behind `at`: as a result that was read from a file."""
+        """Pickle with all values computed and without dense output, like a result read from a file."""
         return Result, (self.model, self.time, self.matrix, dict(self.signals), self.events, dict(self.stats))
 
     @cached_property
     def matrix(self) -> Array:
-        """The trajectories, shape (n, k), computed at the first need."""
+        """The trajectories, shape (n, k), computed on first access."""
         values = self.trajectories() if callable(self.trajectories) else self.trajectories
         matrix = np.asarray(values, dtype=float)
         if matrix.ndim != 2 or len(matrix) != len(self.time):
@@ -82,22 +82,22 @@ class Result:
         return matrix
 
     @cached_property
-    def _read(self) -> dict[int, Array]:
-        """Columns that were read one by one."""
+    def _column_cache(self) -> dict[int, Array]:
+        """Cache of columns that were computed individually, shape (n,) each."""
         return {}
 
     def columns(self, columns: Sequence[int]) -> Array:
-        """Some columns of the trajectories, shape (n, their number); all are computed where many were asked for."""
-        missing = [k for k in dict.fromkeys(columns) if k not in self._read]
-        if "matrix" in self.__dict__ or self.some is None or len(self._read) + len(missing) > _MANY:
+        """Columns of the trajectories by index, shape (n, len(columns)); many requests compute the whole matrix."""
+        missing = [k for k in dict.fromkeys(columns) if k not in self._column_cache]
+        if "matrix" in self.__dict__ or self.some is None or len(self._column_cache) + len(missing) > _MANY:
             return self.matrix[:, columns]
         if missing:
-            self._read.update(zip(missing, self.some(missing).T, strict=True))
-        return np.stack([self._read[k] for k in columns], axis=1)
+            self._column_cache.update(zip(missing, self.some(missing).T, strict=True))
+        return np.stack([self._column_cache[k] for k in columns], axis=1)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Names of all signals in the order of declaration, `time` not among them."""
+        """Names of all signals in the order of declaration, without `time`."""
         return tuple(self.signals)
 
     @cached_property
@@ -121,20 +121,20 @@ class Result:
             return (), [Signal("time", unit="s", doc="Time")]
         if name in self.signals:
             return (), [self.signals[name]]
-        found = sorted(self._arrays.get(name, []))
-        if found and len({len(index) for index, _ in found}) == 1:
-            indices = np.array([index for index, _ in found])
-            # Files of Modelica tools count from 1.
+        members = sorted(self._arrays.get(name, []))
+        if members and len({len(index) for index, _ in members}) == 1:
+            indices = np.array([index for index, _ in members])
+            # Indices start at 0 or, in files of Modelica tools, at 1.
             shape = tuple(int(i) for i in indices.max(axis=0) - indices.min(axis=0) + 1)
-            if len(found) == int(np.prod(shape)):
-                return shape, [self.signals[element] for _, element in found]
+            if len(members) == int(np.prod(shape)):
+                return shape, [self.signals[element] for _, element in members]
         raise UsageError(
             "AC010",
             f"{self.model} has no signal '{name}'",
             evidence=meant(name, ["time", *self.names, *self._arrays]),
             help=(
-                f"the run kept only what the outputs {', '.join(map(str, asked[:4]))} need: add it to outputs"
-                if isinstance(asked := self.stats.get("outputs"), tuple) and asked
+                f"the run kept only what the outputs {', '.join(map(str, outputs[:4]))} need: add it to outputs"
+                if isinstance(outputs := self.stats.get("outputs"), tuple) and outputs
                 else f"the names of all {len(self.names)} signals are in result.names"
             ),
         )
@@ -158,7 +158,7 @@ class Result:
         return self.elements(name)[1][0].unit
 
     def final(self, name: str) -> float | Array:
-        """Value at the end of the run."""
+        """Value at the end of the run: a float, or an array of the shape of the signal."""
         shape, _ = self.elements(name)
         last = self[name][-1]
         return np.asarray(last) if shape else float(last)
@@ -166,8 +166,9 @@ class Result:
     def at(self, t: ArrayLike, name: str) -> float | Array:
         """Value at one or several times of the run.
 
-        A stored time gives the stored value (after the event where there are two). Between, the solver's own
-        accuracy where the run is still at hand, else a shape-preserving cubic that never crosses an event.
+        At a stored time the stored value is returned (the one after the event where there are two). Between, the dense
+        output of the solver is evaluated, or for results from a file a shape-preserving cubic that never crosses an
+        event.
 
         Parameters
         ----------
@@ -182,9 +183,9 @@ class Result:
         times = np.asarray(t, dtype=float)
         flat = times.ravel()
         slack = 4 * np.finfo(float).eps * np.abs(self.time[[0, -1]]).max()
-        # an event this near to the stop time is at it, and the last row has its time
+        # An event this close to the stop time replaces it as the last row.
         beyond = max(slack, 1e-12 * np.ptp(self.time))
-        # Negated so that nan is outside too.
+        # Negated, so that nan counts as outside.
         outside = flat[~((flat >= self.time[0] - beyond) & (flat <= self.time[-1] + beyond))]
         if outside.size:
             raise UsageError(
@@ -204,33 +205,33 @@ class Result:
     def _assemble(
         self, signals: Sequence[Signal], shape: tuple[int, ...], n: int, read: Callable[[list[int]], Array]
     ) -> Array:
-        """Values of shape (n, *shape) out of the columns that `read` fetches and of constants."""
+        """Values, shape (n, *shape), from columns fetched by `read` and from constants."""
         values = np.empty((n, len(signals)))
-        moving = [(i, s.column, s.sign) for i, s in enumerate(signals) if s.column is not None]
+        varying = [(i, s.column, s.sign) for i, s in enumerate(signals) if s.column is not None]
         for i, signal in enumerate(signals):
             if signal.column is None:
                 values[:, i] = signal.value
-        # Nothing is computed for the sake of a constant.
-        if moving:
-            places, columns, signs = (list(x) for x in zip(*moving, strict=True))
+        # `read` may compute the trajectories, which constants alone do not need.
+        if varying:
+            places, columns, signs = (list(x) for x in zip(*varying, strict=True))
             # Adding zero turns the -0.0 of a negated alias into 0.0.
             values[:, places] = read(columns) * np.array(signs, dtype=float) + 0.0
         return values.reshape((n, *shape))
 
     def _rows(self, times: Array, columns: list[int], slack: float) -> Array:
-        """The wanted columns at arbitrary times of the run, shape (len(times), len(columns))."""
+        """Columns at arbitrary times of the run, shape (len(times), len(columns)); stored rows within `slack` [s]."""
         rows = np.empty((times.size, len(columns)))
-        # The last stored point not after t, hence the value after an event. Times are compared with a few
-        # units of rounding: 0.3 asks for the point that 3 * 0.1 stored.
+        # The last stored point not after t, hence the value after an event. The slack of a few ulps lets a request
+        # for 0.3 find the point stored at 3 * 0.1.
         index = np.searchsorted(self.time, times + slack, side="right") - 1
-        stored = np.abs(self.time[index] - times) <= slack
+        is_stored = np.abs(self.time[index] - times) <= slack
         known = self.columns(columns)
-        rows[stored] = known[index[stored]]
-        between = np.flatnonzero(~stored)
+        rows[is_stored] = known[index[is_stored]]
+        between = np.flatnonzero(~is_stored)
         if self.dense is not None and between.size:
-            found = self.dense(times[between])[:, columns]
-            rows[between] = found
-            between = between[np.isnan(found).all(axis=1)]
+            dense_rows = self.dense(times[between])[:, columns]
+            rows[between] = dense_rows
+            between = between[np.isnan(dense_rows).all(axis=1)]
         starts = np.flatnonzero(np.diff(self.time) == 0) + 1
         bounds = [0, *starts.tolist(), len(self.time)]
         segment = np.searchsorted(starts, index[between], side="right")
@@ -241,7 +242,7 @@ class Result:
         return rows
 
     def table(self) -> Table:
-        """All values as one record, every lazily computed one included."""
+        """All values as one record; computes those not computed yet."""
         return Table(self.model, self.time, self.matrix, self.signals, self.events, self.stats)
 
     def save(self, path: str | Path, *, units: bool = False) -> None:
@@ -250,7 +251,7 @@ class Result:
         Parameters
         ----------
         units
-            Whether a `.csv` has units in its second row; the other formats hold them always.
+            Whether a `.csv` has units in its second row; the other formats always store units.
 
         Raises
         ------
@@ -268,7 +269,7 @@ class Result:
     def to_pandas(self) -> Any:
         """A `pandas.DataFrame` with time as index and one column per signal; `attrs["units"]` holds units by name."""
         pandas = _extra("pandas")
-        _ = self.matrix  # at once, rather than column by column
+        _ = self.matrix  # compute all columns at once
         columns = {name: self[name] for name in self.names}
         frame = pandas.DataFrame(columns, index=pandas.Index(self.time, name="time"))
         frame.attrs |= {"model": self.model, "units": {name: s.unit for name, s in self.signals.items()}}
@@ -314,7 +315,10 @@ def load(path: str | Path) -> Result:
 
 
 def _interpolate(time: Array, values: Array, t: Array) -> Array:
-    """Shape-preserving cubic through (time, values) at `t`: no overshoot where a force comes to rest."""
+    """Shape-preserving cubic through (time, values) at `t`, without overshoot; linear where values are not finite.
+
+    `time`: shape (n,); `values`: shape (n, k); `t`: shape (m,). Returns shape (m, k).
+    """
     if len(time) > 2 and np.isfinite(values).all():
         from scipy.interpolate import PchipInterpolator
 

@@ -19,24 +19,25 @@ INTERPOLATIONS = ("linear", "hold", "smooth")
 
 @dataclass(frozen=True, eq=False)
 class TimeSeries:
-    """Values of one signal at instants.
+    """Values of one signal at discrete times, and how they are interpolated.
 
     Attributes
     ----------
     time, value
-        Seconds, ascending, and values; shape (n,), n >= 2. Two equal times are a jump: the value before and after it.
+        Times [s], ascending, and values, both of shape (n,), n >= 2. Two equal times are a jump: the values before and
+        after it.
     interpolation
-        "linear"; "hold": each value lasts to the next instant; "smooth": a cubic spline with two continuous
+        "linear"; "hold": each value lasts to the next time; "smooth": a cubic spline with two continuous
         derivatives between jumps.
     unit
-        Unit of the values; "" means the one of the input they are given to.
+        Unit of the values; "" means that of the input they drive.
     name
-        Where they come from, for messages.
+        Origin of the values, for messages.
 
     Raises
     ------
     UsageError
-        AC044 for values that are no series: other lengths, times that go back, what is not finite.
+        AC044 for different lengths, times that do not ascend, and values that are not finite.
     """
 
     time: ArrayLike
@@ -74,19 +75,19 @@ class TimeSeries:
 
     @property
     def times(self) -> Vector:
-        """The instants as an array."""
+        """The times [s] as an array of shape (n,)."""
         return np.asarray(self.time)
 
     @property
     def values(self) -> Vector:
-        """The values as an array."""
+        """The values as an array of shape (n,)."""
         return np.asarray(self.value)
 
 
 def read_series(file: str | Path, column: str | None = None, interpolation: str = "linear") -> TimeSeries:
     """One column of a CSV file, or one signal of a result (`.mat`, `.npz`, `.parquet`).
 
-    `acausal.result.csvfile` says what a CSV file may look like.
+    The layout of CSV files is described in `acausal.result.csvfile`.
 
     Raises UsageError: AC014 for a file that cannot be read, AC045 for one without such a column, or with a row that is
     no number.
@@ -95,16 +96,16 @@ def read_series(file: str | Path, column: str | None = None, interpolation: str 
     """
     path = Path(file)
     if path.suffix.lower() != ".csv":
-        return _of_result(path, column, interpolation)
+        return _from_result(path, column, interpolation)
     sheet = read_sheet(path)
-    place = _place(sheet, column)
+    place = _column_index(sheet, column)
     values = sheet.numbers(sheet.rows(), (sheet.clock, place))
     time = sheet.seconds(values[:, 0])
     return TimeSeries(time, values[:, 1], interpolation, sheet.units[place], f"{path}, column {sheet.header[place]}")
 
 
 def read_all(file: str | Path) -> dict[str, TimeSeries]:
-    """Every column of a CSV file, as `read_series` reads one; empty cells are left out, each column has its own rows.
+    """Every column of a CSV file, by name; each column skips its own empty cells.
 
     Raises UsageError: AC014 for a file that cannot be read, AC045 for a row that is no number, or a column with less
     than two.
@@ -112,25 +113,25 @@ def read_all(file: str | Path) -> dict[str, TimeSeries]:
     path = Path(file)
     sheet = read_sheet(path)
     rows = sheet.rows()
-    found: dict[str, TimeSeries] = {}
+    series: dict[str, TimeSeries] = {}
     for k, name in enumerate(sheet.names):
         if k == sheet.clock:
             continue
-        if name in found:
+        if name in series:
             raise UsageError("AC045", f"{path} has two columns '{name}'", help="give each a name of its own")
-        filled = [(line, row) for line, row in rows if len(row) > k and row[k]]
-        if len(filled) < 2:
+        rows_with_value = [(line, row) for line, row in rows if len(row) > k and row[k]]
+        if len(rows_with_value) < 2:
             raise UsageError(
-                "AC045", f"{path}: column {sheet.header[k]} has {len(filled)} numbers", help="leave it out"
+                "AC045", f"{path}: column {sheet.header[k]} has {len(rows_with_value)} numbers", help="leave it out"
             )
-        values = sheet.numbers(filled, (sheet.clock, k))
+        values = sheet.numbers(rows_with_value, (sheet.clock, k))
         time = sheet.seconds(values[:, 0])
-        found[name] = TimeSeries(time, values[:, 1], "linear", sheet.units[k], f"{path}, column {sheet.header[k]}")
-    return found
+        series[name] = TimeSeries(time, values[:, 1], "linear", sheet.units[k], f"{path}, column {sheet.header[k]}")
+    return series
 
 
-def _place(sheet: Sheet, column: str | None) -> int:
-    """Place of the wanted column, or of the only one beside the times."""
+def _column_index(sheet: Sheet, column: str | None) -> int:
+    """Index of the named column, or of the only one besides the time."""
     path, header, names = sheet.path, sheet.header, sheet.names
     others = [k for k in range(len(names)) if k != sheet.clock]
     if column is None and len(others) == 1:
@@ -152,7 +153,7 @@ def _place(sheet: Sheet, column: str | None) -> int:
     )
 
 
-def _of_result(path: Path, column: str | None, interpolation: str) -> TimeSeries:
+def _from_result(path: Path, column: str | None, interpolation: str) -> TimeSeries:
     result = Result(**vars(read(path)))
     if column is None:
         raise UsageError(

@@ -1,4 +1,4 @@
-"""What a run recorded: the description of every signal, the events, and the table they live in."""
+"""Record of a run: descriptions of signals, events, and the table of all values."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Array: TypeAlias = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Signal:
-    """One scalar variable or parameter of a model, and where its values are.
+    """One scalar variable or parameter of a model, and the column that stores it.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ class Signal:
 
 @dataclass(frozen=True)
 class Event:
-    """A point in time where something jumped: the condition as text, its source, and the variables changed."""
+    """An event: its time [s], the condition as text with its place in the source, and the variables it changed."""
 
     time: float
     condition: str
@@ -56,7 +56,7 @@ class Event:
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """All values of a run, as they go into a file and come out of it.
+    """All values of a run, as files store them.
 
     Parameters
     ----------
@@ -74,6 +74,6 @@ class Table:
     stats: Mapping[str, object] = field(default_factory=dict)
 
 
-def doubled(time: Array) -> tuple[Event, ...]:
-    """Events of a file that does not record them: the times stored twice."""
+def events_at_repeated_times(time: Array) -> tuple[Event, ...]:
+    """Events of a file that does not record them: times, shape (n,), that are stored twice."""
     return tuple(Event(float(t), "") for t in np.unique(time[1:][np.diff(time) == 0]))

@@ -1,4 +1,4 @@
-"""Classes of unknowns that are equal up to sign."""
+"""Alias elimination on integers: classes of unknowns that are equal up to sign."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ class AliasClasses:
 
     representative: IntArray  # shape (n,): the member that stands for the class of each unknown; itself for most
     sign: IntArray  # shape (n,): +1 or -1; +1 for representatives
-    zero: BoolArray  # shape (n,): whether the class says v = -v, so that all its members are 0
+    zero: BoolArray  # shape (n,): whether the relations of the class imply v = -v, so that all its members are 0
     # Indices of the relations that follow from earlier ones. They carry no information: each is an equation too many in
     # its cycle, and `cycle` names the others of it.
     redundant: tuple[int, ...]
 
     @property
     def kept(self) -> IntArray:
-        """Unknowns that remain: representatives of classes that are not zero, ascending."""
+        """Unknowns that remain, ascending: representatives of the classes that are not zero. Shape (n_kept,)."""
         own = self.representative == np.arange(len(self.representative))
         return np.flatnonzero(own & ~self.zero)
 
@@ -75,7 +75,7 @@ def classes(n: int, relations: Sequence[Relation], priority: Sequence[int] | Int
             product *= to_parent[j]
             parent[j] = up = parent[up]
             j = up
-        # Now v[i] = product * v[j] is what the relation says about the two roots.
+        # `i` and `j` are roots now, and the relation reads v[i] = product * v[j].
         if i == j:
             if product == 1 or zero[i]:
                 redundant.append(index)
@@ -144,21 +144,21 @@ def cycle(relations: Sequence[Relation], index: int) -> tuple[int, ...]:
 def _signed_path(
     neighbours: dict[int, list[tuple[int, int, int]]], start: int, end: int, sign: int
 ) -> list[int] | None:
-    """Shortest chain of relations that says v[start] = sign * v[end]: breadth first over (unknown, sign) pairs."""
+    """Shortest chain of relations that implies v[start] = sign * v[end]: breadth first over (unknown, sign) pairs."""
     origin, goal = (start, 1), (end, sign)
-    came: dict[tuple[int, int], tuple[tuple[int, int], int]] = {origin: (origin, -1)}
+    reached_from: dict[tuple[int, int], tuple[tuple[int, int], int]] = {origin: (origin, -1)}
     queue = deque([origin])
-    while queue and goal not in came:
+    while queue and goal not in reached_from:
         here = queue.popleft()
         for other, s, k in neighbours.get(here[0], ()):
             there = (other, here[1] * s)
-            if there not in came:
-                came[there] = (here, k)
+            if there not in reached_from:
+                reached_from[there] = (here, k)
                 queue.append(there)
-    if goal not in came:
+    if goal not in reached_from:
         return None
     path: list[int] = []
     while goal != origin:
-        goal, k = came[goal]
+        goal, k = reached_from[goal]
         path.append(k)
     return path[::-1]

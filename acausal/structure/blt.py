@@ -40,7 +40,7 @@ def blocks(incidence: Incidence, row_to_column: IntArray) -> tuple[Block, ...]:
 
     Raises InternalError (AC902) when a row is unmatched: such systems go to `diagnose`, not here.
 
-    Source: strong components are Tarjan's, see `components.strong_components`; Kahn, "Topological sorting of large
+    Source: strong components are Tarjan's, see `strong_components`; Kahn, "Topological sorting of large
     networks", CACM 5 (1962), for the order.
     """
     n_rows = incidence.n_rows
@@ -68,7 +68,7 @@ def blocks(incidence: Incidence, row_to_column: IntArray) -> tuple[Block, ...]:
 
 def _components(user: IntArray, needed: IntArray, n_rows: int) -> IntArray:
     """Strong component of each row, numbered by the smallest row in it."""
-    # Labels happen to be sorted topologically, which SciPy does not promise: only the partition is used.
+    # SciPy's labels are in topological order today, which it does not promise: use the partition only.
     labels = strong_components(user, needed, n_rows)
     _, first, compact = np.unique(labels, return_index=True, return_inverse=True)
     number = np.empty(len(first), dtype=np.int64)
@@ -77,7 +77,13 @@ def _components(user: IntArray, needed: IntArray, n_rows: int) -> IntArray:
 
 
 def in_topological_order(before: IntArray, after: IntArray, count: int) -> list[int]:
-    """Components so that `before[k]` precedes `after[k]`; the smallest number first where there is a choice."""
+    """Topological order of the components 0 .. count - 1, the smallest number first where there is a choice.
+
+    Parameters
+    ----------
+    before, after
+        Shape (n_edges,): `before[k]` must precede `after[k]`. Edges from a component to itself are ignored.
+    """
     outer = before != after
     keys = np.unique(before[outer] * count + after[outer])
     source, target = keys // count, keys % count
@@ -97,14 +103,16 @@ def in_topological_order(before: IntArray, after: IntArray, count: int) -> list[
 
 
 _SMALL = 2000
-"""Nodes up to which SciPy is not loaded for it: that takes a quarter of a second, this algorithm some milliseconds."""
+"""Up to this many nodes SciPy is not imported: the import takes a quarter of a second, `_tarjan` some milliseconds."""
 
 
 def strong_components(source: IntArray, target: IntArray, n: int) -> IntArray:
-    """Label of the strong component of each of `n` nodes, for edges source[k] -> target[k]; labels are arbitrary.
+    """Label of the strong component of each of `n` nodes, shape (n,); labels are arbitrary.
 
-    Source: Tarjan, "Depth-first search and linear graph algorithms", SIAM J. Comput. 1 (1972); for large graphs as in
-    SciPy.
+    `source`, `target`: shape (n_edges,), the ends of the edges source[k] -> target[k].
+
+    Source: Tarjan, "Depth-first search and linear graph algorithms", SIAM J. Comput. 1 (1972); for large graphs SciPy's
+    implementation.
     """
     if n > _SMALL:
         from scipy.sparse import csr_array
@@ -119,7 +127,7 @@ def strong_components(source: IntArray, target: IntArray, n: int) -> IntArray:
 
 
 def _tarjan(successors: list[list[int]]) -> list[int]:
-    """Without recursion: `path` holds the nodes of the current branch, each with its successors still to visit."""
+    """Tarjan's algorithm without recursion; `path` is the current branch, each node with its unvisited successors."""
     n = len(successors)
     label = [-1] * n
     order = [0] * n  # when a node was first seen, from 1

@@ -1,4 +1,4 @@
-"""Which part of a system has too many equations, and which too few."""
+"""Dulmage-Mendelsohn decomposition: which part of a system has too many equations, and which too few."""
 
 from __future__ import annotations
 
@@ -83,6 +83,8 @@ def dulmage_mendelsohn(incidence: Incidence, row_to_column: IntArray) -> Dulmage
 def minimal_over(incidence: Incidence, unmatched_row: int, row_to_column: IntArray) -> Subset:
     """Minimal over-determined subset that contains one unmatched row: n + 1 rows in n columns.
 
+    `row_to_column`: shape (n_rows,), a maximum matching.
+
     Minimal by inclusion: without any one of its rows, the others can all be matched, so the surplus equation is one of
     these and no row can be left out of the evidence. (In matroid terms: the fundamental circuit of `unmatched_row`
     over the matched rows.) With a single unmatched row it is the only such subset of the system; with several,
@@ -98,6 +100,8 @@ def minimal_over(incidence: Incidence, unmatched_row: int, row_to_column: IntArr
 def minimal_under(incidence: Incidence, unmatched_column: int, row_to_column: IntArray) -> Subset:
     """Minimal under-determined subset that contains one unmatched column: n + 1 columns that occur in n rows only.
 
+    `row_to_column`: shape (n_rows,), a maximum matching.
+
     Minimal by inclusion among sets of columns: once any one of the columns is given a value, the rows determine the
     others, so the missing equation concerns one of these unknowns and no column can be left out. The rows may contain
     further columns, which other rows determine. As for `minimal_over`, unique with a single unmatched column.
@@ -111,7 +115,7 @@ def minimal_under(incidence: Incidence, unmatched_column: int, row_to_column: In
 
 
 def _alternating(incidence: Incidence, start: Sequence[int], column_to_row: IntArray) -> Subset:
-    """Rows and columns on paths row - any column - row matched to it - ..., from the rows in `start`."""
+    """Rows and columns reached from `start` by alternating paths: row, any of its columns, the row matched to it."""
     rows = set(start)
     columns: set[int] = set()
     stack = list(start)

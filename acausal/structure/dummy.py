@@ -1,10 +1,10 @@
 """Choice of states after index reduction: dummy derivatives where a fixed choice is safe, else stabilisation.
 
 Source: S. E. Mattsson, G. Söderlind, Index reduction in differential-algebraic equations using dummy derivatives,
-SIAM J. Sci. Comput. 14 (1993) 677-692. Columns are taken by sparse elimination, least wanted states first, and only
-with pivots that keep away from zero at all sample points: constants before what varies. Constraints for which no such
-pivot is left (a pendulum in x and y, a closed loop of joints) keep all their variables as states; the caller
-stabilises them instead of solving them.
+SIAM J. Sci. Comput. 14 (1993) 677-692. Columns are chosen by sparse Gaussian elimination, least preferred states first,
+and only with pivots that stay away from zero at all sample points; constant pivots come before varying ones.
+Constraints without such a pivot (a pendulum in x and y, a closed loop of joints) keep all their variables as states;
+the caller stabilises them (Baumgarte) instead of solving them for a dummy derivative.
 """
 
 from __future__ import annotations
@@ -26,11 +26,12 @@ _SAFE = 0.02  # smallest over largest size of a varying pivot; 1 + 0.9 cos(q) is
 
 @dataclass(frozen=True)
 class Choice:
-    """One selection, at one level of differentiation of one block.
+    """Dummy derivatives selected at one level of differentiation of one block.
 
-    `dummies` of the `candidates` became algebraic through as many of the `equations`; `floating` equations have no
-    safe pivot, so their variables all stay states; `deficient` ones depend on the others. `varies`: some pivots are not
-    constant, so that they are safe for these values of parameters only.
+    `dummies` of the `candidates` become algebraic, determined by as many of the `equations`; `floating` equations
+    have no
+    safe pivot, so their variables all stay states; `deficient` equations depend linearly on the others. `varies`: some
+    pivots are not constant, so the selection is safe for the sampled parameter values only.
     """
 
     equations: tuple[int, ...]
@@ -50,26 +51,30 @@ def select_dummies(
     hidden: Callable[[int], Iterable[int]] = lambda equation: (),
     near: Callable[[int], int | None] = lambda variable: None,
 ) -> list[Choice]:
-    """Dummy derivatives of every block, from the highest level down.
+    """Dummy derivatives of every block, from the highest level of differentiation down.
 
-    Ranks are those of the integral of an equation by the integrals of the candidates. For equations differentiated by
-    the chain rule that is the same as the derivative by the candidates themselves; where known rates stood in for the
-    chain rule (an angular velocity for the derivative of a rotation matrix), it is the only one that is right.
+    The rank is that of the Jacobian of the *integrals* of the equations with respect to the integrals of the
+    candidates.
+    For equations differentiated by the chain rule this equals the Jacobian with respect to the candidates
+    themselves. Where
+    a known rate replaced the chain rule (an angular velocity for the derivative of a rotation matrix) only the
+    former is
+    right.
 
     Parameters
     ----------
     blocks
         Blocks of the highest equations and highest derivatives, in any order.
     equation_integral, variable_integral
-        What an equation, a variable, is the time derivative of.
+        Maps each differentiated equation (variable) to the one it is the time derivative of.
     rows
         `rows(equations, variables)`: sparse rows of the Jacobian, values of shape (K,) at K sample points; the first
-        is the start, the second decides about rank.
+        point is the start, the second one decides about rank.
     preference
-        Of the *integral* of a candidate: higher means rather a state.
+        Of the *integral* of a candidate: the higher, the rather it stays a state.
     hidden
-        Of a differentiated equation: derivatives of variables in its integral that do not stand in it, because known
-        rates stood in for the chain rule (a joint's speed or a quaternion's rate behind an angular velocity).
+        Of a differentiated equation: derivatives of variables of its integral that do not occur in it, because a known
+        rate replaced the chain rule (a joint's speed or a quaternion's rate behind an angular velocity).
     near
         Of the *integral* of a candidate: the number of points, from the first, at which its pivots must be safe; None
         for all.
@@ -81,17 +86,17 @@ def select_dummies(
     ]
     differentiated = set(variable_integral.values())
     while any(group.equations for group in level):
-        level = _joined(level, equation_integral, differentiated, hidden)
+        level = _merge_groups(level, equation_integral, differentiated, hidden)
         below = []
         for group in level:
             candidates = group.candidates
             if group.equations:
                 below_of = {variable_integral[v]: v for v in candidates}
-                found = rows([equation_integral[e] for e in group.equations], list(below_of))
-                choice = _Elimination(found, preference, near).choose(group.equations, below_of)
+                jacobian = rows([equation_integral[e] for e in group.equations], list(below_of))
+                choice = _Elimination(jacobian, preference, near).choose(group.equations, below_of)
                 choices.append(choice)
-                stuck = {*choice.floating, *choice.deficient}
-                equations = [equation_integral[e] for e in group.equations if e not in stuck]
+                unsolved = {*choice.floating, *choice.deficient}
+                equations = [equation_integral[e] for e in group.equations if e not in unsolved]
                 candidates = [variable_integral[v] for v in choice.dummies]
                 below.append(
                     _Group(
@@ -105,22 +110,22 @@ def select_dummies(
 
 @dataclass
 class _Group:
-    """Equations and candidates of one level between which the choice is made together."""
+    """Equations and candidates of one level among which the selection is made together."""
 
     equations: list[int]
     candidates: list[int]
 
 
-def _joined(
+def _merge_groups(
     groups: list[_Group],
     equation_integral: Mapping[int, int],
     differentiated: set[int],
     hidden: Callable[[int], Iterable[int]],
 ) -> list[_Group]:
-    """Groups joined where an undifferentiated constraint reaches, behind known rates, candidates of another group.
+    """Merge groups where a constraint, through a known rate, depends on a candidate of another group.
 
-    A hidden derivative that is never differentiated itself becomes a candidate here: the rate of a coordinate whose
-    own equation is not a constraint.
+    A hidden derivative that is never differentiated itself becomes a candidate here: the rate of a coordinate whose own
+    equation is not a constraint.
     """
     owner = {v: group for group in groups for v in group.candidates}
     for group in list(groups):
@@ -142,10 +147,11 @@ def _joined(
 
 
 def _size(row: Mapping[int, Samples]) -> Samples:
-    """Largest entry of a row at each point, shape (K,).
+    """Largest entry of a row at each sample point, shape (K,).
 
-    Not over all points: exponentials make rows that differ by 30 orders of magnitude between two of them. A row that
-    vanishes at the start alone has the size that it has elsewhere.
+    Not the largest over all points: with exponentials one row differs by 30 orders of magnitude between two points.
+    Where a
+    row vanishes at the start only, its median size replaces zero.
     """
     if not row:
         return np.ones(2)
@@ -155,7 +161,7 @@ def _size(row: Mapping[int, Samples]) -> Samples:
 
 
 class _Elimination:
-    """Sparse Gaussian elimination on sampled rows."""
+    """Sparse Gaussian elimination on rows whose entries are sampled, shape (K,) each."""
 
     def __init__(
         self,
@@ -177,14 +183,14 @@ class _Elimination:
 
     def _rank(self, i: int, v: int) -> int | None:
         """0 for a constant pivot, 1 for one that varies but keeps its sign and size, None for an unsafe one."""
-        found = self.rows[i][v][: self.near(v)]
-        is_finite = np.isfinite(found)
-        share = np.abs(found[is_finite]) / self.size[i][: len(found)][is_finite]
-        found = found[is_finite]
-        if not len(found):
+        pivot = self.rows[i][v][: self.near(v)]
+        is_finite = np.isfinite(pivot)
+        share = np.abs(pivot[is_finite]) / self.size[i][: len(pivot)][is_finite]
+        pivot = pivot[is_finite]
+        if not len(pivot):
             return None
-        low, high = np.abs(found).min(), np.abs(found).max()
-        if share.max() <= 1e-9 or not ((found > 0).all() or (found < 0).all()):
+        low, high = np.abs(pivot).min(), np.abs(pivot).max()
+        if share.max() <= 1e-9 or not ((pivot > 0).all() or (pivot < 0).all()):
             return None
         if high - low <= 1e-9 * high:
             return 0
@@ -198,7 +204,7 @@ class _Elimination:
             heapq.heappush(self.heap, (self.preference(v), rank, cost - min(largest, 1.0), i, v))
 
     def choose(self, equations: Sequence[int], candidates: Mapping[int, int]) -> Choice:
-        """Take safe pivots while there are any; `candidates` maps the columns to what is reported."""
+        """Take safe pivots while there are any; `candidates` maps each column to the variable reported."""
         active = set(range(len(self.rows)))
         dummies: list[int] = []
         varies = False
@@ -243,21 +249,21 @@ class _Elimination:
                 self._offer(j, w)
 
     def _dependent(self, left: Sequence[int]) -> list[int]:
-        """Rows of the rest that are combinations of the others at a generic point."""
+        """Remaining rows that depend linearly on the others: Gram-Schmidt at the second sample point."""
         columns = sorted({v for i in left for v in self.rows[i]})
         place = {v: k for k, v in enumerate(columns)}
-        kept: list[NDArray[np.float64]] = []
-        found = []
+        basis: list[NDArray[np.float64]] = []
+        dependent = []
         for i in left:
             row = np.zeros(len(columns))
             for v, a in self.rows[i].items():
                 row[place[v]] = a[1]
-            rest = np.nan_to_num(row) / self.size[i][1]
-            for q in kept:
-                rest = rest - q * (q @ rest)
-            length = float(np.linalg.norm(rest))
+            residual = np.nan_to_num(row) / self.size[i][1]
+            for q in basis:
+                residual = residual - q * (q @ residual)
+            length = float(np.linalg.norm(residual))
             if length < 1e-9:
-                found.append(i)
+                dependent.append(i)
             else:
-                kept.append(rest / length)
-        return found
+                basis.append(residual / length)
+        return dependent

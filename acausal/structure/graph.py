@@ -78,11 +78,11 @@ class Incidence:
 
     @property
     def row_of_entry(self) -> IntArray:
-        """Shape (n_entries,): the row of each element of `indices`."""
+        """Row of each element of `indices`, shape (n_entries,)."""
         return np.repeat(np.arange(self.n_rows, dtype=np.int64), np.diff(self.indptr))
 
     def row(self, i: int) -> IntArray:
-        """Columns of row `i`, ascending."""
+        """Columns of row `i`, ascending; shape (number of them,)."""
         return self.indices[self.indptr[i] : self.indptr[i + 1]]
 
     def rows(self) -> list[list[int]]:
@@ -97,9 +97,10 @@ class Incidence:
         return Incidence(_pointers(self.indices[order], self.n_columns), self.row_of_entry[order], self.n_rows)
 
     def restrict(self, rows: Sequence[int] | IntArray, columns: Sequence[int] | IntArray) -> Incidence:
-        """Subgraph of the given rows and columns (no repetitions), renumbered by their places in the two sequences.
+        """Subgraph of the given rows and columns (without repetitions), renumbered by their places in the arguments.
 
-        Costs O(entries of those rows), whatever the size of the whole graph: blocks are cut out one by one.
+        `rows`, `columns`: sequences or arrays of shape (k,). Costs O(entries of those rows), whatever the size of the
+        whole graph, because blocks are cut out one by one.
         """
         chosen_rows = np.asarray(rows, dtype=np.int64)
         chosen_columns = np.asarray(columns, dtype=np.int64)
@@ -114,15 +115,15 @@ class Incidence:
         place = np.searchsorted(chosen_columns, entries, sorter=by_value)
         inside = place < len(chosen_columns)
         new_column = by_value[place[inside]]
-        kept = chosen_columns[new_column] == entries[inside]
-        new_row, new_column = new_row[inside][kept], new_column[kept]
+        is_chosen = chosen_columns[new_column] == entries[inside]
+        new_row, new_column = new_row[inside][is_chosen], new_column[is_chosen]
 
         order = np.lexsort((new_column, new_row))
         return Incidence(_pointers(new_row, len(chosen_rows)), new_column[order], len(chosen_columns))
 
     def to_csr(self) -> sparse.csr_array:
         """SciPy matrix of shape (n_rows, n_columns) with a one for every occurrence."""
-        from scipy import sparse  # a quarter of a second that small models do without
+        from scipy import sparse  # late: the import takes a quarter of a second that small models need not spend
 
         # csgraph works on 32-bit indices and would convert in every call.
         return sparse.csr_array(

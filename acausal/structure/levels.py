@@ -1,4 +1,4 @@
-"""In which order things that follow from each other are decided, where what is in a circle is decided at once."""
+"""Levels of a dependency graph: the order in which dependent things are decided; a cycle is decided at once."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from acausal.structure.graph import IntArray
 
 
 def levels(source: IntArray, target: IntArray, late: Sequence[bool]) -> IntArray:
-    """Level of each node: not below those it follows from, and above the late ones among them.
+    """Level of each node: at least that of the nodes it depends on, and above that of the late ones among them.
 
     Parameters
     ----------
     source, target
-        Edges: `target[k]` follows from `source[k]`.
+        Shape (n_edges,): `target[k]` depends on `source[k]`.
     late
-        Shape (n,): whether what follows from a node has to wait until it is known.
+        Shape (n,): whether dependents of a node must wait until it is known.
 
     Returns
     -------
-    Shape (n,): the smallest levels from 0 on. Nodes of one circle have one level, whether they are late or not.
+    Shape (n,): the smallest levels, from 0. Nodes of one cycle share a level, whether they are late or not.
 
     Source: longest paths in the condensation of the graph; R. Tarjan, "Depth-first search and linear graph algorithms",
     SIAM J. Comput. 1 (1972), and A. Kahn, "Topological sorting of large networks", CACM 5 (1962).

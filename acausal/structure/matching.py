@@ -1,4 +1,4 @@
-"""Pairing of equations with unknowns."""
+"""Maximum matching of equations with unknowns."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from acausal.structure.graph import Incidence, IntArray
 
 _SMALL = 500
-"""Rows up to which SciPy is not loaded for it: loading takes a quarter of a second, these paths some milliseconds."""
+"""Up to this many rows SciPy is not imported: the import takes a quarter of a second, these paths some milliseconds."""
 
 
 def match(incidence: Incidence) -> IntArray:
@@ -25,14 +25,14 @@ def match(incidence: Incidence) -> IntArray:
     """
     # Why not SciPy alone: on a causal (triangular) system of 1e5 rows its time grows with n^1.9, to 1.8 s; most models
     # are causal up to small loops, and for these the first step is linear and leaves hardly any work.
-    row_to_column = _match_only_partners(incidence)
+    row_to_column = _match_single_partners(incidence)
     free_column = np.ones(incidence.n_columns, dtype=bool)
     free_column[row_to_column[row_to_column >= 0]] = False
     rows, columns = np.flatnonzero(row_to_column < 0), np.flatnonzero(free_column)
     core = incidence.restrict(rows, columns)
     if core.n_entries:
-        found = _match_small(core) if len(rows) <= _SMALL else _match_large(core)
-        row_to_column[rows[found >= 0]] = columns[found[found >= 0]]
+        core_columns = _match_small(core) if len(rows) <= _SMALL else _match_large(core)
+        row_to_column[rows[core_columns >= 0]] = columns[core_columns[core_columns >= 0]]
     return row_to_column
 
 
@@ -44,28 +44,28 @@ def _match_large(core: Incidence) -> IntArray:
 
 
 def stays_matched(rows: Sequence[Sequence[int]], matched: Sequence[int], changed: Mapping[int, Sequence[int]]) -> bool:
-    """Whether all rows can be paired still when some of them change; `matched` is the column of each before."""
+    """Whether all rows can still be matched after some of them change; `matched` holds the column of each before."""
     columns_of = list(rows)
     for row, own in changed.items():
         columns_of[row] = own
     lost = [row for row, own in changed.items() if matched[row] not in own]
     row_of = {column: row for row, column in enumerate(matched) if row not in lost}
-    return all(_augmented(columns_of, row_of, row) for row in lost)
+    return all(_augment(columns_of, row_of, row) for row in lost)
 
 
 def _match_small(core: Incidence) -> IntArray:
-    """The column of each row; rows one by one, each by a depth-first search for an augmenting path."""
+    """The column of each row, shape (n_rows,): rows one by one, each by a depth-first search for an augmenting path."""
     columns_of = core.rows()
     row_of: dict[int, int] = {}
     for start in range(core.n_rows):
-        _augmented(columns_of, row_of, start)
-    found = np.full(core.n_rows, -1, dtype=np.int64)
+        _augment(columns_of, row_of, start)
+    row_to_column = np.full(core.n_rows, -1, dtype=np.int64)
     for column, row in row_of.items():
-        found[row] = column
-    return found
+        row_to_column[row] = column
+    return row_to_column
 
 
-def _augmented(columns_of: Sequence[Sequence[int]], row_of: dict[int, int], start: int) -> bool:
+def _augment(columns_of: Sequence[Sequence[int]], row_of: dict[int, int], start: int) -> bool:
     """Pair one more row, by a depth-first search for an augmenting path; `row_of` has the row of each paired column."""
     seen: set[int] = set()
     path: list[tuple[int, Iterator[int]]] = [(start, iter(columns_of[start]))]
@@ -87,8 +87,11 @@ def _augmented(columns_of: Sequence[Sequence[int]], row_of: dict[int, int], star
     return False
 
 
-def _match_only_partners(incidence: Incidence) -> IntArray:
-    """Matching of rows and columns that have one partner, repeatedly; some maximum matching contains it."""
+def _match_single_partners(incidence: Incidence) -> IntArray:
+    """Match rows and columns that have one partner left, repeatedly (Karp-Sipser); shape (n_rows,).
+
+    Some maximum matching contains the result, so nothing is lost.
+    """
     columns_of, rows_of = incidence.rows(), incidence.transpose().rows()
     row_open, column_open = [True] * len(columns_of), [True] * len(rows_of)
     # A count of one leaves the sum as the one index that remains: no search for it.

@@ -1,4 +1,4 @@
-"""Which equations must be differentiated, and how often.
+"""Index reduction: which equations must be differentiated, and how often.
 
 Source: C. C. Pantelides, The consistent initialization of differential-algebraic systems, SIAM J. Sci. Stat. Comput.
 9 (1988) 213-231, algorithms 3.1 and 3.2. Started from a maximum matching, so that the search runs only for the
@@ -31,11 +31,11 @@ class Differentiable(Protocol):
         ...
 
     def differentiate_variable(self, variable: int) -> int:
-        """Make the derivative of a variable; returns it."""
+        """Create the derivative of a variable; returns its number."""
         ...
 
     def differentiate_equation(self, equation: int) -> int:
-        """Append the derivative of an equation; returns its number. Derivatives of its variables exist by then."""
+        """Append the derivative of an equation; returns its number. The derivatives of its variables exist already."""
         ...
 
 
@@ -69,7 +69,9 @@ def pantelides(system: Differentiable, n_equations: int) -> tuple[dict[int, int]
 def _augment(
     system: Differentiable, incidence: dict[int, Sequence[int]], assigned: dict[int, int], equation: int
 ) -> tuple[list[int] | None, list[int]]:
-    """Match `equation` along an augmenting path; the coloured (equations, variables) when there is none."""
+    """Match `equation` along an augmenting path; if there is none, return the (equations, variables) coloured by the
+    search.
+    """
     came_from: dict[int, int] = {}  # variable -> equation it was reached from
     queue = [equation]
     seen = {equation}
@@ -90,6 +92,7 @@ def _augment(
 
 
 def _flip(assigned: dict[int, int], came_from: dict[int, int], variable: int, root: int) -> None:
+    """Exchange matched and unmatched edges along the path found, from `variable` back to `root`."""
     previous = {assigned[v]: v for v in came_from if v in assigned}
     while True:
         equation = came_from[variable]
@@ -108,11 +111,12 @@ def _differentiate(
     variables: list[int],
     current: int,
 ) -> int:
-    made = {v: system.differentiate_variable(v) for v in variables}
+    """Differentiate the coloured equations and variables; returns the derivative of the `current` equation."""
+    derivative_of = {v: system.differentiate_variable(v) for v in variables}
     for e in equations:
         new = system.differentiate_equation(e)
         derivative[e] = new
         incidence[new] = system.incidence(new)
-    for v, dv in made.items():
+    for v, dv in derivative_of.items():
         assigned[dv] = derivative[assigned[v]]
     return derivative[current]

@@ -11,13 +11,13 @@ from dataclasses import dataclass
 from acausal.errors import InternalError
 from acausal.structure.graph import Incidence
 
-# Columns whose consequences are followed to the end before one of them is torn.
+# Number of the best columns whose consequences are propagated to the end before one of them is torn.
 _CANDIDATES = 32
 
 
 @dataclass(frozen=True)
 class Tearing:
-    """How to evaluate a block: guess the torn columns, run the sequence, look at the residual rows."""
+    """How to evaluate a block: guess the torn columns, evaluate the sequence, then the residual rows."""
 
     torn: tuple[int, ...]  # columns iterated upon, in the order they were chosen
     residual: tuple[int, ...]  # rows left over for the iteration, ascending; as many as `torn`
@@ -33,13 +33,13 @@ def tear(
 ) -> Tearing:
     """Tear one square block, in its local numbering.
 
-    Finding the fewest torn columns is NP-complete; this is the greedy heuristic of Cellier. Whatever follows is settled
-    first, and costs nothing: a row with one column left is solved for it; a column that occurs in one row only is
-    solved from it at the end; a row that can be solved for nothing is a residual; a column that no row can be solved
-    for is torn. When nothing follows, one column is torn. Cellier's criteria for it are the largest row, in it the
-    column in most rows, of these the one that makes most rows causal. Here the last comes first (counted one step
+    Finding the fewest torn columns is NP-complete; this is the greedy heuristic of Cellier. Forced choices come first
+    and cost nothing: a row with one column left is solved for it; a column that occurs in one row only is solved from
+    it at the end; a row that cannot be solved for any column is a residual; a column that no row can be solved for is
+    torn. When no choice is forced, one column is torn. Cellier's criteria for it are the largest row, in it the column
+    in most rows, of these the one that makes most rows causal. Here the last criterion comes first (counted one step
     ahead for all columns, to the end for the best `_CANDIDATES` of them), then the number of rows; the size of the row
-    is left out. On 19 circuits, linkages and random blocks this never tore more than the original order of criteria,
+    is not used. On 19 circuits, linkages and random blocks this never tore more than the original order of criteria,
     and a tenth of it (one per joint) in a linkage where not every pair is solvable. Near-linear in the entries.
 
     The fewest torn columns are not the best conditioned choice: a long ladder torn once is solved by shooting from one
@@ -82,7 +82,7 @@ def tear(
 
 
 class _Remainder:
-    """Rows and columns not yet assigned, with the counts that say what follows causally.
+    """Rows and columns not yet assigned, with the counts that tell which choices are forced.
 
     Internal to `tear` and mutable, because every step changes a few counts of large lists.
     """
@@ -113,7 +113,7 @@ class _Remainder:
         for row, column in self.solvable:
             self.row_choices[row] += 1
             self.column_choices[column] += 1
-        self.lost = deque(c for c in range(n) if self.column_choices[c] == 0)
+        self.unsolvable = deque(c for c in range(n) if self.column_choices[c] == 0)
         self.weight = weight
         # gain[c]: rows that contain c and one other open column, and can be solved for that one.
         self.gain = [0] * n
@@ -133,7 +133,7 @@ class _Remainder:
             row = self.forward.popleft()
             pair = (row, self.row_sum[row])
             if self.row_open[row] and self.row_count[row] == 1 and pair in self.solvable:
-                self._close(*pair)
+                self._assign(*pair)
                 return pair
         return None
 
@@ -143,14 +143,14 @@ class _Remainder:
             column = self.backward.popleft()
             pair = (self.column_sum[column], column)
             if self.column_open[column] and self.column_count[column] == 1 and pair in self.solvable:
-                self._close(*pair)
+                self._assign(*pair)
                 return pair
         return None
 
     def next_torn(self) -> int | None:
         """Declare an open column known; None when no column is left."""
-        while self.lost:
-            column = self.lost.popleft()
+        while self.unsolvable:
+            column = self.unsolvable.popleft()
             if self.column_open[column]:
                 self._close_column(column)
                 return column
@@ -175,7 +175,7 @@ class _Remainder:
         return best[2]
 
     def _consequences(self, column: int) -> int:
-        """Number of rows that follow one after the other once the column is known; changes nothing."""
+        """Number of rows that become causal one after the other once the column is known; changes nothing."""
         if self.gain[column] == 0:
             return 0
         count: dict[int, int] = {}
@@ -199,7 +199,7 @@ class _Remainder:
     def _priority(self, column: int) -> tuple[float, int, int]:
         return (-self.gain[column] - self.weight[column], -self.column_count[column], column)
 
-    def _close(self, row: int, column: int) -> None:
+    def _assign(self, row: int, column: int) -> None:
         self._close_row(row)
         self._close_column(column)
 
@@ -216,7 +216,7 @@ class _Remainder:
                 if (row, column) in self.solvable:
                     self.column_choices[column] -= 1
                     if self.column_choices[column] == 0:
-                        self.lost.append(column)
+                        self.unsolvable.append(column)
 
     def _close_column(self, column: int) -> None:
         for row in self.rows_of[column]:
@@ -236,7 +236,7 @@ class _Remainder:
             if (row, column) in self.solvable:
                 self.row_choices[row] -= 1
                 if self.row_choices[row] == 0:
-                    # Nothing left it could be solved for: a residual, whatever else is decided.
+                    # It cannot be solved for any column that is left: a residual, whatever is torn later.
                     self._close_row(row)
 
     def _change_gains(self, row: int, step: int) -> None:

@@ -8,14 +8,14 @@ import acausal
 from acausal import AcausalError, Component, Equations, Real, der, fixed, parameter, structural, variable
 from acausal.flatten.pool import Pool
 from acausal.numeric.evaluate import values
-from acausal.numeric.samples import is_certain
+from acausal.numeric.samples import is_significant
 
 THIRD = 1.0 / 3.0
 
 
 def certain(pool: Pool, node: int, parameters: list[float]) -> bool:
     found = values(pool, [node], {"par": parameters.__getitem__, "time": lambda _: 0.0})
-    return bool(is_certain(pool, node, found, {}))
+    return bool(is_significant(pool, node, found, {}))
 
 
 @pytest.mark.parametrize(

@@ -62,7 +62,7 @@ def safety(points: SamplePoints, coefficient: int) -> int | None:
     if node[0] == "const":
         return None if node[1] == 0.0 else 0 if abs(node[1]) == 1.0 else 1
     varies = points.varies(coefficient)
-    found = points.certainly(coefficient)
+    found = points.significant(coefficient)
     if not varies:
         return 2 if np.isfinite(found[0]) and found[0] != 0.0 else None
     return 3 if keeps_sign(found) else None
@@ -169,7 +169,7 @@ class _Work:
         """
         if len(self.rows[i]) == 1:
             (v, c), *_ = self.rows[i].items()
-            found = self.points.certainly(c)
+            found = self.points.significant(c)
             if len(self.columns[v]) == 1 and (np.isfinite(found) & (found != 0.0)).all():
                 self._pivot((i,), (v,))
 

@@ -183,7 +183,7 @@ def replaced(old: Any, **changes: Any) -> Any:
 
 def _safe(points: SamplePoints, nodes: Sequence[int]) -> Iterator[int]:
     """Nodes that keep their sign at all sample points."""
-    return (n for n in nodes if keeps_sign(points.certainly(n)))
+    return (n for n in nodes if keeps_sign(points.significant(n)))
 
 
 def choices_stand_for(compiled: CompiledModel, values: Sequence[float]) -> bool:

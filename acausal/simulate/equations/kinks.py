@@ -15,7 +15,7 @@ import numpy as np
 from acausal.arrays import Vector
 from acausal.lower.compiled import CompiledModel
 from acausal.numeric.evaluate import values
-from acausal.numeric.table_ends import alike, table_ends
+from acausal.numeric.table_ends import regular_groups, table_ends
 from acausal.simulate.equations.kept import kept
 
 # Instants nearer than this to those of relations of time, by the length of the run, are those.
@@ -60,7 +60,7 @@ def kinks(compiled: CompiledModel, p: Vector, relative: float, start: float, sto
     located = np.append(kept(compiled).instants(p)[0], [start, stop])
     near = _APART * (stop - start)
     cuts: list[float] = []
-    groups = [alike(np.concatenate([[start], ends, [stop]])) for ends in parts]
+    groups = [regular_groups(np.concatenate([[start], ends, [stop]])) for ends in parts]
     for marks, _ in groups:
         cuts += marks[1:-1]
     whole = np.unique(cuts)
