@@ -53,14 +53,14 @@ def scenes() -> tuple[Scene, ...]:
             "ThinPlate",
             "ThinPlate: drilling at given feed, 10 s",
             ThinPlate(),
-            "The states grow evenly, so every method is exact to rounding, and what is drawn is overhead.",
+            "The states grow linearly, so every method is exact up to rounding. The chart shows overhead.",
             {},
         ),
         Scene(
             "ThickBlock",
             "ThickBlock: drilling with given force, 40 s, stiff contact",
             ThickBlock(),
-            "Stiff: explicit methods need steps below 0.2 ms.",
+            "The model is stiff: explicit methods need steps below 0.2 ms.",
             {
                 "solvers": ("idas", "rosenbrock", "cvodes", "rk2"),
                 "tolerances": (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8),
@@ -71,14 +71,14 @@ def scenes() -> tuple[Scene, ...]:
             "Chain",
             "Spatial chain of 4 damped links, 10 s",
             SpatialChain(n=4),
-            "Smooth and hardly stiff: a case for the explicit method of order five.",
+            "The model is smooth and hardly stiff: the explicit method of order five wins.",
             {"tolerances": (1e-3, 1e-5, 1e-7, 1e-9), "formulations": ("torn",)},
         ),
         Scene(
             "RCLadder",
             "RC ladder of 1000 sections, 1 s",
             RCLadder(n=1000),
-            "1000 states, but not stiff over this second: the explicit method wins at all accuracies.",
+            "The model has 1000 states but is not stiff over this second: the explicit method wins at all accuracies.",
             {
                 "solvers": ("idas", "cvodes", "erk"),
                 "tolerances": (1e-3, 1e-5, 1e-7, 1e-9),
@@ -90,14 +90,14 @@ def scenes() -> tuple[Scene, ...]:
             "BouncingBall",
             "Bouncing ball, 8 bounces in 5 s",
             BouncingBall(),
-            "Between bounces the motion is a parabola: what is left is how exactly a bounce is located.",
+            "Between bounces the motion is a parabola. The error is that of locating the bounces.",
             {},
         ),
         Scene(
             "Andrews",
             "Andrews' squeezing mechanism, 0.03 s, three closed loops",
             AndrewsSqueezer(),
-            "Index 3 as published; loops are stabilised, and recorded points projected onto them.",
+            "The published form has index 3. The compiler stabilises the loops and projects recorded points onto them.",
             {},
         ),
     )
@@ -162,11 +162,11 @@ def section(scene: Scene, data: dict[str, Any]) -> str:
     native = ", ".join(
         f"{k.removeprefix('native ')} {v:.1f} s" for k, v in times.items() if "native" in k and v and v > 0.2
     )
-    lines += ["", f"Apart from that: compiled {compiled}" + (f"; C made in this run: {native}." if native else ".")]
+    lines += ["", f"Compile times: {compiled}" + (f"; C code: {native}." if native else ".")]
     if failures:
         told = "; ".join(f"{who}: {why}" for who, why in sorted(failures))
         lines += ["", f"Failed: {told}."]
-    lines += ["", f"Best of {data['repeat']}; {machine['cores']} cores, load {machine['load']}.", ""]
+    lines += ["", f"Times are the best of {data['repeat']}; {machine['cores']} cores, load {machine['load']}.", ""]
     return "\n".join(lines)
 
 
@@ -176,16 +176,21 @@ def page(everything: tuple[Scene, ...]) -> str:
 
     head = f"""# Speed against accuracy
 
-Written by `python benchmarks/charts.py`; do not edit. Each picture is what `acausal bench MODEL -o chart.png` draws.
+Which solver is fastest for a wanted accuracy depends on the model. To see it for yours:
 
-- Error: the largest mixed error |y - r| / (f + |r|) of all states at 200 points of the run, f as in
-  [devdocs/bench.md](devdocs/bench.md). The reference is a run that converges when its tolerance is refined and that
-  another solver confirms; smaller errors than its own are drawn on grey.
-- Solve time: best of some runs, each in a process of its own after a warm-up; compiled to C where a solver can use it
-  (`idas`, `cvodes`: right-hand sides; `rosenbrock`, `erk`, `rk2`: all). Making integrators and start values are apart.
-- Hollow squares are fixed steps, dashed lines `dae`, dotted lines `projected`; crosses on the upper edge are failures,
-  numbered as in the list beside the panels.
-- Times are from two cores that others use too: trust ratios. CasADi {casadi.CasadiMeta.version()}.
+    acausal bench MODEL --recommend --accuracy 1e-6 -o chart.png
+
+This page shows such charts for six models. `python benchmarks/charts.py` writes it; do not edit.
+
+- **Error**: the largest mixed error |y - r| / (f + |r|) of all states at 200 points of the run, with f as in
+  [devdocs/bench.md](devdocs/bench.md). Two different solvers produce the reference r. Digits that they do not share are
+  not trusted (grey area).
+- **Solve time**: the best of several runs, each in its own process after a warm-up, compiled to C where a solver
+  supports it (`idas`, `cvodes`: right-hand sides; `rosenbrock`, `erk`, `rk2`: everything). The column "with start"
+  adds the creation of integrators and the computation of start values.
+- **Symbols**: hollow squares are fixed steps, dashed lines `dae`, dotted lines `projected`. Crosses on the upper edge
+  are failures, numbered as below the picture.
+- Other programs shared the two cores: trust ratios, not milliseconds. CasADi {casadi.CasadiMeta.version()}.
 
 """
     parts = []

@@ -236,10 +236,10 @@ def draw(first: dict[str, Any], second: dict[str, Any], file: Path) -> None:
     left.bar_label(bars, [f"{1e3 * first['seconds'][n]:.0f} ms" for n in names], label_type="center", color="white")
     left.set(yscale="log", ylim=(0.3, 200))
     left.axhline(LEVELS, color="#d55e00", linestyle="--", label=f"limit for MPR: {LEVELS:g}")
-    left.set(ylabel="Time of integration, plate = 1", title="S32: 40 s of drilling, IDAS at 1e-8")
+    left.set(ylabel="Time of integration, plate = 1", title="ThickBlock: 40 s of drilling, IDAS at 1e-8")
     left.legend()
     counts = [int(n) for n in second["ratio"]]
-    right.semilogx(counts, list(second["ratio"].values()), "o-", color="#0072b2", label="solving")
+    right.semilogx(counts, list(second["ratio"].values()), "o-", color="#0072b2", label="solving (without compiling)")
     right.axhline(MANY, color="#d55e00", linestyle="--", label=f"limit: {MANY:g}")
     right.set(
         xlabel="Workpieces in the scene", ylabel="Time, one workpiece = 1", title="One drill, three holes", ylim=(0, 2)

@@ -34,14 +34,16 @@ COLORS = ("#D55E00", "#E69F00", "#CC79A7", "#56B4E9", "#999999")
 OURS = "#0072B2"
 HEAD = """# Stability gallery
 
-Twenty-three small scenes in which a common method fails, and what is done about it here. The scenes are in
-`models/stability/` (`invariant` is problem E5 of `models/ivp/`); each has a test in `tests/stability/` that checks its
-pass criterion and the verdict of
+On each of these twenty-three small scenes a common numerical method fails. The page shows how it fails, what acausal
+does instead, and which solver
 
     acausal stability SCENE
 
-This page is written by `python benchmarks/stability_gallery.py`: every method named here was run for it, on
-hand-written right-hand sides in SciPy, in CasADi's IDAS, or with fixed steps. *fails* marks what the scene is about.
+recommends. The scenes are in `models/stability/` (`invariant` is problem E5 of `models/ivp/`). For each, a test in
+`tests/stability/` checks the pass criterion and the verdict.
+
+`python benchmarks/stability_gallery.py` writes this page. It ran every method named here: hand-written right-hand
+sides in SciPy, in CasADi's IDAS, or with fixed steps. *fails* marks the failure that the scene demonstrates.
 """
 
 
@@ -78,13 +80,13 @@ def section(exhibit: Exhibit) -> Iterator[str]:
     yield ""
     yield exhibit.what
     yield ""
-    yield "| method | what comes out | |"
+    yield "| method | outcome | |"
     yield "|---|---|---|"
     for case in exhibit.cases:
         outcome = case.outcome.replace("|", "\\|")
         yield f"| {case.method.replace('|', chr(92) + '|')} | {outcome} | {'fails' if case.fails else 'ok'} |"
     yield ""
-    yield f"**Here:** {exhibit.done}"
+    yield f"**acausal:** {exhibit.done}"
     yield ""
     yield verdict(exhibit.model)
     yield ""

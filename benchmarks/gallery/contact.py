@@ -53,9 +53,9 @@ def penalty() -> Exhibit:
     cases.append(Case("acausal, rosenbrock 1e-6", f"{result.stats['steps']:.0f} steps", False, curve))
     return Exhibit(
         "explicit-penalty", "Explicit steps on a stiff contact", "ExplicitPenalty",
-        "The stiffness of a contact, not the motion, bounds explicit steps.",
+        "The stiffness of a contact, not the motion, limits explicit steps.",
         cases, y="|s| [m]", log="y", limits=(1e-12, 1e6),
-        done="The largest stable step is known before the run; a larger one is refused with the number and the states.",
+        done="The largest stable step is known before the run. A larger one is refused with the number and states.",
     )  # fmt: skip
 
 
@@ -83,9 +83,9 @@ def tension() -> Exhibit:
     cases.append(Case("acausal, rosenbrock 1e-8", text, False, curve))
     return Exhibit(
         "kv-tension", "Adhesion of the Kelvin-Voigt contact", "KelvinVoigtImpact",
-        "The plain law pulls at the end of the contact, and its force jumps at touch.",
+        "The plain Kelvin-Voigt law pulls at the end of the contact, and its force jumps at touch.",
         cases, x="time after touch [ms]", y="force [N]",
-        done="The contact only pushes; touch and release are located as events.",
+        done="The contact only pushes, and touch and release are events.",
     )  # fmt: skip
 
 
@@ -106,7 +106,7 @@ def hunt_crossley() -> Exhibit:
     cases.append(Case("acausal, erk 1e-8", f"rebound off by {error:.0e}", False, (result.time * 1e3, result["v"])))
     return Exhibit(
         "hunt-crossley", "Hunt-Crossley restitution", "HuntCrossleyImpact",
-        "The force is continuous at touch: no method fails. A scene that must not raise an alarm.",
+        "The force is continuous at touch, so no method fails. The verdict must not warn.",
         cases, x="time [ms]", y="velocity [m/s]", done="The verdict is `smooth`, an explicit method.",
     )  # fmt: skip
 
@@ -147,9 +147,9 @@ def drill_dynamic() -> Exhibit:
     cases.append(Case("acausal, rosenbrock 1e-8", text, False, (result.time, 1e3 * result["s"])))
     return Exhibit(
         "drill-dynamic", "Dynamic drilling, compliant contact (k = 1e8 N/m)", "DrillDynamic",
-        "Explicit steps of a millisecond throw the drill out of the work.",
+        "With explicit steps of a millisecond the drill leaves the workpiece.",
         cases, y="depth [mm]", limits=(-40.0, 40.0),
-        done="An L-stable method; fixed steps above the limit are refused.",
+        done="The method is L-stable. Fixed steps above the limit are refused.",
     )  # fmt: skip
 
 
@@ -178,7 +178,7 @@ def absolute_tolerance() -> Exhibit:
     cases.append(Case("acausal, rosenbrock 1e-4", f"s(10) off by {error:.1e} m", False, line))
     return Exhibit(
         "abstol", "One absolute tolerance for all units", "DrillDynamic",
-        "An absolute tolerance of 1e-6 is nothing for volts and much for metres.",
+        "An absolute tolerance of 1e-6 is strict for volts and loose for metres.",
         cases, x="absolute tolerance for all states", y="error of s(10) [m]", log="xy",
         done="Absolute tolerances follow the nominal value of each variable.",
     )  # fmt: skip
@@ -201,8 +201,8 @@ def wind_up() -> Exhibit:
     cases.append(Case("acausal, rosenbrock 1e-8", text, False, (1e3 * result.time[rows], 1e6 * result["s_tar"][rows])))
     return Exhibit(
         "wind-up", "Wind-up of the target depth in free air", "WindUp",
-        "The damper alone, at 50 mm/s, feeds the target depth before there is contact.",
-        cases, x="time [ms]", y="target depth [um]", done="No force without contact, and touch is an event.",
+        "At 50 mm/s the damper alone moves the target depth before there is contact.",
+        cases, x="time [ms]", y="target depth [um]", done="There is no force without contact, and touch is an event.",
     )  # fmt: skip
 
 
@@ -229,7 +229,7 @@ def power_law() -> Exhibit:
     cases.append(Case("acausal, f = (F/K)^(1/(1-z)), 1/(df/dF)", text, False, (feed * 1e3, np.array(found))))
     return Exhibit(
         "power-law", "Power law of the drilling force at zero feed", "PowerLaw",
-        "The printed law has an infinite slope at zero feed.",
+        "The law as printed has an infinite slope at zero feed.",
         cases, x="feed per edge [mm]", y="dF/df [N/m]", log="xy",
-        done="The law is used the other way round: the feed as a function of the force, limited to pushing.",
+        done="The law is inverted: the feed is a function of the force, and the force only pushes.",
     )  # fmt: skip

@@ -52,9 +52,9 @@ def drift() -> Exhibit:
     cases.append(Case("acausal, idas 1e-6", text, False, (result.time, error)))
     return Exhibit(
         "drift", "Constraint drift after index reduction", "PendulumDrift",
-        "Differentiating the constraint twice leaves an ODE whose length drifts away.",
+        "After two differentiations of the constraint only an ODE remains, and the length of the rod drifts.",
         cases, y="|x² + y² - 1|", log="y",
-        done="All levels of the constraint are kept by stabilisation, and every recorded point is projected onto them.",
+        done="Stabilisation keeps all levels of the constraint, and every recorded point is projected onto them.",
     )  # fmt: skip
 
 
@@ -79,8 +79,8 @@ def static_state() -> Exhibit:
     cases.append(Case("acausal, erk 1e-8", text, False, (result.time, result["x"])))
     return Exhibit(
         "static-state", "Fixed choice of states", "PendulumStaticState",
-        "With (y, vy) as states and x = sqrt(1 - y²) the lowest point is a wall.",
-        cases, y="x", done="No fixed choice is safe, so none is made: x, y and their rates are integrated together.",
+        "With the states (y, vy) and x = sqrt(1 - y²), the integration cannot pass the lowest point.",
+        cases, y="x", done="No fixed choice is safe, so the solver integrates x, y and their rates together.",
     )  # fmt: skip
 
 
@@ -102,7 +102,7 @@ def index3() -> Exhibit:
     cases.append(Case("acausal, rosenbrock 1e-8", text, False, (result.time, result["x"])))
     return Exhibit(
         "index3-direct", "Direct integration of the index-3 form", "PendulumDirect",
-        "A BDF code that gets x² + y² = 1 as its algebraic equation cannot start, or cannot go on.",
+        "A BDF code with x² + y² = 1 as its algebraic equation fails at the start or soon after.",
         cases, y="x", done="The compiler finds the constraint, differentiates it, and names it in the verdict.",
     )  # fmt: skip
 
@@ -139,7 +139,7 @@ def inconsistent() -> Exhibit:
     cases.append(Case("acausal, the diode from 0, 0.6, 0.7, 1, 5 V", f"within {worst:.0e} V from all", worst > 1e-6))
     return Exhibit(
         "inconsistent", "Inconsistent start", "PendulumInconsistent",
-        "A start that violates the constraint's derivative is integrated all the same; a poor guess ends it.",
+        "A start that violates the derivative of the constraint runs without a message; a poor guess stops the run.",
         cases, y="length of the rod",
-        done="The start is solved as a system of its own: what contradicts it is named, and poor guesses converge.",
+        done="The start is a system of its own: contradicting conditions are named, and poor guesses converge.",
     )  # fmt: skip

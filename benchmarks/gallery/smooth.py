@@ -45,9 +45,9 @@ def undamped() -> Exhibit:
     cases.append(Case("acausal, erk 1e-6", text, False, (result.time, np.abs(result["amplitude"] - 1))))
     return Exhibit(
         "undamped", "Undamped oscillator with BDF", "UndampedOscillator",
-        "BDF damps with order 1, 2 and 5, and amplifies with order 3.",
+        "BDF of order 1, 2 and 5 damps the oscillation; order 3 amplifies it.",
         cases, y="|amplitude - 1|", log="y", limits=(1e-8, 3.0),
-        done="The verdict predicts the factor of every order from the characteristic equation, and names `erk`.",
+        done="The verdict predicts the factor of every order from the characteristic equation, and recommends `erk`.",
     )  # fmt: skip
 
 
@@ -79,9 +79,9 @@ def fast_slow() -> Exhibit:
     cases.append(Case("acausal, rosenbrock 1e-6", text, False, (ends, steps)))
     return Exhibit(
         "fast-slow", "Fast undamped mode around a slow solution", "FastSlow",
-        "The solution is cos t; a mode 10 000 times faster decides the steps of explicit methods and of BDF.",
+        "The solution is cos t. A mode 10 000 times faster dictates the steps of explicit methods and of BDF.",
         cases, x="length of the run [s]", y="steps", log="xy",
-        done="The verdict finds a mode that the solution does not follow; an L-stable one-step method damps it away.",
+        done="The verdict finds the mode that the solution does not follow. An L-stable one-step method damps it.",
     )  # fmt: skip
 
 
@@ -107,8 +107,8 @@ def ringing() -> Exhibit:
     cases.append(Case("acausal, rosenbrock 1e-6", text, False, (result.time, result["y"])))
     return Exhibit(
         "ringing", "Trapezoidal ringing", "Ringing",
-        "A-stable is not enough: R = -0.9996 lets the start error alternate for ever.",
-        cases, y="y", done="L-stable methods only; the verdict states what is left of a fast error after one step.",
+        "A-stability is not enough: with R = -0.9996 the start error alternates almost undamped.",
+        cases, y="y", done="Use L-stable methods. The verdict states how much of a fast error is left after one step.",
     )  # fmt: skip
 
 
@@ -152,8 +152,8 @@ def order_reduction() -> Exhibit:
     cases.append(Case("acausal, rosenbrock with fixed steps", text, False, (steps, errors)))
     return Exhibit(
         "order-reduction", "Order reduction on a stiff scalar problem", "OrderReduction",
-        "On a stiff component methods lose their order; those that are not stiffly accurate lose their accuracy too.",
-        cases, x="step [s]", y="error at t = 1", log="xy", done="Stiffly accurate: `rosenbrock`, `collocation`.",
+        "On a stiff component methods lose their order. Methods that are not stiffly accurate lose accuracy, too.",
+        cases, x="step [s]", y="error at t = 1", log="xy", done="`rosenbrock` and `collocation` are stiffly accurate.",
     )  # fmt: skip
 
 
@@ -177,7 +177,7 @@ def gimbal() -> Exhibit:
     cases.append(Case("acausal, erk 1e-8 on the matrix", text, False, (result.time, middle)))
     return Exhibit(
         "gimbal", "Cardan angles through 90 degrees", "GimbalMatrix",
-        "At 90 degrees the rates of two angles are infinite.",
+        "At 90 degrees the rates of two angles become infinite.",
         cases, y="middle angle [deg]", done="Frames carry rotation matrices; the verdict on the angles is `singular`.",
     )  # fmt: skip
 
@@ -202,8 +202,8 @@ def quaternion() -> Exhibit:
     cases.append(Case("acausal, erk 1e-6", text, False, (result.time, error)))
     return Exhibit(
         "quaternion-drift", "Quaternion norm", "QuaternionDrift",
-        "The norm of an integrated quaternion is lost like any amplitude.",
-        cases, y="||q| - 1|", log="y", done="|q| = 1 is a constraint of the model: stabilised, and projected.",
+        "The norm of an integrated quaternion drifts like any amplitude.",
+        cases, y="||q| - 1|", log="y", done="|q| = 1 is a constraint of the model, which is stabilised and projected.",
     )  # fmt: skip
 
 
@@ -237,7 +237,7 @@ def invariant() -> Exhibit:
     cases.append(Case("acausal, rosenbrock 1e-8", text, False, (shown, np.array(found))))
     return Exhibit(
         "invariant", "Invariant lost to rounding", "E5",
-        "y2 - y3 - y4 = 0, and y2 - y3 is below the rounding of what is integrated.",
+        "y2 - y3 - y4 = 0, and y2 - y3 is below the rounding error of the integrated variables.",
         cases, y="y2", log="xy", limits=(1e-26, 1e-8),
         done="The compiler finds the linear invariant and computes y2 from it instead of integrating it.",
     )  # fmt: skip

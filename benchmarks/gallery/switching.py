@@ -45,9 +45,9 @@ def zeno() -> Exhibit:
     cases.append(Case("acausal, rosenbrock 1e-8", text, False, curve))
     return Exhibit(
         "zeno", "Bouncing ball, infinitely many impacts", "ZenoBall",
-        "Infinitely many impacts happen before t = 4.0637 s.",
+        "Infinitely many impacts occur before t = 4.0637 s.",
         cases, x="impact", y="time left to the accumulation point [s]", log="xy",
-        done="When impacts no longer change the velocity beyond the tolerance the body is at rest.",
+        done="When impacts change the velocity by less than the tolerance, the body comes to rest.",
     )  # fmt: skip
 
 
@@ -64,8 +64,8 @@ def friction() -> Exhibit:
     cases.append(Case("acausal, rosenbrock 1e-8", text, False, (result.time, result["x"])))
     return Exhibit(
         "friction-stop", "Coulomb friction, sticking", "FrictionStop",
-        "sign(v) holds the body; solvers chatter on it, and a smooth substitute creeps.",
-        cases, y="x", done="The body sticks: the switch is held (a sliding mode) until the force leaves the cone.",
+        "sign(v) makes the body stick. Solvers chatter on it, and a smooth substitute creeps.",
+        cases, y="x", done="The body sticks: the run slides along the switch until the force leaves the friction cone.",
     )  # fmt: skip
 
 
@@ -86,7 +86,7 @@ def pulse() -> Exhibit:
     return Exhibit(
         "missed-pulse", "Pulse shorter than the step", "MissedPulse",
         "A pulse of 10 ms in 10 s falls between two steps.",
-        cases, y="x", done="Switches of sources are known in advance: the run is cut exactly there.",
+        cases, y="x", done="Sources announce their switching times, and the run stops exactly there.",
     )  # fmt: skip
 
 
@@ -115,9 +115,9 @@ def bang_bang() -> Exhibit:
     cases.append(Case("acausal, erk 1e-8", text, error > 1e-10, (result.time, energy(x))))
     return Exhibit(
         "bang-bang", "Discontinuous right-hand side", "BangBang",
-        "A method of any order is of order 1 across a switch that it does not know.",
+        "Across an unknown switch a method of any order has order 1.",
         cases, y="error of the energy", log="y",
-        done="The switch is located, and each branch is integrated smoothly.",
+        done="The run locates the switch and integrates each branch smoothly.",
     )  # fmt: skip
 
 
@@ -140,10 +140,10 @@ def change_point() -> Exhibit:
     worst = float(np.max(np.abs(result["p"])))
     text = "stays on its branch" if worst < 1e-6 else f"folds over: |p| up to {worst:.2f} rad"
     cases.append(Case("acausal, rosenbrock 1e-8", text, worst > 1e-6, (np.rad2deg(result["th"]), result["p"])))
-    done = "Positions are followed with the velocity, in steps as small as that asks for, whatever the output grid is."
+    done = "The run follows the positions with the velocity in steps that are small enough, whatever the output grid."
     return Exhibit(
         "change-point", "Parallelogram through its change point", "ChangePoint",
-        "Where all bars are in line the linkage can fold over into its other assembly.",
+        "Where all bars are aligned, the linkage can fold into its other assembly mode.",
         cases, x="crank angle [deg]", y="coupler angle p [rad]", done=done,
     )  # fmt: skip
 
