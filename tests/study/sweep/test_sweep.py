@@ -389,7 +389,7 @@ def test_a_scheduler_that_does_not_answer_is_named_and_no_file_is_touched(
     assert file.read_bytes() == before
 
 
-def test_all_members_but_the_first_two_go_to_the_executor() -> None:
+def test_all_members_but_those_that_tell_the_pace_go_to_the_executor() -> None:
     sent: list[int] = []
 
     class Counting(ThreadPoolExecutor):
@@ -399,7 +399,7 @@ def test_all_members_but_the_first_two_go_to_the_executor() -> None:
 
     with Counting(1) as pool:
         decays({"k": [1.0, 2.0, 3.0, 4.0, 5.0]}, executor=pool, workers=None, native=False)
-    assert sorted(sent) == [2, 3, 4]
+    assert sorted(sent) in ([2, 3, 4], [1, 2, 3, 4])  # the second runs here where the first was quick
 
 
 def test_without_dask_its_executor_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
