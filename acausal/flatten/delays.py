@@ -1,4 +1,4 @@
-"""The delays of a flat system: where they stand, and that their times can be."""
+"""Delays of a flat system: the statement that contains each, and checks of their times."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def delays(
     assignments: Iterable[FlatAssignment],
     asserts: Iterable[FlatAssert],
 ) -> tuple[FlatDelay, ...]:
-    """Every delay of the pool with the first statement that holds it.
+    """Every delay of the pool with the first statement that contains it.
 
     Raises DeclarationError: AC182 when a delay is negative, or longer than its maximum; AC183 when it varies and has no
     maximum.
@@ -31,19 +31,19 @@ def delays(
     holders += [((*w.conditions, *w.earlier, *(n for _, n in w.actions)), w.origin, w.component) for w in whens]
     holders += [((a.node,), a.origin, a.component) for a in assignments]
     holders += [((a.condition,), a.origin, a.component) for a in asserts]
-    found: list[FlatDelay] = []
+    flat_delays: list[FlatDelay] = []
     places = _places(pool, holders)
     for k, (source, time, most, label) in enumerate(pool.delays):
         origin, component = places.get(k, (None, ""))
-        made = FlatDelay(source, time, most, label, origin, component)
-        _check(pool, made)
-        found.append(made)
-    return tuple(found)
+        delay = FlatDelay(source, time, most, label, origin, component)
+        _check(pool, delay)
+        flat_delays.append(delay)
+    return tuple(flat_delays)
 
 
 def _places(pool: Pool, holders: Sequence[_Holder]) -> dict[int, tuple[Origin | None, str]]:
-    """Place and component of each delay; one inside another stands where that one does."""
-    found: dict[int, tuple[Origin | None, str]] = {}
+    """Place and component of each delay; a nested delay has those of the outer one."""
+    places: dict[int, tuple[Origin | None, str]] = {}
 
     def inside(roots: Iterable[int]) -> Iterator[int]:
         for n in pool.reachable(roots):
@@ -52,32 +52,32 @@ def _places(pool: Pool, holders: Sequence[_Holder]) -> dict[int, tuple[Origin | 
                 yield op.number
 
     for roots, origin, component in holders:
-        todo = [k for k in inside(roots) if k not in found]
+        todo = [k for k in inside(roots) if k not in places]
         while todo:
             k = todo.pop()
-            found[k] = origin, component
-            todo += [j for j in inside(pool.delays[k][:1]) if j not in found]
-        if len(found) == len(pool.delays):
+            places[k] = origin, component
+            todo += [j for j in inside(pool.delays[k][:1]) if j not in places]
+        if len(places) == len(pool.delays):
             break
-    return found
+    return places
 
 
 def _varies(pool: Pool, node: int) -> bool:
     return any(pool.nodes[n][0] in ("var", "time") for n in pool.reachable([node]))
 
 
-def _check(pool: Pool, made: FlatDelay) -> None:
-    where = (made.origin.span(),) if made.origin is not None else ()
-    name = f"{made.label} in {made.component}" if made.component else made.label
-    if made.most is not None and _varies(pool, made.most):
+def _check(pool: Pool, delay: FlatDelay) -> None:
+    where = (delay.origin.span(),) if delay.origin is not None else ()
+    name = f"{delay.label} in {delay.component}" if delay.component else delay.label
+    if delay.most is not None and _varies(pool, delay.most):
         raise DeclarationError(
             "AC183",
             f"{name}: the maximum of a delay must be constant",
             where=where,
             help="make it of numbers and parameters",
         )
-    if _varies(pool, made.time):
-        if made.most is None:
+    if _varies(pool, delay.time):
+        if delay.most is None:
             raise DeclarationError(
                 "AC183",
                 f"{name}: a delay that varies needs a maximum",
@@ -86,7 +86,7 @@ def _check(pool: Pool, made: FlatDelay) -> None:
                 help="give the longest delay as third argument: delay(x, T, T_max)",
             )
         return
-    t = pool.parameter_value(made.time)
+    t = pool.parameter_value(delay.time)
     if t < 0.0:
         raise DeclarationError(
             "AC182",
@@ -95,7 +95,7 @@ def _check(pool: Pool, made: FlatDelay) -> None:
             cause="a signal cannot be read before it is there",
             help='give a delay of at least zero: parameter(unit="s", min=0.0)',
         )
-    most = pool.parameter_value(made.most) if made.most is not None else t
+    most = pool.parameter_value(delay.most) if delay.most is not None else t
     if t > most:
         raise DeclarationError(
             "AC182",

@@ -1,4 +1,4 @@
-"""Discrete equations of a flat system: what is assigned at events, by whom, and that it is assigned once."""
+"""Discrete equations of a flat system, and the check that each discrete variable is determined exactly once."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def assignments(pool: Pool, instance: Instance, items: Sequence[Statement], reso
 
 
 def asserts(pool: Pool, instance: Instance, items: Sequence[Statement], resolve: Resolve) -> list[FlatAssert]:
-    """What a component says must hold."""
+    """Assertions among the statements of a component."""
     return [
         FlatAssert(scalars(pool, item.condition, resolve, {})[0], item.message, item.level, origin, instance.path, item)
         for item, origin in items
@@ -41,27 +41,27 @@ def asserts(pool: Pool, instance: Instance, items: Sequence[Statement], resolve:
 
 
 def places(found: Iterable[Instance], inputs: Iterable[int]) -> dict[int, Place]:
-    """Every discrete scalar but those that are inputs of the model, with its first declaration."""
-    outside = set(inputs)
-    made: dict[int, Place] = {}
+    """First declaration of every discrete scalar that is no input of the model."""
+    model_inputs = set(inputs)
+    first_declaration: dict[int, Place] = {}
     for instance in found:
         for name, declaration in instance.component._declarations.items():
             if declaration.discrete:
                 for k in range(len(suffixes(declaration.shape))):
                     scalar = instance.first[name] + k
-                    if scalar not in outside:
-                        made.setdefault(scalar, (instance, name, declaration, k))
-    return made
+                    if scalar not in model_inputs:
+                        first_declaration.setdefault(scalar, (instance, name, declaration, k))
+    return first_declaration
 
 
 def fill_starts(pool: Pool, starts: dict[int, FlatStart], discrete: Mapping[int, Place]) -> None:
-    """What nobody has said anything about is false or zero before the start."""
+    """Give discrete variables without a declared start the value false or zero."""
     for scalar, (instance, name, _, _) in discrete.items():
         starts.setdefault(scalar, FlatStart(pool.zero, True, instance.origin, instance.prefix + name))
 
 
 def constancy(pool: Pool, discrete: Mapping[int, Place]) -> list[FlatEquation]:
-    """Discrete variables do not change between events."""
+    """Equations der(d) == 0: discrete variables are constant between events."""
     return [
         FlatEquation(
             pool.var(pool.derivative(scalar)), pool.zero, instance.origin, instance.path, f"{name} is discrete"
@@ -73,15 +73,15 @@ def constancy(pool: Pool, discrete: Mapping[int, Place]) -> list[FlatEquation]:
 def check_assigned(
     made: Sequence[FlatAssignment], whens: Sequence[FlatWhen], discrete: Mapping[int, Place], inputs: Iterable[int]
 ) -> None:
-    """Refuse what is determined twice, and signals that nothing determines.
+    """Refuse discrete variables that are determined twice, and signals that are not determined.
 
     Raises DeclarationError: AC145 for two discrete equations, or an equation and a reset, of one variable; AC148 for a
     discrete signal without a source.
     """
-    outside = set(inputs)
+    model_inputs = set(inputs)
     first: dict[int, tuple[Origin | None, str]] = {}
     for a in made:
-        if a.scalar in outside:
+        if a.scalar in model_inputs:
             continue
         if a.scalar in first:
             raise _twice(discrete[a.scalar], (first[a.scalar], (a.origin, str(a.source))))

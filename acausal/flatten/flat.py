@@ -1,4 +1,4 @@
-"""The flat system: every scalar variable, parameter and equation of a model, with names and places."""
+"""The flat system: every scalar variable, parameter and equation of a model, with names and places in the source."""
 
 from __future__ import annotations
 
@@ -46,9 +46,9 @@ class FlatParameter(NamedTuple):
 
 
 class FlatEquation(NamedTuple):
-    """`left == right` between scalar nodes; `source` is the language equation, or words for what connections made.
+    """`left == right` between scalar nodes; `source` is the language equation, or a text for a generated one.
 
-    Of an equation between vectors and matrices it is the scalar one at `entry`, counted row by row.
+    For an equation between vectors or matrices, `entry` is the row-major index of this scalar equation.
     """
 
     left: int
@@ -60,7 +60,7 @@ class FlatEquation(NamedTuple):
 
 
 class FlatComponent(NamedTuple):
-    """A component of the instance tree: its class, and where it was made."""
+    """A component of the instance tree: its class, and the place of its construction."""
 
     cls: type[Component]
     origin: Origin
@@ -72,7 +72,7 @@ class FlatComponent(NamedTuple):
 
 
 class FlatLoop(NamedTuple):
-    """A closed loop of frames: the two frames between which it was cut, and the components on the way around."""
+    """A closed loop of frames: the two frames between which it was cut, and the components around it."""
 
     ends: tuple[str, str]
     origin: Origin
@@ -80,10 +80,10 @@ class FlatLoop(NamedTuple):
 
 
 class FlatWhen(NamedTuple):
-    """Actions `(scalar, node of its new value)` at the instants at which any of the nodes `conditions` becomes true.
+    """Actions `(scalar, node of its new value)`, taken when any of the nodes `conditions` becomes true.
 
-    Not if one of the conditions `earlier` does too: those of the branches before it. The run ends there when
-    `terminate` is a message.
+    Not taken if one of `earlier`, the conditions of the branches before it, becomes true at the same instant. If
+    `terminate` is a message, the run ends there.
     """
 
     conditions: tuple[int, ...]
@@ -107,7 +107,7 @@ class FlatAssignment(NamedTuple):
 
 
 class FlatAssert(NamedTuple):
-    """A condition that must hold in all of a run; `level` is "error" or "warning"."""
+    """A condition that must hold throughout a run; `level` is "error" or "warning"."""
 
     condition: int
     message: str
@@ -118,7 +118,7 @@ class FlatAssert(NamedTuple):
 
 
 class FlatDelay(NamedTuple):
-    """The node `source` as it was `time` ago; `most` bounds a delay that varies. Its place among all is its number."""
+    """The value of node `source` a time `time` ago; `most` bounds a varying delay. Its index is its number."""
 
     source: int
     time: int
@@ -139,7 +139,7 @@ class FlatStart(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class FlatSystem:
-    """What `flatten` makes of a model.
+    """A flat model, made by `flatten`.
 
     Attributes
     ----------
@@ -152,15 +152,15 @@ class FlatSystem:
     equations, initial_equations
         Scalar equations with their origin.
     whens
-        What happens at events.
+        `when` clauses, one for each branch.
     assignments
         Discrete equations, at most one per scalar. The scalar keeps its equation der(d) == 0 among `equations`.
     asserts, demands
-        What must hold: in all of a run, and of the parameters alone.
+        Conditions that must hold throughout a run, and conditions of the parameters alone.
     inputs
         Scalar variables of the model's own unconnected inputs.
     parameter_values
-        Value of each free parameter scalar (nan where none was given is refused earlier).
+        Value of each free parameter scalar.
     starts
         Declared start of a scalar variable.
     components
@@ -170,13 +170,14 @@ class FlatSystem:
     notes
         Facts the user should see, for example connections cut in closed loops.
     frozen
-        Names of parameter scalars that were made numbers (`acausal.reduce.freeze`).
+        Names of parameter scalars that were replaced by constants (`acausal.reduce.freeze`).
     nominals
-        Magnitude of each scalar before that: frozen zeros join variables, which must not change the tolerances.
+        Magnitude of each scalar before that: frozen zeros turn variables into aliases, which must not change
+        tolerances.
     delays
-        Signals of the past.
+        Delayed signals.
     undelayed
-        Delays that are zero with the values of these parameters: node of the delay, and its words.
+        Delays that are zero for the values of the parameters: node of the delay, and its text.
     """
 
     name: str
@@ -211,11 +212,11 @@ class FlatSystem:
     @cached_property
     def owner(self) -> dict[int, FlatVariable]:
         """The first declared variable of each scalar."""
-        found: dict[int, FlatVariable] = {}
+        owners: dict[int, FlatVariable] = {}
         for v in self.variables:
             for k in range(v.first, v.first + v.size):
-                found.setdefault(k, v)
-        return found
+                owners.setdefault(k, v)
+        return owners
 
     def declaration(self, scalar: int) -> Declaration:
         """Declaration of a scalar; of the integrated variable for a derivative."""
@@ -266,18 +267,18 @@ class FlatSystem:
 
     @cached_property
     def limited(self) -> tuple[tuple[int, FlatParameter, int], ...]:
-        """Entries of bound parameters that have limits: node, parameter, number of the entry; equal ones once."""
-        found: dict[tuple[int, int], tuple[int, FlatParameter, int]] = {}
+        """Entries of bound parameters with limits: (node, parameter, index of the entry), without duplicates."""
+        unique: dict[tuple[int, int], tuple[int, FlatParameter, int]] = {}
         for p in self.parameters:
             if not p.free and (p.declaration.min > -math.inf or p.declaration.max < math.inf):
                 for k, node in enumerate(p.nodes):
-                    found.setdefault((node, id(p.declaration)), (node, p, k))
-        return tuple(found.values())
+                    unique.setdefault((node, id(p.declaration)), (node, p, k))
+        return tuple(unique.values())
 
 
 def _written_for(equation: Equation) -> Component | None:
-    """The component whose own symbols, or symbols of whose connectors, are all that an equation holds."""
-    found: Component | None = None
+    """The component such that an equation contains only its symbols and those of its connectors; else None."""
+    component: Component | None = None
     stack = [equation.left, equation.right]
     while stack:
         e = stack.pop()
@@ -286,10 +287,10 @@ def _written_for(equation: Equation) -> Component | None:
             owner: Component = e.owner
             if isinstance(owner, Connector) and owner.__dict__["_owner"] is not None:
                 owner = owner.__dict__["_owner"][0]
-            if found is not None and owner is not found:
+            if component is not None and owner is not component:
                 return None
-            found = owner
-    return found
+            component = owner
+    return component
 
 
 def suffixes(shape: tuple[int, ...]) -> list[str]:
@@ -300,7 +301,7 @@ def suffixes(shape: tuple[int, ...]) -> list[str]:
 
 
 def suffix(shape: tuple[int, ...], place: int) -> str:
-    """One of `suffixes`: a name costs the same in an array of any length."""
+    """`suffixes(shape)[place]`, without building the list."""
     index = []
     for n in reversed(shape):
         place, k = divmod(place, n)
@@ -309,5 +310,5 @@ def suffix(shape: tuple[int, ...], place: int) -> str:
 
 
 def span_of(equation: FlatEquation | FlatAssignment) -> tuple[Span, ...]:
-    """Where the equation stands in the source, as a tuple for `AcausalError.where`."""
+    """Place of an equation in the source, as a tuple for `AcausalError.where`."""
     return () if equation.origin is None else (equation.origin.span(),)

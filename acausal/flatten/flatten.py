@@ -1,4 +1,4 @@
-"""From a component to the flat system: names, connection sets, scalar equations."""
+"""Flattening of a component: instance tree, connection sets and scalar equations become a `FlatSystem`."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from acausal.flatten.connections.freeing import (
     cut_elements,
     cut_equations,
     cut_joints,
-    freed,
+    freed_signals,
     input_scalars,
     open_inputs,
 )
@@ -66,14 +66,15 @@ def flatten(
     model
         The outermost component.
     parameters
-        Values by path, in SI; they replace what the model says, also where it binds a parameter to another.
+        Values by path, in SI; they replace values and bindings of the model.
     choices
-        Structures of components that can have several, by path; without one a component has all it may ever need.
+        Structure of each component that can have several, by path; without one a component has all contacts that are
+        possible at any time.
 
     Raises
     ------
     DeclarationError, UnitError, UsageError, StructureError
-        With the path of the offending thing and its place in the source; AC028 for what is no component.
+        With the path of the offending component and its place in the source; AC028 for a `model` that is no component.
     """
     overrides, (found, added) = dict(parameters or {}), placed(model, choices)
     check_overrides(overrides, found)
@@ -84,14 +85,14 @@ def flatten(
     physical, signals = joints(connected, number_of)
     check_signals(found, signals)
     elements = element_joints(found, connected, signals, number_of)
-    cut = freed(model, found)
+    cut = freed_signals(model, found)
     signals, elements = cut_joints(signals, cut), cut_elements(elements, cut)
     tree = spanning_tree(found, physical, number_of)
     pool = Pool()
     variables = allocate(pool, found, physical, signals, tree.cut)
     free = ParameterTable(pool, found, number_of, overrides)
     builder = _Builder(pool, found, number_of, free, open_inputs(found[0], cut))
-    builder.slopes()  # the last unknowns
+    builder.slopes()  # before counting scalars: rules for derivatives may add unknowns
     n_scalars, table = pool.n_variables, tuple(free.table())
     equations = builder.leaf_equations(leaves)
     equations += [e for number, items in composites.items() for e in builder.all(found[number], items)]
@@ -137,7 +138,7 @@ def flatten(
 
 
 def _connections(stated: Mapping[int, Sequence[Statement]]) -> list[tuple[int, Connection, Origin]]:
-    """All connections with the number of the component that makes them."""
+    """All connections with the number of the component that states them."""
     return [
         (number, item, origin)
         for number, items in stated.items()
@@ -151,7 +152,7 @@ def _cuts(found: Sequence[Instance], cut: Sequence[Joint]) -> list[str]:
 
 
 class _LeafStatements:
-    """Statements of leaf components: run once per template, late, because frames must know their roles first."""
+    """Statements of leaf components, generated once per template, after the roles of frames are known."""
 
     def __init__(self, found: Sequence[Instance]) -> None:
         self.leaves = [i for i in found if i.is_leaf and hasattr(type(i.component), "equations")]
@@ -160,7 +161,7 @@ class _LeafStatements:
         self._with_connections: set[type[Component]] = set()
 
     def connecting(self) -> dict[int, list[Statement]]:
-        """Leaf components that connect their own connectors, and so cannot be templates; those with ties cannot."""
+        """Statements of leaf components that connect their own connectors, which excludes templates and `ties`."""
         checked: dict[object, bool] = {}
         for leaf in self.leaves:
             cls = type(leaf.component)
@@ -196,12 +197,16 @@ class _LeafStatements:
         return items
 
     def key(self, leaf: Instance) -> object:
-        """Template key of a leaf; None for one that holds connections, and so cannot be a template."""
+        """Template key of a leaf; None for one that states connections, which cannot be a template."""
         if type(leaf.component) in self._with_connections:
             return None
-        known = self._keys.get(leaf.number)
-        # Frames have learnt their roles in the meantime, which are part of the key.
-        return known if known and not any("_roles" in p.component.__dict__ for p in leaf.parts) else template_key(leaf)
+        early_key = self._keys.get(leaf.number)
+        # The roles of frames are part of the key, and were unknown when it was first computed.
+        return (
+            early_key
+            if early_key and not any("_roles" in p.component.__dict__ for p in leaf.parts)
+            else template_key(leaf)
+        )
 
 
 @dataclass
@@ -229,7 +234,7 @@ class _Builder:
         return tuple(self.pool.var(first + k) for k in range(size))
 
     def all(self, instance: Instance, items: Sequence[Statement]) -> list[FlatEquation]:
-        """Equations without a template; what happens at events, and what must hold, is collected."""
+        """Equations of a component without a template; collects its clauses, discrete equations and assertions."""
         self.whens += self.when(instance, items)
         self.assignments += assignments(self.pool, instance, items, self.resolve)
         self.asserts += asserts(self.pool, instance, items, self.resolve)
@@ -238,7 +243,7 @@ class _Builder:
         )
 
     def direct(self, instance: Instance, items: Sequence[Statement]) -> list[FlatEquation]:
-        """Equations without a template, resolved in the whole model."""
+        """Equations of a component without a template, with symbols resolved in the whole model."""
         done: dict[int, Scalars] = {}
         return [
             FlatEquation(left, right, origin, instance.path, item, k)
@@ -248,21 +253,21 @@ class _Builder:
         ]
 
     def when(self, instance: Instance, items: Sequence[Statement]) -> list[FlatWhen]:
-        """What the component does at events."""
+        """The `when` clauses of a component, one for each branch."""
         done: dict[int, Scalars] = {}
-        found = []
+        clauses = []
         for item, origin in ((item, origin) for item, origin in items if isinstance(item, When)):
             earlier: tuple[int, ...] = ()
             for branch in (item, *item.branches):
                 conditions = tuple(scalars(self.pool, c, self.resolve, done)[0] for c in branch.conditions)
                 actions = tuple(self.action(a, done) for a in branch.actions)
                 source = replace(branch, branches=())
-                found.append(FlatWhen(conditions, earlier, actions, origin, instance.path, source, branch.terminate))
+                clauses.append(FlatWhen(conditions, earlier, actions, origin, instance.path, source, branch.terminate))
                 earlier += conditions
-        return found
+        return clauses
 
     def action(self, reset: Reset, done: dict[int, Scalars]) -> tuple[int, int]:
-        """The scalar that a `reset` acts on and the node of its value; for an impulse the force and both velocities."""
+        """(Scalar that a `reset` sets, node of its value); for an impulse the force, and a node of both velocities."""
         value = scalars(self.pool, reset.value, self.resolve, done)[0]
         if reset.by is not None:
             velocity = scalars(self.pool, reset.target, self.resolve, done)[0]
@@ -271,14 +276,14 @@ class _Builder:
         return int(self.pool.nodes[target][1]), value
 
     def leaf_equations(self, leaves: _LeafStatements) -> list[FlatEquation]:
-        """Equations of leaf components, replayed where they are the same."""
-        made: dict[object, Template | None] = {}
+        """Equations of leaf components, replayed from a template where one exists."""
+        templates: dict[object, Template | None] = {}
         equations: list[FlatEquation] = []
         for leaf in leaves.leaves:
             key = leaves.key(leaf)
-            if key is not None and key not in made:
-                made[key] = make_template(leaf, leaves.of(leaf))
-            template = made.get(key)
+            if key is not None and key not in templates:
+                templates[key] = make_template(leaf, leaves.of(leaf))
+            template = templates.get(key)
             if template is None:
                 equations += self.all(leaf, leaves.of(leaf))
             else:
@@ -288,7 +293,7 @@ class _Builder:
         return equations
 
     def slopes(self) -> None:
-        """Rules for the derivatives of overconstrained variables, once per set of connected frames."""
+        """Enter the rules for derivatives of overconstrained variables, once per set of connected frames."""
         for instance in self.found:
             rates = getattr(type(instance.component), "rates", None)
             if rates is None or not isinstance(instance.component, Connector):
@@ -315,7 +320,7 @@ class _Builder:
         return equations
 
     def inputs(self, signals: Sequence[SignalJoint], joints: Sequence[ElementJoint]) -> list[FlatEquation]:
-        """Bindings, and connections of elements of signals; what they assign at events is collected."""
+        """Equations of bindings and of connected elements of signals; collects discrete ones as assignments."""
         driven = {end for j in signals for end in (j.a, j.b) if end[0] != j.by}
         bound = self.bindings(driven, {j.sink for j in joints})
         equations, assigned = element_equations(self.pool, self.found, joints)
@@ -323,10 +328,10 @@ class _Builder:
         return bound + equations
 
     def bindings(self, connected: set[tuple[int, str]], elements: set[Entry]) -> list[FlatEquation]:
-        """Equations from expressions given to variables and inputs in constructors; discrete ones are collected.
+        """Equations from expressions given to variables and inputs in constructors; collects discrete ones.
 
-        `connected` holds the signals that their owners connect, `elements` the single entries; what a component
-        connects its own input to reads it.
+        `connected` are the signals connected by their owners, `elements` the connected entries. A component that
+        connects its own input to something reads it, which does not count as driving it.
         """
         equations: list[FlatEquation] = []
         for instance in self.found:
@@ -340,7 +345,7 @@ class _Builder:
                 is_driven = (instance.number, name) in connected or bool(own)
                 is_given = name in instance.component.__dict__["_given"]
                 if is_driven and declaration.kind is Kind.INPUT and not is_given and not own:
-                    continue  # a declared default gives way to the connection
+                    continue  # the connection replaces a declared default
                 if is_driven and declaration.kind is Kind.INPUT and is_given:
                     raise DeclarationError(
                         "AC137",
@@ -399,7 +404,7 @@ class _Builder:
         ]
 
     def starts(self) -> tuple[dict[int, FlatStart], list[FlatEquation]]:
-        """Declared starts by scalar; a fixed one wins over guesses of connected potentials.
+        """Declared starts by scalar; a fixed one has priority over guesses of connected potentials.
 
         Where connected potentials are fixed twice, the second is an initial equation: it must agree with the first.
         """
@@ -407,19 +412,21 @@ class _Builder:
         surplus: list[FlatEquation] = []
         for instance in self.found:
             for name, given in instance.component.__dict__["_values"].items():
-                # the default of an input of the model is what it has when nothing is given
+                # the default of an open input of the model is its value when no data are given
                 is_default = (instance.number, name) in self.open and isinstance(given, Expr) and given.op == "const"
                 value = Guess(given) if is_default else given
                 if not isinstance(value, Fixed | Guess):
                     continue
                 expr: Expr = value.value
                 resolve = partial(self.table.symbol, user=f"the start of {instance.prefix}{name}")
-                refuse_time(f"the start of {instance.prefix}{name}", expr, instance.said(name))
+                refuse_time(f"the start of {instance.prefix}{name}", expr, instance.origin_of_value(name))
                 check_bound(instance, name, expr)
                 nodes = scalars(self.pool, expr, resolve, {})
                 for k, node in enumerate(nodes):
                     scalar = instance.first[name] + k
-                    start = FlatStart(node, isinstance(value, Fixed), instance.said(name), instance.prefix + name)
+                    start = FlatStart(
+                        node, isinstance(value, Fixed), instance.origin_of_value(name), instance.prefix + name
+                    )
                     other = starts.get(scalar)
                     if other is not None and other.is_fixed and start.is_fixed:
                         text = f"{start.path} == {expr}"

@@ -1,4 +1,4 @@
-"""Values of parameters: free ones get a number, bound ones become expressions of those they are bound to."""
+"""Values of parameters: free ones get a number, bound ones become expressions of the parameters they are bound to."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from acausal.language.origin import Origin
 from acausal.units import convert
 
 _TINY = 1e-50
-"""A `min` of at most this and more than 0 says that the value is positive, as `Modelica.Constants.small` does."""
+"""A positive `min` up to this means that the value must be positive, as with `Modelica.Constants.small`."""
 
 
 class ParameterTable:
-    """Resolves parameters at first use; a parameter may be bound to an expression of others, in any order."""
+    """Resolves parameters on first use, because they may be bound to expressions of others in any order."""
 
     def __init__(
         self, pool: Pool, all_instances: Sequence[Instance], number_of: dict[int, int], overrides: Mapping[str, object]
@@ -38,10 +38,10 @@ class ParameterTable:
         pool.parameter_values = self.values
         self._nodes: dict[tuple[int, str], Scalars] = {}
         self._free_paths: set[str] = set()
-        self._open: dict[str, tuple[Expr, Origin | Declared]] = {}
+        self._resolving: dict[str, tuple[Expr, Origin | Declared]] = {}
 
     def table(self) -> list[FlatParameter]:
-        """All parameters, in order; raises AC133 listing those without a value."""
+        """All parameters in the order of declaration; DeclarationError AC133 lists those without a value."""
         missing = [
             (instance, name, d)
             for instance in self.instances
@@ -80,26 +80,26 @@ class ParameterTable:
         if value.op == "const":
             payload = value.payload if isinstance(value.payload, tuple) else (value.payload,)
             return self._free(path, declaration, payload, instance)
-        if path in self._open:
-            raise self._circle(path)
-        refuse_time(path, value, instance.said(name))
+        if path in self._resolving:
+            raise self._cyclic_binding(path)
+        refuse_time(path, value, instance.origin_of_value(name))
         check_bound(instance, name, value)
-        self._open[path] = (value, instance.said(name))
+        self._resolving[path] = (value, instance.origin_of_value(name))
         result = scalars(self.pool, value, lambda s: self.symbol(s, path), {})
-        del self._open[path]
+        del self._resolving[path]
         numbers = [self.pool.value(node) for node in result]
-        known = [v for v in numbers if v is not None]
-        # 2 * sqrt(2) is a number too: the parameter stays free.
-        return self._free(path, declaration, known, instance) if len(known) == len(numbers) else result
+        constants = [v for v in numbers if v is not None]
+        # An expression of constants, such as 2 * sqrt(2), is a number: the parameter stays free.
+        return self._free(path, declaration, constants, instance) if len(constants) == len(numbers) else result
 
-    def _circle(self, path: str) -> DeclarationError:
-        names = list(self._open)
+    def _cyclic_binding(self, path: str) -> DeclarationError:
+        names = list(self._resolving)
         names = names[names.index(path) :]
         return DeclarationError(
             "AC134",
             f"parameters are bound in a circle: {' -> '.join([*names, path])}",
-            where=[self._open[n][1].span() for n in names[:3]],
-            evidence=[f"{n} = {self._open[n][0]}" for n in names[:6]],
+            where=[self._resolving[n][1].span() for n in names[:3]],
+            evidence=[f"{n} = {self._resolving[n][0]}" for n in names[:6]],
             help="give one of them a number",
         )
 
@@ -135,7 +135,7 @@ def check_limits(
     """Refuse values outside the declared limits (AC136)."""
 
     def where() -> Sequence[Span]:
-        return () if instance is None else (instance.said(path[len(instance.prefix) :]).span(),)
+        return () if instance is None else (instance.origin_of_value(path[len(instance.prefix) :]).span(),)
 
     for ending, value in zip(suffixes(declaration.shape), values, strict=True):
         check_limit(path, ending, declaration, value, where)
@@ -168,26 +168,26 @@ def _limits(declaration: Declaration) -> str:
 
 
 def check_values(flat: FlatSystem, values: Sequence[float]) -> None:
-    """Refuse values of the free parameters that put bound ones outside their limits, or that break a demand.
+    """Refuse values of the free parameters, shape (np,), that violate limits of bound ones or an assertion.
 
     Raises DeclarationError: AC136 for a limit, AC139 for an assertion about parameters alone.
     """
     for node, p, k in flat.limited:
         value, declaration = flat.pool.parameter_value(node, values), p.declaration
         is_rounding = declaration.min == 0.0 and abs(value) < 1e-12 * declaration.nominal
-        if not is_rounding and not math.isnan(value):  # what cannot be computed is named when the run needs it
+        if not is_rounding and not math.isnan(value):  # a nan is reported by the run, which names the operation
             where = partial(_bound_at, flat, p.path)
             check_limit(p.path, suffix(declaration.shape, k), declaration, value, where)
-    for demand in _broken(flat, values, "error"):
-        raise _unmet(flat, demand, values)
+    for demand in _violated(flat, values, "error"):
+        raise _violation(flat, demand, values)
 
 
 def doubtful_values(flat: FlatSystem, values: Sequence[float]) -> tuple[str, ...]:
-    """What assertions about parameters alone warn of."""
-    return tuple(f"{_subject(flat, d)}: {d.message}" for d in _broken(flat, values, "warning"))
+    """Warnings of assertions about parameters alone."""
+    return tuple(f"{_subject(flat, d)}: {d.message}" for d in _violated(flat, values, "warning"))
 
 
-def _broken(flat: FlatSystem, values: Sequence[float], level: str) -> list[FlatAssert]:
+def _violated(flat: FlatSystem, values: Sequence[float], level: str) -> list[FlatAssert]:
     own = (d for d in flat.demands if d.level == level)
     return [d for d in own if flat.pool.parameter_value(d.condition, values) == 0.0]
 
@@ -203,16 +203,16 @@ def _bound_at(flat: FlatSystem, path: str) -> Sequence[Span]:
     return [component.origin.span()] if owner else declared_at(component.cls, name)
 
 
-def _unmet(flat: FlatSystem, demand: FlatAssert, values: Sequence[float]) -> DeclarationError:
+def _violation(flat: FlatSystem, demand: FlatAssert, values: Sequence[float]) -> DeclarationError:
     pool, component = flat.pool, flat.components[demand.component]
-    held = sorted({pool.nodes[n][1] for n in pool.reachable([demand.condition]) if pool.nodes[n][0] == "par"})
-    names = [flat.parameter_names[k] for k in held]
+    numbers = sorted({pool.nodes[n][1] for n in pool.reachable([demand.condition]) if pool.nodes[n][0] == "par"})
+    names = [flat.parameter_names[k] for k in numbers]
     stated = demand.origin.span()
     return DeclarationError(
         "AC139",
         f"{_subject(flat, demand)}: {demand.message}",
         where=[*([component.origin.span()] if demand.component else []), *([] if stated.of_library else [stated])],
-        evidence=["with " + ", ".join(f"{name} = {values[k]:g}" for k, name in zip(held, names, strict=True))],
+        evidence=["with " + ", ".join(f"{name} = {values[k]:g}" for k, name in zip(numbers, names, strict=True))],
         help=f"change {' or '.join(names)}",
     )
 
@@ -246,23 +246,23 @@ def check_overrides(overrides: Mapping[str, object], all_instances: Sequence[Ins
         )
 
 
-def _missing(found: Sequence[tuple[Instance, str, Declaration]]) -> DeclarationError:
-    instance, name, _ = found[0]
-    names = ", ".join(f"{i.prefix}{n}" for i, n, _ in found[:4])
-    more = f" and {len(found) - 4} more" if len(found) > 4 else ""
+def _missing(parameters: Sequence[tuple[Instance, str, Declaration]]) -> DeclarationError:
+    instance, name, _ = parameters[0]
+    names = ", ".join(f"{i.prefix}{n}" for i, n, _ in parameters[:4])
+    more = f" and {len(parameters) - 4} more" if len(parameters) > 4 else ""
     return DeclarationError(
         "AC133",
         f"parameter {instance.prefix}{name} has no value"
-        if len(found) == 1
-        else f"{len(found)} parameters have no value: {names}{more}",
-        where=(instance.origin.span(),) if instance.path else (instance.said(name).span(),),
-        evidence=[f"{i.prefix}{n} [{p.unit or '1'}]   {p.doc}".rstrip() for i, n, p in found[:6]],
+        if len(parameters) == 1
+        else f"{len(parameters)} parameters have no value: {names}{more}",
+        where=(instance.origin.span(),) if instance.path else (instance.origin_of_value(name).span(),),
+        evidence=[f"{i.prefix}{n} [{p.unit or '1'}]   {p.doc}".rstrip() for i, n, p in parameters[:6]],
         help=f"give it where the component is made: {type(instance.component).__name__}({name}=...)",
     )
 
 
-def refuse_time(user: str, value: Expr, said: Origin | Declared) -> None:
-    """Raise AC135 when a value that must be constant is written with `time`."""
+def refuse_time(user: str, value: Expr, origin_of_value: Origin | Declared) -> None:
+    """Raise DeclarationError AC135 when a value that must be constant depends on `time`."""
     stack, seen = [value], {id(value)}
     while stack:
         e = stack.pop()
@@ -270,7 +270,7 @@ def refuse_time(user: str, value: Expr, said: Origin | Declared) -> None:
             raise DeclarationError(
                 "AC135",
                 f"{user} is bound to `{value}`, which varies in time",
-                where=(said.span(),),
+                where=(origin_of_value.span(),),
                 help="bind parameters and starts to numbers and parameters; a signal_input takes what varies",
             )
         for a in e.args:
@@ -280,7 +280,7 @@ def refuse_time(user: str, value: Expr, said: Origin | Declared) -> None:
 
 
 def entries(path: str, shape: Shape, value: object, unit: str) -> tuple[float, ...]:
-    """Numbers of a variable's entries, row-major, from numbers in `unit` and texts with a unit: 2.5, "25 mm".
+    """Values of a variable's entries, row-major, from numbers in `unit` or texts with a unit: 2.5, "25 mm".
 
     One number fills a vector or a matrix.
 
@@ -288,13 +288,13 @@ def entries(path: str, shape: Shape, value: object, unit: str) -> tuple[float, .
     Raises UnitError: AC150 to AC152 for the unit of a text.
     """
     try:
-        given = _numbers(path, value, unit)
+        numbers = _numbers(path, value, unit)
     except (TypeError, ValueError):
         raise UsageError("AC023", f"{path} cannot be {value!r}", help=f"give {_wanted(shape)}") from None
     size = math.prod(shape)
-    if len(given) == size or len(given) == 1:
-        return given if len(given) == size else given * size
-    raise UsageError("AC023", f"{path} takes {_wanted(shape)}, {len(given)} were given")
+    if len(numbers) == size or len(numbers) == 1:
+        return numbers if len(numbers) == size else numbers * size
+    raise UsageError("AC023", f"{path} takes {_wanted(shape)}, {len(numbers)} were given")
 
 
 def _numbers(path: str, value: Any, unit: str) -> tuple[float, ...]:
@@ -329,7 +329,7 @@ def foreign(symbol: Symbol) -> DeclarationError:
 
 
 def check_bound(instance: Instance, name: str, value: Expr) -> None:
-    """Raise UnitError (AC155) when `value` has not the dimension of the field, where both are known."""
+    """Raise UnitError AC155 when the dimensions of `value` and of the field are known and differ."""
     if value.op == "const":
         return
     field: Symbol = getattr(instance.component, name)

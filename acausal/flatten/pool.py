@@ -1,8 +1,8 @@
-"""Hash-consed scalar expressions, as integers.
+"""Hash-consed scalar expressions as integers.
 
-A node is a tuple `(op, operand, ...)`; its number is its place in `Pool.nodes`. Operands have smaller numbers
-than the node, so ascending order is an evaluation order and no walk needs recursion. Equal expressions are
-the same number, so shared sub-expressions are lowered once.
+A node is a tuple `(op, operand, ...)`; its number is its index in `Pool.nodes`. Operands have smaller numbers than the
+node, so ascending order is an evaluation order, and no traversal needs recursion. Equal expressions have the same
+number, so shared sub-expressions are lowered once.
 """
 
 from __future__ import annotations
@@ -54,19 +54,21 @@ _BINARY: dict[str, Callable[[float, float], float]] = {
 LEAVES = frozenset(("const", "var", "par", "time"))
 RELATIONS = frozenset(("lt", "le", "gt", "ge"))
 IMPULSE = "impulse"
-"""Of a velocity and its value after an impact: what a `when` gives to the force whose impulse it is."""
-_KEPT = frozenset(("sample", "pre", "initial", "infinitesimal", "terminal", IMPULSE))  # what they are is the run's
-_SUMS = frozenset(("add", "sub", "neg", "mul"))  # a product with a number is one term several times
-_FEW = 32  # variables of a node that are remembered
-_SMALL = 50  # nodes of an expression that is walked without asking what has been seen
-_MANY = 16  # roots are many when there are more than one in so many nodes
+"""Operation of (velocity, its value after an impact): the value that a `when` assigns to the impulsive force."""
+_UNEVALUATED = frozenset(
+    ("sample", "pre", "initial", "infinitesimal", "terminal", IMPULSE)
+)  # evaluated by the run only
+_SUMS = frozenset(("add", "sub", "neg", "mul"))  # a product with a constant is a term with a factor
+_MOST_CACHED = 32  # largest number of variables of a node that are cached
+_SMALL = 50  # largest expression traversed without a set of visited nodes
+_MANY = 16  # roots are many if there is more than one in this number of nodes
 
 
 class Pool:
     """An append-only table of scalar expressions over numbered variables, parameters and time.
 
-    Variables are numbered from 0; `derivative(i)` is the number of the time derivative of variable i, made at
-    first need. `slope` maps a variable to the node of its derivative where the modeller gave a rule for it.
+    Variables are numbered from 0; `derivative(i)` is the number of the time derivative of variable i, created on first
+    use. `slope` maps a variable to the node of its derivative where the modeller gave a rule for it.
     """
 
     def __init__(self) -> None:
@@ -76,9 +78,9 @@ class Pool:
         self.derivative_of: dict[int, int] = {}
         self.integral_of: dict[int, int] = {}
         self.slope: dict[int, int] = {}
-        self.delays: list[tuple[int, int, int | None, str]] = []  # signal, delay, its maximum, and the words
-        self.undelayed: list[tuple[int, str]] = []  # delays that are zero
-        self.parameter_values: list[float] | None = None  # as far as they are known
+        self.delays: list[tuple[int, int, int | None, str]] = []  # (signal, delay, its maximum, text)
+        self.undelayed: list[tuple[int, str]] = []  # (delay, text) of delays that are zero
+        self.parameter_values: list[float] | None = None  # None before they are known
         self._slopes: dict[int, int] = {}
         self._variables: dict[int, tuple[int, ...]] = {}
         self.zero = self.const(0.0)
@@ -89,9 +91,9 @@ class Pool:
         return {**self.__dict__, "_variables": {}, "_number": {node: k for k, node in enumerate(self.nodes)}}
 
     def retire(self) -> None:
-        """Forget what only makes new nodes quick to find; the first of them brings it back.
+        """Drop the lookup table of nodes, which the next new node rebuilds.
 
-        For a pool that is read only from now on: of a large model this is a fifth of its memory.
+        For a pool that is only read from now on; the table is a fifth of the memory of a large model.
         """
         self._number = _Retired(self)
         self._variables = {}
@@ -136,7 +138,7 @@ class Pool:
         return node[1] if node[0] == "const" else None
 
     def delayed(self, source: int, time: int, most: int | None, label: str) -> int:
-        """The node of a signal as it was `time` ago; equal ones are one delay."""
+        """The node of a signal delayed by `time`; equal delays share a number."""
         key = source, time, most
         index = next((k for k, d in enumerate(self.delays) if d[:3] == key), len(self.delays))
         if index == len(self.delays):
@@ -144,7 +146,7 @@ class Pool:
         return self.intern((Delayed(index, label), self.sub(self.time, time)))
 
     def parameter_value(self, root: int, given: Sequence[float] | None = None) -> float:
-        """Value of a node of parameters, which are `given` or as flattened; nan where one is not known or is none."""
+        """Value of a node for parameters `given`, shape (np,), or those of the model; nan if it is not constant."""
         known: dict[int, float] = {}
         values = (self.parameter_values or []) if given is None else given
         for number in self.reachable([root]):
@@ -163,24 +165,24 @@ class Pool:
         return known[root]
 
     def is_constant(self, root: int) -> bool:
-        """True for an expression of parameters alone, whose value can be told before the run."""
+        """True for an expression of parameters alone, whose value is known before the run."""
         return not any(
             self.nodes[n][0] in ("var", "time", "sample", "pre", "initial", "infinitesimal", "terminal")
             for n in self.reachable([root])
         )
 
     def make(self, op: str, *args: int) -> int:
-        """The node `op(args)`, simplified where that is exact for every value of the operands."""
+        """The node `op(args)`, simplified where that is exact for all values of the operands."""
         if op in _MAKE:
             return _MAKE[op](self, *args)
-        if op in _KEPT or isinstance(op, Call | Delayed):
+        if op in _UNEVALUATED or isinstance(op, Call | Delayed):
             return self.intern((op, *args))
         values: list[Any] = [self.value(a) for a in args]
         if all(v is not None for v in values):
             try:
                 return self.const((_UNARY if len(args) == 1 else _BINARY)[op](*values))
             except (ValueError, OverflowError, ZeroDivisionError):
-                pass  # left for the run: the message there names the equation
+                pass  # kept for the run, whose error names the equation
         if op == "pow" and values[1] is not None and values[1] in (0.0, 1.0):
             return self.one if values[1] == 0.0 else args[0]
         return self.intern((op, *args))
@@ -271,17 +273,17 @@ class Pool:
         return total
 
     def collected(self, root: int) -> int:
-        """The same sum with equal terms gathered: (a - b) - a is -b; `root` itself when no term occurs twice."""
+        """A sum with equal terms combined: (a - b) - a is -b; `root` itself when no term occurs twice."""
         nodes = self.nodes
         node = nodes[root]
         if len(node) == 3 and node[1] != node[2] and nodes[node[1]][0] in LEAVES and nodes[node[2]][0] in LEAVES:
-            return root  # most equations of a network
+            return root  # the common case, most equations of a network
         if not self._repeats(root):
             return root
         factors: dict[int, float] = {root: 1.0}
         sizes: dict[int, float] = {root: 1.0}
         terms: list[int] = []
-        heap = [-root]  # operands have smaller numbers: each node comes once, with all its factors
+        heap = [-root]  # descending: a node is popped once all its factors are known, as operands have smaller numbers
         while heap:
             number = -heapq.heappop(heap)
             below = _summands(nodes, nodes[number])
@@ -299,7 +301,7 @@ class Pool:
         return total
 
     def _repeats(self, root: int) -> bool:
-        """Whether a term of a sum occurs twice; asked of every equation, and nearly always answered by no."""
+        """Whether a term of a sum occurs twice. Called for every equation, and nearly always false."""
         nodes = self.nodes
         node = nodes[root]
         if node[0] not in _SUMS or (len(node) == 3 and node[1] != node[2] and not self._adds(node)):
@@ -322,7 +324,7 @@ class Pool:
         return False
 
     def _adds(self, node: Node) -> bool:
-        """Whether an operand is a sum itself, or the multiple of something by a number."""
+        """Whether an operand is itself a sum, or a product with a constant."""
         nodes = self.nodes
         for number in node[1:]:
             below = nodes[number]
@@ -332,7 +334,7 @@ class Pool:
         return False
 
     def reachable(self, roots: Iterable[int], done: Collection[int] | None = None) -> list[int]:
-        """All nodes needed to evaluate `roots`, in evaluation order; none at and below those that are `done`."""
+        """All nodes needed to evaluate `roots`, in evaluation order, without nodes in `done` and those below them."""
         nodes = self.nodes
         stack = list(roots) if done is None else [r for r in roots if r not in done]
         if len(stack) * _MANY > len(nodes):
@@ -349,7 +351,7 @@ class Pool:
         return sorted(seen)
 
     def _reachable_of_many(self, roots: Iterable[int], done: Container[int]) -> list[int]:
-        """The same by a mark for every node: a set of most of them, and sorting it, costs twice as much."""
+        """As `reachable`, with a mark for every node: half the cost of sorting a set that contains most of them."""
         nodes = self.nodes
         marks = bytearray(len(nodes))
         for number in roots:
@@ -366,19 +368,19 @@ class Pool:
         return list(compress(range(len(nodes)), marks))
 
     def variables_in(self, *roots: int) -> frozenset[int]:
-        """Numbers of the variables that `roots` depend on; few ones of a single root are remembered."""
+        """Numbers of the variables that `roots` depend on; small results for a single root are cached."""
         if len(roots) != 1:
             return frozenset(self.variables_behind(roots, {}))
         known = self._variables.get(roots[0])
         if known is not None:
             return frozenset(known)
         found = frozenset(set(self.entries(roots[0])))
-        if len(found) <= _FEW:  # nested sums of many would take memory with the square of their number
+        if len(found) <= _MOST_CACHED:  # caching all partial sums of n terms would take n^2 memory
             self._variables[roots[0]] = tuple(found)  # a third of the memory of a set
         return found
 
     def entries(self, root: int) -> list[int]:
-        """Variables that a node depends on, in no order, perhaps more than once; nothing is remembered."""
+        """Variables that a node depends on, in no particular order, perhaps repeated, and without caching."""
         nodes, stack = self.nodes, [root]
         found: list[int] = []
         for _ in range(_SMALL):
@@ -390,10 +392,12 @@ class Pool:
                 found.append(node[1])
             elif op not in LEAVES:
                 stack += node[1:]
-        return list(self.variables_behind((root,), {}))  # what is large may share so much that it has no end of paths
+        return list(
+            self.variables_behind((root,), {})
+        )  # a large expression may share so many nodes that its paths are countless
 
     def variables_behind(self, roots: Iterable[int], definitions: Mapping[int, int]) -> set[int]:
-        """The same through variables that are defined by nodes; each node is visited once."""
+        """Variables that `roots` depend on, also through definitions of variables by nodes."""
         nodes = self.nodes
         found: set[int] = set()
         seen: set[int] = set()
@@ -413,7 +417,7 @@ class Pool:
         return found
 
     def rewrite(self, roots: Iterable[int], leaf: Callable[[int], int], done: dict[int, int]) -> None:
-        """Fill `done` with the image of every node below `roots` when each variable i becomes node `leaf(i)`."""
+        """Substitute node `leaf(i)` for each variable i: enter the image of every node below `roots` in `done`."""
         nodes = self.nodes
         for number in self.reachable(roots, done):
             node = nodes[number]
@@ -428,20 +432,20 @@ class Pool:
 
 
 class _Retired(dict[Node, int]):
-    """The numbers of a pool's nodes, until one of them is asked for."""
+    """Placeholder of a dropped lookup table, which the first access rebuilds."""
 
     def __init__(self, pool: Pool) -> None:
         super().__init__()
         self.pool = pool
 
     def get(self, node: Node, default: Any = None) -> Any:
-        """The number of a node; the pool has all of them again."""
+        """The number of a node, from the rebuilt table."""
         self.pool._number = {node: k for k, node in enumerate(self.pool.nodes)}
         return self.pool._number.get(node, default)
 
 
 def _summands(nodes: list[Node], node: Node) -> tuple[tuple[int, float], ...]:
-    """Operands of a sum with their factors; nothing for what is no sum."""
+    """(Operand, factor) of each term of a sum; empty for a node that is no sum."""
     op = node[0]
     if op in ("add", "sub"):
         return (node[1], 1.0), (node[2], 1.0 if op == "add" else -1.0)

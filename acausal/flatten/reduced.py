@@ -1,4 +1,4 @@
-"""The reduced system: what alias elimination leaves of a flat one, over variables of its own."""
+"""The reduced system: the equations left after alias elimination, over variables of their own."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ class ReducedWhen(NamedTuple):
 
     @property
     def guards(self) -> tuple[int, ...]:
-        """What decides whether it acts."""
+        """Nodes that decide whether the clause acts."""
         return (*self.conditions, *self.earlier)
 
     def mapped(self, image: Mapping[int, int]) -> ReducedWhen:
-        """The same with other nodes."""
+        """The clause with the images of its nodes."""
         return ReducedWhen(*(tuple(image[n] for n in nodes) for nodes in self))
 
 
@@ -32,14 +32,14 @@ class ReducedWhen(NamedTuple):
 class ReducedSystem:
     """The equations that remain, over numbered variables of their own pool."""
 
-    flat: FlatSystem  # where it comes from
+    flat: FlatSystem  # the system it was made from
     pool: Pool  # expressions over the remaining variables 0 ... n_variables-1; `pool.derivative_of` links x to der(x).
     scalar: tuple[int, ...]  # flat scalar that names each remaining variable
     residuals: tuple[int, ...]  # nodes that must be zero
     equation: tuple[int, ...]  # index of the flat equation of each residual
     image: tuple[int, ...]  # node of every flat scalar: a variable, its negative, a constant, or a known expression
     inputs: tuple[int, ...]  # variables that are the model's own inputs
-    redundant: tuple[int, ...]  # flat equations that follow from others
+    redundant: tuple[int, ...]  # flat equations implied by others
     # Nodes of the initial equations that must be zero at the start, in the order of `flat.initial_equations`.
     initial: tuple[int, ...]
     whens: tuple[ReducedWhen, ...]  # nodes of `flat.whens`
@@ -47,37 +47,37 @@ class ReducedSystem:
     assignments: tuple[int, ...] = ()
     asserts: tuple[int, ...] = ()
     delays: tuple[tuple[int, int, int | None], ...] = ()
-    # Flat scalars that results do not hold, because no wanted output needs them (`acausal.reduce.cone`); their images
-    # mean nothing any more.
+    # Flat scalars without trajectories, because no requested output needs them (`acausal.reduce.cone`); their images
+    # are invalid.
     left_out: frozenset[int] = frozenset()
 
     def __repr__(self) -> str:
         return f"ReducedSystem({self.flat.name}: {len(self.residuals)} equations, {self.pool.n_variables} variables)"
 
     def name(self, variable: int) -> str:
-        """Name of a variable as the user knows it; `der(...)` for derivatives made later."""
+        """Name of a variable in the model; `der(...)` for derivatives added by the compiler."""
         if variable < len(self.scalar):
             return self.flat.scalar_name(self.scalar[variable])
         return f"der({self.name(self.pool.integral_of[variable])})"
 
     @cached_property
     def aliases(self) -> dict[int, list[int]]:
-        """Flat scalars that each variable stands for, up to sign."""
-        found: dict[int, list[int]] = {}
+        """Flat scalars that equal each variable up to sign."""
+        scalars_of: dict[int, list[int]] = {}
         for scalar, node in enumerate(self.image):
             op, *rest = self.pool.nodes[node]
             if op == "neg":
                 op, *rest = self.pool.nodes[rest[0]]
             if op == "var" and scalar not in self.left_out:
-                found.setdefault(rest[0], []).append(scalar)
-        return found
+                scalars_of.setdefault(rest[0], []).append(scalar)
+        return scalars_of
 
 
 def nominal(reduced: ReducedSystem, variable: int) -> float:
     """Declared nominal magnitude of a variable: the first one declared among its aliases.
 
-    Without any it is 1, and for the derivative of a velocity v = der(x), which only the compiler knows, v^2/x from the
-    nominals of both: what an acceleration is where v changes over the time in which x does.
+    Undeclared it is 1; for the derivative of a velocity v = der(x), added by the compiler, it is v^2/x from the
+    nominals of both: the acceleration if v changes over the same time as x.
     """
     flat = reduced.flat
     if flat.nominals and variable < len(reduced.scalar) and reduced.scalar[variable] < flat.n_scalars:

@@ -1,4 +1,4 @@
-"""Long sums as lists of terms: a chain of a thousand additions has a thousand partial sums, which nobody needs."""
+"""Long sums as lists of terms, without the partial sums of a chain of additions."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ LONG = 24
 
 
 def is_long(pool: Pool, root: int) -> bool:
-    """True where a sum is a chain of more than two dozen additions, however their operands are ordered."""
+    """True for a chain of more than `LONG` additions, in any order of operands."""
     nodes = pool.nodes
     for _ in range(LONG):
         _, a, b = nodes[root]
@@ -25,22 +25,22 @@ def is_long(pool: Pool, root: int) -> bool:
 
 
 def terms(pool: Pool, root: int) -> list[tuple[int, int]]:
-    """Terms of a sum, each once with the whole number of times it counts, in the order in which they were made.
+    """(Term, integer factor) of each term of a sum, by ascending number of the node.
 
-    Operands are older than what is made of them, so that the youngest is always complete: the cost is that of sorting,
-    also where partial sums are shared.
+    Operands have smaller numbers than the nodes made of them, so the largest pending number has all its factors: the
+    cost is that of sorting, also where partial sums are shared.
     """
     nodes = pool.nodes
     weight = {root: 1}
-    waiting = [-root]
-    found: list[tuple[int, int]] = []
-    while waiting:
-        number = -heappop(waiting)
+    pending = [-root]
+    result: list[tuple[int, int]] = []
+    while pending:
+        number = -heappop(pending)
         times = weight.pop(number)
         op, *operands = nodes[number]
         if op not in SUMS and op != "neg":
             if times:
-                found.append((number, times))
+                result.append((number, times))
             continue
         for k, operand in enumerate(operands):
             signed = -times if op == "neg" or (op == "sub" and k == 1) else times
@@ -48,5 +48,5 @@ def terms(pool: Pool, root: int) -> list[tuple[int, int]]:
                 weight[operand] += signed
             else:
                 weight[operand] = signed
-                heappush(waiting, -operand)
-    return found[::-1]
+                heappush(pending, -operand)
+    return result[::-1]

@@ -1,4 +1,4 @@
-"""Pool expressions as Python-like text, for people who want to see what the compiler made of their equations."""
+"""Python-like text of pool expressions, for messages and listings."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from acausal.language.expressions.delay import Delayed
 NameOf = Callable[[str, int], str]
 """Name of a leaf: ("var", number) or ("par", number)."""
 
-# As Python binds: & and | more tightly than comparisons.
+# Operator and precedence as in Python, where & and | bind more tightly than comparisons.
 _INFIX = {
     "lt": ("<", 1),
     "le": ("<=", 1),
@@ -32,24 +32,24 @@ _CALLED = {"min": "minimum", "max": "maximum"}
 def to_text(pool: Pool, node: int, name_of: NameOf, limit: int = 400) -> str:
     """Text of a node, with no more parentheses than Python needs.
 
-    Shared sub-expressions are written out where they are used, so that the text can be exponentially longer than the
-    pool: it is written from left to right and stops, with ` ...`, after `limit` characters.
+    Shared sub-expressions are repeated wherever they are used, so the full text can be exponentially longer than the
+    pool: it is written from left to right and ends with ` ...` after `limit` characters.
     """
-    written: list[str] = []
+    parts: list[str] = []
     length = 0
-    # What is still to be written, the next at the end: text, or a node and how tightly its surroundings bind.
-    todo: list[str | tuple[int, int]] = [(node, 0)]
-    while todo:
-        item = todo.pop()
+    # Stack of pending items: a text, or (node, precedence of its context).
+    pending: list[str | tuple[int, int]] = [(node, 0)]
+    while pending:
+        item = pending.pop()
         if isinstance(item, str):
-            written.append(item)
+            parts.append(item)
             length += len(item)
-            if length > limit and todo:
-                written.append(" ...")
+            if length > limit and pending:
+                parts.append(" ...")
                 break
         else:
-            todo.extend(reversed(_pieces(pool.nodes[item[0]], item[1], name_of)))
-    return "".join(written)
+            pending.extend(reversed(_pieces(pool.nodes[item[0]], item[1], name_of)))
+    return "".join(parts)
 
 
 def _pieces(node: Node, context: int, name_of: NameOf) -> list[str | tuple[int, int]]:
@@ -88,5 +88,5 @@ def _bracketed(text: str, closed: bool) -> str:
 
 
 def number(value: float) -> str:
-    """A number as short as it can be read back to nine digits: 0.5, 1e+08, 3."""
+    """Shortest text of a number to nine digits: 0.5, 1e+08, 3."""
     return f"{value:.9g}"

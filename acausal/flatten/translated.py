@@ -1,4 +1,4 @@
-"""A flat system in another pool: with parameters made numbers, or with more variables."""
+"""A flat system moved to another pool: with parameters replaced by constants, or with additional variables."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def translated(flat: FlatSystem, pool: Pool, image: Mapping[int, int]) -> FlatSy
 
 
 def with_variables(flat: FlatSystem, count: int) -> tuple[FlatSystem, dict[int, int]]:
-    """The flat system with `count` more scalars behind its own, and the images of its nodes; they need declarations."""
+    """The flat system with `count` additional scalars, which the caller declares, and the images of its nodes."""
     old, pool, n = flat.pool, Pool(), flat.n_scalars
 
     def number(variable: int) -> int:

@@ -1,8 +1,8 @@
-"""Components whose structure is chosen: what a contact scene holds depends on who is near whom.
+"""Components with a variable structure: the contacts of a scene depend on which bodies are close to each other.
 
-The component is a recipe and stays as it is. A `Choice` is one structure it can have, frozen; whoever runs a model, or
-makes it smaller, goes from one choice to the next and flattens the model with it (`flatten(model, choices=...)`). So
-two runs of one model, in two threads too, know nothing of each other.
+A `Choice` is one structure that such a component can have, and is immutable. A run, or a model reduction, replaces one
+choice by the next and flattens the model with it (`flatten(model, choices=...)`). The component itself never changes,
+so that two runs of one model, also in two threads, are independent.
 """
 
 from __future__ import annotations
@@ -27,91 +27,91 @@ class Choice(Protocol):
     """
 
     def applied(self) -> Component:
-        """The component with this structure: a view, which shares all that does not depend on the choice."""
+        """The component with this structure: a view that shares everything independent of the choice."""
         ...
 
     def labels(self) -> Sequence[tuple[str, str]]:
-        """Parts by their names in this structure, and by names that are the same in all structures."""
+        """Parts as pairs: name in this structure, name that is the same in all structures."""
         ...
 
     def structure(self) -> Hashable:
-        """What decides the equations: equal where these are. What is remembered for later choices may differ."""
+        """Key that is equal for choices with equal equations; data kept for later choices are not part of it."""
         ...
 
-    # While a model runs: acausal/simulate/restructure/restructure.py.
+    # Used by runs: acausal/simulate/restructure/restructure.py.
 
     def watched(self) -> Sequence[str]:
-        """Signals that `following` and `moved` look at."""
+        """Signals that `following` and `moved` need."""
         ...
 
     def following(self, seen: Mapping[str, Array]) -> Choice:
-        """The choice for these values."""
+        """The choice for values of the watched signals at one instant."""
         ...
 
     def moved(self, before: Mapping[str, Array], after: Mapping[str, Array]) -> Array:
-        """How far the choice is used up at n instants [1], shape (n,): at 1 it may begin to be wrong.
+        """How much of the validity of the choice is used up at n instants [1], shape (n,); from 1 on it may be wrong.
 
         `before` holds values at the instant of the choice, `after` at the n instants.
         """
         ...
 
     def remarks(self, largest: Callable[[str], float]) -> Sequence[str]:
-        """What to note after the run; `largest` gives the largest value of a signal, by a lasting name."""
+        """Notes on the run; `largest` gives the largest value of a signal, by the name common to all structures."""
         ...
 
-    # Where a model is made smaller: acausal/reduce/confine.py.
+    # Used by model reduction: acausal/reduce/confine.py.
 
     def poses(self) -> Sequence[str]:
-        """Signals by whose bounds `confined` decides."""
+        """Signals whose bounds `confined` needs."""
         ...
 
     def confined(self, bounds: Mapping[str, tuple[Array, Array]]) -> tuple[Choice, bool]:
-        """The choice that also holds what can play a part within lowest and highest values of the signals.
+        """(Choice extended by every contact possible within (lowest, highest) values of the signals, whether it grew).
 
-        True beside it when it holds more than this one, and more may follow.
+        As long as it grows, a further extension may be necessary.
         """
         ...
 
     def apart(self) -> Sequence[tuple[str, str]]:
-        """Names and reasons of what was left out."""
+        """(Name, reason) of everything left out."""
         ...
 
     def unsteady(self) -> Sequence[str]:
-        """What would go on changing the structure during a run."""
+        """Names of parts that keep changing the structure during a run."""
         ...
 
 
 @runtime_checkable
 class Changing(Protocol):
-    """A component whose structure can be chosen; on its own it holds all that it may ever need at one time."""
+    """A component with a variable structure; without a choice it has everything it can need at one time."""
 
     def is_variable(self) -> bool:
-        """Whether a run has to change the structure, or becomes cheaper by it."""
+        """Whether a run must change the structure, or becomes cheaper by changing it."""
         ...
 
     def whole(self) -> Choice:
-        """The component as it is."""
+        """The choice with everything that is possible."""
         ...
 
     def least(self, steady: bool) -> Choice:
-        """The smallest structure; `steady`: parts keep their names in all structures that are confined from it."""
+        """The smallest structure; with `steady`, parts keep their names in all structures extended from it."""
         ...
 
 
 def is_changing(component: object) -> TypeGuard[Changing]:
-    """Whether a component is of this kind; asked of its class, which is remembered."""
+    """Whether a component has a variable structure; decided by its class, because Python caches that."""
     return issubclass(type(component), Changing)
 
 
 @runtime_checkable
 class Reporting(Protocol):
-    """A component that has something to say about itself, such as the pairs of a contact scene."""
+    """A component that can report about itself, such as a contact scene about its pairs."""
 
     def report(self) -> object:
-        """What it has to say, in its `repr`."""
+        """An object whose `repr` is the report."""
         ...
 
 
 def is_reporting(component: object) -> TypeGuard[Reporting]:
-    """Whether a component is of this kind; asked of its class, which is remembered."""
+    """Whether a component can report about itself; decided by its class, because Python caches that."""
     return issubclass(type(component), Reporting)

@@ -1,7 +1,7 @@
-"""Components and connectors: a class body declares, a generator states, `build` makes the parts.
+"""Components and connectors: class bodies declare fields, generators state equations, `build` creates parts.
 
-Instances are recipes: they hold what was given to the constructor, the parts that `build` made, the place where
-they were made, and the owner they were given to (for messages). Nothing is global; the flattener gives names.
+An instance holds the arguments of its constructor, the parts created by `build`, its place in the source, and its owner
+(for messages). There is no global registry; the flattener assigns names.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from acausal.language.declarations.misuse import (
     checked_structural,
     declared_at,
     declared_class,
-    endless,
+    endless_recursion,
     field_span,
     own_constructor,
     refuse_hiding,
@@ -40,25 +40,25 @@ Equations = Iterator[Statement]
 """Return type of `equations`, `initial_equations` and `ties`."""
 
 STATING = ("equations", "initial_equations", "ties")
-"""Generators in which a component states what holds."""
+"""Generator methods by which a component states its equations."""
 
 _RESERVED = {"build", *STATING}
 
 
 @dataclass_transform(kw_only_default=True, field_specifiers=(parameter, structural, outer))
 class Component(Owner):
-    """Base of everything a modeller writes.
+    """Base class of all models and their parts.
 
     Subclasses declare fields and may define `build(self)`, `equations(self)`, `initial_equations(self)` and
     `ties(self)`. Equations of all classes in the MRO add up, base first, without `super()`.
     """
 
     experiment: ClassVar[Experiment] = Experiment()
-    """The run that the model is meant for."""
+    """Default run of the model."""
     _prototypes: ClassVar[dict[str, Component]] = {}
     _outers: ClassVar[dict[str, Outer[Component]]] = {}
     _to_be_connected: ClassVar[tuple[str, ...]] = ()
-    """Connectors that cannot stay open: an open one carries no flow, which here would rule what flows elsewhere."""
+    """Connectors that must be connected: the zero flow of an open one would determine flows of the component."""
     _parts: dict[str, Component | list[Any]]
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
@@ -153,7 +153,7 @@ class Component(Owner):
         self._build()
         for name, parts in own["_parts"].items():
             if isinstance(parts, list):
-                self._adopt(name, parts)  # again: build may have appended to it
+                self._adopt(name, parts)  # again, because `build` may have appended to the list
         own["_building"] = False
         if "_declarations" in own:
             self._refuse_resized()
@@ -167,7 +167,7 @@ class Component(Owner):
                 )
 
     def _decided(self, name: str, declaration: Declaration) -> Any:
-        """The default of a structural value; AC113 when it has none."""
+        """The default of a structural value; DeclarationError AC113 when it has none."""
         if declaration.default is None:
             raise DeclarationError(
                 "AC113",
@@ -178,7 +178,7 @@ class Component(Owner):
         return declaration.default
 
     def _sized(self) -> dict[str, Declaration]:
-        """Declarations of this instance with the shapes that follow from its structural values."""
+        """Declarations of this instance, with shapes computed from its structural values."""
         cls, own, given = type(self), self.__dict__, self.__dict__["_given"]
         for name, declaration in cls._declarations.items():
             if declaration.kind is Kind.STRUCTURAL:
@@ -200,7 +200,7 @@ class Component(Owner):
         return found
 
     def _refuse_resized(self) -> None:
-        """Refuse structural values that `build` gives and shapes follow from: starts were made for other shapes."""
+        """Refuse structural values set in `build` if they change shapes, which the start values no longer match."""
         cls = type(self)
         for name, declaration in cls._declarations.items():
             made = self._declarations[name].shape
@@ -213,7 +213,7 @@ class Component(Owner):
                 )
 
     def _build(self) -> None:
-        """Run `build`; what it states must be yielded later, from where `_stated` keeps it."""
+        """Run `build`; statements made in it are recorded in `_stated`, and must be yielded by a generator later."""
         cls, ledger = type(self), Ledger()
         self.__dict__["_stated"] = ledger
         build = getattr(self, "build", None)
@@ -235,13 +235,13 @@ class Component(Owner):
             if not any(hasattr(cls, name) for name in STATING):
                 refuse_lost(where, ledger)
         except RecursionError as error:
-            raise endless(self) or error from None
+            raise endless_recursion(self) or error from None
         except DeclarationError as error:
             error.attribute_to(cls.__name__)
             raise
 
     def _declared(self, name: str, declaration: Declaration) -> Any:
-        """The value that the class body gives; what is wrong with it is wrong there."""
+        """The default value of a field; errors in it name the place of its declaration."""
         value = declaration.default
         cls = type(self)
         try:
@@ -329,7 +329,7 @@ class Component(Owner):
             raise own_constructor(cls) or assignment(self, name, STATING)
         declaration = self._declarations.get(name)
         if declaration is not None and declaration.kind is Kind.PART and name in self.__dict__["_given"]:
-            return  # what was given replaces what `build` would make
+            return  # the part given to the constructor replaces that of `build`
         if declaration is not None:
             self._give(name, declaration, value)
         elif isinstance(value, Component) or (isinstance(value, list) and value and isinstance(value[0], Component)):
@@ -341,7 +341,7 @@ class Component(Owner):
         else:
             self.__dict__[name] = value
 
-    if not TYPE_CHECKING:  # else every misspelt attribute would be one to a type checker
+    if not TYPE_CHECKING:  # otherwise type checkers would accept every misspelt attribute
 
         def __getattr__(self, name: str) -> Any:
             parts = self.__dict__.get("_parts")
@@ -354,20 +354,20 @@ class Component(Owner):
             if name in _RESERVED:
                 raise AttributeError(name)
             if "_stands_in" in self.__dict__:
-                return self._seen_through(name)
-            if name in self._declarations:  # a part: `__init__` has declared it and `build` has not run yet
+                return self._stand_in_part(name)
+            if name in self._declarations:  # a part that `build` has not created yet
                 raise _not_made_yet(type(self), name)
             raise _unknown_field(type(self), name)
 
     def _refuse_unmade(self) -> None:
-        """Refuse what a constructor of its own has left without all that a component is (AC109)."""
+        """Raise DeclarationError AC109 for an instance whose own `__init__` did not call that of `Component`."""
         if "_origin" not in self.__dict__:
             wrong = own_constructor(type(self))
             if wrong is not None:
                 raise wrong
 
     def _copy(self) -> Self:
-        """A fresh instance of the same recipe."""
+        """A new instance from the same constructor arguments."""
         self._refuse_unmade()
         given = {
             k: v._copy() if isinstance(v, Component) else [m._copy() for m in v] if _is_parts(v) else v
@@ -378,12 +378,12 @@ class Component(Owner):
         return twin
 
     def _marks(self) -> dict[str, Any]:
-        """What a copy has besides its recipe: where it was made, and which signals `free` has cut."""
+        """Attributes of a copy besides the constructor arguments: place in the source, signals cut by `free`."""
         return {name: self.__dict__[name] for name in ("_origin", "_freed") if name in self.__dict__}
 
     @classmethod
     def _stand_in(cls, owner: Component, name: str) -> Self:
-        """What stands for an outer component of `owner`, or a part of one, until it is known: its quantities."""
+        """Placeholder of an outer component of `owner`, or a part of one, with symbols of its quantities."""
         made = object.__new__(cls)
         made.__dict__.update(_owner=(owner, name), _origin=owner.__dict__["_origin"], _stands_in=True, _building=False)
         made.__dict__.update({held: {} for held in ("_values", "_symbols", "_parts", "_given", "_stated")})
@@ -391,8 +391,8 @@ class Component(Owner):
             made.__dict__[own_name] = around.cls._stand_in(made, own_name)
         return made
 
-    def _seen_through(self, name: str) -> Component:
-        """A part of a stand-in; AC187 for what is no quantity."""
+    def _stand_in_part(self, name: str) -> Component:
+        """A part of a stand-in; DeclarationError AC187 for anything but quantities and parts."""
         prototype = self._prototypes.get(name)
         if prototype is None:
             path = self._path_to(name)
@@ -406,7 +406,7 @@ class Component(Owner):
         return made
 
     def _view(self, own: Mapping[str, Any] | None = None, parts: Mapping[str, Any] | None = None) -> Self:
-        """This component with some other attributes and parts; all else is shared with it, and it stays as it is."""
+        """A view of this component with some attributes and parts replaced; everything else is shared."""
         twin = object.__new__(type(self))
         twin.__dict__.update(self.__dict__)
         twin.__dict__.update(own or {}, _symbols={}, _parts={**self._parts, **(parts or {})})
@@ -414,14 +414,18 @@ class Component(Owner):
         return twin
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """A pickled component is its recipe, as `build` may have made functions; one seen anew goes as the first.
+        """Pickle the constructor arguments only, as `build` may have created functions; a view pickles its original.
 
-        One of another keeps where it stood: equations that are pickled name it by that.
+        A part of another component keeps its path, by which pickled equations name it.
         """
         if "_seen" in self.__dict__:
             return dict.__getitem__, ({0: self.__dict__["_seen"]}, 0)
         stood = self._path_to("").removesuffix(".")
-        return _again, (type(self), self.__dict__["_given"], {**self._marks(), **({"_stood": stood} if stood else {})})
+        return _unpickle, (
+            type(self),
+            self.__dict__["_given"],
+            {**self._marks(), **({"_stood": stood} if stood else {})},
+        )
 
     def __repr__(self) -> str:
         given = ", ".join(f"{k}={_shown(v)}" for k, v in self.__dict__["_given"].items())
@@ -438,11 +442,11 @@ class Component(Owner):
 
 
 class Record(Component):
-    """A set of parameters with a name of its own, as Modelica's records: a material, a tool.
+    """A named set of parameters, as Modelica's records: a material, a tool.
 
     A component declares a record as a part, `material: Material = Material()`, and reads `self.material.rho`. One
-    record may be given to many components, `Rod(material=self.steel)`: each gets a record of its own that is bound to
-    it, so that a value set in the given one holds everywhere.
+    record may be given to many components, `Rod(material=self.steel)`: each gets its own record, whose parameters are
+    bound to those of the shared one.
 
     Raises
     ------
@@ -466,21 +470,21 @@ class Record(Component):
             )
 
     def _reference(self) -> Self:
-        """A record whose values are bound to those of this one."""
+        """A record whose parameters are bound to those of this one."""
         twin = type(self)(**{name: getattr(self, name) for name in self._declarations})
         twin.__dict__["_origin"] = self.__dict__["_origin"]
         return twin
 
 
-def _again(cls: type[Component], given: dict[str, Any], marks: dict[str, Any]) -> Component:
-    """The component that was pickled; its place is still where it was made first."""
-    found = cls(**given)
-    found.__dict__.update(marks)
-    return found
+def _unpickle(cls: type[Component], given: dict[str, Any], marks: dict[str, Any]) -> Component:
+    """Unpickle a component; its place in the source is that of the original."""
+    component = cls(**given)
+    component.__dict__.update(marks)
+    return component
 
 
 class Connector(Component):
-    """A set of variables through which components are joined: potentials and as many flows.
+    """A set of variables by which components are connected: potentials, and as many flows.
 
     An overconstrained connector (a frame with its rotation matrix) defines `rates(self)`, yielding
     `der(x) == expression` for its overconstrained variables, and `residuals(self, other)`, yielding the minimal

@@ -1,7 +1,7 @@
-"""What happens at instants: `when` a condition becomes true, `reset` states, `terminate`; `assert_` at all times.
+"""Statements about events: `when` a condition becomes true, `reset`, `terminate`; and `assert_`, which holds always.
 
-Meaning as in the Modelica language 3.6, chapter 8: a `when` acts at the instant its condition turns from false to
-true, all its actions see the values from before, and relations are decided again afterwards.
+Semantics as in the Modelica language 3.6, chapter 8: a `when` acts at the instant its condition turns from false to
+true, all its actions use the values from before, and relations are evaluated again afterwards.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from acausal.language.statement import Statement, made, used
 
 @dataclass(frozen=True)
 class Reset:
-    """A new value for a variable that is integrated or discrete; or for a velocity, by the impulse of a force."""
+    """Assignment of a new value to a state or discrete variable; or to a velocity, by the impulse of a force."""
 
     target: Expr
     value: Expr
@@ -72,16 +72,16 @@ class When(Statement):
         return ".".join([own, *map(str, self.branches)])
 
     def elsewhen(self, condition: Expr | Sequence[Expr], *actions: Reset | Terminate) -> When:
-        """The same with a further branch, which acts when its condition becomes true and no earlier one does just then.
+        """This `when` with a further branch, which acts when its condition becomes true and no earlier one does then.
 
-        Branches need not set the same variables: what a branch does not set keeps its value. Source: Modelica language
-        specification 3.6, section 8.3.5.2.
+        Branches need not set the same variables: a variable that a branch does not set keeps its value. Source:
+        Modelica language specification 3.6, section 8.3.5.2.
 
         Raises DeclarationError: AC108 when `condition` is no condition, AC140 when an action is neither a `reset` nor a
         `terminate`.
         """
         used((self,))
-        branches = (*self.branches, _made(condition, actions, "elsewhen"))
+        branches = (*self.branches, _when(condition, actions, "elsewhen"))
         return When(self.conditions, self.actions, self.terminate, branches, self.keyword)
 
 
@@ -103,17 +103,17 @@ class Assertion(Statement):
 def when(condition: Expr | Sequence[Expr], *actions: Reset | Terminate) -> When:
     """Do `actions` at every instant at which `condition`, or one of several, becomes true.
 
-    `.elsewhen(other, ...)` behind it adds branches; of several that become true at one instant the first acts.
+    `.elsewhen(other, ...)` adds branches; if several conditions become true at one instant, the first branch acts.
 
     Raises
     ------
     DeclarationError
         AC108 when `condition` is no condition, AC140 when an action is neither a `reset` nor a `terminate`.
     """
-    return _made(condition, actions, "when")
+    return _when(condition, actions, "when")
 
 
-def _made(condition: Expr | Sequence[Expr], actions: Sequence[object], keyword: str) -> When:
+def _when(condition: Expr | Sequence[Expr], actions: Sequence[object], keyword: str) -> When:
     for action in actions:
         if not isinstance(action, Reset | Terminate):
             raise DeclarationError(
@@ -134,22 +134,22 @@ def _conditions(condition: Expr | Sequence[Expr]) -> tuple[Expr, ...]:
 
 
 def reset(x: Expr, value: Operand, *, by: Expr | None = None) -> Reset:
-    """Set a state or a discrete variable to a new value; the value may use what holds just before.
+    """Set a state or a discrete variable to a new value, computed from values just before the event.
 
     Parameters
     ----------
     x
-        One declared scalar variable; with `by`, any scalar made of velocities.
+        A declared scalar variable; with `by`, any scalar expression of velocities.
     by
-        A discrete variable that stands in the equations as a force. Its impulse gives `x` the new value: all velocities
-        that the force changes jump, as the masses of the model determine, and constraints go on to hold. The value of
-        the variable itself does not change; as a rule it is zero.
+        A discrete variable that acts as a force in the equations. Its impulse gives `x` the new value: all velocities
+        that the force acts on jump, as determined by the masses of the model, and constraints continue to hold. The
+        value of the variable itself does not change; usually it is zero.
 
     Raises
     ------
     DeclarationError
-        AC141 when `x` is not a declared scalar variable, or `by` no discrete one; AC147 when the value is none for a
-        boolean or an integer.
+        AC105 when the value is no scalar; AC141 when `x` is not a declared scalar variable, or `by` no discrete one;
+        AC147 when a boolean or an integer cannot have the value.
     """
     if by is not None:
         _check_force(x, by)
@@ -170,7 +170,7 @@ def reset(x: Expr, value: Operand, *, by: Expr | None = None) -> Reset:
 
 
 def _check_force(x: object, by: object) -> None:
-    """Refuse what takes no impulse, and what is no force that could give one."""
+    """Raise DeclarationError AC141 for an `x` that no impulse can change, and a `by` that is no force."""
     if not isinstance(x, Expr) or x.shape or is_discrete(x):
         raise DeclarationError(
             "AC141",
@@ -178,8 +178,15 @@ def _check_force(x: object, by: object) -> None:
             help="an impulse changes velocities: reset(self.v, -self.e * pre(self.v), by=self.hit)",
         )
     force = by.args[0] if isinstance(by, Expr) and by.op == "index" else by
-    said = force.declaration if isinstance(force, Symbol) else None
-    if said is None or not isinstance(by, Expr) or by.shape or not said.discrete or said.boolean or said.integer:
+    declaration = force.declaration if isinstance(force, Symbol) else None
+    if (
+        declaration is None
+        or not isinstance(by, Expr)
+        or by.shape
+        or not declaration.discrete
+        or declaration.boolean
+        or declaration.integer
+    ):
         raise DeclarationError(
             "AC141",
             f"`{by}` is no force that could act for an instant",
@@ -193,19 +200,19 @@ def terminate(message: str) -> Terminate:
 
 
 def assert_(condition: Expr, message: str, *, level: str = "error") -> Assertion:
-    """A condition that has to hold during the whole run; yield it like an equation.
+    """A condition that must hold throughout the run; yield it like an equation.
 
     Parameters
     ----------
     message
         Text for the user when the condition does not hold.
     level
-        `"error"` stops the run where the condition ceases to hold, `"warning"` only notes it.
+        `"error"` stops the run when the condition ceases to hold, `"warning"` adds a note to the result.
 
     Raises
     ------
     DeclarationError
-        AC108 when `condition` is no condition, AC149 when the message or the level is none.
+        AC108 when `condition` is no condition, AC149 for a message that is no text, or an unknown level.
     """
     if level not in ("error", "warning"):
         raise DeclarationError("AC149", f"assert_ has no level {level!r}", help='it is "error" or "warning"')

@@ -1,7 +1,7 @@
-"""Where an equation was written, for free: the generator's own frame knows.
+"""Places of statements in the source, read from the frame of the generator that yields them.
 
-`(code, lasti)` is stored per equation (two words); line and columns are looked up only for a message.
-Works through `yield from` too.
+`(code, lasti)` is stored per equation (two words); line and columns are looked up only for a message. Works through
+`yield from` too.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from acausal.errors import Span
 
 @dataclass(frozen=True, slots=True)
 class Located:
-    """A place that has been looked up: what an `Origin` becomes when it leaves its process, where no code goes."""
+    """A resolved place: the pickled form of an `Origin`, since code objects cannot be pickled."""
 
     place: Span
 

@@ -1,8 +1,8 @@
-"""What a component states: the type of all that its generators may yield, and the search for what they did not yield.
+"""Base class of statements, and detection of statements that are made and not yielded.
 
 `connect(a, b)` and `a == b` are values: made and not yielded they would be lost, and the model would run without them.
-So each statement enters the ledger of the method that is running when it is made, and leaves it when it is yielded or
-becomes part of another one; what is left in the end is refused.
+Each statement therefore enters the ledger of the running method when it is made, and leaves it when it is yielded or
+becomes part of another one; an error is raised for those left at the end.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from acausal.language.origin import Origin
 
 _COMPUTES = frozenset(("BINARY_OP", "COMPARE_OP", "UNARY_NEGATIVE", "UNARY_INVERT"))
 Ledger = dict[int, tuple[object, Origin]]
-"""Statements by `id`, and where they were made; it holds them, so that no `id` comes twice."""
+"""(Statement, place) by `id`; holding the statements keeps their ids unique."""
 
-# The method that is running, not a part of any recipe: nothing of it is left when the method has ended. A variable of
-# the context and not of the module, so that models may be made in several threads at a time.
-_running: ContextVar[Ledger | None] = ContextVar("statements", default=None)
+# Ledger of the running method. A context variable rather than a module variable, so that models can be made in several
+# threads at a time.
+_ledger: ContextVar[Ledger | None] = ContextVar("statements", default=None)
 
 
 class Statement:
@@ -38,8 +38,8 @@ class Statement:
 
 
 def made(item: object) -> None:
-    """Enter a statement, or an action of one, into the ledger of the running method."""
-    ledger = _running.get()
+    """Enter a statement, or an action of a `when`, in the ledger of the running method."""
+    ledger = _ledger.get()
     if ledger is not None:
         frame: FrameType | None = sys._getframe(2)
         while frame is not None and frame.f_globals.get("__name__", "").startswith("acausal.language."):
@@ -49,8 +49,8 @@ def made(item: object) -> None:
 
 
 def used(items: Iterable[object]) -> None:
-    """Take what has become part of another statement out of the ledger."""
-    ledger = _running.get()
+    """Remove items from the ledger that have become part of another statement."""
+    ledger = _ledger.get()
     if ledger is not None:
         for item in items:
             ledger.pop(id(item), None)
@@ -58,30 +58,30 @@ def used(items: Iterable[object]) -> None:
 
 @contextmanager
 def recorded(ledger: Ledger) -> Iterator[None]:
-    """Enter what is made meanwhile into `ledger`."""
-    token = _running.set(ledger)
+    """Record the statements made inside the block in `ledger`."""
+    token = _ledger.set(ledger)
     try:
         yield
     finally:
-        _running.reset(token)
+        _ledger.reset(token)
 
 
 def stepped(generator: Iterator[Any], ledger: Ledger) -> Iterator[Any]:
-    """What a generator yields; what it makes besides enters the ledger."""
+    """Iterate over a generator; statements that it makes without yielding them stay in the ledger."""
     while True:
-        token = _running.set(ledger)
+        token = _ledger.set(ledger)
         try:
             item = next(generator)
         except StopIteration:
             return
         finally:
-            _running.reset(token)
+            _ledger.reset(token)
         ledger.pop(id(item), None)
         yield item
 
 
 def refuse_lost(where: str, ledger: Ledger) -> None:
-    """Refuse statements that were made and reach nothing (AC186); `where` is the class and its method."""
+    """Refuse statements that were made and not yielded (AC186); `where` is the class and its method."""
     if not ledger:
         return
     lost = list(ledger.values())
@@ -102,7 +102,7 @@ def refuse_lost(where: str, ledger: Ledger) -> None:
 
 
 def refuse_unheard(cls: type, where: str, function: Callable[..., Any]) -> None:
-    """Refuse `self.method()` alone on a line when the method is a generator: what it states is never made (AC186)."""
+    """Refuse `self.method()` alone on a line when the method is a generator, which then never runs (AC186)."""
     code = getattr(function, "__code__", None)
     if code is None:
         return
@@ -133,7 +133,7 @@ def refuse_idle(where: str, function: Callable[..., Any]) -> None:
 
 @cache
 def _idle(code: CodeType) -> int | None:
-    """The first line whose value is computed and thrown away; an equation is found by its ledger."""
+    """First line whose value is computed and discarded; equations are excluded, which the ledger finds."""
     before = None
     for step in dis.get_instructions(code):
         if step.opname == "POP_TOP" and before is not None and before.opname in _COMPUTES and before.argrepr != "==":
@@ -149,7 +149,7 @@ def _yields(cls: type, function: Callable[..., Any], name: str) -> bool:
 
 @cache
 def _ignored_calls(code: CodeType, names: tuple[str, ...]) -> tuple[tuple[int, str], ...]:
-    """Lines of calls whose value nobody takes, of functions with these names; none where there is no source."""
+    """(Line, text) of calls of functions with these names whose value is discarded; empty without source."""
     try:
         tree = ast.parse(textwrap.dedent(inspect.getsource(code)))
     except (OSError, SyntaxError):

@@ -1,8 +1,8 @@
-"""Pool expressions to CasADi SX: one CasADi operation per shared node, one call per level of equal operations.
+"""Lowering of pool expressions to CasADi SX: each shared node once, equal operations of a level in one call.
 
 A call into CasADi costs 10 to 30 us whatever its size, so the nodes of a large model are lowered as columns: all
-subtractions whose operands are known at once, and so on from level to level. Ten thousand equal sections of a ladder
-are then a few dozen calls. Nodes that have few like them on their level are lowered one by one.
+subtractions whose operands are available at once, and so on from level to level. Ten thousand equal sections of a
+ladder then take a few dozen calls. Where few nodes of a level have the same operation they are lowered one by one.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ BUILD: dict[str, Callable[..., Any]] = {
     "not": ca.logic_not,
     "where": ca.if_else,
     "noevent": lambda a: a,
-    "sample": lambda start, interval: ca.SX(0),  # true at instants only: the run sets its mode there
+    "sample": lambda start, interval: ca.SX(0),  # true at isolated instants only, where the run sets its mode
     "pre": lambda a: a,
     IMPULSE: lambda velocity, value: value - velocity,
     "initial": lambda: ca.SX(0),
@@ -50,15 +50,15 @@ BUILD: dict[str, Callable[..., Any]] = {
 _LOGIC = frozenset(("where", "and", "or", "not"))
 _ONE_BY_ONE = frozenset((*_LOGIC, "homotopy", "sample", "initial", "infinitesimal", "terminal"))
 
-# Equal operations on one level from which a column is cheaper than scalars.
-_FEW = 6
+# From this many equal operations on a level, a column is cheaper than scalars.
+_COLUMN_SIZE = 6
 
 
 class Builder:
     """Lowers nodes of one pool on demand.
 
-    `know` says what variables are, `definitions` which nodes others are equal to; `done` is what is known of nodes, the
-    modes of relations first.
+    `know` assigns symbols to variables, `definitions` maps variables to the nodes they equal, and `done` holds the SX
+    of nodes lowered so far, at first those of the modes of relations.
     """
 
     def __init__(self, pool: Pool, time: Any, parameters: Any, modes: Mapping[int, Any]) -> None:
@@ -69,35 +69,36 @@ class Builder:
         self.done: dict[int, Any] = dict(modes)
         self.homotopy: Any = None  # 0 at the simplified, 1 at the actual side of homotopy(...); None means 1
         self.windows: list[Any] = []  # modes of each delay
-        self.changes: Mapping[int, Callable[[list[Any]], Any]] = {}  # nodes that are something else of their operands
-        self.blend = False  # whether `where` takes conditions between 0 and 1: a mean of its values (sliding modes)
-        self._values: Any = ca.SX(0, 1)  # with room to grow, else each column would copy all before it
+        # nodes replaced by another function of their operands
+        self.changes: Mapping[int, Callable[[list[Any]], Any]] = {}
+        self.blend = False  # whether `where` is a weighted mean, for conditions between 0 and 1 (sliding modes)
+        self._values: Any = ca.SX(0, 1)  # grows by doubling: appending would copy it for each column
         self._filled = 0
-        self._called: dict[tuple[External, tuple[int, ...]], list[Any]] = {}
-        self._place: dict[int, int] = {}  # of nodes in `_values`; a node may be in `done`, or here, or in both
+        self._external_outputs: dict[tuple[External, tuple[int, ...]], list[Any]] = {}
+        self._place: dict[int, int] = {}  # of nodes in `_values`; a node may be in `done`, here, or in both
 
     def know(self, variables: Sequence[int], values: Any) -> None:
-        """From now on these variables are the entries of a column."""
+        """Let variables be the entries of a column from now on."""
         self.learn([self.pool.var(v) for v in variables], values)
 
     def learn(self, nodes: Sequence[int], values: Any) -> None:
-        """The same for any nodes."""
+        """Let any nodes be the entries of a column from now on."""
         self._append(nodes, values)
 
     def lower(self, roots: Iterable[int]) -> list[Any]:
-        """SX of each root; every variable below must be known or defined."""
-        wanted = [self.resolved(r) for r in roots]
-        self._lower(wanted)
-        return [self._scalar(r) for r in wanted]
+        """SX scalar of each root. Every variable below it must be known or defined, else KeyError."""
+        nodes = [self.resolved(r) for r in roots]
+        self._lower(nodes)
+        return [self._scalar(r) for r in nodes]
 
     def column(self, roots: Iterable[int]) -> Any:
-        """The same as one column."""
-        wanted = [self.resolved(r) for r in roots]
-        self._lower(wanted)
-        return self._gathered(wanted) if len(wanted) >= _FEW else ca.vertcat(ca.SX(0, 1), *map(self._scalar, wanted))
+        """SX column of the roots, as `lower`."""
+        nodes = [self.resolved(r) for r in roots]
+        self._lower(nodes)
+        return self._gather(nodes) if len(nodes) >= _COLUMN_SIZE else ca.vertcat(ca.SX(0, 1), *map(self._scalar, nodes))
 
     def resolved(self, number: int) -> int:
-        """The node that stands for a node: its definition for a defined variable."""
+        """The node itself, or the definition of a defined variable, followed to its end."""
         nodes = self.pool.nodes
         while number not in self.done and number not in self._place:
             node = nodes[number]
@@ -120,13 +121,13 @@ class Builder:
             elif isinstance(op, Call):
                 for number in members:
                     self.done[number] = self._external(op, tuple(operands[number]))
-            elif len(members) < _FEW or op in _ONE_BY_ONE:
+            elif len(members) < _COLUMN_SIZE or op in _ONE_BY_ONE:
                 for number in members:
-                    known = [self._scalar(c) for c in operands[number]]
-                    self.done[number] = self._operation(op, self._decided(op, operands[number], known))
+                    values = [self._scalar(c) for c in operands[number]]
+                    self.done[number] = self._operation(op, self._threshold_booleans(op, operands[number], values))
             else:
                 columns = zip(*(operands[number] for number in members), strict=True)
-                self._append(members, BUILD[op](*[self._gathered(c) for c in columns]))
+                self._append(members, BUILD[op](*[self._gather(c) for c in columns]))
 
     def _levels(self, roots: Sequence[int]) -> tuple[dict[tuple[int, str], list[int]], dict[int, list[int]]]:
         """Nodes not lowered yet by (level, operation), and their operands; nothing below a mode is visited."""
@@ -141,7 +142,7 @@ class Builder:
                 stack.pop()
                 continue
             op, *below = nodes[number]
-            here = 0
+            own_level = 0
             if op not in LEAVES:
                 known = operands.get(number)
                 if known is None:
@@ -150,9 +151,9 @@ class Builder:
                     if missing:
                         stack.extend(missing)
                         continue
-                here = 1 + max([level.get(c, 0) for c in known], default=0)
-            level[number] = here
-            levels.setdefault((here, op), []).append(number)
+                own_level = 1 + max([level.get(c, 0) for c in known], default=0)
+            level[number] = own_level
+            levels.setdefault((own_level, op), []).append(number)
             stack.pop()
         return levels, operands
 
@@ -170,23 +171,23 @@ class Builder:
     def _operation(self, op: str, operands: Sequence[Any]) -> Any:
         if op == "where" and self.blend:
             c, a, b = operands
-            return ca.if_else(c, c * a, 0) + ca.if_else(c - 1, (1 - c) * b, 0)  # a branch that is off may be infinite
+            return ca.if_else(c, c * a, 0) + ca.if_else(c - 1, (1 - c) * b, 0)  # the other branch may be infinite
         if op != "homotopy":
             return BUILD[op](*operands)
         actual, simplified = operands
         return actual if self.homotopy is None else self.homotopy * actual + (1 - self.homotopy) * simplified
 
     def _external(self, op: Call, operands: tuple[int, ...]) -> Any:
-        """One scalar of an external function, which is called once for all of them."""
+        """One scalar output of an external function, which is called once for all its outputs."""
         key = op.external, operands
-        if key not in self._called:
-            self._called[key] = call(op.external, [self._scalar(c) for c in operands])
-        return self._called[key][op.entry]
+        if key not in self._external_outputs:
+            self._external_outputs[key] = call(op.external, [self._scalar(c) for c in operands])
+        return self._external_outputs[key][op.entry]
 
-    def _decided(self, op: str, operands: Sequence[int], values: list[Any]) -> list[Any]:
-        """Operands, with the truth of boolean variables taken at one half.
+    def _threshold_booleans(self, op: str, operands: Sequence[int], values: list[Any]) -> list[Any]:
+        """Operands, with boolean variables compared with one half.
 
-        They are states of rate zero to an integrator, whose corrections leave 1e-20 of a zero: that would be true.
+        To an integrator they are states of rate zero, whose corrections turn 0 into 1e-20: that would count as true.
         """
         if op not in _LOGIC:
             return values
@@ -211,9 +212,9 @@ class Builder:
             self.done[number] = self._values[self._place[number]]
         return self.done[number]
 
-    def _gathered(self, members: Sequence[int]) -> Any:
+    def _gather(self, members: Sequence[int]) -> Any:
         """Values of lowered nodes as a column."""
-        loose = [n for n in dict.fromkeys(members) if n not in self._place]
-        if loose:
-            self._append(loose, ca.vertcat(*(self.done[n] for n in loose)))
+        scalars = [n for n in dict.fromkeys(members) if n not in self._place]
+        if scalars:
+            self._append(scalars, ca.vertcat(*(self.done[n] for n in scalars)))
         return self._values[[self._place[n] for n in members]]

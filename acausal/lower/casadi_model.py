@@ -1,4 +1,4 @@
-"""A model as CasADi functions with a description of every entry: what optimal control starts from."""
+"""Data classes of a model as CasADi functions, with a description of every entry of their vectors."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Port:
     nominal
         Magnitude to scale with.
     min, max
-        Declared limits, infinite where none were; nothing in the functions keeps them.
+        Declared limits, infinite where none were; the functions do not enforce them.
     """
 
     name: str
@@ -74,7 +74,7 @@ class Ports(tuple[Port, ...]):
         return [port.max for port in self]
 
     def position(self, name: str) -> int:
-        """Where an entry stands; UsageError AC010 with the nearest names when there is none."""
+        """Index of an entry; UsageError AC010 with the nearest names when there is none."""
         for k, port in enumerate(self):
             if port.name == name:
                 return k
@@ -88,10 +88,10 @@ class Ports(tuple[Port, ...]):
 
 @dataclass(frozen=True, eq=False)
 class CasadiEvents:
-    """What happens at the events of a model: for a loop that integrates between them; see docs/casadi.md.
+    """Event functions of a model, for a loop that integrates between events; see docs/casadi.md.
 
-    The functions have an argument more, the modes `m`, in the order of the attribute of that name: 1 for each relation
-    that holds, and what `pre` remembers. Between events m is constant, and `dae` is smooth.
+    The functions have one more argument, the modes `m`, in the order of the attribute of that name: 1 for each relation
+    that holds, and the values of `pre`. Between events m is constant, and `dae` is smooth.
 
     Attributes
     ----------
@@ -101,13 +101,13 @@ class CasadiEvents:
         `(t, x, z, u, p, m) -> g`: positive while the relations of variables hold as `m` says; an event is where one
         becomes negative.
     react
-        `(t, x, z, u, p, m, ticks) -> (x_after, z_after, m_after, settled)`: what the model makes of an instant:
-        relations flip, `when`s act, discrete equations follow, until nothing changes. `ticks` says which of `clocks`
-        tick at it. Settled is 0 when the turns did not suffice. MX.
+        `(t, x, z, u, p, m, ticks) -> (x_after, z_after, m_after, settled)`: event iteration at an instant: relations
+        flip, `when`s act and discrete equations are solved until nothing changes. `ticks`, shape (clocks,), is 1 for
+        each of `clocks` that ticks at it. `settled` is 0 when the rounds did not suffice. MX.
     clocks
         `(p) -> (first, interval)`, shape (clocks,): clock k ticks at first[k], first[k] + interval[k], ...
     round
-        One round of that iteration, for loops of one's own: `acausal.lower.events.round.Round`.
+        One round of that iteration, for user-written loops: `acausal.lower.events.round.Round`.
     m
         Names of the modes; start is their value after the events of the start.
     """

@@ -1,4 +1,4 @@
-"""From a component to the compiled model: the pipeline, as an explicit list of stages."""
+"""Compilation of a component to a `CompiledModel`: the pipeline as an explicit list of stages."""
 
 from __future__ import annotations
 
@@ -62,24 +62,25 @@ def compile(
     parameters
         Values by path in SI; here they may also replace parameters that the model binds to others.
     formulation
-        "torn" (default) or "dae": see `acausal.analyse.blocks.solve.solve`. "projected" is torn, and no states are
-        chosen: every constraint of higher index keeps all its variables as states and is stabilised, and recorded
-        points are projected onto it, as it is otherwise done only where no choice is safe.
+        "torn" (default) or "dae": see `acausal.analyse.blocks.solve.solve`. "projected" is torn without a choice of
+        states: every constraint of higher index keeps all its variables as states and is stabilised, and recorded
+        points are projected onto it, which otherwise happens only where no choice of states is safe.
     cache
-        Take what this process has compiled already of a model with the same structure and other values of parameters;
-        `timings` then has an entry "recall". A model made smaller is reused for the same outputs and values.
+        Reuse a model compiled earlier with the same structure and other values of parameters; `timings` then has an
+        entry "recall". A model made smaller is reused for the same outputs and values.
     outputs
-        Names of variables; the model is then the smallest one that gives these; beside them only parameters, and
-        variables that are computed on the way, can be read. `acausal.reduce` reports what was left out.
+        Names of variables; the model is then the smallest one that computes these. Beside them only parameters and
+        variables computed on the way can be read. `acausal.reduce` reports what was left out.
     freeze
-        Parameters, components or patterns whose values become numbers, "zeros" for all that are zero: faster, but they
-        cannot be changed without compiling again.
+        Parameters, components or patterns whose values become constants, "zeros" for all that are zero: faster, but
+        these values cannot be changed without compiling again.
     quasi_static
-        States, or components with all their states, to put at their quasi-static limit: stiff modes lose their own
-        motion. Unlike everything else here this is an approximation; `acausal.reduce` estimates and measures its error.
+        States, or components with all their states, replaced by their quasi-static limit, so that stiff modes lose
+        their dynamics. Unlike all other options this is an approximation, whose error `acausal.reduce` estimates and
+        measures.
     choices
-        Structures of components that can have several, by path, as in `acausal.flatten`. Without them the model has
-        all contacts that may ever come about; `simulate` then chooses among them while it runs.
+        Structure of each component that can have several, by path, as in `acausal.flatten`. Without it the model has
+        all contacts that are possible at any time; `simulate` then switches between them during the run.
 
     Raises
     ------
@@ -87,19 +88,19 @@ def compile(
         AC024 for an unknown formulation, AC010, AC018, AC020 or AC026 for wrong names in `outputs`,
         `freeze` and `quasi_static`.
     AcausalError
-        The first thing that is wrong with the model, with its place in the source.
+        The first error of the model, with its place in the source.
     """
     if formulation not in ("torn", "dae", "projected"):
         raise UsageError("AC024", f"there is no formulation '{formulation}'", help="formulations: torn, dae, projected")
     frozen, quasi = tuple(_names("freeze", freeze)), tuple(_names("quasi_static", quasi_static))
     recipe = Recipe(model, dict(parameters or {}), formulation, frozen, quasi, cache)
-    compiled = _compiled(recipe, outputs, choices)
+    compiled = _compile(recipe, outputs, choices)
     is_changing = choices is None and outputs is None and bool(changing(model))
     return replace(compiled, recipe=recipe) if is_changing else compiled
 
 
-def _compiled(recipe: Recipe, outputs: Sequence[str] | None, choices: Mapping[str, Choice] | None) -> CompiledModel:
-    """The compiled model, from the cache where it is there."""
+def _compile(recipe: Recipe, outputs: Sequence[str] | None, choices: Mapping[str, Choice] | None) -> CompiledModel:
+    """The compiled model, from the cache if possible."""
     model, parameters, formulation = recipe.model, recipe.parameters, recipe.formulation
     freeze, quasi_static = recipe.freeze, recipe.quasi_static
     clock = _Clock()
@@ -109,28 +110,28 @@ def _compiled(recipe: Recipe, outputs: Sequence[str] | None, choices: Mapping[st
         return select(solved(flat, formulation), poses, (), formulation)[0]
 
     with collector_paused():
-        apart: tuple[Left, ...] = ()
+        confined_parts: tuple[Left, ...] = ()
         if outputs is not None and choices is None:
-            choices, apart = confined(model, needed)
+            choices, confined_parts = confined(model, needed)
             clock.lap("confine")
         flat = fold_parameters(flatten(model, parameters, choices), freeze)
         clock.lap("flatten")
-        selecting = outputs is not None or bool(freeze) or bool(quasi_static)
-        if selecting:
+        is_reduced_model = outputs is not None or bool(freeze) or bool(quasi_static)
+        if is_reduced_model:
             refuse_delays(flat, "a reduced model", "compile it whole: without outputs, freeze and quasi_static")
-        wishes = (_tuple(outputs), freeze, quasi_static) if selecting else None
+        wishes = (_tuple(outputs), freeze, quasi_static) if is_reduced_model else None
         key = signature(flat, formulation, wishes) if recipe.cache else None
-        known = recall(key, flat) if key is not None else None
-        if known is not None:
+        cached = recall(key, flat) if key is not None else None
+        if cached is not None:
             clock.lap("recall")
-            known.timings.update(clock.laps)
-            return known
+            cached.timings.update(clock.laps)
+            return cached
         solution = solved(flat, formulation, clock=clock)
         selection = None
-        if selecting:
+        if is_reduced_model:
             wanted = None if outputs is None else _names("outputs", outputs)
             solution, selection = select(solution, wanted, quasi_static, formulation)
-            selection = replace(selection, left=(*apart, *selection.left))
+            selection = replace(selection, left=(*confined_parts, *selection.left))
             clock.lap("select")
         compiled = replace(lower(solution), selection=selection)
         clock.lap("lower")
@@ -151,9 +152,9 @@ def _names(option: str, names: Sequence[str]) -> Sequence[str]:
 
 
 def refined(compiled: CompiledModel, visited: Visited) -> CompiledModel:
-    """The same model with all that is judged by numbers judged at points of a run too: what it divides by may change.
+    """The model compiled again with points of a run among the sample points, after a pivot has vanished there.
 
-    For models that nothing was left out of.
+    For models without `outputs`, `freeze` and `quasi_static`.
     """
     return lower(solved(compiled.flat, compiled.solution.formulation, visited=visited))
 
@@ -165,13 +166,14 @@ def solved(
     clock: _Clock | None = None,
     visited: Visited | None = None,
 ) -> Solution:
-    """Reduce, analyse and solve; again with each constraint that only then comes to light.
+    """Reduce, analyse and solve; repeated with every hidden constraint that these passes discover.
 
-    These are entered in `hidden`: the flat equation each takes the place of, and its residual, a node of the flat pool.
+    Hidden constraints are entered in `hidden`: the flat equation each replaces, and its residual, a node of the flat
+    pool.
     """
     hidden = {} if hidden is None else hidden
     clock = _Clock() if clock is None else clock
-    first: StructureError | None = None
+    first_error: StructureError | None = None
     for _ in range(_MOST_ROUNDS):
         try:
             reduced = use_invariants(reduce(flat, hidden))
@@ -182,24 +184,24 @@ def solved(
             clock.lap("solve")
             return solution
         except HiddenConstraint as found:
-            first = first or found
+            first_error = first_error or found
             hidden |= found.equations
         except HiddenCombination as found:
-            first = first or found
-            # what it has rewritten it took as it stood with the constraints found so far
-            now = found.combined()
-            hidden = {k: now.image[node] for k, node in hidden.items() if k not in now.rewritten}
-            flat = now.flat
+            first_error = first_error or found
+            # the rewritten equations already contain the constraints found so far
+            combined = found.combined()
+            hidden = {k: combined.image[node] for k, node in hidden.items() if k not in combined.rewritten}
+            flat = combined.flat
         except StructureError as error:
-            raise first or error from None  # what was seen first is nearer to what was written
-    raise first or InternalError("AC906", f"{flat.name}: constraints come to light without end")
+            raise first_error or error from None  # the first error is closer to the source
+    raise first_error or InternalError("AC906", f"{flat.name}: constraints come to light without end")
 
 
 def lower(solution: Solution, driven: tuple[int, ...] = (), asleep: Sleeping = _NOTHING) -> CompiledModel:
-    """The CasADi functions of a solution; observed variables are lowered when they are first asked for.
+    """Lower a solution to CasADi functions; observed variables are lowered on first use.
 
-    `driven` are the places of inputs that are functions of time; relations of what is `asleep` are
-    modes beside those of the equations.
+    `driven` are the indices in u of inputs that are functions of time; relations of `asleep` become modes in addition
+    to those of the equations.
     """
     reduced = solution.structure.reduced
     delays = find_delays(solution)
@@ -213,12 +215,12 @@ def lower(solution: Solution, driven: tuple[int, ...] = (), asleep: Sleeping = _
         shell, state_events=find_state_events(solution, states, events, asleep), delays=delays, driven=driven
     )
     compiled = with_functions(shell)
-    impulses_of(compiled, Symbols(compiled))  # refused here, not at the first event
+    impulses_of(compiled, Symbols(compiled))  # raises AC210 now instead of at the first event
     return compiled
 
 
 def with_functions(shell: CompiledModel) -> CompiledModel:
-    """A compiled model with its right-hand side, the modes of time, and when they change."""
+    """Complete a model with its right-hand side, its modes of time, and the instants at which these change."""
     solution = shell.solution
     pool = solution.structure.reduced.pool
     symbols = Symbols(shell)
@@ -233,50 +235,54 @@ def with_functions(shell: CompiledModel) -> CompiledModel:
 
 
 def _sort_states(solution: Solution) -> tuple[tuple[int, ...], int, int]:
-    """States of the coupled system, then islands, then discrete variables; the number of these two.
+    """(States of the coupled system, quadratures, discrete variables) in this order; the number of the latter two.
 
-    Islands are integrals of functions of time that act on nothing. Discrete variables change at events only: to a
-    solver they are numbers, for a boolean that has been integrated is no longer exactly 0 or 1.
-    Integrals of other states stay with them: as quadratures they would be integrated with the order that suits the
-    others (IDAS took 1e5 steps of order 1 for the angle of an evenly accelerated shaft; 30 when it is a state).
-    So do those of steep functions: what these do between two instants is searched for in solutions, not in series.
+    Quadratures are integrals of functions of time that nothing depends on. Discrete variables change at events only and
+    are constants to a solver, because a boolean that has been integrated is no longer exactly 0 or 1.
+
+    Integrals of other states are no quadratures: these would be integrated with the order that suits the states (IDAS
+    took 1e5 steps of order 1 for the angle of an evenly accelerated shaft; 30 when it is a state). Neither are
+    integrals of steep functions, whose bursts between two instants are searched for in the solution of the states.
     """
-    reach = Reach(solution)
+    dependence = Reach(solution)
     reduced = solution.structure.reduced
     clauses = [n for w in reduced.whens for n in (*w.guards, *w.values)]
     clauses += [*reduced.assignments, *reduced.asserts, *(n for d in reduced.delays for n in d[:2])]
-    followed = [n for v, n in solution.definitions if v in solution.needed]
-    acting = reach.pool.variables_in(*followed, *solution.residuals)
-    acting |= reach.pool.variables_behind(clauses, dict(solution.definitions))
-    acting |= {solution.structure.derivative(x) for x in solution.structure.states}
-    fixed = discrete_variables(reduced)
+    integrated = [n for v, n in solution.definitions if v in solution.needed]
+    used = dependence.pool.variables_in(*integrated, *solution.residuals)
+    used |= dependence.pool.variables_behind(clauses, dict(solution.definitions))
+    used |= {solution.structure.derivative(x) for x in solution.structure.states}
+    discrete = discrete_variables(reduced)
 
-    def is_island(x: int) -> bool:
-        rate = reach.pool.var(solution.structure.derivative(x))
-        if x in acting or reach.of(rate) - set(reach.inputs):
+    def is_quadrature(x: int) -> bool:
+        rate = dependence.pool.var(solution.structure.derivative(x))
+        if x in used or dependence.of(rate) - set(dependence.inputs):
             return False
-        nodes = reach.behind(rate)
-        return not steep(reach.pool, solution.structure.points, nodes, Moving(reach.pool, fixed)).arguments
+        nodes = dependence.behind(rate)
+        return not steep(dependence.pool, solution.structure.points, nodes, Moving(dependence.pool, discrete)).arguments
 
-    states = tuple(x for x in solution.structure.states if x not in fixed)
-    discretes = tuple(x for x in solution.structure.states if x in fixed)
-    islands = [x for x in states if is_island(x)]
-    if len(islands) == len(states):
-        islands = []
-    return (*(x for x in states if x not in islands), *islands, *discretes), len(islands), len(discretes)
+    states = tuple(x for x in solution.structure.states if x not in discrete)
+    discretes = tuple(x for x in solution.structure.states if x in discrete)
+    quadratures = [x for x in states if is_quadrature(x)]
+    if len(quadratures) == len(states):
+        quadratures = []
+    return (*(x for x in states if x not in quadratures), *quadratures, *discretes), len(quadratures), len(discretes)
 
 
 def _event_functions(shell: CompiledModel, events: TimeEvents) -> tuple[Any, Any]:
+    """The functions `modes` and `instants` of a model."""
     t, p = ca.SX.sym("t"), ca.SX.sym("p", len(shell.parameters))
     builder = Builder(shell.solution.structure.reduced.pool, t, p, {})
-    undecided = ca.SX(shell.n_modes - len(events.relations), 1)
-    m = ca.vertcat(just_after(builder, events), undecided)
+    other_modes = ca.SX(shell.n_modes - len(events.relations), 1)
+    m = ca.vertcat(just_after(builder, events), other_modes)
     modes = ca.Function("modes", [t, p], [ca.densify(m)], ["t", "p"], ["m"])
     instants = ca.Function("instants", [p], [_column(builder.lower(events.instants))], ["p"], ["t"])
     return modes, instants
 
 
 class _Clock:
+    """Processing time of each stage [s]."""
+
     def __init__(self) -> None:
         self.laps: dict[str, float] = {}
         self._last = time.perf_counter()

@@ -1,4 +1,4 @@
-"""The compiled model: CasADi functions with documented signatures, and what their entries mean."""
+"""The compiled model: CasADi functions with documented signatures, and names of their entries."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _INPUTS = ["t", "x", "z", "u", "p", "m"]
 class CompiledModel(Lowered):
     """A model ready to run; made by `acausal.compile`, never changed. Its data are those of `Lowered`.
 
-    `like` is a model with the same functions, made for all that differ from it in words and numbers only
+    `like` is the model whose functions it shares, from which it differs in names and numbers only
     (`acausal.lower.subsystems`).
     """
 
@@ -35,7 +35,7 @@ class CompiledModel(Lowered):
 
     @property
     def common(self) -> CompiledModel:
-        """The model by which functions are kept."""
+        """The model that owns the functions: `like`, or this one."""
         return self if self.like is None else self.like
 
     def __repr__(self) -> str:
@@ -49,7 +49,7 @@ class CompiledModel(Lowered):
         return shown
 
     def unchanging(self, what: str) -> CompiledModel:
-        """The model with all that may ever be in its equations, for `what` needs equations that stay.
+        """The model with every contact that can occur in its equations, for `what` cannot switch structures.
 
         Raises
         ------
@@ -63,9 +63,9 @@ class CompiledModel(Lowered):
         return replace(self, recipe=None)
 
     def mapped(self, zeros: tuple[int, ...] = ()) -> Mapped | None:
-        """The same equations with each pattern of repeated components once; None where that does not pay.
+        """The equations with each pattern of repeated components lowered once; None where that does not pay.
 
-        `zeros` are the places of parameters that are zero, whatever p holds.
+        `zeros` are the indices of parameters taken as zero, whatever p holds.
         """
         if zeros not in self._mapped:
             self._mapped[zeros] = mapped(self, frozenset(zeros))
@@ -87,13 +87,13 @@ class CompiledModel(Lowered):
 
     @cached_property
     def blended(self) -> Any:
-        """`rhs` for modes between 0 and 1: `where` is then a mean of its two values (sliding modes)."""
+        """`rhs` for modes between 0 and 1: `where` is then a weighted mean of its two values (sliding modes)."""
         structure = self.solution.structure
         ode = [structure.reduced.pool.var(structure.derivative(x)) for x in self.state_variables]
         return self._of_nodes("blended", blend=True, ode=ode, alg=self.solution.residuals)
 
     def _of_nodes(self, name: str, blend: bool = False, **outputs: Sequence[int]) -> Any:
-        """`(t, x, z, u, p, m) ->` a column of the nodes of each output."""
+        """Function `(t, x, z, u, p, m) ->` a column of the nodes of each output."""
         symbols = Symbols(self)
         builder = symbols.defined(self, blend)
         columns = [ca.densify(builder.column([builder.replaced(n) for n in nodes])) for nodes in outputs.values()]
@@ -101,9 +101,9 @@ class CompiledModel(Lowered):
 
     @cached_property
     def opened(self) -> CompiledModel:
-        """The same model with what blocks search inside the equations as algebraic variables, behind all others.
+        """The model with unknowns of monotone blocks as algebraic variables after all others, not as unrolled searches.
 
-        For programs that have unknowns of their own: a search that is written out costs as much as all its steps.
+        For nonlinear programs, which can take them as unknowns: an unrolled search costs all its steps.
         """
         if not self.solution.monotone:
             return self
@@ -136,7 +136,7 @@ class CompiledModel(Lowered):
 
     @cached_property
     def all_modes(self) -> Any:
-        """`(t, x, z, u, p) -> m[nm]`: all relations as they hold at a point, for use outside a run.
+        """`(t, x, z, u, p) -> m[nm]`: the modes at a point, for use outside a run.
 
         Relations of time are as they are just after t. Samples, `initial()` and `terminal()` are false there, and
         `pre(d)` is d.
@@ -158,24 +158,24 @@ class CompiledModel(Lowered):
 
     @cached_property
     def events(self) -> EventFunctions:
-        """What the event iteration asks for."""
+        """Functions of the event iteration."""
         return EventFunctions(self)
 
     @cached_property
     def delay_signals(self) -> Any:
-        """`(t, x, z, u, p, m) -> [sources, delays]`: what is to be remembered, how long ago each delay reads [s]."""
+        """`(t, x, z, u, p, m) -> [sources, delays]`: values of delayed signals, and how long ago each is read [s]."""
         return self._of_nodes("signals", y=self.delays.roots)
 
     @cached_property
     def blended_delay_signals(self) -> Any:
-        """The same for modes between 0 and 1, of sliding modes."""
+        """`delay_signals` for modes between 0 and 1 (sliding modes)."""
         return self._of_nodes("signals", blend=True, y=self.delays.roots)
 
     @cached_property
     def homotopy(self) -> Any:
         """`(t, x, z, u, p, m, s) -> (used, alg)`: the start system from simplified (s = 0) to actual (s = 1).
 
-        None when the model says `homotopy(...)` nowhere.
+        None for a model without `homotopy(...)`.
         """
         pool = self.solution.structure.reduced.pool
         conditions = [c.node for c in self.start.conditions]

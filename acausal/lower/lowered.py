@@ -1,4 +1,4 @@
-"""What lowering a model gives: its symbolic solution, the right-hand side, and what the entries of vectors are."""
+"""Data of a compiled model: its symbolic solution, its right-hand side, and the meaning of the entries of vectors."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from acausal.reduce.select import Selection
 
 @dataclass(frozen=True, eq=False)
 class Recipe:
-    """What a model was compiled from, for one whose structure changes while it runs."""
+    """Arguments of `compile`, kept by a model whose structure changes during a run."""
 
     model: Component
     parameters: Mapping[str, object]
@@ -40,9 +40,9 @@ class Recipe:
 class Lowered:
     """The data of a `CompiledModel`; its functions are made from them.
 
-    Sizes: `nx` states (`n_dynamic` of the coupled system, then `quadratures` integrals of time that act on nothing,
-    then `discretes` variables that change at events only), `nz` algebraic variables, `nu` inputs, `np` free parameters,
-    `nm` modes of events; the numbers of delayed signals and of inputs over time are among them.
+    Sizes: `nx` states (`n_dynamic` of the coupled system, then `quadratures`, integrals of functions of time that
+    nothing depends on, then `discretes`, variables that change at events only), `nz` algebraic variables, `nu` inputs,
+    `np` free parameters, `nm` modes, which include the coefficients of delayed signals and of inputs over time.
     """
 
     name: str
@@ -53,29 +53,29 @@ class Lowered:
     start: StartProblem
     time_events: TimeEvents
     rhs: Any  # `(t, x[nx], z[nz], u[nu], p[np], m[nm]) -> (ode[nx], alg[nz])`, SX, smooth in each mode
-    modes: Any  # `(t, p) -> m[nm]`, 0 or 1: relations of time, then all others (`mode_nodes`), undecided as 0
+    modes: Any  # `(t, p) -> m[nm]`, 0 or 1: relations of time; all others (`mode_nodes`) are 0
     instants: Any  # `(p) -> times[nm]` at which the modes change
     state_events: StateEvents = field(default_factory=StateEvents)
     delays: Delays = field(default_factory=Delays)
-    selection: Selection | None = None  # what was left out of the model, and why; None for the full model
-    # What `simulate` compiles again and again while the structure of the model changes; None where it never does.
+    selection: Selection | None = None  # variables left out of the model, and why; None for the full model
+    # From which `simulate` compiles again when the structure of the model changes; None where it never does.
     recipe: Recipe | None = None
-    # Places in u of the inputs that are functions of time: polynomials in each stretch of a run, whose numbers are
-    # modes. What u holds there is not used (`acausal.lower.variants.driven`).
+    # Indices in u of the inputs that are functions of time: polynomials over each stretch of a run, whose coefficients
+    # are modes. The values of u there are not used (`acausal.lower.variants.driven`).
     driven: tuple[int, ...] = ()
     timings: dict[str, float] = field(default_factory=dict)  # seconds per stage of the compilation
-    # Functions that may do something between two instants, of a part of a model: sample points are those of the whole.
-    # None where the solution says it (`narrow`).
+    # Steep functions, given for a subsystem, whose sample points belong to the whole model; None: found in the solution
+    # (`narrow`).
     steep: Steep | None = None
-    varied: bool = False  # whether `rhs` says something else than `solution`: a regime (`simulate/events/regime.py`)
+    varied: bool = False  # whether `rhs` differs from `solution`: a regime (`simulate/events/regime.py`)
 
     def __getstate__(self) -> dict[str, Any]:
-        """The fields: functions that were made from them are made again where they are asked for."""
+        """Pickle the fields only; cached functions are rebuilt on demand."""
         return {f.name: self.__dict__[f.name] for f in fields(self)}
 
     @cached_property
     def narrow(self) -> Steep:
-        """Steep functions in the equations."""
+        """Steep functions in the equations, which may burst between two steps of a solver."""
         if self.steep is not None:
             return self.steep
         solution = self.solution
@@ -132,7 +132,7 @@ class Lowered:
         return (*self.flat.parameter_values, *extra)
 
     def nominal(self, variables: Sequence[int]) -> Vector:
-        """Declared nominal magnitudes of reduced variables."""
+        """Declared nominal magnitudes of reduced variables, shape (len(variables),)."""
         return np.array([nominal(self.solution.structure.reduced, v) for v in variables], dtype=float)
 
     @cached_property
@@ -147,7 +147,7 @@ class Lowered:
 
     @cached_property
     def columns(self) -> tuple[int, ...]:
-        """Nodes whose trajectories a result holds: states, algebraic, inputs, then everything observed."""
+        """Nodes whose trajectories a result stores: states, algebraic variables, inputs, then observed variables."""
         reduced = self.solution.structure.reduced
         pool = reduced.pool
         found: dict[int, None] = {}
@@ -170,18 +170,18 @@ class Lowered:
 
     @cached_property
     def rewritten(self) -> dict[int, int]:
-        """Nodes that jump or have a kink, by branches on modes."""
+        """Maps nodes that jump or have a kink to branches on modes."""
         return {**self.time_events.rewritten, **self.state_events.rewritten}
 
     @property
     def mode_places(self) -> tuple[int, ...]:
-        """Places of `mode_nodes` in m; the numbers of inputs and delays come behind the relations of time."""
+        """Indices of `mode_nodes` in m; the coefficients of inputs and delays follow the relations of time."""
         timely, gap = len(self.time_events.relations), len(self.driven) * INPUT_WIDTH + self.delays.size
         return tuple(k if k < timely else k + gap for k in range(len(self.mode_nodes)))
 
     @property
     def n_timely(self) -> int:
-        """Number of modes that are known before a stretch: relations of time, inputs over time, and delays."""
+        """Number of leading modes known before a stretch: relations of time, coefficients of inputs and of delays."""
         return len(self.time_events.relations) + len(self.driven) * INPUT_WIDTH + self.delays.size
 
     @property

@@ -1,4 +1,4 @@
-"""What each pass of the compiler made of a model, as counts and as reasons one can print."""
+"""Report of the compiler passes: counts after each, and reasons for the choice of states."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from acausal.lower.compiled import CompiledModel
 
 @dataclass(frozen=True)
 class StageCounts:
-    """One pass: what is left after it, by name, and the seconds it took."""
+    """One pass: counts of what is left after it, and the time it took [s]."""
 
     name: str
     seconds: float
@@ -23,7 +23,7 @@ class StageCounts:
 
 @dataclass(frozen=True)
 class BlockCount:
-    """So many blocks of one kind ("explicit", "linear", "torn", "dae") and size; `iterated` unknowns are left."""
+    """Number of blocks of one kind ("explicit", "linear", "torn", "dae") and size; `iterated` unknowns in total."""
 
     kind: str
     size: int
@@ -33,7 +33,7 @@ class BlockCount:
 
 @dataclass(frozen=True)
 class StateReason:
-    """A state, and what spoke for it."""
+    """A state, and why it was chosen."""
 
     name: str
     why: str
@@ -41,7 +41,7 @@ class StateReason:
 
 @dataclass(frozen=True)
 class Eliminated:
-    """A flat variable that is not solved for: `how` is one of ELIMINATIONS, `by` what stands for it."""
+    """A flat variable that is not solved for: `how` is one of ELIMINATIONS, `by` the expression that replaces it."""
 
     name: str
     how: str
@@ -49,7 +49,7 @@ class Eliminated:
 
 
 ELIMINATIONS = ("alias", "constant", "expression")
-"""Equal to another variable up to sign; without any variable in it; a known expression of others."""
+"""Equal to another variable up to sign; equal to a constant; equal to an expression of other variables."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class StructureReport:
     eliminated
         Number of flat scalars by the way they were eliminated, see `eliminated_variables` for their names.
     differentiated
-        Number of equations that were differentiated so and so often.
+        Number of equations by how often they were differentiated.
     """
 
     model: str
@@ -100,10 +100,10 @@ class StructureReport:
 
 
 def structure_report(compiled: CompiledModel) -> StructureReport:
-    """The report of a compiled model; costs a walk over its variables, no part of the compilation is repeated."""
+    """Report of a compiled model, from one pass over its variables; nothing is compiled again."""
     structure = compiled.solution.structure
     reduced, timings = structure.reduced, compiled.timings
-    ways = Counter(how for _, how in _fates(reduced))
+    ways = Counter(how for _, how in _eliminations(reduced))
     counts = stage_counts(compiled)
     return StructureReport(
         model=compiled.name,
@@ -116,7 +116,7 @@ def structure_report(compiled: CompiledModel) -> StructureReport:
 
 
 def stage_counts(compiled: CompiledModel) -> dict[str, dict[str, int]]:
-    """What is left after each stage, by the name of the stage."""
+    """Counts after each stage, by the name of the stage."""
     solution = compiled.solution
     structure = solution.structure
     reduced, flat = structure.reduced, structure.reduced.flat
@@ -155,7 +155,7 @@ def stage_counts(compiled: CompiledModel) -> dict[str, dict[str, int]]:
 
 
 def state_reason(structure: Structure, state: int) -> str:
-    """What spoke for a state."""
+    """Why a state was chosen."""
     reduced = structure.reduced
     rate = reduced.pool.derivative_of.get(state)
     scalars = reduced.aliases.get(state, ())
@@ -170,24 +170,24 @@ def state_reason(structure: Structure, state: int) -> str:
 
 
 def eliminated_variables(reduced: ReducedSystem) -> Iterator[Eliminated]:
-    """Every flat scalar that is no unknown of its own any more, in the order of declaration."""
+    """Every flat scalar that is no longer an unknown, in the order of declaration."""
     flat, pool = reduced.flat, reduced.pool
 
     def name_of(op: str, k: int) -> str:
         return flat.parameter_names[k] if op == "par" else reduced.name(k)
 
-    for scalar, how in _fates(reduced):
+    for scalar, how in _eliminations(reduced):
         yield Eliminated(flat.scalar_name(scalar), how, to_text(pool, reduced.image[scalar], name_of, 200))
 
 
-def _fates(reduced: ReducedSystem) -> Iterator[tuple[int, str]]:
-    """(flat scalar, how it was eliminated) of all that were."""
+def _eliminations(reduced: ReducedSystem) -> Iterator[tuple[int, str]]:
+    """(Flat scalar, how it was eliminated) of all eliminated scalars."""
     nodes = reduced.pool.nodes
-    own = dict(enumerate(reduced.scalar))
+    representative = dict(enumerate(reduced.scalar))
     for scalar, node in enumerate(reduced.image):
         inner = nodes[node][1] if nodes[node][0] == "neg" else node
         if nodes[inner][0] == "var":
-            if own.get(nodes[inner][1]) != scalar:
+            if representative.get(nodes[inner][1]) != scalar:
                 yield scalar, "alias"
         else:
             yield scalar, "expression" if reduced.pool.variables_in(node) else "constant"

@@ -1,4 +1,4 @@
-"""The symbols of a model's vectors, and a builder that knows what they stand for."""
+"""Symbols of a model's vectors, and a builder that maps variables and modes to them."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Symbols:
 
     @property
     def inputs(self) -> list[Any]:
-        """In the order of every function's arguments."""
+        """The symbols in the order of every function's arguments."""
         return [self.t, self.x, self.z, self.u, self.p, self.m]
 
     def builder(self, compiled: Lowered) -> DefiningBuilder:
@@ -40,20 +40,20 @@ class Symbols:
         for symbols, variables in (
             (self.x, compiled.state_variables),
             (self.z, solution.algebraic),
-            (self.given(compiled), solution.structure.reduced.inputs),
+            (self.input_values(compiled), solution.structure.reduced.inputs),
         ):
             builder.know(variables, symbols)
         return builder
 
     def defined(self, compiled: Lowered, blend: bool = False) -> DefiningBuilder:
-        """The same with all definitions; `blend` for modes between 0 and 1."""
+        """As `builder`, with all definitions; `blend` for modes between 0 and 1."""
         builder = self.builder(compiled)
         builder.blend = blend
         builder.define(compiled.solution.definitions, compiled.rewritten)
         return builder
 
-    def given(self, compiled: Lowered) -> Any:
-        """Inputs as the equations see them: constants of u, and polynomials in time."""
+    def input_values(self, compiled: Lowered) -> Any:
+        """Inputs in the equations: entries of u, and polynomials in time for driven ones."""
         u, first = ca.SX(self.u), len(compiled.time_events.relations)
         for k, place in enumerate(compiled.driven):
             u[place] = polynomial(self.m[first + k * INPUT_WIDTH : first + (k + 1) * INPUT_WIDTH], self.t)
@@ -61,16 +61,16 @@ class Symbols:
 
 
 class DefiningBuilder(Builder):
-    """A builder that also evaluates definitions."""
+    """A builder with definitions in which relations and kinks are replaced by branches on modes."""
 
     def define(self, definitions: Sequence[tuple[int, int]], rewritten: dict[int, int]) -> None:
-        """Take definitions as known; relations and kinks in time are replaced by their modes."""
+        """Add definitions; relations and kinks in them are replaced by their modes."""
         self.rewritten = rewritten
         for variable, node in definitions:
             self.definitions[variable] = self.replaced(node)
 
     def replaced(self, node: int) -> int:
-        """The node with its kinks in time replaced by branches on modes."""
+        """The node with relations and kinks in it replaced by branches on modes."""
         if not self.rewritten:
             return node
         done = self._replaced

@@ -10,7 +10,7 @@ from typing import Any
 from acausal.arrays import Vector
 from acausal.errors import IntegrationError, UsageError
 from acausal.language.component import Component
-from acausal.lower.cache.cache import choices_stand_for
+from acausal.lower.cache.cache import choices_hold_for
 from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.lowered import Recipe
@@ -179,7 +179,7 @@ def _recipe(model: Component | CompiledModel, parameters: Mapping[str, object] |
 
 
 def _check_choices(compiled: CompiledModel, p: Vector) -> None:
-    if not choices_stand_for(compiled, p.tolist()):
+    if not choices_hold_for(compiled, p.tolist()):
         raise UsageError(
             "AC029",
             f"{compiled.name} has other states with these parameters than those it was compiled with",

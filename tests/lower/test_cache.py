@@ -153,7 +153,7 @@ def test_choice_of_states_that_is_not_safe_any_more_is_made_anew() -> None:
 
 def test_parameters_of_a_run_must_fit_the_choice_of_states() -> None:
     compiled = acausal.compile(Choice(k=0.5))
-    assert cache.choices_stand_for(compiled, (0.6, 1.0))
+    assert cache.choices_hold_for(compiled, (0.6, 1.0))
     with pytest.raises(UsageError, match="AC029"):
         acausal.simulate(compiled, parameters={"k": 2.0}, stop_time=0.1)
 

@@ -1,4 +1,4 @@
-"""Connection sets: which connectors share their potentials, and whose flows sum to zero."""
+"""Connection sets: connectors that share potentials, and connectors whose flows sum to zero."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class UnionFind:
         return i
 
     def union(self, i: int, j: int) -> bool:
-        """Join two sets; False when they were one already."""
+        """Merge two sets; False when they were the same already."""
         a, b = self.find(i), self.find(j)
         if a == b:
             return False
@@ -77,7 +77,7 @@ def joints(
 
 
 def number_of_end(component: Component, number_of: dict[int, int], origin: Origin) -> int:
-    """Number of the component at an end; AC131 when it is no part of the model."""
+    """Number of the component at an end; DeclarationError AC131 when it is no part of the model."""
     number = number_of.get(id(component))
     if number is None:
         owner = component.__dict__["_owner"]
@@ -101,7 +101,7 @@ class FlowSet:
 
 
 def flow_sets(all_instances: Sequence[Instance], physical: Sequence[Joint]) -> list[FlowSet]:
-    """One set per junction; a connector that nobody connects from outside is a set of its own (its flow is zero)."""
+    """One set per junction; a connector without an outside connection is a set of its own (its flow is zero)."""
     faces = UnionFind(2 * len(all_instances))
     used_outside: set[int] = set()
     origins: dict[int, Origin] = {}
@@ -132,7 +132,7 @@ def flow_sets(all_instances: Sequence[Instance], physical: Sequence[Joint]) -> l
 
 
 def refuse_open(all_instances: Sequence[Instance], sets: Sequence[FlowSet]) -> None:
-    """Refuse open connectors of components that cannot do without what is connected there (AC212)."""
+    """Refuse open connectors that their component requires to be connected (StructureError AC212)."""
     for flow_set in sets:
         first = all_instances[flow_set.members[0][0]]
         owner = first.owner
@@ -152,8 +152,8 @@ def refuse_open(all_instances: Sequence[Instance], sets: Sequence[FlowSet]) -> N
 def check_signals(all_instances: Sequence[Instance], signals: Sequence[SignalJoint]) -> None:
     """Refuse a signal driven by two sources (AC132).
 
-    A signal of a component has two faces: connected by its owner it is seen from outside, connected by itself from
-    inside, where an input is a source and an output is not.
+    A signal of a component has two faces, an outer one for connections by its owner, and an inner one for connections
+    by the component itself, where an input is a source and an output is not.
     """
     faces = [tuple((*end, all_instances[end[0]].number == joint.by) for end in (joint.a, joint.b)) for joint in signals]
     index = {face: k for k, face in enumerate(dict.fromkeys(face for pair in faces for face in pair))}

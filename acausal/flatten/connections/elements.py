@@ -1,7 +1,7 @@
-"""Elements of vectors of signals that are connected: `connect(self.gain.y, self.mux.u[2])`.
+"""Connected elements of vector signals: `connect(self.gain.y, self.mux.u[2])`.
 
-Signals that are connected as a whole share their scalars. An element cannot, because the scalars of a vector lie side
-by side: its connection is an equation, or an assignment where the signal changes at events only.
+Signals connected as a whole share their scalars. An element cannot, because the scalars of a vector are contiguous: its
+connection becomes an equation, or an assignment for a discrete signal.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from acausal.language.expressions.expression import Expr, Symbol
 from acausal.language.origin import Origin
 
 Entry = tuple[int, str, int]
-"""A scalar of a signal: instance, name, place in row-major order."""
+"""A scalar of a signal: instance, name, row-major index."""
 
 
 @dataclass(frozen=True)
 class ElementJoint:
-    """A source and what it drives, connected by component `by`."""
+    """A source and the entry it drives, connected by component `by`."""
 
     source: Entry
     sink: Entry
@@ -39,7 +39,7 @@ def element_joints(
     signals: Sequence[SignalJoint],
     number_of: dict[int, int],
 ) -> list[ElementJoint]:
-    """Connections with an element at some end.
+    """Connections with an element at one of their ends.
 
     Raises DeclarationError: AC132 when a connection has no source or several, or when a scalar is driven twice.
     """
@@ -78,7 +78,7 @@ def element_joints(
 def element_equations(
     pool: Pool, found: Sequence[Instance], joints: Sequence[ElementJoint]
 ) -> tuple[list[FlatEquation], list[FlatAssignment]]:
-    """What the connections of elements state."""
+    """Equations and assignments of the connections of elements."""
     equations: list[FlatEquation] = []
     assignments: list[FlatAssignment] = []
     for joint in joints:

@@ -1,4 +1,4 @@
-"""Inputs of the model: those that nothing drives, and signals inside of it whose source is cut (`acausal.free`)."""
+"""Inputs of a model: those that nothing drives, and inner signals cut from their source by `acausal.free`."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ Signal = tuple[int, str]
 _OPEN = Guess(0.0)
 
 
-def freed(model: Component, found: Sequence[Instance]) -> frozenset[Signal]:
-    """The signals that `free` has named.
+def freed_signals(model: Component, found: Sequence[Instance]) -> frozenset[Signal]:
+    """The signals named by `free`.
 
     Raises UsageError: AC047 for a name that is no input, or an input that changes at events only.
     """
@@ -31,13 +31,13 @@ def freed(model: Component, found: Sequence[Instance]) -> frozenset[Signal]:
     signals = set()
     for path in wanted:
         if path not in inputs:
-            raise _no_input(type(model).__name__, path, known[path][2] if path in known else None, inputs)
+            raise _not_an_input(type(model).__name__, path, known[path][2] if path in known else None, inputs)
         instance, name, _ = known[path]
         signals.add((instance.number, name))
     return frozenset(signals)
 
 
-def _no_input(model: str, path: str, declaration: Declaration | None, inputs: Sequence[str]) -> UsageError:
+def _not_an_input(model: str, path: str, declaration: Declaration | None, inputs: Sequence[str]) -> UsageError:
     if declaration is None:
         fact = f"{model} has no signal '{path}'"
     elif declaration.discrete:
@@ -65,52 +65,54 @@ def open_inputs(model: Instance, cut: Collection[Signal]) -> frozenset[Signal]:
 
 
 def _is_number(declaration: Declaration) -> bool:
-    """Whether the declared default is one number; of a discrete signal it is bound as it always was."""
+    """Whether the declared default is one number, and the signal continuous: discrete defaults are bindings."""
     value = declaration.default
     return isinstance(value, int | float) and not isinstance(value, bool) and not declaration.discrete
 
 
 def cut_joints(signals: Sequence[SignalJoint], cut: Collection[Signal]) -> list[SignalJoint]:
-    """Connections without those that drive a signal from outside; what else they join stays joined."""
-    kept: list[SignalJoint] = []
+    """Connections without those that drive a cut signal from outside; their other ends stay connected."""
+    remaining: list[SignalJoint] = []
     neighbours: dict[Signal, list[tuple[Signal, SignalJoint]]] = {end: [] for end in cut}
     stack = list(signals)
     while stack:
         joint = stack.pop(0)
         here = next((end for end in (joint.a, joint.b) if end in cut and end[0] != joint.by), None)
         if here is None:
-            kept.append(joint)
+            remaining.append(joint)
             continue
         other = joint.b if joint.a == here else joint.a
         for before, via in neighbours[here][:1]:
             if via.by == joint.by:
                 stack.append(SignalJoint(before, other, joint.by, joint.origin))
         neighbours[here].append((other, joint))
-    return kept
+    return remaining
 
 
 def cut_elements(joints: Sequence[ElementJoint], cut: Collection[Signal]) -> list[ElementJoint]:
-    """Connections of elements without those that drive a signal."""
+    """Connections of elements without those that drive a cut signal."""
     return [j for j in joints if j.sink[:2] not in cut]
 
 
 def cut_equations(
     pool: Pool, found: Sequence[Instance], equations: Sequence[FlatEquation], cut: Collection[Signal]
 ) -> list[FlatEquation]:
-    """Equations without those of owners that give a signal its value: `yield self.force.u == ...`."""
+    """Equations without those by which an owner drives a cut signal: `yield self.force.u == ...`."""
     if not cut:
         return list(equations)
-    aimed: dict[int, str] = {}
+    owner_of_driven: dict[int, str] = {}
     for number, name in cut:
         owner = found[number].owner
         if owner is not None:
             first = found[number].first[name]
             count = max(1, _size(found[number].component._declarations[name]))
-            aimed |= {pool.var(first + k): owner.path for k in range(count)}
+            owner_of_driven |= {pool.var(first + k): owner.path for k in range(count)}
     return [
         e
         for e in equations
-        if not any(aimed.get(side) == e.component and pool.nodes[side][0] == "var" for side in (e.left, e.right))
+        if not any(
+            owner_of_driven.get(side) == e.component and pool.nodes[side][0] == "var" for side in (e.left, e.right)
+        )
     ]
 
 

@@ -1,7 +1,7 @@
-"""Spanning tree over overconstrained connectors (frames), as the Modelica language defines it.
+"""Spanning tree over overconstrained connectors (frames), as defined by the Modelica language.
 
-Nodes are connector instances. Branches inside components are never cut; connections are, where they close a loop.
-Every island gets one root: a declared one, else the best potential root (Modelica 3.6, section 9.4.1).
+Nodes are connector instances. Branches inside components are never cut; connections are cut where they close a loop.
+Every island has one root: a declared one, else the best potential root (Modelica 3.6, section 9.4.1).
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from acausal.language.origin import Origin
 
 @dataclass(frozen=True)
 class SpanningTree:
-    """Joints that close a loop and so carry residuals instead of equalities, by their place in the list of joints.
+    """Indices of the joints that close a loop, and therefore have residuals instead of equalities.
 
-    `loops` names, for each of them, the components around the loop.
+    `loops` names the components around each loop.
     """
 
     cut: frozenset[int]
@@ -32,7 +32,7 @@ class SpanningTree:
 
 
 _LAST = 2**31
-"""Priority behind that of every potential root."""
+"""Priority after that of every potential root."""
 
 
 def is_overconstrained(connector: Connector) -> bool:
@@ -46,11 +46,11 @@ def spanning_tree(
     number_of: dict[int, int],
     assumed: Sequence[int] = (),
 ) -> SpanningTree:
-    """Cut the loops and tell every frame its role (read by `rooted` and `is_root`).
+    """Cut loops and assign every frame its role (read by `rooted` and `is_root`).
 
-    The roles are told to views of the frames, and these to views of the components that own them: they enter
-    `number_of`. The frames of the recipe stay as they are, so that it can be flattened in two ways at a time.
-    `assumed` frames are roots where nothing else is: those of a component that is looked at by itself.
+    The roles are stored in views of the frames and of the components that own them, which are entered in `number_of`.
+    The user's components stay unchanged, so that one model can be flattened in two ways at a time. `assumed` frames are
+    roots of islands without any other root: those of a component that is described alone.
     """
     frames = [i.number for i in all_instances if isinstance(i.component, Connector) and is_overconstrained(i.component)]
     if not frames:
@@ -69,7 +69,7 @@ def spanning_tree(
     cut: set[int] = set()
     connected = UnionFind(n)
     for k, joint in enumerate(physical):
-        # What earlier connections say already is not said twice: it would close a loop around nothing.
+        # Skip connections implied by earlier ones: they would close a loop around nothing.
         if joint.a in neighbours and connected.find(joint.a) != connected.find(joint.b):
             if sets.union(joint.a, joint.b):
                 connected.union(joint.a, joint.b)
@@ -78,10 +78,10 @@ def spanning_tree(
             else:
                 cut.add(k)
     owners = {i.number: i.owner.number for i in all_instances if i.owner is not None}
-    # from outside: a composite's own frames are joined to those of its parts in any case
+    # connected from outside: a composite's own frames are always connected to those of its parts
     joined = {end for joint in physical for end in (joint.a, joint.b) if owners.get(end) != joint.by}
     chosen = _choose_roots(sets, n, frames, roots, potential, all_instances, joined)
-    _tell_roles(all_instances, frames, neighbours, chosen, branches)
+    _assign_roles(all_instances, frames, neighbours, chosen, branches)
     number_of |= numbers(all_instances)
     loops = tuple(_loop(all_instances, physical[k], neighbours, n, roots) for k in sorted(cut))
     return SpanningTree(frozenset(cut), loops)
@@ -90,7 +90,7 @@ def spanning_tree(
 def _loop(
     all_instances: Sequence[Instance], joint: Joint, neighbours: dict[int, list[int]], world: int, roots: list[int]
 ) -> FlatLoop:
-    """Components on the shortest way through the tree from one end of a cut joint to the other; roots are joined."""
+    """Components on the shortest path of the tree between the ends of a cut joint; all roots meet in the world."""
     came_from = {joint.a: joint.a}
     queue = deque([joint.a])
     while queue and joint.b not in came_from:
@@ -176,18 +176,20 @@ def _choose_roots(
 def _unoriented(
     all_instances: Sequence[Instance], island: list[Instance], beyond: set[Instance | None], joined: set[int]
 ) -> StructureError:
-    """AC203 for frames that nothing orients; `beyond` have a frame in another island, `joined` are connected."""
+    """AC203 for frames without a root; `beyond` have a frame in another island, `joined` are connected."""
     first = island[0]
-    loose = [f.path for f in island if f.number not in joined]
+    unconnected = [f.path for f in island if f.number not in joined]
     owners = {f.owner.number: f.owner for f in island if f.owner is not None}
-    alone = [o.path for o in owners.values() if o.path and not any(f.owner is o and f.number in joined for f in island)]
+    isolated = [
+        o.path for o in owners.values() if o.path and not any(f.owner is o and f.number in joined for f in island)
+    ]
     acting = [o.path for o in owners.values() if o in beyond]
     cause = "no World, Fixed or Body is in this island of frames"
-    help = f"connect {' or '.join(loose[:2]) or 'one of them'} to World.frame_b, Fixed.frame_b or a Body"
+    help = f"connect {' or '.join(unconnected[:2]) or 'one of them'} to World.frame_b, Fixed.frame_b or a Body"
     why = ""
-    if len(alone) == len(owners):
-        why = f": {', '.join(alone)} is connected to nothing"
-        help = f"connect {' or '.join(loose[:2])}, or leave it out"
+    if len(isolated) == len(owners):
+        why = f": {', '.join(isolated)} is connected to nothing"
+        help = f"connect {' or '.join(unconnected[:2])}, or leave it out"
     elif acting:
         first = next((f for f in island if f.owner not in beyond), first)
         why = f": what {' and '.join(acting[:3])} {'moves' if len(acting) == 1 else 'move'} has no mass"
@@ -197,13 +199,13 @@ def _unoriented(
         "AC203",
         f"{type(all_instances[0].component).__name__}: nothing fixes the orientation of {first.path}{why}",
         where=(first.owner.origin.span(),) if first.owner else (),
-        evidence=[f"not connected: {', '.join(loose[:6])}"] if loose else [],
+        evidence=[f"not connected: {', '.join(unconnected[:6])}"] if unconnected else [],
         cause=cause,
         help=help,
     )
 
 
-def _tell_roles(
+def _assign_roles(
     all_instances: Sequence[Instance],
     frames: list[int],
     neighbours: dict[int, list[int]],
@@ -226,7 +228,7 @@ def _tell_roles(
     owners: dict[int, Instance] = {}
     for number in frames:
         frame = all_instances[number]
-        frame.seen_as(frame.component._view({"_roles": {"is_root": number in roots, "rooted": nearer[number]}}))
+        frame.replace_by_view(frame.component._view({"_roles": {"is_root": number in roots, "rooted": nearer[number]}}))
         if frame.owner is not None:
             owners[frame.owner.number] = frame.owner
     for owner in owners.values():
@@ -235,4 +237,4 @@ def _tell_roles(
             name: [views.get(id(m), m) for m in held] if isinstance(held, list) else views.get(id(held), held)
             for name, held in owner.component._parts.items()
         }
-        owner.seen_as(owner.component._view(parts=parts))
+        owner.replace_by_view(owner.component._view(parts=parts))

@@ -1,1 +1,1 @@
-"""The tree of components, and what each of them states."""
+"""The instance tree of a model, and the statements of its components."""

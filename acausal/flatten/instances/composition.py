@@ -1,6 +1,6 @@
-"""A model as it is composed: its instances and who is connected with whom, before anything becomes an equation.
+"""Composition of a model, its instances and connections, before equations are generated.
 
-What diagrams and descriptions of components are made from; no parameter needs a value for it.
+Diagrams and descriptions of components are made from it; parameters need no values for it.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from acausal.language.origin import Origin
 class Composition:
     """Instances, owners before their parts, and connections.
 
-    `number_of` maps `id(component)` to the number of its instance, for all that stands at an end of a connection.
+    `number_of` maps `id(component)` to the number of its instance, for every end of a connection.
     """
 
     found: Sequence[Instance]
@@ -31,13 +31,13 @@ class Composition:
 
     @property
     def connections(self) -> list[tuple[int, Connection]]:
-        """All connections with the number of the component that makes them."""
+        """All connections with the number of the component that states them."""
         return [(number, item) for number, item, _ in self._made]
 
     def stated(self, *methods: str) -> list[tuple[str, Statement]]:
-        """What the model itself states by each of `methods`, with the method's name, in the order of its classes.
+        """(Method, statement) for the statements of the model's own `methods`, base classes first.
 
-        Its frames are in a tree whose roots are its own first frames, where nothing else is.
+        Without a root its own first frames are roots of the spanning tree, so that a component can be described alone.
         """
         connected = [(number, item, origin) for number, item, origin in self._made]
         physical, _ = joints(connected, dict(self.number_of))
@@ -51,7 +51,7 @@ class Composition:
 def compose(model: Component) -> Composition:
     """The composition of a model.
 
-    Raises DeclarationError: AC122 to AC131 and AC188, AC189: what is wrong with the composition itself.
+    Raises DeclarationError: AC122 to AC131 and AC188, AC189, for errors of the composition.
     """
     found, _ = placed(model)
     number_of = numbers(found)
@@ -62,14 +62,14 @@ def compose(model: Component) -> Composition:
         for item, origin in statements(instance.component)
         if isinstance(item, Connection)
     ]
-    joints(made, number_of)  # for what it refuses
+    joints(made, number_of)  # raises for connections that do not fit
     return Composition(found, number_of, made)
 
 
 def stated_equations(component: Component) -> list[tuple[str, str, str]]:
-    """Text of each, what it asserts (or ""), and whether it holds "at the start" only (or "").
+    """(Text, message of an assertion or "", "at the start" or "") of each equation of a component.
 
-    Raises AcausalError: what stating them raises.
+    Raises AcausalError: errors of the statements themselves.
     """
     found = [(m, item) for m, (item, _) in compose(component).stated("equations", "initial_equations")]
     return [(str(i), getattr(i, "message", ""), "at the start" if m == "initial_equations" else "") for m, i in found]

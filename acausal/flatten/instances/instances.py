@@ -16,10 +16,10 @@ from acausal.language.origin import Origin
 
 @dataclass(eq=False, slots=True)
 class Instance:
-    """One component in its place. `first` maps declared names to scalar numbers once they are allocated.
+    """One component of the model. `first` maps declared names to scalar numbers once they are allocated.
 
-    `component` may be a view of what the model holds: the recipe is not touched by what is found out here. `faces` are
-    the other components that are this instance where expressions name it: the recipe, and stand-ins of outer ones.
+    `component` may be a view, because flattening must not change the user's component. `faces` are the other objects
+    that expressions use for this instance: the user's component, and stand-ins of outer components.
     """
 
     component: Component
@@ -32,40 +32,44 @@ class Instance:
 
     @property
     def prefix(self) -> str:
-        """What stands before the names of this component's fields."""
+        """Prefix of the names of this component's fields: its path and a dot, or ""."""
         return self.path + "." if self.path else ""
 
     @property
     def is_leaf(self) -> bool:
         """True when all parts are connectors, so that equal instances have equal equations."""
-        return all([isinstance(p.component, Connector) for p in self.parts])  # few: a generator costs more
+        return all(
+            [isinstance(p.component, Connector) for p in self.parts]
+        )  # a list: for few parts a generator costs more
 
     @property
     def origin(self) -> Origin:
-        """Where the component was made."""
+        """Place of the component's construction."""
         origin: Origin = self.component.__dict__["_origin"]
         return origin
 
-    def seen_as(self, component: Component) -> None:
-        """Go on with another view."""
+    def replace_by_view(self, component: Component) -> None:
+        """Replace the component by a view of it."""
         self.faces.append(self.component)
         self.component = component
 
-    def said(self, name: str) -> Origin | Declared:
-        """Where the value of a field stands: in the call that made the component, else in the class body."""
+    def origin_of_value(self, name: str) -> Origin | Declared:
+        """Place of a field's value: the call that made the component, else the class body."""
         is_given = name in self.component.__dict__["_given"]
         return self.origin if is_given else Declared(type(self.component), name, self.origin)
 
 
 def numbers(found: Iterable[Instance]) -> dict[int, int]:
-    """The number of each instance by the `id` of every component that stands for it."""
+    """Number of the instance of every component and face, by `id`."""
     return {id(c): i.number for i in found for c in (i.component, *i.faces)}
 
 
 def instances(model: Component, choices: Mapping[str, Choice] | None = None) -> list[Instance]:
-    """All instances of a model; the model itself is the first, with an empty path. UsageError AC028 if it is none.
+    """All instances of a model; the model itself is the first, with an empty path.
 
-    `choices` are structures of components by path; without one a component has all it may ever need.
+    `choices` are structures of components by path; without one a component has all contacts that are possible.
+
+    Raises UsageError: AC028 for a `model` that is no component.
     """
     _check(model)
     found: list[Instance] = []
@@ -74,7 +78,7 @@ def instances(model: Component, choices: Mapping[str, Choice] | None = None) -> 
 
 
 def components(model: Component) -> Iterator[tuple[str, Component]]:
-    """All components with their paths as the model holds them, whatever structures they may have."""
+    """All components of a model with their paths, without applying structures."""
     _check(model)
     stack: list[tuple[str, Component]] = [("", model)]
     while stack:
@@ -93,7 +97,7 @@ def _check(model: Any) -> None:
 def grow(
     found: list[Instance], model: Component, path: str, owner: Instance | None, choices: Mapping[str, Choice]
 ) -> Instance:
-    """Add a component and all it holds; the instance of the component itself."""
+    """Append a component and all its parts to `found`; returns the instance of the component itself."""
     first = len(found)
     seen: dict[int, str] = {}
     stack: list[tuple[Component, str, Instance | None]] = [(model, path, owner)]
@@ -111,9 +115,9 @@ def grow(
             )
         seen[id(component)] = path
         instance = Instance(component, path, len(found), owner)
-        held = _structured(component, path, choices)
+        held = _with_structure(component, path, choices)
         if held is not component:
-            instance.seen_as(held)
+            instance.replace_by_view(held)
             component = held
         found.append(instance)
         if owner is not None and len(found) > first + 1:
@@ -123,8 +127,8 @@ def grow(
     return found[first]
 
 
-def _structured(component: Component, path: str, choices: Mapping[str, Choice]) -> Component:
-    """A component with the structure that was chosen, else with all it may ever need."""
+def _with_structure(component: Component, path: str, choices: Mapping[str, Choice]) -> Component:
+    """A component with the structure chosen for it, else with all contacts that are possible."""
     if path in choices:
         return choices[path].applied()
     return component.whole().applied() if is_changing(component) else component

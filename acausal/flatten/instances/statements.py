@@ -1,4 +1,4 @@
-"""Running the generators of a component: its equations, connections and ties, each with its place in the source."""
+"""Running the generator methods of a component: its equations, connections and ties with their places in the source."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Statement = tuple[Any, Origin]
 
 
 def statements(component: Component, method: str = "equations") -> Iterator[Statement]:
-    """What `method` of every class in the MRO yields, base first; dimensions of equations are checked."""
+    """Statements yielded by `method` of every class in the MRO, base classes first; checks dimensions."""
     for cls in reversed(type(component).__mro__):
         function = cls.__dict__.get(method)
         if function is not None:
@@ -29,7 +29,7 @@ def statements(component: Component, method: str = "equations") -> Iterator[Stat
 
 
 def refuse_unstated(components: Iterable[Component]) -> None:
-    """Refuse what `build` states when none of the component's generators yields it (AC186)."""
+    """Refuse statements made in `build` that no generator method of the component yields (AC186)."""
     for component in components:
         lost = Ledger(component.__dict__["_stated"])
         for method in STATING if lost else ():
@@ -39,7 +39,7 @@ def refuse_unstated(components: Iterable[Component]) -> None:
 
 
 def run(component: Component, cls: str, method: str, function: Callable[..., Any], *args: Any) -> Iterator[Statement]:
-    """What one generator method yields; raises AC129 when it is no generator, AC130 for a wrong item."""
+    """Statements yielded by one generator method; DeclarationError AC129 for no generator, AC130 for a wrong item."""
     form = f"def {method}(self) -> Equations"
     generator = called(f"{cls}.{method}", form, function, component, *args)
     if not isinstance(generator, Generator):
@@ -53,7 +53,7 @@ def run(component: Component, cls: str, method: str, function: Callable[..., Any
     refuse_unheard(type(component), f"{cls}.{method}", function)
     refuse_idle(f"{cls}.{method}", function)
     ledger = Ledger()
-    for item in _named(component, stepped(generator, ledger)):
+    for item in _attribute_errors(component, stepped(generator, ledger)):
         origin = origin_of(generator)
         if isinstance(item, Equation) and method != "ties":
             check_dimensions(item, _Where(origin))  # type: ignore[arg-type]
@@ -79,8 +79,8 @@ def run(component: Component, cls: str, method: str, function: Callable[..., Any
     refuse_lost(f"{cls}.{method}", ledger)
 
 
-def _named(component: Component, items: Iterator[Any]) -> Iterator[Any]:
-    """What the generator yields; a function of the library that refuses does not know for which component."""
+def _attribute_errors(component: Component, items: Iterator[Any]) -> Iterator[Any]:
+    """The items of a generator; adds the component to errors of library functions, which do not know it."""
     try:
         yield from items
     except DeclarationError as error:
@@ -91,7 +91,7 @@ def _named(component: Component, items: Iterator[Any]) -> Iterator[Any]:
 
 
 def _check_discrete(equation: Equation, origin: Origin) -> None:
-    """Refuse `pre` of what varies continuously (AC146), and what a boolean or an integer cannot be (AC147)."""
+    """Refuse `pre` of a continuous variable (AC146), and values that a boolean or integer cannot have (AC147)."""
     target = assigned(equation)
     if target is not None:
         try:
@@ -112,7 +112,7 @@ def _check_discrete(equation: Equation, origin: Origin) -> None:
                 help="use it in a `when`, or keep the value in a discrete(): "
                 "yield when(condition, reset(self.held, x))",
             )
-        if e.op == "der" and (still := _unchanging(e.args[0])) is not None:
+        if e.op == "der" and (still := _piecewise_constant(e.args[0])) is not None:
             kind = "discrete" if still.declaration.discrete else f"a {still.declaration.kind.value}"
             raise DeclarationError(
                 "AC144",
@@ -137,7 +137,7 @@ def _check_discrete(equation: Equation, origin: Origin) -> None:
 
 
 def _jump(e: Expr) -> Expr | None:
-    """A term that jumps, with a constant factor or none: x sign(x) is continuous."""
+    """A term that jumps, alone or with a constant factor; others may be continuous, as x sign(x) is."""
     stack = [e]
     while stack:
         here = stack.pop()
@@ -160,8 +160,8 @@ def _varies(e: Expr) -> bool:
     return False
 
 
-def _unchanging(e: Expr) -> Symbol | None:
-    """A symbol of an expression in which nothing varies between events; None where something does."""
+def _piecewise_constant(e: Expr) -> Symbol | None:
+    """A symbol of an expression that is constant between events; None if it varies."""
     stack, found = [e], None
     while stack:
         here = stack.pop()

@@ -1,7 +1,7 @@
-"""Equations of one component class, generated once and replayed for every equal instance.
+"""Equations of a component class, generated once and replayed for every equal instance.
 
-Ten thousand resistors run their generator once: instances of one class with the same structural values have the
-same equations up to the numbers of their variables. This is where the cost per scalar equation is decided.
+For ten thousand resistors the generator runs once: instances of one class with the same structural values have the same
+equations up to the numbers of their variables. This decides the cost per scalar equation.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from acausal.language.events import Assertion
 from acausal.language.expressions.expression import Equation, Symbol, assigned, symbols_in
 from acausal.language.origin import Origin
 
-# A third of the time of its constructor, which is written in Python: one for every equation of every component.
+# Constructs a FlatEquation in a third of the time of its Python constructor, which counts for every equation.
 _EQUATION = partial(tuple.__new__, FlatEquation)
 
 
@@ -40,7 +40,7 @@ class Template:
 
 
 def template_key(instance: Instance) -> object:
-    """Equal for instances that have the same equations; None when that cannot be told."""
+    """A key that is equal for instances with the same equations; None if it cannot be hashed."""
     component = instance.component
     values = component.__dict__
     given = tuple([values[n] for n in _structural(type(component))])
@@ -66,10 +66,10 @@ _structural: Callable[..., tuple[str, ...]] = cache(_structural_names)
 
 
 def make_template(instance: Instance, found: Sequence[Statement]) -> Template | None:
-    """The template of a leaf component from the statements of one instance: equations, and demands on parameters.
+    """The template of a leaf component from the statements of one instance: equations, and assertions on parameters.
 
-    None when they act at events, are discrete equations, delay something, or hold what belongs to another component: a
-    function given as structural value may close over the parameters of the owner.
+    None for clauses, discrete equations, delays, and symbols of other components: a function given as structural value
+    may close over the parameters of the owner.
     """
     number_of = numbers((instance, *instance.parts))
     for item, _ in found:
@@ -126,7 +126,7 @@ def _size(symbol: Symbol) -> int:
 def sides(
     pool: Pool, equation: Equation, resolve: object, done: dict[int, Scalars], origin: Origin | None = None
 ) -> list[tuple[int, int]]:
-    """The scalar equations of a language equation as pairs of nodes; `origin` is told when something is wrong."""
+    """The scalar equations of a language equation as pairs of nodes; `origin` is the place named in errors."""
     try:
         left = scalars(pool, equation.left, resolve, done)  # type: ignore[arg-type]
         right = scalars(pool, equation.right, resolve, done)  # type: ignore[arg-type]
@@ -147,7 +147,7 @@ def sides(
 def replay(
     template: Template, instance: Instance, pool: Pool, table: ParameterTable
 ) -> tuple[list[FlatEquation], list[FlatAssert]]:
-    """The equations and the demands of `instance` in the pool of the model."""
+    """The equations of `instance` in the pool of the model, and its assertions on parameters."""
     var = pool.var
     variables = []
     for part in (instance, *instance.parts):

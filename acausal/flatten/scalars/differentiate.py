@@ -1,7 +1,7 @@
 """Time derivatives of pool expressions by the chain rule.
 
 The derivative of variable i is the variable `pool.derivative(i)`, or the node `pool.slope[i]` where a rule was given
-(rotation matrices: der(R) = R skew(w)). Every node is differentiated once per pool, so cost is linear.
+(rotation matrices: der(R) = R skew(w)). Every node is differentiated once per pool, so the cost is linear.
 """
 
 from __future__ import annotations
@@ -14,41 +14,43 @@ from acausal.language.expressions.delay import Delayed
 from acausal.language.expressions.external import Call
 
 _CONSTANT = frozenset(("pre", "initial", "infinitesimal", "terminal", "sample", "not", "and", "or", *RELATIONS))
-"""Operations whose values are kept between events."""
+"""Operations whose values are constant between events."""
 
 
 def differentiate(pool: Pool, root: int) -> int:
     """The node of the time derivative of `root`."""
-    done = pool._slopes
+    derivative = pool._slopes
     stack = [root]
     while stack:
         number = stack[-1]
-        if number in done:
+        if number in derivative:
             stack.pop()
             continue
         node = pool.nodes[number]
         if node[0] in LEAVES:
-            done[number] = _leaf(pool, node[0], node[1] if len(node) > 1 else 0)
+            derivative[number] = _leaf(pool, node[0], node[1] if len(node) > 1 else 0)
             stack.pop()
             continue
         needed = _needed(node)
-        missing = [c for c in needed if c not in done]
+        missing = [c for c in needed if c not in derivative]
         if missing:
             stack.extend(missing)
             continue
         if isinstance(node[0], Delayed):
             raise _rate_of_delay(node[0])
         if isinstance(node[0], Call):
-            done[number] = _call(pool, node[0], node[1:])
+            derivative[number] = _call(pool, node[0], node[1:])
         else:
-            done[number] = _RULES[node[0]](pool, number, *node[1:]) if node[0] in _RULES else _refuse(pool, node[0])
+            derivative[number] = (
+                _RULES[node[0]](pool, number, *node[1:]) if node[0] in _RULES else _refuse(pool, node[0])
+            )
         stack.pop()
-    return done[root]
+    return derivative[root]
 
 
 def partial(pool: Pool, root: int, variable: int) -> int:
     """The node of the partial derivative of `root` by one variable, by the same rules."""
-    kept, pool._slopes = pool._slopes, {}
+    time_derivatives, pool._slopes = pool._slopes, {}
     try:
         for number in pool.reachable([root]):
             node = pool.nodes[number]
@@ -56,7 +58,7 @@ def partial(pool: Pool, root: int, variable: int) -> int:
                 pool._slopes[number] = pool.one if node == ("var", variable) else pool.zero
         return differentiate(pool, root)
     finally:
-        pool._slopes = kept
+        pool._slopes = time_derivatives
 
 
 def _needed(node: tuple[object, ...]) -> tuple[int, ...]:
@@ -94,7 +96,7 @@ def _rate_of_delay(op: Delayed) -> DeclarationError:
 
 
 def _call(p: Pool, op: Call, operands: tuple[int, ...]) -> int:
-    """By the partial derivatives of the function: linear in the derivatives, as the symbolic solution wants it."""
+    """Chain rule of an external function: linear in the derivatives, so that they can be solved for symbolically."""
     slopes = [(k, p._slopes[a]) for k, a in enumerate(operands) if p._slopes[a] != p.zero]
     if not slopes:
         return p.zero
@@ -110,8 +112,8 @@ def _pow(p: Pool, n: int, a: int, b: int) -> int:
     return p.add(first, p.mul(p.mul(n, p.make("log", a)), p._slopes[b]))
 
 
-def _smooth(p: Pool, relation: str, a: int, b: int) -> int:
-    """What has a kink only, min, max and fabs, makes no event; nor does its derivative, which jumps."""
+def _relation_without_event(p: Pool, relation: str, a: int, b: int) -> int:
+    """Relation without an event, for min, max and fabs: their kinks make no events, nor do their derivatives."""
     return p.make("noevent", p.make(relation, a, b))
 
 
@@ -148,14 +150,14 @@ _RULES: dict[str, Callable[..., int]] = {
     "pow": _pow,
     "atan2": _atan2,
     "where": lambda p, n, c, a, b: p.where(c, p._slopes[a], p._slopes[b]),
-    "min": lambda p, n, a, b: p.where(_smooth(p, "lt", a, b), p._slopes[a], p._slopes[b]),
-    "max": lambda p, n, a, b: p.where(_smooth(p, "gt", a, b), p._slopes[a], p._slopes[b]),
+    "min": lambda p, n, a, b: p.where(_relation_without_event(p, "lt", a, b), p._slopes[a], p._slopes[b]),
+    "max": lambda p, n, a, b: p.where(_relation_without_event(p, "gt", a, b), p._slopes[a], p._slopes[b]),
     "homotopy": lambda p, n, a, s: p.make("homotopy", p._slopes[a], p._slopes[s]),
     "sign": _zero,
     "floor": _zero,
     "ceil": _zero,
     "noevent": lambda p, n, a: p.zero if p._slopes[a] == p.zero else p.make("noevent", p._slopes[a]),
-    # true or false, or kept between events: their changes are jumps, at which nothing is differentiated
+    # constant between events; at events nothing is differentiated
     **dict.fromkeys(_CONSTANT, _zero),
     "sin": _chain(lambda p, n, a: p.make("cos", a)),
     "cos": _chain(lambda p, n, a: p.neg(p.make("sin", a))),
@@ -169,5 +171,5 @@ _RULES: dict[str, Callable[..., int]] = {
     "exp": _chain(lambda p, n, a: n),
     "log": _chain(lambda p, n, a: p.div(p.one, a)),
     "sqrt": _chain(lambda p, n, a: p.div(p.const(0.5), n)),
-    "fabs": _chain(lambda p, n, a: p.where(_smooth(p, "gt", a, p.zero), p.one, p.neg(p.one))),
+    "fabs": _chain(lambda p, n, a: p.where(_relation_without_event(p, "gt", a, p.zero), p.one, p.neg(p.one))),
 }

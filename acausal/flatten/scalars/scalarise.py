@@ -1,6 +1,6 @@
-"""Language expressions, with their vectors and matrices, to scalar pool nodes in row-major order.
+"""Scalarisation: language expressions with vectors and matrices become scalar pool nodes in row-major order.
 
-Numbers for scalars: connected potentials are one variable, everything else has its own.
+Also allocates scalars: connected potentials share one variable, every other unknown has its own.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ Resolve = Callable[[Symbol], Scalars]
 
 
 def scalars(pool: Pool, root: Expr, resolve: Resolve, done: dict[int, Scalars]) -> Scalars:
-    """Nodes of the entries of `root`; `resolve` gives those of a symbol, `done` shares work by identity.
+    """Nodes of the entries of `root`; `resolve` gives those of a symbol, `done` caches results by `id`.
 
-    The caller keeps the expressions alive as long as `done` is used.
+    The caller must keep the expressions alive as long as `done` is used.
     """
     stack = [root]
     while stack:
@@ -76,7 +76,7 @@ def _entries(pool: Pool, e: Expr, resolve: Resolve, args: list[Scalars]) -> Scal
             position = position * n + i
         return (args[0][position],)
     if op == "slice":
-        return _sliced(e, args[0])
+        return _slice(e, args[0])
     if op == "fill":
         return args[0] * e.shape[0]
     if op == "transpose":
@@ -92,25 +92,25 @@ def _entries(pool: Pool, e: Expr, resolve: Resolve, args: list[Scalars]) -> Scal
         flat = [a for part in args for a in part]
         return tuple(pool.make(Call(external, k), *flat) for k in external.entries(output))
     if op == "pre":
-        # of a continuous expression it stands in a `when`, which sees everything as it was before
+        # allowed for a continuous expression in a `when` only, which evaluates it before any reset
         return tuple(pool.make("pre", a) for a in args[0]) if is_discrete(e.args[0]) else args[0]
     if op == "delay":
-        return _delayed(pool, e, args)
+        return _delay(pool, e, args)
     if op in ("edge", "change", "equals"):
-        return (_compared(pool, op, [a[0] for a in args], is_condition(e.args[0])),)
+        return (_event_comparison(pool, op, [a[0] for a in args], is_condition(e.args[0])),)
     if op == "where":
         conditions = tuple(pool.make("noevent", c) for c in args[0]) if e.payload else args[0]
         size = max(map(len, args))
-        columns = [_wide(a, size) for a in (conditions, *args[1:])]
+        columns = [_broadcast(a, size) for a in (conditions, *args[1:])]
         return tuple(pool.where(c, a, b) for c, a, b in zip(*columns, strict=True))
     if not args:
         return (pool.make(op),)
     size = max(len(a) for a in args)
-    columns = [_wide(a, size) for a in args]
+    columns = [_broadcast(a, size) for a in args]
     return tuple(pool.make(op, *operands) for operands in zip(*columns, strict=True))
 
 
-def _sliced(e: Expr, entries: Scalars) -> Scalars:
+def _slice(e: Expr, entries: Scalars) -> Scalars:
     places, _ = e.payload
     if len(places) == 1:
         return tuple(entries[k] for k in places[0])
@@ -119,8 +119,8 @@ def _sliced(e: Expr, entries: Scalars) -> Scalars:
     return tuple(entries[i * width + j] for i, j in product(first, second))
 
 
-def _delayed(pool: Pool, e: Expr, args: list[Scalars]) -> Scalars:
-    """What never changes, or is delayed by nothing, is itself."""
+def _delay(pool: Pool, e: Expr, args: list[Scalars]) -> Scalars:
+    """Delayed entries; constants, and signals with a delay of zero, are returned unchanged."""
     time, most = args[1][0], args[2][0] if len(args) > 2 else None
     if pool.parameter_value(time) == 0.0:
         pool.undelayed.append((time, str(e)))
@@ -131,8 +131,8 @@ def _delayed(pool: Pool, e: Expr, args: list[Scalars]) -> Scalars:
     )
 
 
-def _compared(pool: Pool, op: str, args: list[int], is_logical: bool) -> int:
-    """`edge`, `change` and `equals` by relations and `pre`; whole numbers differ where they are half a step apart."""
+def _event_comparison(pool: Pool, op: str, args: list[int], is_logical: bool) -> int:
+    """`edge`, `change` and `equals` as relations and `pre`; integers are equal within one half."""
     a = args[0]
     b = args[1] if op == "equals" else pool.make("pre", a)
     if op == "edge":
@@ -146,7 +146,7 @@ def _compared(pool: Pool, op: str, args: list[int], is_logical: bool) -> int:
     return pool.make("not", pool.make("or", below, above))
 
 
-def _wide(a: Scalars, size: int) -> Scalars:
+def _broadcast(a: Scalars, size: int) -> Scalars:
     return a if len(a) == size else a * size
 
 
@@ -175,7 +175,7 @@ _layout_of: Callable[..., Layout] = cache(_layout)
 
 
 def layout(component: Component) -> Layout:
-    """Of a class, or of a component whose shapes follow from its structural values."""
+    """Layout of a class, or of a component whose shapes depend on its structural values."""
     return _layout(component) if "_declarations" in component.__dict__ else _layout_of(type(component))
 
 
@@ -195,7 +195,7 @@ def allocate(
             oriented.union(joint.a, joint.b)
     shared_signals = _signal_representatives(signals)
     variables: list[FlatVariable] = []
-    flat_variable = partial(tuple.__new__, FlatVariable)  # a third of the time of its constructor
+    flat_variable = partial(tuple.__new__, FlatVariable)  # a third of the time of its Python constructor
     for instance in all_instances:
         own = layout(instance.component)
         if not own:

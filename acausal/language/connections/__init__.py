@@ -1,1 +1,1 @@
-"""How components are joined."""
+"""Connections between components."""

@@ -17,7 +17,7 @@ Connectable = TypeVar("Connectable", bound=Connector | Expr)
 
 @dataclass(frozen=True)
 class Connection(Statement):
-    """What `connect` makes; yield it like an equation."""
+    """A connection, made by `connect`; yield it like an equation."""
 
     ends: tuple[Connector, ...] | tuple[Expr, ...]
 
@@ -29,7 +29,7 @@ class Connection(Statement):
 
 
 def connect(first: Connectable, second: Connectable, *more: Connectable) -> Connection:
-    """Join connectors of one type, or one signal output with signal inputs; elements of vectors too: `self.u[2]`.
+    """Connect connectors of one type, or one signal output with signal inputs; also elements of vectors: `self.u[2]`.
 
     Raises
     ------
@@ -68,10 +68,10 @@ def is_element(end: object) -> bool:
 
 
 def signal_of(end: Expr) -> Symbol:
-    """The signal that an end of a connection is, or is an element of."""
-    found = end.args[0] if is_element(end) else end
-    assert isinstance(found, Symbol), "connect has looked at it"
-    return found
+    """The signal at an end of a connection; for an element the whole signal."""
+    signal = end.args[0] if is_element(end) else end
+    assert isinstance(signal, Symbol), "checked by connect"
+    return signal
 
 
 def _check_signals(ends: tuple[Expr, ...]) -> None:
@@ -110,7 +110,7 @@ def _check_signals(ends: tuple[Expr, ...]) -> None:
 
 
 def _type_name(end: Connector | Expr, kinds: set[type]) -> str:
-    """Class of an end; with its library when another class of the connection has the same name."""
+    """Class name of an end, with its library where classes of the same name are connected."""
     cls = type(end)
     if sum(kind.__name__ == cls.__name__ for kind in kinds) == 1:
         return "signal" if isinstance(end, Expr) else cls.__name__

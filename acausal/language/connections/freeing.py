@@ -1,4 +1,4 @@
-"""`free`: what a model drives by itself becomes an input."""
+"""`free`: inner signals of a model become its inputs."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ C = TypeVar("C", bound=Component)
 
 
 def free(model: C, *signals: str) -> C:
-    """The model without the sources of these signals, which become its inputs; the model itself stays as it is.
+    """A copy of the model in which these signals are inputs, cut from their sources.
 
     Parameters
     ----------
     signals
-        Paths of signal inputs inside of the model: `free(ThickBlock(), "force.u", "speed.w_ref")`. What drove them, by
-        `connect`, in a constructor or by an equation of the owner, is left out; the source stays in the model without
-        effect. Units and limits are those that the input declares.
+        Paths of signal inputs inside the model: `free(ThickBlock(), "force.u", "speed.w_ref")`. The connection, binding
+        or owner's equation that drove them is removed; the source stays in the model without effect. Units and limits
+        are those declared by the input.
 
     Raises
     ------
     UsageError
-        AC047 when nothing is named, or a signal twice; when the model is flattened, for a name that is no input.
+        AC047 without signals, or for one named twice; when the model is flattened, for a name that is no input.
     """
     if not signals or not all(isinstance(s, str) for s in signals):
         raise UsageError("AC047", "free names no signal", help='paths of inputs: free(model, "force.u")')

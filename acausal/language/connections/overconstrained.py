@@ -1,8 +1,8 @@
-"""Overconstrained connectors: what the spanning tree over frames is built from.
+"""Overconstrained connectors: declarations from which the flattener builds a spanning tree over frames.
 
-A rotation matrix has nine entries and three degrees of freedom, so a closed loop of frames would state six
-equations too many. As the Modelica language does (3.6, section 9.4), components declare how their frames hang
-together; the flattener cuts each loop at a connection and puts three equations there.
+A rotation matrix has nine entries and three degrees of freedom, so a closed loop of frames would state six equations
+too many. As in the Modelica language (3.6, section 9.4), components declare the relations between their frames; the
+flattener cuts each loop at one connection, which gets three equations instead of nine.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from acausal.language.statement import Statement, made
 
 @dataclass(frozen=True)
 class Tie(Statement):
-    """What `ties` yields."""
+    """Base class of the declarations that `ties` yields."""
 
     def __post_init__(self) -> None:
         made(self)
@@ -24,7 +24,7 @@ class Tie(Statement):
 
 @dataclass(frozen=True)
 class Branch(Tie):
-    """Between these two connectors of one component a unique relation holds; never cut."""
+    """A relation between two connectors of one component; never cut."""
 
     a: Connector
     b: Connector
@@ -56,7 +56,7 @@ def root(a: Connector) -> Root:
 
 
 def potential_root(a: Connector, priority: int = 0) -> PotentialRoot:
-    """Declare, in `ties`, that the component can define the orientation of `a` when nobody else does."""
+    """Declare, in `ties`, that the component can define the orientation of `a` if no other component does."""
     return PotentialRoot(a, priority)
 
 
@@ -72,10 +72,10 @@ def _role(connector: Connector, key: str) -> bool:
 
 
 def is_root(connector: Connector) -> bool:
-    """True when the flattener made this connector the root of its island; ask inside `equations`."""
+    """True when the flattener made this connector the root of its island; for use in `equations`."""
     return _role(connector, "is_root")
 
 
 def rooted(connector: Connector) -> bool:
-    """True when `connector` is nearer to the root than its partner in the branch; ask inside `equations`."""
+    """True when `connector` is closer to the root than its partner in the branch; for use in `equations`."""
     return _role(connector, "rooted")

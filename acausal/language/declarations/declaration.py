@@ -1,4 +1,4 @@
-"""What is known of a declared name, and of the component that declares it."""
+"""Declarations of names in class bodies, and the base class of the components that hold them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 
 
 class Kind(Enum):
-    """What a declared name is to the compiler."""
+    """Role of a declared name for the compiler."""
 
     VARIABLE = "variable"
     FLOW = "flow"
@@ -30,7 +30,7 @@ class Fixed:
 
 @dataclass(frozen=True)
 class Guess:
-    """A start value that only starts Newton's method."""
+    """A start value that is only the initial guess of Newton's method."""
 
     value: Any
 
@@ -40,15 +40,15 @@ Start = Fixed | Guess
 
 @dataclass(frozen=True, eq=False)
 class Declaration:
-    """Everything said about one name, except its value.
+    """Attributes of one declared name, except its value.
 
     `default` is a number, a nested tuple, a function of the instance (`lambda self: sin(self.sigma)`), a
     `Fixed` or a `Guess`, or None. `prefer_state` ranks candidates for states: True before undeclared before False.
-    `hint` is printed when the compiler cannot determine the variable. `monotone_above` is a value from which on the
-    equations rise or fall steadily with the variable, along a curve that bends to one side: where they are nonlinear in
-    it, the compiler solves them inside the equations instead of leaving an algebraic variable. A `discrete` variable
-    keeps its value between events; of these, `boolean` ones are true or false and `integer` ones count. Where `sized`
-    is a function of the instance, each instance has a declaration of its own with the shape that it returns.
+    `hint` is printed when the compiler cannot determine the variable. Above the value `monotone_above` the residual of
+    the equation for the variable is monotone and convex or concave in it: where it is nonlinear, the compiler solves it
+    inside the equations by a safeguarded Newton iteration instead of leaving an algebraic variable. A `discrete`
+    variable is constant between events; `boolean` ones are true or false, `integer` ones whole numbers. Where `sized`
+    is a function of the instance, each instance has its own declaration with the shape that it returns.
     """
 
     kind: Kind
@@ -69,17 +69,17 @@ class Declaration:
     sized: Callable[[Any], Any] | None = None
 
     def of_shape(self, shape: tuple[int, ...]) -> Declaration:
-        """What instances have whose `sized` gives this shape: one object for all of them."""
-        made: dict[tuple[int, ...], Declaration] = self.__dict__.setdefault("_made", {})
-        found = made.get(shape)
-        if found is None:
-            found = made[shape] = replace(self, shape=shape, sized=None)
+        """This declaration with a shape returned by `sized`; one object shared by all instances of that shape."""
+        by_shape: dict[tuple[int, ...], Declaration] = self.__dict__.setdefault("_made", {})
+        sized_declaration = by_shape.get(shape)
+        if sized_declaration is None:
+            sized_declaration = by_shape[shape] = replace(self, shape=shape, sized=None)
             if "_home" in self.__dict__:
-                object.__setattr__(found, "_home", (*self.__dict__["_home"], shape))
-        return found
+                object.__setattr__(sized_declaration, "_home", (*self.__dict__["_home"], shape))
+        return sized_declaration
 
     def belongs_to(self, cls: type[Owner], name: str) -> None:
-        """Remember the class whose body this stands in: as a class, a declaration is pickled by its name."""
+        """Store the class that declares it: like a class, a declaration is pickled by name."""
         object.__setattr__(self, "_home", (cls, name))
 
     def __reduce__(self) -> Any:
@@ -88,12 +88,12 @@ class Declaration:
 
 
 def _declaration_of(cls: type[Owner], name: str, shape: tuple[int, ...] | None = None) -> Declaration:
-    found = cls._declarations[name]
-    return found if shape is None else found.of_shape(shape)
+    declaration = cls._declarations[name]
+    return declaration if shape is None else declaration.of_shape(shape)
 
 
 class Owner:
-    """What a component is to its declarations: `Component` is the one subclass."""
+    """Base of `Component`, its only subclass, for modules that `component.py` imports."""
 
     _declarations: ClassVar[dict[str, Declaration]] = {}
     _classes: ClassVar[dict[str, type[Owner] | None]]
@@ -101,16 +101,16 @@ class Owner:
     _is_sized: ClassVar[bool] = False
 
     def _path_to(self, name: str) -> str:
-        """Path of a field as seen from the outermost owner, or from that of what was pickled, for messages."""
+        """Path of a field from the outermost owner, for messages; for a pickled part from its former owner."""
         names = [name]
-        here: Owner = self
-        while here.__dict__["_owner"] is not None:
-            here, own_name = here.__dict__["_owner"]
+        component: Owner = self
+        while component.__dict__["_owner"] is not None:
+            component, own_name = component.__dict__["_owner"]
             names.append(own_name)
-        if "_stood" in here.__dict__:
-            names.append(here.__dict__["_stood"])
+        if "_stood" in component.__dict__:
+            names.append(component.__dict__["_stood"])
         return ".".join(reversed(names))
 
     def _refuse_unmade(self) -> None:
-        """Refuse what a constructor of its own has left without all that a component is (AC109)."""
+        """Raise DeclarationError AC109 for an instance whose own `__init__` did not call that of `Component`."""
         raise NotImplementedError

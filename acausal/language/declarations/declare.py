@@ -1,4 +1,4 @@
-"""Declarations: what stands on the right of `name: Real = ...` in a class body."""
+"""Declarations of fields: the right-hand sides of `name: Real = ...` in class bodies."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ from acausal.language.expressions.expression import (
 from acausal.units import declared, format_dimension, parse
 
 Sizes = Shape | int | Callable[[Any], Shape | int]
-"""A shape, or a function of the component that gives one."""
+"""A shape, or a function of the component that returns one."""
 
 Function = TypeVar("Function", bound=Callable[..., Any])
-# What the argument `default` is called elsewhere.
+# Names of the argument `default` in other tools, for a hint.
 _DEFAULT = ("start", "value", "init", "initial", "fixed", "guess")
 
 
 def _by_keyword(function: Function) -> Function:
-    """Arguments that a declaration does not have are told in its words, AC110, from Python too."""
+    """Make unknown and positional arguments a DeclarationError AC110 that lists the arguments."""
 
     @wraps(function)
     def declared_by(*given: Any, **named: Any) -> Any:
@@ -57,12 +57,12 @@ def _wrong_argument(kind: str, names: list[str], wrong: str) -> DeclarationError
 
 
 def fixed(value: Operand) -> Fixed:
-    """A start value that holds: an initial equation, as Modelica's `start` with `fixed = true`."""
+    """A start value that is an initial equation, as Modelica's `start` with `fixed = true`."""
     return Fixed(value)
 
 
 def guess(value: Operand) -> Guess:
-    """The value from which the search for a consistent start begins; it adds no equation. Modelica's `start`."""
+    """A start value that is the initial guess for consistent initialisation; no equation. Modelica's `start`."""
     return Guess(value)
 
 
@@ -115,9 +115,9 @@ def variable(
 
 @_by_keyword
 def discrete(*, unit: str = "", doc: str = "", shape: Sizes = (), default: Any = None, nominal: float = 1.0) -> Any:
-    """A variable that keeps its value between events; `when(..., reset(x, value))` changes it. Starts at 0.
+    """A variable that is constant between events; `when(..., reset(x, value))` changes it. Starts at 0.
 
-    So does an equation with the variable alone on its left: `yield self.n == where(...)`.
+    An equation with the variable alone on its left assigns it too: `yield self.n == where(...)`.
     """
     start = Fixed(0.0) if default is None else default
     start = start if isinstance(start, Fixed | Guess) or callable(start) else Fixed(start)
@@ -128,17 +128,17 @@ def discrete(*, unit: str = "", doc: str = "", shape: Sizes = (), default: Any =
 
 @_by_keyword
 def boolean(*, default: Any = None, shape: Sizes = (), doc: str = "") -> Any:
-    """A variable that is true or false and changes at events only: a condition wherever one is asked for.
+    """A variable that is true or false and changes at events only; it can be used as a condition.
 
     An equation assigns it, `yield self.on == (self.x > 1)`, or a `when(..., reset(self.on, True))`. `default` is its
-    value before the start; without it that is False.
+    value before the start, False if not given.
     """
     return _discrete(Kind.VARIABLE, default, shape, doc, boolean=True)
 
 
 @_by_keyword
 def integer(*, default: Any = None, shape: Sizes = (), doc: str = "") -> Any:
-    """A variable that counts and changes at events only; assigned as `boolean` is. Starts at 0."""
+    """An integer variable that changes at events only; assigned like a `boolean`. Starts at 0."""
     return _discrete(Kind.VARIABLE, default, shape, doc, integer=True)
 
 
@@ -163,9 +163,9 @@ def _sizes(shape: Sizes) -> dict[str, Any]:
 
 
 def checked_shape(shape: Shape | int, owner: str = "") -> Shape:
-    """`3` and `(3, 3)` as they are stored; `owner` is the declared name that an error tells.
+    """A shape as a tuple: (3,) for `3`; `owner` is the declared name, for the error.
 
-    Raises DeclarationError: AC105 for what is no shape.
+    Raises DeclarationError: AC105 for an invalid shape.
     """
     sizes = shape if isinstance(shape, tuple | list) else (shape,)
     if len(sizes) > 2 or not all(isinstance(n, int) and n > 0 for n in sizes):
@@ -198,8 +198,8 @@ def signal_input(
 ) -> Any:
     """A signal the component reads; connect it to a `signal_output`, or bind it in the constructor.
 
-    In the outermost component it is an input of the model: `simulate(inputs={...})`. There a number as `default` is
-    its value when nothing is given, values outside `min ... max` are refused, and optimal control has these bounds.
+    In the outermost component it is an input of the model: `simulate(inputs={...})`. There a number as `default` is its
+    value without data, values outside `min ... max` are refused, and optimal control uses these bounds.
     """
     return _declare(
         Kind.INPUT, unit=unit, doc=doc, shape=shape, default=default, nominal=nominal, min=min, max=max, hint=hint
@@ -245,12 +245,12 @@ def structural(*, default: Any = None, doc: str = "") -> Any:
 
 @_by_keyword
 def part(*, doc: str = "") -> Any:
-    """A component, or a list of components, that `build` creates; one that is given to the constructor replaces it."""
+    """A component, or a list of components, created in `build`, unless one is given to the constructor."""
     return Declaration(Kind.PART, doc=doc)
 
 
 class Real:
-    """The type of a declared quantity: an expression when read, a number, expression or start when given."""
+    """Type of a declared quantity: reads as an expression; accepts a number, an expression or a start value."""
 
     def __init__(self, name: str, declaration: Declaration) -> None:
         self.name = name
@@ -268,29 +268,32 @@ class Real:
         symbols: dict[str, Symbol] = instance.__dict__["_symbols"]
         found = symbols.get(self.name)
         if found is None:
-            found = symbols[self.name] = Symbol(instance, self.name, self._of(instance))
+            found = symbols[self.name] = Symbol(instance, self.name, self._declaration_for(instance))
         return found
 
-    def _of(self, instance: Owner) -> Declaration:
-        """The declaration of an instance: it knows its shape."""
-        found = self.declaration if self.declaration.sized is None else instance._declarations[self.name]
-        if found.sized is not None:
+    def _declaration_for(self, instance: Owner) -> Declaration:
+        """The declaration for an instance, with its shape."""
+        declaration = self.declaration if self.declaration.sized is None else instance._declarations[self.name]
+        if declaration.sized is not None:
             path = instance._path_to(self.name)
             raise DeclarationError(
                 "AC187",
                 f"`{path}` is not known yet: its shape is known when the component around it is",
                 help="read it in `equations` only, not in `build`, in defaults and in other shapes",
             )
-        return found
+        return declaration
 
     def __set__(self, instance: Owner, value: float | Expr | Fixed | Guess | tuple[Any, ...] | list[Any]) -> None:
         instance.__dict__["_values"][self.name] = checked_value(
-            type(instance).__name__, self.name, self._of(instance), value
+            type(instance).__name__, self.name, self._declaration_for(instance), value
         )
 
 
 def checked_value(owner: str, name: str, declaration: Declaration, value: Any) -> Any:
-    """`value` as it is stored: an Expr for parameters and bindings, Fixed or Guess of an Expr for starts."""
+    """Check and convert a value: Expr for parameters and bindings, Fixed or Guess of an Expr for starts.
+
+    Raises DeclarationError AC105, AC110, AC111, AC147; UnitError AC151.
+    """
     kind = declaration.kind
     if isinstance(value, Fixed | Guess):
         if kind in (Kind.PARAMETER, Kind.STRUCTURAL):
@@ -345,7 +348,7 @@ def _in_unit(owner: str, name: str, declaration: Declaration, given: Expr) -> Ex
 
 
 def check_discrete(name: str, declaration: Declaration, value: Expr) -> None:
-    """Refuse what cannot be the value of a boolean or an integer.
+    """Refuse values that a boolean or an integer cannot have.
 
     Raises DeclarationError: AC147 when a boolean would be neither true nor false, or an integer a fraction.
     """
@@ -366,7 +369,7 @@ def check_discrete(name: str, declaration: Declaration, value: Expr) -> None:
 
 
 def _is_choice(e: Expr) -> bool:
-    """`where(condition, True, False)`, however nested: nothing in it but truth values."""
+    """Whether an expression is a possibly nested `where` whose values are all true or false."""
     stack = [e]
     while stack:
         here = stack.pop()

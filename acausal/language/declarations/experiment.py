@@ -1,4 +1,4 @@
-"""The run a model is meant for; every field can be overridden when it is simulated."""
+"""Default run of a model; every field can be overridden in `simulate`."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from dataclasses import dataclass
 class Experiment:
     """Default run of a model: `experiment = Experiment(stop_time=40.0)` in the class body.
 
-    `stop_time`, `start_time`, `output_interval` and `step` in seconds; `output_interval` None gives 500
-    intervals; `solver` is a solver's name or "auto"; `step` is the size of a fixed step, `max_step` the largest step of
-    an adaptive solver: the shortest time in which something may happen that it must not step over.
+    `stop_time`, `start_time`, `output_interval`, `step` and `max_step` are in seconds; `output_interval` None gives 500
+    intervals; `tolerance` is the relative tolerance; `solver` is a solver's name or "auto"; `step` is the size of a
+    fixed step, `max_step` the largest step of an adaptive solver, which bounds the duration of what it can overlook.
     """
 
     stop_time: float = 1.0

@@ -1,4 +1,4 @@
-"""What a class body gets wrong in Python's own terms: `__init__`, hidden fields, signatures, endless parts."""
+"""Detection of common errors in class bodies: own `__init__`, hidden fields, wrong signatures, endless recursion."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from acausal.language.origin import Origin
 
 
 def refuse_hiding(cls: type[Owner], inherited: dict[str, Declaration | Outer[Any]]) -> None:
-    """Refuse attributes that take the name of an inherited field (AC126)."""
+    """Refuse class attributes with the name of an inherited field (DeclarationError AC126)."""
     for name in inherited.keys() & cls.__dict__.keys():
         if not isinstance(cls.__dict__[name], Declaration | Outer) and not hasattr(cls.__dict__[name], "_declarations"):
             raise DeclarationError(
@@ -35,7 +35,7 @@ def _kind(inherited: Declaration | Outer[Any]) -> str:
 
 
 def own_constructor(cls: type[Owner]) -> DeclarationError | None:
-    """AC109 for a class that defines `__init__`; None for all others."""
+    """DeclarationError AC109 for a class that defines `__init__`; None for all others."""
     codes = ((base, getattr(base.__dict__.get("__init__"), "__code__", None)) for base in cls.__mro__)
     base, code = next((found for found in codes if found[1] is not None), (cls, None))
     if base.__module__ == "acausal.language.component":
@@ -52,7 +52,7 @@ def own_constructor(cls: type[Owner]) -> DeclarationError | None:
 
 
 def refuse_undeclared(cls: type[Owner], name: str, annotation: object, value: object) -> None:
-    """AC112 for what looks like a field of a model and would be none: `mass: Mass = Mass`, `k: Real = 2.0`."""
+    """Refuse class attributes that only look like fields (AC112): `mass: Mass = Mass`, `k: Real = 2.0`."""
     if annotation is None or "ClassVar" in str(annotation):
         return
     if isinstance(value, type) and issubclass(value, Owner):
@@ -69,9 +69,9 @@ def refuse_undeclared(cls: type[Owner], name: str, annotation: object, value: ob
 
 
 def assignment(component: Owner, name: str, stating: tuple[str, ...]) -> DeclarationError:
-    """AC118 for `self.f = ...` after construction, in the words of where it stands.
+    """DeclarationError AC118 for `self.f = ...` after construction, with a remedy that depends on the method.
 
-    `stating` are the names of the generators in which an equation was meant.
+    `stating` are the names of the generator methods, in which an equation was probably meant.
     """
     cls = type(component)
     declared = component._declarations.get(name)
@@ -110,7 +110,7 @@ def assignment(component: Owner, name: str, stating: tuple[str, ...]) -> Declara
 
 
 def refuse_misnamed(cls: type[Owner], stating: tuple[str, ...]) -> None:
-    """Refuse generators that nobody calls and whose names are nearly those of `stating` (AC129): nothing runs them."""
+    """Refuse uncalled generator methods with a name close to one of `stating`, probably misspelt (AC129)."""
     if "_is_named_right" in cls.__dict__:
         return
     members = {n: m for base in reversed(cls.__mro__) for n, m in base.__dict__.items() if inspect.isfunction(m)}
@@ -129,7 +129,7 @@ def refuse_misnamed(cls: type[Owner], stating: tuple[str, ...]) -> None:
 
 
 def called(what: str, form: str, function: Callable[..., Any], *args: Any) -> Any:
-    """What a function of the model returns; AC109 when it cannot be called with `args`."""
+    """Call a function of the model; DeclarationError AC109 when it does not accept `args`."""
     try:
         return function(*args)
     except TypeError as error:
@@ -145,16 +145,16 @@ def called(what: str, form: str, function: Callable[..., Any], *args: Any) -> An
         ) from None
 
 
-def endless(component: Owner) -> DeclarationError | None:
-    """The error for components whose `build` makes themselves again and again; None for other recursions."""
+def endless_recursion(component: Owner) -> DeclarationError | None:
+    """Error AC138 for components whose `build` creates themselves recursively; None for other recursions."""
     here = sys._getframe(1)
     frame: FrameType | None = here
-    inner: list[str] = []
+    building: list[str] = []
     while frame is not None:
         if frame.f_code is here.f_code:
-            inner.append(type(frame.f_locals["self"]).__name__)
+            building.append(type(frame.f_locals["self"]).__name__)
         frame = frame.f_back
-    names = inner[::-1]
+    names = building[::-1]
     first = next((k for k, name in enumerate(names) if name in names[k + 1 :]), None)
     if first is None:
         return None
@@ -168,7 +168,7 @@ def endless(component: Owner) -> DeclarationError | None:
 
 
 def declared_at(cls: type[Owner], name: str) -> tuple[Span, ...]:
-    """The line of the class body that declares a field or a method; empty where there is no source."""
+    """Line of the class body that declares a field or a method; empty without source."""
     for base in cls.__mro__:
         member = base.__dict__.get(name)
         code = getattr(member, "__code__", None)
@@ -187,34 +187,34 @@ def declared_at(cls: type[Owner], name: str) -> tuple[Span, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Declared:
-    """The line of a class body that declares a field; looked up only for a message, like an `Origin`."""
+    """Place of a field's declaration; looked up only for a message, like an `Origin`."""
 
     cls: type[Owner]
     name: str
     made: Origin
 
     def span(self) -> Span:
-        """The declaration, or where the component was made: what the library declares is not for its users to read."""
+        """The declaration; for a class of the library the place where the component was made."""
         found = declared_at(self.cls, self.name)
         return found[0] if found and not found[0].of_library else self.made.span()
 
 
 def declared_class(cls: type[Owner], name: str) -> type[Owner] | None:
-    """Class that a part is declared as, of its members for a list; None where the annotation does not tell."""
-    known = cls.__dict__.get("_classes")
-    if known is None:
-        known = cls._classes = {}  # of this class alone: a subclass may declare it anew
-    if name not in known:
-        known[name] = _annotated_class(cls, name)
-    found: type[Owner] | None = known[name]
-    return found
+    """Declared class of a part, or of the members of a list; None where the annotation names no component."""
+    by_name = cls.__dict__.get("_classes")
+    if by_name is None:
+        by_name = cls._classes = {}  # not inherited: a subclass may redeclare the part
+    if name not in by_name:
+        by_name[name] = _annotated_class(cls, name)
+    declared: type[Owner] | None = by_name[name]
+    return declared
 
 
 _PLAIN: dict[str, tuple[type, ...]] = {"int": (int,), "bool": (bool,), "str": (str,), "float": (int, float)}
 
 
 def checked_structural(cls: type[Owner], name: str, value: Any) -> Any:
-    """A structural value that was given, numbers of numpy as numbers of Python.
+    """A given structural value, with numpy scalars converted to Python numbers.
 
     Raises DeclarationError: AC115 when it is not of the plain type that the class declares.
     """
@@ -250,7 +250,7 @@ def _annotated_class(cls: type[Owner], name: str) -> type[Owner] | None:
 
 
 def field_span(cls: type[Owner], name: str) -> tuple[Span, ...]:
-    """The line of a class body that declares `name`, searched from the line of the class on."""
+    """Line of the class body that declares `name`, searched from the line of the class statement."""
     for start in calling_span():
         return _declaring_line(start, name)
     return ()

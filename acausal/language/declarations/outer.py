@@ -1,7 +1,7 @@
-"""`outer(World)`: a component that stands somewhere around, as Modelica's inner and outer.
+"""`outer(World)`: a reference to an enclosing component, as Modelica's inner and outer.
 
-While recipes are made nobody knows what will be around them. Until then a stand-in takes its place: expressions of its
-quantities can be written, in `build` and in defaults; the flattener knows whom it stands for.
+While a model is being composed its surroundings are unknown. Until then a stand-in provides symbols of its quantities,
+for `build` and for defaults; the flattener binds it to the actual component.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ Around = TypeVar("Around", bound=Owner)
 
 @dataclass(frozen=True, eq=False)
 class Outer(Generic[Around]):
-    """What `outer` makes: the class that is looked for, and what is put into the model when none is around."""
+    """Declaration made by `outer`: the class of the enclosing component, and the default added if there is none."""
 
     cls: type[Around]
     default: Around | None
@@ -24,18 +24,18 @@ class Outer(Generic[Around]):
 
 
 def outer(cls: type[Around], *, default: Around | None = None, doc: str = "", init: Literal[False] = False) -> Around:
-    """The nearest component of class `cls` around this one: a part of its owner, or of the owner of that, and so on.
+    """The nearest enclosing component of class `cls`: a part of the owner, or of the owner's owner, and so on.
 
-    It is declared as a field, `world: World = outer(World)`, and read like a part: `self.world.g_0`. Of several parts
-    of the class the one with the name of the field is meant. Where none is around, `default` is put into the model
-    under the name of the field; without a default it is an error.
+    It is declared as a field, `world: World = outer(World)`, and read like a part: `self.world.g_0`. If an owner has
+    several parts of the class, the one with the name of the field is taken. If there is none at all, `default` is added
+    to the model under the name of the field; without a default that is an error.
 
     `init` is for type checkers: an outer component is not given to the constructor.
 
     Raises
     ------
     DeclarationError
-        Where a model is flattened: AC188 when none is around, AC189 when several could be meant.
+        When the model is flattened: AC188 when there is none, AC189 when several match.
     """
-    made: Any = Outer(cls, default, doc)
-    return made  # type: ignore[no-any-return]
+    declaration: Any = Outer(cls, default, doc)
+    return declaration  # type: ignore[no-any-return]

@@ -1,4 +1,4 @@
-"""The list of components that a field holds: a list that knows its name, for what is asked of it and not there."""
+"""List of the components of a field, which names that field in errors."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from acausal.language.declarations.declaration import Owner
 
 
 class Parts(list[Any]):
-    """What `self.masses` is after `self.masses = [...]`.
+    """Type of `self.masses` after `self.masses = [...]`.
 
     Raises
     ------
     DeclarationError
-        AC103 for an index that it does not have, AC118 for a part that is put in after `build`, AC127 for a field of
-        its members that is asked of the list.
+        AC103 for an index out of range, AC118 for a part replaced after `build`, AC127 for a field of the members that
+        is read from the list.
     """
 
     __slots__ = ("_name", "_owner")
@@ -25,7 +25,7 @@ class Parts(list[Any]):
         self._owner = owner
         self._name = name
 
-    def _told(self) -> str:
+    def _description(self) -> str:
         count = f"{len(self)} {type(self[0]).__name__}" if self else "no parts"
         return f"`{self._owner._path_to(self._name)}` is a list of {count}"
 
@@ -37,7 +37,7 @@ class Parts(list[Any]):
             last = len(self) - 1
             raise DeclarationError(
                 "AC103",
-                f"{self._told()}; it has no element [{shown}]",
+                f"{self._description()}; it has no element [{shown}]",
                 help="`build` makes its parts" if last < 0 else f"indices count from 0: [0 to {last}]",
             ) from None
 
@@ -45,18 +45,18 @@ class Parts(list[Any]):
         if not self._owner.__dict__["_building"]:
             raise DeclarationError(
                 "AC118",
-                f"{self._told()}; none of them can be replaced after `build`",
+                f"{self._description()}; none of them can be replaced after `build`",
                 help=f"make it where the list is made: self.{self._name} = [...]",
             )
         super().__setitem__(index, value)
 
-    if not TYPE_CHECKING:  # else every misspelt method would be one to a type checker
+    if not TYPE_CHECKING:  # otherwise type checkers would accept every misspelt method
 
         def __getattr__(self, name: str) -> Any:
             if name.startswith("__") or not hasattr(type(self[0]) if self else None, "_declarations"):
                 raise AttributeError(name)
             raise UnknownFieldError(
                 "AC127",
-                f"{self._told()}; the list has no field '{name}'",
+                f"{self._description()}; the list has no field '{name}'",
                 help=f"take one of them, self.{self._name}[0].{name}, or go through them with `for`",
             )

@@ -1,4 +1,4 @@
-"""Vectors put together of parts, and their elements: what an equation between arrays says of one of them."""
+"""Vectors composed of parts, and elements of vector expressions and equations."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ from acausal.language.expressions.expression import (
 )
 
 _SPACE = 3
-"""Vectors of space are read as a whole, longer ones by their elements."""
+"""Up to this length (vectors in space) an equation is printed as a whole, beyond it element by element."""
 _DEEP = 16
-"""Levels of operations that a text shows."""
+"""Depth up to which elements are taken of operands."""
 _WHOLE = frozenset(("matmul", "cross", "transpose", "call"))
 
 
 def concatenate(*parts: Operand) -> Expr:
-    """One vector of scalars and vectors, one behind the other: `concatenate(self.u_a, self.u, self.u[-1])`.
+    """Scalars and vectors joined to one vector: `concatenate(self.u_a, self.u, self.u[-1])`.
 
-    All parts have one unit. Of a scalar and a vector of shape (n,) the result has shape (n + 1,).
+    All parts have the same unit. For a scalar and a vector of shape (n,) the result has shape (n + 1,).
 
     Raises
     ------
     DeclarationError
-        AC105 for a matrix, or for no part at all.
+        AC105 for a matrix, or without parts.
     """
-    made = tuple(as_expr(p) for p in parts)
-    if not made or any(len(p.shape) > 1 for p in made):
-        raise shape_error("concatenate", *made)
-    return Operation("concatenate", made, (sum(p.shape[0] if p.shape else 1 for p in made),))
+    operands = tuple(as_expr(p) for p in parts)
+    if not operands or any(len(p.shape) > 1 for p in operands):
+        raise shape_error("concatenate", *operands)
+    return Operation("concatenate", operands, (sum(p.shape[0] if p.shape else 1 for p in operands),))
 
 
 def fill(x: Operand, n: int) -> Expr:
@@ -56,7 +56,7 @@ def fill(x: Operand, n: int) -> Expr:
 
 
 def element(e: Expr, place: int, depth: int = 0) -> Expr:
-    """Element `place` of a vector, as an expression of elements: of `u[1:] - u[:-1]` at 2 it is `u[3] - u[2]`."""
+    """Element `place` of a vector, as an expression of elements: `u[3] - u[2]` for `u[1:] - u[:-1]` and 2."""
     if not e.shape:
         return e
     if isinstance(e, Symbol) or e.op in _WHOLE or len(e.shape) > 1 or depth > _DEEP:
@@ -88,7 +88,7 @@ def _sliced(e: Expr, place: int, depth: int) -> Expr:
 
 
 def one_of(equation: Equation, place: int) -> Equation:
-    """The scalar equation at `place` of one between long vectors; all others are read as a whole."""
+    """The scalar equation at `place` of an equation between long vectors; any other equation as a whole."""
     shape = equation.left.shape or equation.right.shape
     if len(shape) != 1 or shape[0] <= _SPACE:
         return equation

@@ -1,6 +1,6 @@
-"""Conditions beyond relations: what changes, what held before, clocks, and what is exempt from events.
+"""Operators on conditions and events: `pre`, `edge`, `change`, `sample`, `initial`, `terminal`, `no_event`, `smooth`.
 
-Source of the meaning: Modelica language specification 3.6, sections 3.7.5 and 8.5.
+Semantics: Modelica language specification 3.6, sections 3.7.5 and 8.5.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from acausal.language.expressions.expression import (
 def pre(x: Operand) -> Expr:
     """The value just before the event, in the unit of `x`: Modelica's `pre`.
 
-    `pre` of a discrete variable or of a condition may stand anywhere; it is the value from when the event began. That
-    of any other expression may stand in a `when` only, where it is the value before the actions.
+    `pre` of a discrete variable or condition may be used anywhere; it is the value at the beginning of the event. `pre`
+    of any other expression may be used in a `when` only, where it is the value before the actions.
     """
     return _before(as_expr(x))
 
@@ -35,7 +35,7 @@ def _before(e: Expr) -> Expr:
         return Operation("pre", (e,), e.shape) if varies and e.op != "pre" else e
     if isinstance(e, Symbol) or e.op in ("der", "delay", "time"):
         return Operation("pre", (e,), e.shape)
-    # What mixes both kinds is computed from what its parts were before.
+    # A mixed expression is evaluated with `pre` of its operands.
     return Operation(e.op, tuple(map(_before, e.args)), e.shape, e.payload)
 
 
@@ -50,7 +50,7 @@ def change(x: Expr) -> Expr:
     Raises
     ------
     DeclarationError
-        AC146 when `x` is neither: it changes all the time.
+        AC146 when `x` is neither, and so changes continuously.
     """
     e = as_expr(x)
     if e.shape:
@@ -67,8 +67,8 @@ def change(x: Expr) -> Expr:
 def equals(a: Operand, b: Operand) -> Expr:
     """True where two whole numbers, or two conditions, are equal: `equals(self.mode, 1)`.
 
-    It stands for Modelica's `==` between integers, since `==` makes an equation here. Numbers that vary continuously
-    have no such condition: it would hold at single instants only.
+    It replaces Modelica's `==` between integers, since `==` makes an equation here. It does not exist for continuous
+    numbers, which are equal at isolated instants only.
 
     Raises
     ------
@@ -99,11 +99,12 @@ def initial() -> Expr:
 
 
 def infinitesimal() -> Expr:
-    """A positive number smaller than any other: zero, except where the equations leave something open because of it.
+    """A positive number tending to zero, which regularises equations that would be singular at zero.
 
-    What they leave open is then its limit from above. `a == where(locked, infinitesimal() * tau, ...)` keeps an element
-    of dry friction at rest, and says how several of them share a load that each could bear alone: with the least sum of
-    squares, as surfaces do that creep in proportion to their load. The factor of it must oppose what it is added to.
+    Unknowns that the equations do not determine at zero take their limit from above. `a == where(locked,
+    infinitesimal() * tau, ...)` keeps an element of dry friction at rest, and determines how several such elements
+    share a load that each could bear alone: with the least sum of squares, as surfaces that creep in proportion to
+    their load. The sign of its factor must be that of a resistance.
     """
     return Operation("infinitesimal", (), ())
 
@@ -114,16 +115,15 @@ def terminal() -> Expr:
 
 
 def no_event(x: Expr) -> Expr:
-    """A condition, or an expression of any shape, without events: it is evaluated at every point, not located."""
+    """A condition, or an expression of any shape, without events: relations in it are not located."""
     e = as_expr(x)
     return Operation("noevent", (e,), e.shape)
 
 
 def smooth(order: int, x: Operand) -> Expr:
-    """`x` with the promise that it is `order` times continuously differentiable, whatever its conditions do.
+    """`x`, declared to be `order` times continuously differentiable across its conditions: Modelica's `smooth`.
 
-    With order 1 and more there is no kink, and nothing is located; with order 0 `x` is continuous, and its kinks are
-    located.
+    With order 1 or more there are no kinks, and no events; with order 0 `x` is continuous, and its kinks are located.
 
     Raises
     ------

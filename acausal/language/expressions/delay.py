@@ -1,6 +1,6 @@
-"""Signals as they were some time ago: `delay(x, T)`.
+"""Delayed signals: `delay(x, T)`.
 
-Source of the meaning: Modelica language specification 3.6, section 3.7.4.1.
+Semantics: Modelica language specification 3.6, section 3.7.4.1.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ _LONGEST = 60
 
 
 def delay(x: Operand, delay_time: Operand, max_delay: Operand | None = None) -> Expr:
-    """`x` as it was `delay_time` ago; before that much time has passed in a run, `x` as it was at its start.
+    """The value of `x` a time `delay_time` ago; its value at the start of the run until that much time has passed.
 
     Parameters
     ----------
@@ -46,17 +46,17 @@ def delay(x: Operand, delay_time: Operand, max_delay: Operand | None = None) -> 
 class Delayed(str):
     """Operation of a pool node whose operand is the instant at which a delayed signal is read.
 
-    It is text, as all operations are. `number` counts the delays of one pool, `label` is how the modeller wrote it.
+    A string, as all operations are. `number` is the index of the delay in its pool, `label` its text in the model.
     """
 
     number: int
     label: str
 
     def __new__(cls, number: int, label: str) -> Delayed:
-        made = super().__new__(cls, f"delay[{number}]")
-        made.number = number
-        made.label = label if len(label) <= _LONGEST else label[: _LONGEST - 4] + " ..."
-        return made
+        operation = super().__new__(cls, f"delay[{number}]")
+        operation.number = number
+        operation.label = label if len(label) <= _LONGEST else label[: _LONGEST - 4] + " ..."
+        return operation
 
     def __reduce__(self) -> tuple[type[Delayed], tuple[int, str]]:
         return Delayed, (self.number, self.label)

@@ -1,13 +1,13 @@
 """Dimension check of equations: declared units are compared, literal numbers are dimensionless.
 
-What an expression can be, besides a dimension:
+Apart from a dimension, an expression can be:
 
-- *unknown*, where it depends on something declared without a unit: it agrees with everything;
-- *a number*, where it is made of literals, or of what `unitless` returns. In sums and products with quantities a number
-  is dimensionless. Alone it is a value like a default, in the SI unit of what it is given to or compared with:
+- *unknown*, if it depends on a variable declared without a unit: it agrees with everything;
+- *a number*, if it is made of literals, or of results of `unitless`. In sums and products with quantities a number is
+  dimensionless. Alone it is a value like a default, in the SI unit of the quantity it is assigned to or compared with:
   `v == 1`, `reset(s, 0.2)`, `maximum(f, 1e-3)`, `time < 2`;
-- *a signal*, where it is made of literals and `time`: a number too, so that `force.u == 10 * sin(3 * time)` needs no
-  units. With quantities it has the dimension that follows from seconds;
+- *a signal*, if it is made of literals and `time`: also a number, so that `force.u == 10 * sin(3 * time)` needs no
+  units. In combination with quantities it has the dimension that follows from seconds;
 - *any*, for the numbers zero and infinity, which are the same in every unit.
 """
 
@@ -32,7 +32,7 @@ class _Plain(Enum):
 
 @dataclass(frozen=True)
 class _Signal:
-    """Of literals and `time`; `bare` is `time` itself, which is always in seconds."""
+    """An expression of literals and `time`; `bare` for `time` itself, which is always in seconds."""
 
     dimension: Dimension
     bare: bool = False
@@ -40,8 +40,8 @@ class _Signal:
 
 _NUMBER, _ANY = _Plain.NUMBER, _Plain.ANY
 
-_Found: TypeAlias = Dimension | _Plain | _Signal | None
-"""What is known of an expression; None where it holds an undeclared unit."""
+_Dimensional: TypeAlias = Dimension | _Plain | _Signal | None
+"""Result for an expression; None (unknown) where it contains an undeclared unit."""
 
 _LONG = 200
 _SECOND = parse("s").dimension
@@ -65,8 +65,11 @@ class _Mismatch(Exception):
 def check_dimensions(equation: Equation, where: Sequence[Span]) -> None:
     """Raise UnitError (AC155) when the sides of an equation, or the terms of a sum in it, differ in dimension."""
     try:
-        known: dict[int, _Found] = {}
-        left, right = _strict(_dimension_of(equation.left, known)), _strict(_dimension_of(equation.right, known))
+        known: dict[int, _Dimensional] = {}
+        left, right = (
+            _bare_time_as_seconds(_dimension_of(equation.left, known)),
+            _bare_time_as_seconds(_dimension_of(equation.right, known)),
+        )
         if isinstance(left, tuple) and isinstance(right, tuple) and left != right:
             raise _Mismatch(
                 f"`{_short(equation)}`: the left side is in {format_dimension(left)}, "
@@ -76,7 +79,7 @@ def check_dimensions(equation: Equation, where: Sequence[Span]) -> None:
     except _Mismatch as mismatch:
         symbols = symbols_in(equation.left, equation.right)
         if not any(symbol.declaration.unit for symbol in symbols) and not _has_units(equation):
-            return  # only `time` has a unit here: in a problem without units it is a number like the others
+            return  # only `time` has a unit: in a model without units it counts as a number
         raise UnitError(
             "AC155",
             mismatch.fact,
@@ -98,12 +101,12 @@ def _nodes(*roots: Expr) -> Iterable[Expr]:
 
 
 def _has_units(equation: Equation) -> bool:
-    """True when an external function, which declares units, or a number with a unit is in the equation."""
+    """True when the equation contains an external function, which declares units, or a number with a unit."""
     return any(e.op in ("call", "quantity") for e in _nodes(equation.left, equation.right))
 
 
-def _dimension_of(e: Expr, known: dict[int, _Found]) -> _Found:
-    """Dimension of an expression. Without recursion: a sum over a thousand parts is a thousand nodes deep."""
+def _dimension_of(e: Expr, known: dict[int, _Dimensional]) -> _Dimensional:
+    """Dimension of an expression; without recursion, because a sum of a thousand terms is a thousand nodes deep."""
     stack = [e]
     while stack:
         here = stack[-1]
@@ -117,12 +120,12 @@ def _dimension_of(e: Expr, known: dict[int, _Found]) -> _Found:
     return known[id(e)]
 
 
-def _dimension(e: Expr, parts: list[_Found]) -> _Found:
+def _dimension(e: Expr, parts: list[_Dimensional]) -> _Dimensional:
     op = e.op
     if isinstance(e, Symbol):
         return parse(e.declaration.unit).dimension if e.declaration.unit else None
     if not parts or op in ("quantity", "unitless", "call"):
-        return _stated(e)
+        return _leaf_dimension(e)
     if op in _SAME:
         return parts[0]
     if op in _PRODUCTS:
@@ -150,8 +153,8 @@ def _dimension(e: Expr, parts: list[_Found]) -> _Found:
     return DIMENSIONLESS if op in CONDITIONS else None
 
 
-def _stated(e: Expr) -> _Found:
-    """Of literals, `time`, and what says its unit."""
+def _leaf_dimension(e: Expr) -> _Dimensional:
+    """Dimension of literals, `time`, and expressions that declare their unit."""
     if e.op == "const":
         numbers = e.payload if isinstance(e.payload, tuple) else (e.payload,)
         return _ANY if all(v == 0.0 or math.isinf(v) for v in numbers) else _NUMBER
@@ -167,21 +170,21 @@ def _stated(e: Expr) -> _Found:
     return DIMENSIONLESS if e.op in CONDITIONS else None
 
 
-def _strict(found: _Found) -> _Found:
-    """`time` alone as the quantity that it is."""
+def _bare_time_as_seconds(found: _Dimensional) -> _Dimensional:
+    """The dimension of `time` when it stands alone; anything else unchanged."""
     return found.dimension if isinstance(found, _Signal) and found.bare else found
 
 
-def _is_number(found: _Found) -> bool:
+def _is_number(found: _Dimensional) -> bool:
     return isinstance(found, _Plain | _Signal)
 
 
-def _dimensions(parts: Iterable[_Found]) -> list[Dimension]:
+def _dimensions(parts: Iterable[_Dimensional]) -> list[Dimension]:
     return [p for p in parts if isinstance(p, tuple)]
 
 
-def _common(parts: Sequence[_Found]) -> _Found:
-    """What parts are that agree: the dimension that one declares, else unknown, a signal, a number, any."""
+def _common(parts: Sequence[_Dimensional]) -> _Dimensional:
+    """Common result of parts that agree: a declared dimension if any, else unknown, a signal, a number, any."""
     declared = _dimensions(parts)
     if declared:
         return declared[0]
@@ -191,33 +194,33 @@ def _common(parts: Sequence[_Found]) -> _Found:
     return _NUMBER if _NUMBER in parts else _ANY
 
 
-def _product(a: _Found, b: _Found, combine: Callable[[Dimension, Dimension], Dimension]) -> _Found:
+def _product(a: _Dimensional, b: _Dimensional, combine: Callable[[Dimension, Dimension], Dimension]) -> _Dimensional:
     if a is _ANY or b is _ANY:
         return _ANY
     if a is None or b is None:
         return None
     if a is _NUMBER and b is _NUMBER:
         return _NUMBER
-    found = combine(_beside(a), _beside(b))
+    found = combine(_dimension_with_quantity(a), _dimension_with_quantity(b))
     return _Signal(found) if _is_number(a) and _is_number(b) else found
 
 
-def _beside(found: _Found) -> Dimension:
-    """The dimension of a number, a signal or a quantity, beside a quantity."""
+def _dimension_with_quantity(found: _Dimensional) -> Dimension:
+    """Dimension of a number, a signal or a quantity when combined with a quantity."""
     if isinstance(found, _Signal):
         return found.dimension
     return found if isinstance(found, tuple) else DIMENSIONLESS
 
 
-def _power(found: _Found, exponent: Fraction) -> _Found:
+def _power(found: _Dimensional, exponent: Fraction) -> _Dimensional:
     if isinstance(found, _Signal):
         return _Signal(power(found.dimension, exponent))
     return power(found, exponent) if isinstance(found, tuple) else found
 
 
-def _sum(e: Expr, parts: list[_Found]) -> _Found:
+def _sum(e: Expr, parts: list[_Dimensional]) -> _Dimensional:
     declared = _dimensions(parts)
-    _agreeing(e, [*declared, *(p.dimension for p in parts if isinstance(p, _Signal) and declared)])
+    _require_agreement(e, [*declared, *(p.dimension for p in parts if isinstance(p, _Signal) and declared)])
     if declared and declared[0] != DIMENSIONLESS and _NUMBER in parts:
         number = next(a for a, p in zip(e.args, parts, strict=True) if p is _NUMBER)
         unit = format_dimension(declared[0])
@@ -230,19 +233,19 @@ def _sum(e: Expr, parts: list[_Found]) -> _Found:
     return _common(parts)
 
 
-def _choice(e: Expr, parts: list[_Found]) -> _Found:
-    parts = [*map(_strict, parts)] if _dimensions(parts) else parts
-    _agreeing(e, _dimensions(parts))
+def _choice(e: Expr, parts: list[_Dimensional]) -> _Dimensional:
+    parts = [*map(_bare_time_as_seconds, parts)] if _dimensions(parts) else parts
+    _require_agreement(e, _dimensions(parts))
     return DIMENSIONLESS if e.op in _COMPARED else _common(parts)
 
 
-def _agreeing(e: Expr, declared: list[Dimension]) -> None:
+def _require_agreement(e: Expr, declared: list[Dimension]) -> None:
     if len(set(declared)) > 1:
         first, other = (format_dimension(d) for d in dict.fromkeys(declared))
         raise _Mismatch(f"`{_short(e)}` mixes {first} and {other}")
 
 
-def _timed(e: Expr, parts: list[_Found]) -> _Found:
+def _timed(e: Expr, parts: list[_Dimensional]) -> _Dimensional:
     first = 1 if e.op == "delay" else 0
     for t, found in zip(e.args[first:], parts[first:], strict=True):
         if isinstance(found, tuple) and found != _SECOND:
@@ -251,7 +254,7 @@ def _timed(e: Expr, parts: list[_Found]) -> _Found:
     return parts[0] if first else DIMENSIONLESS
 
 
-def _pow(e: Expr, parts: list[_Found]) -> _Found:
+def _pow(e: Expr, parts: list[_Dimensional]) -> _Dimensional:
     base, exponent = e.args
     if isinstance(parts[1], tuple) and parts[1] != DIMENSIONLESS:
         raise _Mismatch(f"`{_short(e)}`: an exponent has no unit, this one is in {format_dimension(parts[1])}")
@@ -267,7 +270,7 @@ def _pow(e: Expr, parts: list[_Found]) -> _Found:
     return parts[0]
 
 
-def _transcendental(e: Expr, part: _Found) -> _Found:
+def _transcendental(e: Expr, part: _Dimensional) -> _Dimensional:
     if isinstance(part, tuple) and part != DIMENSIONLESS:
         raise _Mismatch(
             f"`{_short(e)}`: {e.op} takes a number or an angle, not {format_dimension(part)}",
@@ -277,14 +280,14 @@ def _transcendental(e: Expr, part: _Found) -> _Found:
 
 
 def _missing_factor(what: str, e: Expr, lacking: Dimension) -> str:
-    """The remedy where `what`, the expression `e`, has to be multiplied by something of the dimension `lacking`."""
-    said = f"{what} lacks a factor in {format_dimension(lacking)}"
+    """Remedy for `what`, the expression `e`, which lacks a factor of dimension `lacking`."""
+    remedy = f"{what} lacks a factor in {format_dimension(lacking)}"
     number, divides = _literal_factor(e)
     if number is None:
         has_number = any(n.op == "const" and n.payload for n in _nodes(e))
-        return f"{said}; {_NUMBERS}" if has_number else f"{said}: check the declared units"
+        return f"{remedy}; {_NUMBERS}" if has_number else f"{remedy}: check the declared units"
     unit = format_dimension(divide(DIMENSIONLESS, lacking) if divides else lacking)
-    return f"{said}; if the number {number} is in {unit}: {_with_unit(number, unit)}"
+    return f"{remedy}; if the number {number} is in {unit}: {_with_unit(number, unit)}"
 
 
 def _literal_factor(e: Expr) -> tuple[Expr | None, bool]:
@@ -306,7 +309,7 @@ def _with_unit(number: Expr, unit: str) -> str:
 
 
 def _short(e: Expr | Equation) -> str:
-    """Text of an expression, of a long one the outer part."""
+    """Text of an expression, limited to its outer levels if it is long."""
     text = str(e)
     if len(text) <= _LONG:
         return text

@@ -252,7 +252,7 @@ class Expr:
 
 
 class Operation(Expr):
-    """What is computed from others, and literals: every expression that is not a `Symbol`.
+    """Operations on other expressions, and literals: every expression that is not a `Symbol`.
 
     A class beside Symbol, not above it: of `a == b` Python asks b first where the class of b is derived from that of a,
     and then `der(x) == u` would be `u == der(x)`. Which side a discrete variable stands on has a meaning.
@@ -306,7 +306,7 @@ class Equation(Statement):
 
 
 def _has_product(*sides: Expr) -> bool:
-    """Whether a side is, up to a factor, a product of vectors by elements."""
+    """Whether a side is, up to a factor, an elementwise product of vectors."""
     stack = list(sides)
     while stack:
         e = stack.pop()
@@ -369,7 +369,7 @@ def stack(parts: list[Expr]) -> Expr:
 
 
 def is_condition(e: object) -> bool:
-    """True for what is true or false: relations, boolean variables, `&`, `|`, `~`, `pre`, `where` of these."""
+    """True for a condition: relations, boolean variables, and `&`, `|`, `~`, `pre`, `where` of these."""
     if not isinstance(e, Expr):
         return False
     found = False
@@ -401,7 +401,7 @@ def is_truth(e: Expr) -> bool:
 
 
 def checked_condition(e: object, example: str = "x > 0", *, several: bool = False) -> Expr:
-    """`e`, if it is a condition; with `several` also if it is a vector of them.
+    """Return `e` if it is a condition; with `several` also a vector of conditions.
 
     Raises DeclarationError: AC108 when it is not.
     """
@@ -423,7 +423,7 @@ def checked_condition(e: object, example: str = "x > 0", *, several: bool = Fals
 
 
 def is_discrete(e: Expr) -> bool:
-    """True for what changes at events only: discrete variables, relations, and all that is computed from these."""
+    """True for an expression that changes at events only: discrete variables, relations, and functions of these."""
     stack = [e]
     seen: set[int] = set()
     while stack:
@@ -479,7 +479,7 @@ def symbols_in(*roots: Expr) -> list[Symbol]:
 
 
 def shape_error(what: str, *args: Expr) -> DeclarationError:
-    """The error for operands whose shapes do not fit `what`."""
+    """DeclarationError AC105 for operands whose shapes do not fit `what`."""
     shown = " and ".join(f"`{a}` ({shape_text(a.shape)})" for a in args)
     return DeclarationError("AC105", f"{what} does not take {shown}", help=_SHAPES.get(what, _ELEMENTWISE))
 
@@ -493,7 +493,7 @@ def _elementwise(op: str, a: Expr, b: Expr) -> Expr:
 
 
 def elementwise(op: str, *operands: Expr) -> Expr:
-    """An operation on scalars, or on the elements of vectors of one length, beside which scalars are repeated."""
+    """Elementwise operation on scalars and vectors of one length; scalars are broadcast."""
     shapes = {a.shape for a in operands if a.shape}
     if len(shapes) > 1 or any(len(shape) > 1 for shape in shapes):
         raise shape_error(_INFIX.get(op, op), *operands)
@@ -523,14 +523,14 @@ def _matmul(a: Expr, b: Expr) -> Expr:
 
 
 def _whole(key: int | slice) -> int | slice:
-    """An index without numpy's types; a symbol in it is refused (AC104)."""
+    """An index with numpy integers converted; DeclarationError AC104 for a symbol in it."""
     if isinstance(key, slice):
         return slice(*(None if k is None else operator.index(k) for k in (key.start, key.stop, key.step)))
     return operator.index(key)
 
 
 def _is_within(key: int | slice, n: int) -> bool:
-    """Whether an index is one of n places, or a slice begins and ends among them and holds one at least."""
+    """Whether an index or a slice is valid for n elements, and the slice not empty."""
     if not isinstance(key, slice):
         return -n <= key < n
     ends = [k for k in (key.start, key.stop) if k is not None]
@@ -538,7 +538,7 @@ def _is_within(key: int | slice, n: int) -> bool:
 
 
 def _slice_text(key: int | slice) -> str:
-    """As it was written."""
+    """Text of the index as written."""
     if not isinstance(key, slice):
         return str(key)
     ends = ["" if k is None else str(k) for k in (key.start, key.stop)]

@@ -1,7 +1,7 @@
-"""Functions that are computed outside the language and called inside its equations.
+"""External functions, computed outside the language and called in its equations.
 
-The language knows their name, the shapes and units of their inputs and outputs, and a factory. The factory is asked
-when the model is lowered; it returns a CasADi Function, so that only the module it lives in needs CasADi.
+The language knows their name, the shapes and units of their inputs and outputs, and a factory. The factory is called
+when the model is lowered and returns a CasADi Function, so that only the module that defines it needs CasADi.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ class External:
         distance = External("distance", make, inputs=((3,), (3,)), outputs=((), (3,)), units=("m", "1"))
         length, direction = distance(frame_a.r_0, frame_b.r_0)
 
-    Called with expressions it gives one expression per output, or the expression itself when there is one output only.
-    Two of them are the same function only if they are the same object: make one and keep it.
+    Called with expressions it returns one expression per output, or the expression itself if there is one output only.
+    Two objects are two functions even if they compute the same: create one and reuse it.
 
     Parameters
     ----------
@@ -35,13 +35,13 @@ class External:
     units
         Units of the outputs, for the check of dimensions; "" adapts.
     jumps
-        Whether outputs may jump, as the distance along a ray does where this leaves a body. Kinks between such outputs,
-        `maximum(f(x), g(x))`, are left to the error control; all others are watched.
+        Whether outputs may jump, as the distance along a ray does where the ray leaves a body. Kinks between such
+        outputs, `maximum(f(x), g(x))`, are left to the error control; all other kinks are located.
 
     Raises
     ------
     DeclarationError
-        AC161 when there are not as many units as outputs, or a shape is not one.
+        AC161 when the numbers of units and outputs differ, or a shape is invalid.
     """
 
     def __init__(
@@ -87,14 +87,11 @@ class External:
 
     @property
     def partials(self) -> External:
-        """The function of the same inputs whose output is the matrix of partial derivatives.
-
-        A row for each scalar of the outputs, a column for each of the inputs, both row by row.
-        """
+        """The function whose output is the Jacobian matrix, shape (scalar outputs, scalar inputs), both row-major."""
         if self._partials is None:
             shape = (_scalars(self), self.size)
             name = f"d{self.name}"
-            # where the function has a kink, they jump
+            # derivatives jump where the function has a kink
             self._partials = External(name, self.factory, inputs=self.inputs, outputs=(shape,), jumps=True)
             self._partials.primal = self
         return self._partials
@@ -105,25 +102,25 @@ class External:
         return sum(map(math.prod, self.inputs))
 
     def entries(self, output: int) -> range:
-        """Places of the scalars of one output among those of all outputs, row by row."""
+        """Indices of the scalars of one output among those of all outputs, row-major."""
         first = sum(math.prod(s) for s in self.outputs[:output])
         return range(first, first + math.prod(self.outputs[output]))
 
 
 class Call(str):
-    """Operation of a scalar pool node: one scalar of what an external function returns.
+    """Operation of a scalar pool node: one scalar output of an external function.
 
-    It is text, as all operations are; two are equal when they are the same scalar of the same function.
+    A string, as all operations are; two are equal if they are the same scalar of the same function.
     """
 
     external: External
     entry: int
 
     def __new__(cls, external: External, entry: int) -> Call:
-        made = super().__new__(cls, f"{external.name}[{entry}]" if _scalars(external) > 1 else external.name)
-        made.external = external
-        made.entry = entry
-        return made
+        operation = super().__new__(cls, f"{external.name}[{entry}]" if _scalars(external) > 1 else external.name)
+        operation.external = external
+        operation.entry = entry
+        return operation
 
     def __reduce__(self) -> tuple[type[Call], tuple[External, int]]:
         return Call, (self.external, self.entry)

@@ -1,7 +1,7 @@
-"""Functions given by many points: one search for the segment, and the polynomial there.
+"""Tables as external functions: a binary search for the segment, and the polynomial there.
 
-A tree of `where` on the abscissas computes both sides of each of its decisions, whatever the solver: ten thousand rows
-would be ten thousand operations for each value, and as many lines of C.
+A tree of `where` on the abscissas would compute both sides of each of its decisions, whatever the solver: ten thousand
+rows would be ten thousand operations for each value, and as many lines of C.
 """
 
 from __future__ import annotations
@@ -13,15 +13,15 @@ from weakref import WeakValueDictionary
 from acausal.errors import DeclarationError
 from acausal.language.expressions.external import External
 
-_made: WeakValueDictionary[Any, Lookup] = WeakValueDictionary()
+_CACHE: WeakValueDictionary[Any, Lookup] = WeakValueDictionary()
 
 
 def lookup(breaks: Sequence[float], coefficients: Sequence[Sequence[float]], name: str = "table") -> Lookup:
-    """A piecewise polynomial; equal ones are one object, so that models that hold them are equal."""
+    """A piecewise polynomial; equal arguments return one object, so that models that contain it are equal."""
     key = tuple(breaks), tuple(map(tuple, coefficients)), name
-    found = _made.get(key)
+    found = _CACHE.get(key)
     if found is None:
-        found = _made[key] = Lookup(*key)
+        found = _CACHE[key] = Lookup(*key)
     return found
 
 
@@ -31,7 +31,7 @@ class Lookup(External):
     Parameters
     ----------
     breaks
-        Abscissas, strictly increasing, shape (n,); the first and the last segment go on beyond them.
+        Abscissas, strictly increasing, shape (n,); the first and the last segment are extrapolated.
     coefficients
         Of (u - breaks[k]) on segment k, the constant first, shape (n - 1, degree + 1).
     """
@@ -46,7 +46,7 @@ class Lookup(External):
     def partials(self) -> External:
         """Its derivative, a polynomial of one degree less on each segment.
 
-        Raises DeclarationError: AC128 for steps: the derivative of what jumps does not exist.
+        Raises DeclarationError: AC128 for a step function, which has no derivative.
         """
         if len(self.coefficients[0]) == 1:
             raise DeclarationError(

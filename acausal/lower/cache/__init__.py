@@ -1,1 +1,1 @@
-"""Compiled models kept for models of the same structure, in memory and on disk."""
+"""Cache of compiled models by structure, in memory and on disk."""

@@ -1,9 +1,9 @@
-"""Compiled models by structure: the same equations with other numbers are not compiled a second time.
+"""Compiled models by structure: equations that differ in numbers only are not compiled again.
 
-The signature of a flat system leaves out the values of parameters and where things stand in the source; it keeps which
-of them are zero and which negative. Beyond that nothing is believed: what was divided by safely, the difference of two
-stiffnesses for example, must be safe for the new numbers, and the choice of states must stand, else the model is
-compiled anew.
+The signature of a flat system leaves out the values of parameters and places in the source, but keeps which values are
+zero and which are negative. Everything else that depends on values is checked: divisors that were safe, such as the
+difference of two stiffnesses, must be safe for the new values, and the choice of states must still hold; otherwise the
+model is compiled anew.
 """
 
 from __future__ import annotations
@@ -33,15 +33,15 @@ Signature = tuple[Any, ...]
 _MOST_MODELS = 32
 _MOST_NODES = 1_000_000
 _LARGEST_CHOICE = 200
-_PLAIN = frozenset((int, float, str, bool))  # nearly all there is: asking for abstract classes takes ten times as long
-# Fields of the flat system that say nothing about structure, or are treated apart.
-_APART = {"pool", "equations", "variables", "parameter_values", "experiment", "components", "loops", "notes"}
+_PLAIN = frozenset((int, float, str, bool))  # nearly all values; checking for abstract classes takes ten times as long
+# Fields of the flat system without structural information, or with an entry of their own in the signature.
+_SEPARATE = {"pool", "equations", "variables", "parameter_values", "experiment", "components", "loops", "notes"}
 
 
 def signature(flat: FlatSystem, formulation: str, wishes: Any = None) -> Signature:
-    """What decides how a flat system is compiled; to be taken before anything else uses its pool.
+    """Everything that determines how a flat system is compiled; computed before any pass adds to its pool.
 
-    `wishes` are those of a model that is made smaller; the values of its parameters then count too.
+    `wishes` are the options of a reduced model, for which the values of parameters count too.
     """
     pool = flat.pool
     return (
@@ -56,36 +56,36 @@ def signature(flat: FlatSystem, formulation: str, wishes: Any = None) -> Signatu
         tuple([e.component for e in flat.equations]),
         tuple(flat.variables),
         tuple((v > 0) - (v < 0) for v in flat.parameter_values),
-        *(_frozen(getattr(flat, f.name)) for f in fields(flat) if f.name not in _APART),
+        *(_hashable(getattr(flat, f.name)) for f in fields(flat) if f.name not in _SEPARATE),
     )
 
 
-def _frozen(value: Any) -> Any:
-    """Numbers, names, declarations and classes, nested as they were; places in the source and texts drop out."""
+def _hashable(value: Any) -> Any:
+    """Hashable copy of numbers, names, declarations and classes; anything else, such as places in the source, None."""
     if type(value) in _PLAIN:
         return value
     if isinstance(value, Mapping):
-        return tuple((k, _frozen(v)) for k, v in value.items())
+        return tuple((k, _hashable(v)) for k, v in value.items())
     if isinstance(value, tuple | list):
-        return tuple(_frozen(v) for v in value)
+        return tuple(_hashable(v) for v in value)
     return value if isinstance(value, int | float | str | type | Declaration | None) else None
 
 
 @dataclass(frozen=True, eq=False)
 class _Entry:
-    """A compiled model that others of its structure share."""
+    """A compiled model shared by models of the same structure."""
 
     compiled: CompiledModel
 
     @property
     def size(self) -> int:
-        """Nodes it holds."""
+        """Number of nodes in its pools."""
         structure = self.compiled.solution.structure
         return len(structure.reduced.pool.nodes) + len(structure.reduced.flat.pool.nodes)
 
     @cached_property
     def divisors(self) -> tuple[int, ...]:
-        """What is divided by, as far as it is safe for the numbers the model was compiled with."""
+        """Divisors of the definitions that are safe for the values the model was compiled with."""
         solution = self.compiled.solution
         nodes = solution.structure.reduced.pool.nodes
         roots = [n for _, n in solution.definitions]
@@ -94,7 +94,7 @@ class _Entry:
 
 
 class _Cache:
-    """The models used last, as many as fit."""
+    """Least-recently-used cache, bounded by the number of models and of nodes."""
 
     def __init__(self) -> None:
         self.entries: OrderedDict[Signature, _Entry] = OrderedDict()
@@ -121,30 +121,30 @@ _cache = _Cache()
 
 
 def recall(key: Signature, flat: FlatSystem) -> CompiledModel | None:
-    """The model of this structure with the values of `flat`; None when there is none, or it would not be safe."""
+    """The cached model of this structure with the values of `flat`; None if there is none, or it is unsafe for them."""
     entry = _cache.get(key)
     if entry is None:
-        found = find(key, flat)
-        if found is None:
+        model = find(key, flat)
+        if model is None:
             return None
-        entry = _Entry(found)
+        entry = _Entry(model)
         _cache.put(key, entry)
     if entry.compiled.selection is not None:
-        # its flat system is a part of this one, and its values are the same
+        # the values are part of the signature, so they are the same
         recalled: CompiledModel = replaced(entry.compiled, timings={})
         return recalled
-    found = _with_values(entry.compiled, flat)
-    points = found.solution.structure.points
-    for variable, node in found.solution.definitions:
+    model = _with_values(entry.compiled, flat)
+    points = model.solution.structure.points
+    for variable, node in model.solution.definitions:
         points.define(variable, node)
     divisors = entry.divisors
-    if len(list(_safe(points, divisors))) < len(divisors) or not _choices_stand(found.solution.structure):
+    if len(list(_safe(points, divisors))) < len(divisors) or not _choices_hold(model.solution.structure):
         return None
-    return found
+    return model
 
 
 def remember(key: Signature, compiled: CompiledModel) -> None:
-    """Keep a model for others of its structure, of this process and of others."""
+    """Enter a model in the caches of this process and, if it was expensive, of other processes."""
     _cache.put(key, _Entry(compiled))
     keep(key, compiled)
 
@@ -158,22 +158,25 @@ def forget() -> None:
 def _with_values(compiled: CompiledModel, flat: FlatSystem) -> CompiledModel:
     """A compiled model for another flat system of the same structure; functions made so far are shared."""
     old = compiled.solution.structure
-    # compiling has put derivatives into the old pool, which otherwise equals the new one
-    known = {name: getattr(flat, name) for name in ("parameter_values", "experiment", "components", "loops", "notes")}
-    own = old.reduced.flat
-    named = own.n_scalars > flat.n_scalars  # variables for combinations, which other places in the source say as well
-    reduced = replaced(old.reduced, flat=replace(own, **known) if named else replace(flat, pool=own.pool))
+    # keep the old pool: it equals the new one but for derivatives added by the compiler
+    fields_with_values = ("parameter_values", "experiment", "components", "loops", "notes")
+    new_values = {name: getattr(flat, name) for name in fields_with_values}
+    old_flat = old.reduced.flat
+    # keep the old variables too where the compiler has added some, for combinations of equations
+    has_more = old_flat.n_scalars > flat.n_scalars
+    new_flat = replace(old_flat, **new_values) if has_more else replace(flat, pool=old_flat.pool)
+    reduced = replaced(old.reduced, flat=new_flat)
     structure = replace(old, reduced=reduced, points=SamplePoints(reduced, old.points.visited))
     solution = replace(compiled.solution, structure=structure)
     start = compiled.start
     if start.conditions or start.surplus:
-        start = start_problem(solution)  # for the places in its messages
+        start = start_problem(solution)  # its messages name places in the source
     recalled: CompiledModel = replaced(compiled, solution=solution, start=start, timings={})
     return recalled
 
 
 def replaced(old: Any, **changes: Any) -> Any:
-    """As `dataclasses.replace`; properties computed already are kept, because none depends on parameters' values."""
+    """As `dataclasses.replace`, keeping cached properties, none of which depends on the values of parameters."""
     new = replace(old, **changes)
     for name in {n for cls in type(old).__mro__ for n, v in vars(cls).items() if isinstance(v, cached_property)}:
         if name in old.__dict__:
@@ -182,30 +185,30 @@ def replaced(old: Any, **changes: Any) -> Any:
 
 
 def _safe(points: SamplePoints, nodes: Sequence[int]) -> Iterator[int]:
-    """Nodes that keep their sign at all sample points."""
+    """Nodes that keep their sign at all sample points, so that dividing by them is safe."""
     return (n for n in nodes if keeps_sign(points.significant(n)))
 
 
-def choices_stand_for(compiled: CompiledModel, values: Sequence[float]) -> bool:
-    """Whether the states that were chosen are good for other values of the free parameters, too."""
+def choices_hold_for(compiled: CompiledModel, values: Sequence[float]) -> bool:
+    """Whether the choice of states also holds for these values of the free parameters."""
     structure = compiled.solution.structure
     if not any(choice.varies for choice in structure.choices):
         return True
     flat = replace(compiled.flat, parameter_values=tuple(values[: len(compiled.flat.parameter_values)]))
     reduced = replaced(structure.reduced, flat=flat)
-    return _choices_stand(replace(structure, reduced=reduced, points=SamplePoints(reduced, structure.points.visited)))
+    return _choices_hold(replace(structure, reduced=reduced, points=SamplePoints(reduced, structure.points.visited)))
 
 
-def _choices_stand(structure: Structure) -> bool:
-    """Whether the constraints still determine what was left to them, with pivots as large as was asked for."""
+def _choices_hold(structure: Structure) -> bool:
+    """Whether the constraints still determine their dummy derivatives: determinants keep their sign and size."""
     pool = structure.reduced.pool
     for choice in structure.choices:
-        stuck = {*choice.floating, *choice.deficient}
-        rows = [structure.residuals[structure.integral[e]] for e in choice.equations if e not in stuck]
+        unsolved = {*choice.floating, *choice.deficient}
+        rows = [structure.residuals[structure.integral[e]] for e in choice.equations if e not in unsolved]
         place = {pool.integral_of[v]: k for k, v in enumerate(choice.dummies)}
         if choice.deficient or len(rows) > _LARGEST_CHOICE or len(rows) != len(place):
             return False
-        # a choice that holds wherever the run may go was judged there
+        # judged far from the start too, as when the states were chosen
         everywhere = choice.varies and all(v < len(structure.reduced.scalar) for v in choice.dummies)
         leaves = structure.points.leaves_anywhere if everywhere else structure.points.leaves
         jacobian = np.zeros((COUNT + FAR if everywhere else COUNT, len(rows), len(rows)))
@@ -221,4 +224,4 @@ def _choices_stand(structure: Structure) -> bool:
 
 
 _SPREAD = 12.0
-"""Logarithm of the largest ratio of determinants between sample points."""
+"""Natural logarithm of the largest ratio of determinants between sample points."""

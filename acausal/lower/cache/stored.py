@@ -1,13 +1,14 @@
-"""Compiled models on disk, for other processes.
+"""Compiled models on disk, shared between processes.
 
-What is compiled is kept by structure (`cache.py`); a structure that took long to compile is written to a
-private folder too (`acausal.private`), and the next process that flattens the same equations reads it. The key is a
-hash of the signature, of the sources that compile, and of the versions of Python, NumPy and CasADi; a signature with
-anything in it whose content cannot be told has none, and such a model is compiled in each process.
+A structure that took long to compile (`cache.py`) is also written to a private folder (`acausal.private`), where the
+next process that flattens the same equations finds it. The key is a hash of the signature, of the sources of the
+compiler, and of the versions of Python, NumPy and CasADi. A signature that contains an object without a stable content
+has no key, and such a model is compiled in each process.
 
-A file holds data: the objects of a compiled model, by names of classes, and CasADi's functions as CasADi writes them.
-It is read only when the digest of the folder is right, and by a table of names: classes of the compiler, components
-that are imported already, and a few constructors of NumPy and CasADi. What cannot be read is removed and compiled anew.
+A file holds pickled objects of a compiled model and CasADi functions in CasADi's serialisation. It is unpickled only if
+the digest of the folder is right, and only with names from a table: classes of the compiler, components that are
+imported already, and a few constructors of NumPy and CasADi. A file that cannot be read is removed, and its model
+compiled anew.
 """
 
 from __future__ import annotations
@@ -42,14 +43,14 @@ from acausal.private import find as file_of
 
 _log = logging.getLogger(__name__)
 _KIND, _SUFFIX = "models", ".model"
-# Seconds of compiling that are worth a file, nodes of a flat system that may take as long, nodes to an equation, and
-# files that are kept.
+# Compile time [s] from which a model is stored, number of nodes from which a flat system may take that long, least
+# nodes per equation, and number of files kept.
 _WORTH, _LEAST_NODES, _LONG, _MOST = 0.3, 4_000, 5, 100
 _SOURCES = ("language", "flatten", "structure", "numeric", "analyse", "reduce", "lower", "diagnose")
 _OWN = [["acausal", name] for name in (*_SOURCES, "errors")]
 _PLAIN = frozenset((int, float, str, bytes, bool, type(None)))
-# What is called while a model is read, beside classes of this package and components.
-_CALLED = {
+# Callables allowed while unpickling, besides classes of this package and components.
+_ALLOWED = {
     ("acausal.language.declarations.declaration", "_declaration_of"),
     ("casadi.casadi", "Function"),
     ("numpy", "dtype"),
@@ -67,11 +68,11 @@ _CALLED = {
 
 
 class _Unknown(Exception):
-    """Something whose content cannot be told."""
+    """An object without a content that is the same in every process."""
 
 
 def find(signature: tuple[Any, ...], flat: FlatSystem) -> CompiledModel | None:
-    """The model of this signature that a process has written, with its values; None when there is none."""
+    """The model of this signature stored by some process, with its values; None if there is none."""
     if not _is_heavy(flat) or not folder(_KIND).is_dir():
         return None
     key = _key(signature)
@@ -80,8 +81,8 @@ def find(signature: tuple[Any, ...], flat: FlatSystem) -> CompiledModel | None:
         return None
     try:
         found = _Reader(io.BytesIO(path.read_bytes())).load()
-        os.utime(path)  # used last
-    except Exception as error:  # whatever is wrong with it, it can be made again
+        os.utime(path)  # mark as recently used
+    except Exception as error:  # any failure: the model can be compiled again
         _log.info("%s is not read: %r", path, error)
         discard(path)
         return None
@@ -89,7 +90,7 @@ def find(signature: tuple[Any, ...], flat: FlatSystem) -> CompiledModel | None:
 
 
 def keep(signature: tuple[Any, ...], compiled: CompiledModel) -> None:
-    """Write a model for other processes, if it took long to compile."""
+    """Store a model for other processes if it took long to compile."""
     seconds = sum(s for stage, s in compiled.timings.items() if stage != "flatten")
     if seconds < _WORTH or not _is_heavy(compiled.flat) or not _is_plain(compiled, signature):
         return
@@ -107,12 +108,12 @@ def keep(signature: tuple[Any, ...], compiled: CompiledModel) -> None:
         oldest = sorted(kept.glob(f"*{_SUFFIX}"), key=lambda path: path.stat().st_mtime)
         for path in oldest[:-_MOST]:
             discard(path)
-    except Exception as error:  # a model that cannot be written is a model all the same
+    except Exception as error:  # the model is valid although it cannot be stored
         _log.info("%s is not kept for other processes: %r", compiled.name, error)
 
 
 def _is_heavy(flat: FlatSystem) -> bool:
-    """Whether a system has long equations, contacts for example: many short ones are read no faster than compiled."""
+    """Whether a system has long equations, such as contacts; many short ones are compiled as fast as they are read."""
     return len(flat.pool.nodes) >= max(_LEAST_NODES, _LONG * len(flat.equations))
 
 
@@ -148,12 +149,12 @@ class _Reader(pickle.Unpickler):
 
     def find_class(self, module: str, name: str) -> Any:
         """A class that is there already and may be named in a file."""
-        named = (module, name) in _CALLED or module.split(".")[:2] in _OWN
+        named = (module, name) in _ALLOWED or module.split(".")[:2] in _OWN
         found: Any = import_module(module) if named else sys.modules.get(module)
         for part in name.split("."):
             found = getattr(found, part)
         is_ours = isinstance(found, type) and (found.__module__ == module if named else issubclass(found, Component))
-        if is_ours or (module, name) in _CALLED:
+        if is_ours or (module, name) in _ALLOWED:
             return found
         raise pickle.UnpicklingError(f"{module}.{name} is not for compiled models")
 
@@ -169,7 +170,7 @@ def _key(signature: tuple[Any, ...]) -> str | None:
 
 @lru_cache(maxsize=1)  # asked before a model is compiled and again behind it
 def _digest(signature: tuple[Any, ...]) -> str:
-    words = marshal.dumps(_told(signature, {}), 2)  # without references, which differ between processes
+    words = marshal.dumps(_plain_content(signature, {}), 2)  # without references, which differ between processes
     return hashlib.sha256(words).hexdigest()
 
 
@@ -184,7 +185,7 @@ def _made_by() -> str:
     return found.hexdigest()
 
 
-def _told(value: Any, known: dict[int, Any]) -> Any:
+def _plain_content(value: Any, known: dict[int, Any]) -> Any:
     """The content of a part of a signature, in plain values."""
     kind = type(value)
     if kind in _PLAIN:
@@ -193,18 +194,18 @@ def _told(value: Any, known: dict[int, Any]) -> Any:
         return "builtins.tuple", *value
     if id(value) in known:
         return known[id(value)][1]
-    told = tuple(_parts(value, known))
-    known[id(value)] = value, told  # the value stays alive, so that no other takes its place
-    return told
+    content = tuple(_parts(value, known))
+    known[id(value)] = value, content  # the value stays alive, so that no other takes its place
+    return content
 
 
 def _parts(value: Any, known: dict[int, Any]) -> Iterator[Any]:
     kind = type(value)
     yield f"{kind.__module__}.{kind.__qualname__}"
     if isinstance(value, tuple | list):
-        yield from (_told(v, known) for v in value)
+        yield from (_plain_content(v, known) for v in value)
     elif isinstance(value, Mapping):
-        yield from ((_told(k, known), _told(v, known)) for k, v in value.items())
+        yield from ((_plain_content(k, known), _plain_content(v, known)) for k, v in value.items())
     elif isinstance(value, Enum):
         yield value.name
     elif isinstance(value, type):
@@ -216,7 +217,7 @@ def _parts(value: Any, known: dict[int, Any]) -> Iterator[Any]:
     elif isinstance(value, ca.Function):
         yield value.serialize()
     elif is_dataclass(value):
-        yield from (_told(getattr(value, f.name), known) for f in fields(value))
+        yield from (_plain_content(getattr(value, f.name), known) for f in fields(value))
     else:
         raise _Unknown(kind)
 

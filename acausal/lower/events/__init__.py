@@ -1,1 +1,1 @@
-"""Events as CasADi functions."""
+"""CasADi functions of events: relations, event rounds, impulses."""

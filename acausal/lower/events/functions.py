@@ -1,4 +1,4 @@
-"""The functions of a compiled model that the event iteration asks for, and the words for its relations.
+"""Functions of a compiled model for the event iteration, and texts of its relations for messages.
 
 Arguments are those of the right-hand side, `(t, x[nx], z[nz], u[nu], p[np], m[nm])`; all outputs are dense columns.
 """
@@ -22,15 +22,15 @@ from acausal.lower.lowered import Lowered
 from acausal.lower.symbols import Symbols
 
 _INPUTS = ["t", "x", "z", "u", "p", "m"]
-# Rounding of an instant and of the sides of its relation, by the time.
+# Relative rounding error of an instant and of the sides of its relation.
 _SAME_INSTANT = 1e-15
 AT_REST = 1.0
-"""How far a relation that may rest is told to be from zero where its sides are equal."""
+"""Distance reported for a relation that may rest, where its sides are equal."""
 _TWIN = {"gt": "ge", "ge": "gt", "lt": "le", "le": "lt"}
 
 
 class EventFunctions:
-    """Made of one compiled model when they are first asked for."""
+    """Event functions of one compiled model, each built on first use."""
 
     def __init__(self, compiled: Lowered) -> None:
         self.compiled = compiled
@@ -39,9 +39,9 @@ class EventFunctions:
     def reactions(self) -> Any:
         """`-> (distance, assigned, conditions, values, remembered, asserts)` under given modes.
 
-        `distance` is positive where a relation holds, one per relation; `assigned` are the values of the discrete
-        equations; `conditions` the truth of `StateEvents.conditions` and `values` those of their actions in order;
-        `remembered` what each `pre` will remember; `asserts` the truth of the assertions.
+        `distance`, one per relation, is positive where the relation holds; `assigned` are the values of the discrete
+        equations; `conditions` the truth of `StateEvents.conditions`, `values` the values of all actions in order;
+        `remembered` the next value of each `pre`; `asserts` the truth of the assertions.
         """
         symbols, builder = self._defined()
         events = self.compiled.state_events
@@ -52,7 +52,7 @@ class EventFunctions:
             [self._pool.nodes[n][1] for n in events.memories],
             [a.condition for a in events.asserts],
         )
-        outputs = [_column(self.told(self._distances(builder)))]
+        outputs = [_column(self.signed_at_rest(self._relation_distances(builder)))]
         outputs += [_column(builder.lower([builder.replaced(n) for n in group])) for group in groups]
         names = ["distance", "assigned", "conditions", "values", "remembered", "asserts"]
         return ca.Function("reactions", symbols.inputs, outputs, _INPUTS, names)
@@ -63,20 +63,22 @@ class EventFunctions:
         return round_of(self.compiled, self.reactions, Symbols(self.compiled))
 
     def struck(self, acting: Collection[int]) -> Any:
-        """`-> dx[nx]`: what jumps when these actions act at once, as far as they are impulses."""
+        """`-> dx[nx]`: jump of the states when these actions, as far as they are impulses, act at once."""
         return struck(self.compiled, acting)
 
     @cached_property
     def distances(self) -> Any:
         """`-> distance`, one per relation."""
         symbols, builder = self._defined()
-        return ca.Function("distances", symbols.inputs, [_column(self._distances(builder))], _INPUTS, ["distance"])
+        return ca.Function(
+            "distances", symbols.inputs, [_column(self._relation_distances(builder))], _INPUTS, ["distance"]
+        )
 
     @cached_property
     def watch(self) -> Any:
-        """`-> g`: the distances with the sign of their modes, positive while these hold."""
+        """`-> g`, one per relation: its distance with the sign of its mode, positive until the mode changes."""
         symbols, builder = self._defined()
-        distances = self.told(self._distances(builder))
+        distances = self.signed_at_rest(self._relation_distances(builder))
         first = symbols.m.numel() - len(distances)
         g = [(2 * symbols.m[first + k] - 1) * v for k, v in enumerate(distances)]
         return ca.Function("watch", symbols.inputs, [_column(g)], _INPUTS, ["g"])
@@ -88,7 +90,7 @@ class EventFunctions:
 
     @cached_property
     def texts(self) -> tuple[str, ...]:
-        """The relations as the user reads them; twins have the same words, those of the strict one."""
+        """Texts of the relations for messages; twins have one text, that of the strict relation."""
         reduced = self.compiled.solution.structure.reduced
 
         def name_of(kind: str, k: int) -> str:
@@ -101,14 +103,14 @@ class EventFunctions:
 
     @property
     def ties(self) -> tuple[int, ...]:
-        """What each relation is where its sides are equal, 0 or 1; -1 of one that is only watched."""
+        """Truth of each relation where its sides are equal, 0 or 1; -1 for a kink that is only located."""
         events = self.compiled.state_events
         kinds = (self._pool.nodes[n][0] in ("le", "ge") for n in events.relations)
         return tuple(-1 if k in events.watched else int(holds) for k, holds in enumerate(kinds))
 
     @cached_property
     def twins(self) -> tuple[tuple[int, ...], ...]:
-        """Of each relation those with the same sides that differ where these are equal, `x >= 0` of `x > 0`."""
+        """For each relation, those that differ from it only where the sides are equal: `x >= 0` for `x > 0`."""
         nodes = [self._pool.nodes[n] for n in self.compiled.state_events.relations]
         place = {node: k for k, node in enumerate(nodes)}
         found = (place.get((_TWIN[op], *sides)) for op, *sides in nodes)
@@ -116,14 +118,14 @@ class EventFunctions:
 
     @cached_property
     def places(self) -> tuple[tuple[Span | None, str], ...]:
-        """Place and component of the first statement that holds each relation."""
+        """Place and component of the first statement that contains each relation."""
         compiled = self.compiled
         return tuple(origins(compiled.solution, compiled.state_events, compiled.delays, compiled.rewritten))
 
-    def told(self, distances: Sequence[Any]) -> list[Any]:
-        """Distances that tell what relations are: of one that may rest, one from zero where its sides are equal.
+    def signed_at_rest(self, distances: Sequence[Any]) -> list[Any]:
+        """Distances whose sign determines the relation, also at rest, where the sides stay equal.
 
-        Else it would come to zero and stay, and no sign would say that `force > 0` has ended.
+        A distance that came to zero and stayed there would not show that `force > 0` has ended.
         """
         resting = self.compiled.state_events.resting
         ends = {k: AT_REST if tie else -AT_REST for k, tie in enumerate(self.ties) if k in resting}
@@ -133,7 +135,7 @@ class EventFunctions:
         symbols = Symbols(self.compiled)
         return symbols, symbols.defined(self.compiled)
 
-    def _distances(self, builder: Any) -> list[Any]:
+    def _relation_distances(self, builder: Any) -> list[Any]:
         found = []
         for number in self.compiled.state_events.relations:
             op, a, b = self._pool.nodes[number]
@@ -147,15 +149,16 @@ class EventFunctions:
 
 
 def just_after(builder: Builder, events: TimeEvents) -> Any:
-    """The truth of relations of time just after the builder's time, a column.
+    """Truth of the relations of time just after the builder's time, as a column.
 
-    At its instant a relation is as its sides go on from there: `time > p` and `time >= p` are the same, and so is
+    At its instant a relation has the value that it takes right after: `time > p` and `time >= p` are the same, and so
+    is
     `3*time > 3*p` where the products are rounded.
     """
     nodes = builder.pool.nodes
     now, instants, slopes = (builder.column(v) for v in (events.relations, events.instants, events.slopes))
     signs = ca.DM([1.0 if nodes[n][0] in ("gt", "ge") else -1.0 for n in events.relations])
-    # One comparison, since optimal control asks how each goes inside of a phase: `is it the instant?` is false in all.
+    # One comparison for before and after: optimal control evaluates relations inside phases only, never at an instant.
     reached = builder.time >= instants - _SAME_INSTANT * (ca.fabs(builder.time) + ca.fabs(instants))
     passed = ca.if_else(slopes * signs > 0, reached, ca.logic_not(reached))
     return ca.if_else(slopes != 0, passed, now)
@@ -164,8 +167,8 @@ def just_after(builder: Builder, events: TimeEvents) -> Any:
 def guard_rates(compiled: Lowered, watch: Any) -> Any:
     """`(t, x, z, u, p, m, ex, ez) -> (dg/dt without z, noise, dg/dz, dalg/dt without z, dalg/dz)` of guards g.
 
-    Time derivatives along the solution, and how far the guards can be wrong when states and algebraic variables can be
-    by `ex` and `ez`. Products, because there may be hundreds of guards and states.
+    Time derivatives along the solution, and the error bound of each guard for errors `ex` of states and `ez` of
+    algebraic variables. Directional derivatives, because there may be hundreds of guards and states.
     """
     s = Symbols(compiled)
     ode, alg = compiled.rhs(*s.inputs)

@@ -1,15 +1,15 @@
-"""Impulses: what jumps when a force acts for an instant, as large as it takes for a velocity to have a new value.
+"""Impulses: jumps of velocities caused by a force that acts for an instant.
 
-`reset(v, value, by=hit)` says that for an instant dt the discrete variable `hit` is P / dt. The equations of motion,
-integrated over that instant, lose all that is finite in it; what is left is linear, M dv = J^T p + b P with J v+ = 0
-(F. Pfeiffer, C. Glocker, Multibody Dynamics with Unilateral Contacts, 1996, chapter 8). Its solution need not be made
-anew: the rates of the states, with all constraint forces solved for, are what they are for any value of `hit`, and
-their slope by it is dv / P. So x+ = x- + B P with B = d(rates)/d(hit), and P from v(x+) = value. Springs, dampers and
-gravity fall out by themselves, and constraints hold behind the impact as they did before, whether they are solved or
-stabilised: B leaves them alone.
+`reset(v, value, by=hit)` means that for an instant dt the discrete variable `hit` is P / dt, with P as large as it
+takes for the velocity v to become `value`. In the equations of motion integrated over that instant all finite forces
+vanish; what remains is linear, M dv = J^T p + b P with J v+ = 0 (F. Pfeiffer, C. Glocker, Multibody Dynamics with
+Unilateral Contacts, 1996, chapter 8). It need not be assembled: the compiled rates of the states, with all constraint
+forces solved for, hold for any value of `hit`, and their derivative by it is dv / P. So x+ = x- + B P with B =
+d(rates)/d(hit), and P follows from v(x+) = value. Springs, dampers and gravity drop out, and constraints hold after the
+impact as before, whether they are solved or stabilised, because B satisfies them.
 
-This holds where B is the same before, during and after the impact. That is asked of the structure: B must not depend
-on anything that jumps.
+This requires that B is the same before, during and after the impact: structurally, B must not depend on any variable
+that jumps.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ from acausal.lower.symbols import Symbols
 from acausal.reduce.cone import loops
 
 _NOTHING = 1e-11
-"""A velocity that an impulse moves by so little of what its parts move by is not moved by it."""
+"""An impulse does not change a velocity if the change is a smaller part of the sum of its terms' magnitudes."""
 
 _MOST = 1e300
 
 
 def impulses(compiled: Lowered) -> list[tuple[int, int]]:
-    """Actions that are impulses: their number among all actions, and the number of their clause."""
+    """Actions that are impulses: (index among all actions, index of their clause)."""
     nodes = compiled.solution.structure.reduced.pool.nodes
     actions = [(k, node) for k, clause in enumerate(compiled.state_events.clauses) for _, node in clause.actions]
     return [(a, k) for a, (k, node) in enumerate(actions) if nodes[node][0] == IMPULSE]
@@ -44,8 +44,9 @@ def impulses(compiled: Lowered) -> list[tuple[int, int]]:
 class Impulses:
     """The impulses of a model as expressions of the symbols `s`.
 
-    `actions` are their numbers among all actions; `effect` is B, a column for each; `moved` what that moves the
-    velocities by, `sizes` the same without cancellation, and `missing` what they lack of their new values.
+    `actions` are their indices among all actions. For k impulses and nx states, `effect` is B, shape (nx, k); `moved`
+    is the change of the velocities by each impulse, shape (k, k); `sizes` bounds its diagonal without cancellation,
+    shape (k,); `missing` is the difference of the new values from the velocities, shape (k,).
     """
 
     actions: tuple[int, ...]
@@ -54,51 +55,51 @@ class Impulses:
     sizes: Any
     missing: Any
     follow: Callable[[Any], Any]
-    """What velocities change by when states do."""
+    """Change of the velocities for a change of the states."""
 
     def after(self, s: Symbols, x: Any, acting: Sequence[Any]) -> tuple[Any, Any]:
-        """States behind the impulses that act, from the states `x` that `reset`s have set; and whether there are such.
+        """(States after the impulses that act, whether a solution exists); `x` are the states after other `reset`s.
 
-        Those that act at once are solved for together.
+        Simultaneous impulses are solved for together.
         """
         act: Any = ca.vertcat(*acting)
         count = act.numel()
         missing = act * (self.missing - self.follow(ca.sparsify(x - s.x)))
-        among = act @ act.T
-        matrix = among * self.moved + ca.diag(1 - act)
-        found = missing / matrix if count == 1 else ca.solve(ca.densify(matrix), missing)
+        both_act = act @ act.T
+        matrix = both_act * self.moved + ca.diag(1 - act)
+        impulse = missing / matrix if count == 1 else ca.solve(ca.densify(matrix), missing)
         size = ca.if_else(act, ca.fabs(ca.diag(self.moved)) - _NOTHING * self.sizes, 1)
         possible = ca.mmin(size) > 0
-        for k in range(count):  # which a nan is not
-            possible = ca.logic_and(possible, ca.fabs(found[k]) < _MOST)
-        found = ca.if_else(ca.mmax(act), ca.if_else(possible, found, float("nan")), 0)
-        return x + self.effect @ found, possible
+        for k in range(count):  # the comparison is false for nan
+            possible = ca.logic_and(possible, ca.fabs(impulse[k]) < _MOST)
+        impulse = ca.if_else(ca.mmax(act), ca.if_else(possible, impulse, float("nan")), 0)
+        return x + self.effect @ impulse, possible
 
 
 def impulses_of(compiled: Lowered, s: Symbols) -> Impulses | None:
-    """The impulses of a model; None without any.
+    """The impulses of a model; None if it has none.
 
-    Raises StructureError: AC210 for a force that moves nothing of what it is to reset, or does so in ways that change
-    with what jumps.
+    Raises StructureError: AC210 for a force that does not act on the velocity it is to reset, or whose effect depends
+    on variables that jump.
     """
-    found = impulses(compiled)
-    if not found:
+    model_impulses = impulses(compiled)
+    if not model_impulses:
         return None
     pool, clauses = compiled.solution.structure.reduced.pool, compiled.state_events.clauses
     actions = [action for clause in clauses for action in clause.actions]
     builder = s.defined(compiled)
-    before = ca.SX(s.x)  # a string that is slack until now does not yet hold
+    before = ca.SX(s.x)  # discrete variables before the event: a slack string does not transmit the impulse yet
     memory = dict(zip(compiled.mode_nodes, compiled.mode_places, strict=True))
     for k in range(compiled.n_dynamic + compiled.quadratures, len(compiled.states)):
         place = memory.get(pool.make("pre", pool.var(compiled.state_variables[k])))
         before[k] = s.x[k] if place is None else s.m[place]
-    ends = [pool.nodes[builder.replaced(actions[a][1])] for a, _ in found]
+    ends = [pool.nodes[builder.replaced(actions[a][1])] for a, _ in model_impulses]
     speeds = ca.vertcat(*builder.lower([node[1] for node in ends]))
     values = ca.vertcat(*builder.lower([node[2] for node in ends]))
     ode, alg = compiled.rhs(s.t, before, *s.inputs[2:])
     solver = _Response(compiled, s, alg)
     effects = []
-    for a, _ in found:
+    for a, _ in model_impulses:
         own = ca.SX(s.x.numel(), 1)
         own[actions[a][0]] = 1
         effects.append(ca.jacobian(ode, s.x) @ own + ca.jacobian(ode, s.z) @ solver.of(own))
@@ -111,14 +112,14 @@ def impulses_of(compiled: Lowered, s: Symbols) -> Impulses | None:
     sizes = ca.vertcat(
         *(ca.fabs(by_x[k, :]) @ ca.fabs(e) + ca.fabs(by_z[k, :]) @ ca.fabs(solver.of(e)) for k, e in enumerate(effects))
     )
-    # in a regime that holds the velocity no impulse moves it: the event is unusual, and passed by the free equations
-    for k, (a, clause) in enumerate(found if not compiled.varied else []):
+    # no check in a regime that fixes the velocity: the event is then handled with the equations of free motion
+    for k, (a, clause) in enumerate(model_impulses if not compiled.varied else []):
         _check(compiled, s, clauses[clause], actions[a][0], effects[k], speeds[k], moved[k, :], solver)
-    return Impulses(tuple(a for a, _ in found), ca.horzcat(*effects), moved, sizes, values - speeds, follow)
+    return Impulses(tuple(a for a, _ in model_impulses), ca.horzcat(*effects), moved, sizes, values - speeds, follow)
 
 
 def struck(compiled: Lowered, acting: Collection[int]) -> Any:
-    """`(t, x, z, u, p, m) -> dx[nx]`: what jumps when those of the actions `acting` that are impulses act at once."""
+    """`(t, x, z, u, p, m) -> dx[nx]`: jump of the states when the impulses among the actions `acting` act at once."""
     s = Symbols(compiled)
     found = impulses_of(compiled, s)
     jump = ca.SX(s.x.numel(), 1)
@@ -128,7 +129,7 @@ def struck(compiled: Lowered, acting: Collection[int]) -> Any:
 
 
 class _Response:
-    """How algebraic variables follow the states, block by block, so that what does not move is known not to."""
+    """Response of the algebraic variables to a change of states, block by block to keep structural zeros."""
 
     def __init__(self, compiled: Lowered, s: Symbols, alg: Any) -> None:
         self.s = s
@@ -142,25 +143,25 @@ class _Response:
             first += len(residuals)
 
     def of(self, direction: Any) -> Any:
-        """dz for states that go in a direction."""
-        found = ca.SX(self.s.z.numel(), 1)
+        """dz, shape (nz, 1), for a change of states `direction`, shape (nx, 1)."""
+        dz = ca.SX(self.s.z.numel(), 1)
         right = ca.SX(self.by_x @ direction)
         for columns, rows in self.blocks:
-            load = right[rows] + self.by_z[rows, :] @ found
+            load = right[rows] + self.by_z[rows, :] @ dz
             load = ca.sparsify(load)
             if not load.nnz():
                 continue
             own = self.by_z[rows, columns]
             step = -load / own if len(rows) == 1 else -ca.solve(own, ca.densify(load))
             for k, column in enumerate(columns):
-                found[column] = step[k]
-        return ca.sparsify(found)
+                dz[column] = step[k]
+        return ca.sparsify(dz)
 
 
 def _check(
     compiled: Lowered, s: Symbols, clause: Clause, hit: int, effect: Any, speed: Any, moved: Any, solver: _Response
 ) -> None:
-    """Refuse an impulse that does not do what it is to do."""
+    """Raise StructureError AC210 for an impulse that cannot reset its velocity."""
     name = compiled.states[hit]
     own = ca.SX(s.x.numel(), 1)
     own[hit] = 1

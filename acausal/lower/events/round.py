@@ -1,15 +1,16 @@
-"""One round of the event iteration as a CasADi function: what interpreted runs, compiled runs and exported steps call.
+"""One round of the event iteration as a CasADi function, shared by interpreted runs, compiled runs and exported steps.
 
-Source of the meaning: Modelica language specification 3.6, section 8.6 and appendix B. At an event discrete equations
-and the `when` clauses that set discrete variables are *solved together*, with one `pre`; then `reset`s of states take
-effect, `pre` advances, and all that is repeated until nothing changes.
+Semantics: Modelica language specification 3.6, section 8.6 and appendix B. At an event, discrete equations and the
+`when` clauses that set discrete variables are *solved together*, with one `pre`; then `reset`s of states take effect,
+`pre` advances, and this is repeated until nothing changes.
 
-They are solved in the order of their dependence (`Order`): a clause is decided once what its condition reads has its
-new value. Clauses and variables in a circle see each other as they were before the round; Modelica refuses them.
+They are solved in the order of their dependence (`Order`): a clause is decided once every variable that its condition
+reads has its new value. Clauses and variables in a cycle see each other's values from before the round; Modelica
+rejects such cycles.
 
-A round takes several calls: between any two of them the caller solves for the algebraic variables and flips relations
-that do not hold, because both depend on the discrete variables that a call sets. Each call therefore goes on from
-`level` only as long as nothing that it has set changes anything.
+A round takes several calls: between two of them the caller solves for the algebraic variables and flips relations that
+do not hold, because both depend on the discrete variables that a call sets. Each call therefore continues from `level`
+only until one of its assignments changes a value.
 """
 
 from __future__ import annotations
@@ -31,25 +32,25 @@ _NAMES_IN = ["t", "x", "z", "u", "p", "m", "was", "decided", "level"]
 
 
 class Round(NamedTuple):
-    """What a call of the round gives; vectors are dense columns."""
+    """Outputs of a call of the round; vectors are dense columns."""
 
-    # Values of the discrete equations, shape (assignments,). Where they are not what x holds, x takes them first and
-    # all else is void: nothing else has changed then.
+    # Values of the discrete equations, shape (assignments,). If they differ from x, the caller enters them in x and
+    # ignores all other outputs of this call.
     assigned: Any
-    # `x`, `m`, `was`, `decided`, `level`: the arguments of the next call. `was` and `decided` have an entry for each of
-    # `StateEvents.conditions`: its truth in the round before and in this one; `level` counts what of this round is
-    # done, 0 when it is complete.
+    # `x`, `m`, `was`, `decided`, `level`: the arguments of the next call. `was` and `decided` hold, for each of
+    # `StateEvents.conditions`, its truth in the previous and in this round; `level` is the number of levels of this
+    # round that are done, 0 when it is complete.
     x: Any
     m: Any
     was: Any
     decided: Any
     level: Any
-    settled: Any  # 1 when a whole round has changed nothing
-    clash: Any  # 1 when two clauses that act disagree about a value, or no impulse gives a velocity its new value
+    settled: Any  # 1 when a complete round has changed nothing
+    clash: Any  # 1 when two acting clauses set different values, or no impulse gives a velocity its new value
     acting: Any  # 1 for each clause that acts in this round; complete when `level` is 0
-    applied: Any  # 1 for each action that was taken by this call, in the order of clauses and their actions
-    # `conditions`, `remembered`, `asserts`: the truth of the conditions, what each `pre` would remember, the truth of
-    # the assertions, all at the arguments.
+    applied: Any  # 1 for each action taken by this call, in the order of clauses and their actions
+    # `conditions`, `remembered`, `asserts`: truth of the conditions, next value of each `pre`, and truth of the
+    # assertions, all at the arguments of the call.
     conditions: Any
     remembered: Any
     asserts: Any
@@ -57,27 +58,27 @@ class Round(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Order:
-    """The level of each condition and of each discrete variable that clauses set, by its position in x."""
+    """Level of each condition, and of each discrete variable set by clauses, by its index in x."""
 
     conditions: tuple[int, ...]
     variables: dict[int, int]
 
     @property
     def count(self) -> int:
-        """How many levels there are."""
+        """Number of levels."""
         return 1 + max((*self.conditions, *self.variables.values()), default=-1)
 
 
 def order_of(compiled: Lowered, reactions: Any) -> Order:
-    """What is decided after what within one round.
+    """Order in which conditions and discrete variables are decided within one round.
 
-    A condition follows from a discrete variable directly, through discrete equations, through relations, and through
-    algebraic variables; not through `pre`, which a round keeps, and not through states, which change at its end.
+    A condition depends on a discrete variable directly, or through discrete equations, relations, and algebraic
+    variables; not through `pre`, which is constant in a round, and not through states, which change at its end.
     """
     events = compiled.state_events
     first_discrete = len(compiled.states) - compiled.discretes
     nx, nz, nr = len(compiled.states), len(compiled.algebraic), len(events.relations)
-    # nodes: places in x, algebraic variables, relations, conditions
+    # nodes of the graph: entries of x, algebraic variables, relations, conditions
     z, r, c = nx, nx + nz, nx + nz + nr
     edges: list[tuple[NDArray[np.int64], NDArray[np.int64]]] = []
 
@@ -94,15 +95,17 @@ def order_of(compiled: Lowered, reactions: Any) -> Order:
     follow(reactions, 2, [c + k for k in range(count)])
     place = {n: c + k for k, n in enumerate(events.conditions)}
     owners = [(clause, position) for clause in events.clauses for position, _ in clause.actions]
-    # a reset of a state is taken at the end of the round, when all discrete variables are known
+    # resets of states act at the end of the round, when all discrete variables are known
     at_end = {a for a, _ in impulses(compiled)}
-    own = [a for a, (_, position) in enumerate(owners) if position >= first_discrete and a not in at_end]
-    chosen = ca.Function("values", reactions.sx_in(), [reactions(*reactions.sx_in())[3][own]])
-    follow(chosen, 0, [owners[a][1] for a in own])
-    asked = [(place[n], owners[a][1]) for a in own for n in (*owners[a][0].conditions, *owners[a][0].earlier)]
-    pairs = np.array(asked, dtype=np.int64).reshape(-1, 2)
+    setters = [a for a, (_, position) in enumerate(owners) if position >= first_discrete and a not in at_end]
+    chosen = ca.Function("values", reactions.sx_in(), [reactions(*reactions.sx_in())[3][setters]])
+    follow(chosen, 0, [owners[a][1] for a in setters])
+    condition_of_target = [
+        (place[n], owners[a][1]) for a in setters for n in (*owners[a][0].conditions, *owners[a][0].earlier)
+    ]
+    pairs = np.array(condition_of_target, dtype=np.int64).reshape(-1, 2)
     edges.append((pairs[:, 0], pairs[:, 1]))
-    if nz:  # a residual says which algebraic variables are solved for together
+    if nz:  # algebraic variables in one residual are solved for together
         rows, columns = compiled.rhs.jac_sparsity(1, 2).get_triplet()
         of_row = np.full(compiled.rhs.numel_out(1), -1)
         for row, column in zip(rows, columns, strict=True):
@@ -114,17 +117,17 @@ def order_of(compiled: Lowered, reactions: Any) -> Order:
     source = np.concatenate([s for s, _ in edges]).astype(np.int64)
     target = np.concatenate([t for _, t in edges]).astype(np.int64)
     late = np.zeros(c + count, dtype=bool)
-    late[[owners[a][1] for a in own]] = True
+    late[[owners[a][1] for a in setters]] = True
     level = levels(source, target, late.tolist())
-    places = sorted({owners[a][1] for a in own})
-    found = [int(v) for v in level[[*range(c, len(level)), *places]]]
-    rank = {v: k for k, v in enumerate(sorted(set(found)))}
-    own_rank = {p: rank[v] for p, v in zip(places, found[count:], strict=True)}
-    return Order(tuple(rank[v] for v in found[:count]), own_rank)
+    places = sorted({owners[a][1] for a in setters})
+    levels_found = [int(v) for v in level[[*range(c, len(level)), *places]]]
+    rank = {v: k for k, v in enumerate(sorted(set(levels_found)))}
+    own_rank = {p: rank[v] for p, v in zip(places, levels_found[count:], strict=True)}
+    return Order(tuple(rank[v] for v in levels_found[:count]), own_rank)
 
 
 def round_of(compiled: Lowered, reactions: Any, s: Symbols) -> Any:
-    """`(t, x, z, u, p, m, was, decided, level) -> Round`, see there; `reactions` as in `EventFunctions`."""
+    """Function `(t, x, z, u, p, m, was, decided, level) -> Round`; `reactions` as in `EventFunctions`."""
     events = compiled.state_events
     count = len(events.conditions)
     was, decided, level = ca.SX.sym("was", count), ca.SX.sym("decided", count), ca.SX.sym("level")
@@ -137,7 +140,7 @@ def round_of(compiled: Lowered, reactions: Any, s: Symbols) -> Any:
     hits = {a for a, _ in impulses(compiled)}
 
     def rises(nodes: Iterable[int]) -> Any:
-        """Whether one of these conditions has become true; all of them are decided."""
+        """Whether one of these conditions, all decided, has become true."""
         return _any(ca.logic_and(known[place[n]] > 0.5, was[place[n]] < 0.5) for n in nodes)
 
     def acts(k: int) -> Any:
@@ -145,7 +148,7 @@ def round_of(compiled: Lowered, reactions: Any, s: Symbols) -> Any:
         return ca.logic_and(rises(clause.conditions), ca.logic_not(rises(clause.earlier)))
 
     def take(positions: Iterable[int], now: Any) -> Any:
-        """Take the actions on these places where `now`; whether that changes anything."""
+        """Apply the actions on these entries of x if `now`; returns whether a value has changed."""
         nonlocal clash
         changed: Any = ca.SX(0)
         for position in sorted(positions):
@@ -175,14 +178,14 @@ def round_of(compiled: Lowered, reactions: Any, s: Symbols) -> Any:
         struck, possible = found_impulses.after(s, x, [applied[a] for a in found_impulses.actions])
         x, clash = struck, ca.logic_or(clash, ca.logic_not(possible))
     acting = [acts(k) for k in range(len(events.clauses))]
-    # of what states are reset to: `pre` of them is their value at the end of the round
+    # evaluated after the resets: `pre` of a state is its value at the end of the round
     later = reactions(s.t, x, *s.inputs[2:])[4]
     first = compiled.n_timely + len(events.samples)
     m, fresh = ca.SX(s.m), ca.SX(1)
     for k in range(len(events.memories)):
         fresh = ca.logic_and(fresh, later[k] == s.m[first + k])
         m[first + k] = ca.if_else(here, later[k], s.m[first + k])
-    found = Round(
+    result = Round(
         assigned=assigned,
         x=x,
         m=m,
@@ -197,14 +200,14 @@ def round_of(compiled: Lowered, reactions: Any, s: Symbols) -> Any:
         remembered=remembered,
         asserts=asserts,
     )
-    outputs: Any = ca.cse([ca.densify(v) for v in found])
+    outputs: Any = ca.cse([ca.densify(v) for v in result])
     return ca.Function(
         "event_round", [*s.inputs, was, decided, level], outputs, _NAMES_IN, [f"{name}_after" for name in Round._fields]
     )
 
 
 def _any(conditions: Iterable[Any]) -> Any:
-    found: Any = ca.SX(0)
+    any_true: Any = ca.SX(0)
     for condition in conditions:
-        found = ca.logic_or(found, condition)
-    return found
+        any_true = ca.logic_or(any_true, condition)
+    return any_true

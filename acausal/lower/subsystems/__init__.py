@@ -1,1 +1,1 @@
-"""Systems of one model that share no equation, as compiled models of their own."""
+"""Independent systems of one model, as separate compiled models."""

@@ -1,7 +1,7 @@
-"""The expressions of one group, written in an order that is the same for equal groups.
+"""Canonical form of the expressions of one group of states, the same for equal groups.
 
-Nodes are numbered as they are met from the roots, variables too; parameters and inputs are numbered holes, and so are
-numbers that equal groups may have different ones of. Two groups are equal where what is written is.
+Nodes and variables are numbered in the order of a traversal from the roots. Parameters, inputs, and constants that may
+differ between equal groups become numbered holes. Groups are equal if their canonical forms are.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Any
 
 from acausal.flatten.pool import LEAVES, Pool
 
-# Numbers that say more than a value: products with them are left out, and an exponent is no operand of many.
+# Constants that are structural: the pool simplifies products with them.
 _PLAIN = frozenset((0.0, 1.0, -1.0, 2.0, 0.5))
 
 
@@ -20,16 +20,16 @@ _PLAIN = frozenset((0.0, 1.0, -1.0, 2.0, 0.5))
 class Extract:
     """The expressions of a group."""
 
-    # Nodes over numbers of this list, variables and holes: `("hole", k)`. With `roots` and `definitions` they are what
-    # equal groups have in common.
+    # Nodes, whose operands are indices in this list, variables, or holes `("hole", k)`. Equal groups have equal
+    # `entries`, `roots` and `definitions`.
     entries: tuple[tuple[Any, ...], ...]
-    roots: tuple[int, ...]  # where the given roots are
-    definitions: tuple[tuple[int, int], ...]  # (variable, place of its node) in the order of evaluation
-    images: tuple[tuple[int, int], ...]  # (place, place) of nodes that stand for others
-    variables: tuple[int, ...]  # variables of the whole in the order of their numbers here
-    # What fills each hole: `("par", k)`, `("const", value)` or `("input", k)` of the whole.
+    roots: tuple[int, ...]  # indices of the given roots
+    definitions: tuple[tuple[int, int], ...]  # (variable, index of its node) in the order of evaluation
+    images: tuple[tuple[int, int], ...]  # (index of a node, index of the node that replaces it)
+    variables: tuple[int, ...]  # variables of the whole model, by their numbers here
+    # Content of each hole: `("par", k)`, `("const", value)` or `("input", k)` of the whole model.
     holes: tuple[tuple[str, float], ...]
-    nodes: tuple[int, ...]  # nodes of the whole by their places here
+    nodes: tuple[int, ...]  # nodes of the whole model, by their indices here
 
     @property
     def key(self) -> tuple[Any, ...]:
@@ -44,29 +44,36 @@ def extract(
     images: Mapping[int, int],
     inputs: Mapping[int, int],
 ) -> Extract:
-    """What `roots` need.
+    """Canonical form of `roots` and everything below them.
 
-    `definition`: By variable: its place in the order of evaluation, and its node.
-    `images`: Nodes that stand for others.
-    `inputs`: Number of each variable that is an input.
+    Parameters
+    ----------
+    definition
+        By variable: its position in the order of evaluation, and its node.
+    images
+        Maps nodes to those that replace them.
+    inputs
+        Index of each variable that is an input.
     """
-    found = _Extraction(pool, definition, images, inputs)
-    places = found.written(roots)
-    done = 0
-    while done < len(found.variables):  # what variables are equal to, which may name more of them
-        variable = found.variables[done]
-        done += 1
+    extraction = _Extraction(pool, definition, images, inputs)
+    places = extraction.enter_all(roots)
+    visited = 0
+    while visited < len(extraction.variables):  # definitions of the variables met, which may contain further variables
+        variable = extraction.variables[visited]
+        visited += 1
         if variable in definition:
-            found.written([definition[variable][1]])
-    defined = sorted((definition[v][0], k, definition[v][1]) for k, v in enumerate(found.variables) if v in definition)
+            extraction.enter_all([definition[variable][1]])
+    defined = sorted(
+        (definition[v][0], k, definition[v][1]) for k, v in enumerate(extraction.variables) if v in definition
+    )
     return Extract(
-        tuple(found.entries),
+        tuple(extraction.entries),
         tuple(places),
-        tuple((k, found.place[node]) for _, k, node in defined),
-        tuple((found.place[a], found.place[b]) for a, b in found.images),
-        tuple(found.variables),
-        tuple(found.holes),
-        tuple(found.nodes),
+        tuple((k, extraction.place[node]) for _, k, node in defined),
+        tuple((extraction.place[a], extraction.place[b]) for a, b in extraction.images),
+        tuple(extraction.variables),
+        tuple(extraction.holes),
+        tuple(extraction.nodes),
     )
 
 
@@ -78,7 +85,7 @@ class _Extraction:
         images: Mapping[int, int],
         inputs: Mapping[int, int],
     ) -> None:
-        self.pool, self.definition, self.standing, self.inputs = pool, definition, images, inputs
+        self.pool, self.definition, self.replacement, self.inputs = pool, definition, images, inputs
         self.entries: list[tuple[Any, ...]] = []
         self.nodes: list[int] = []
         self.place: dict[int, int] = {}
@@ -88,8 +95,8 @@ class _Extraction:
         self.images: list[tuple[int, int]] = []
         self.exponents: set[int] = set()
 
-    def written(self, roots: Iterable[int]) -> list[int]:
-        """Places of these nodes, which are written with all below them and all that stand for these."""
+    def enter_all(self, roots: Iterable[int]) -> list[int]:
+        """Enter nodes with all nodes below them and their replacements; returns the indices of the roots."""
         nodes, roots = self.pool.nodes, list(roots)
         stack = roots[::-1]
         while stack:
@@ -110,10 +117,10 @@ class _Extraction:
                 continue
             self._enter(number, (op, *(self.place[c] for c in below)))
             stack.pop()
-            if number in self.standing and self.standing[number] != number:
-                self.images.append((number, self.standing[number]))
-                stack.insert(0, self.standing[number])
-            elif number in self.standing:
+            if number in self.replacement and self.replacement[number] != number:
+                self.images.append((number, self.replacement[number]))
+                stack.insert(0, self.replacement[number])
+            elif number in self.replacement:
                 self.images.append((number, number))
         return [self.place[r] for r in roots]
 

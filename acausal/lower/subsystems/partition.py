@@ -1,8 +1,8 @@
-"""Which states of a model never act on each other, through equations, clauses or assertions.
+"""Partition of a model into groups of states that never interact, through equations, clauses or assertions.
 
-Two variables belong together where an equation that is integrated, a relation, a clause or an assertion holds both.
-What follows from time, parameters and inputs alone joins nothing: a source that drives two systems is a part of each.
-What is observed only joins nothing either: it is computed of the whole, as the energy of all bodies is.
+Two variables belong together if an integrated equation, a relation, a clause or an assertion contains both. Expressions
+of time, parameters and inputs alone connect nothing: a source that drives two systems is a part of each. Neither do
+observed variables, such as the energy of all bodies, which are computed from the whole model.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from acausal.lower.lowered import Lowered
 
 @dataclass(frozen=True)
 class Group:
-    """Places in vectors and lists of the whole: of states, relations, clauses, assignments, assertions and `pre`."""
+    """Indices of a group in the whole model: states, relations, clauses, assignments, assertions and `pre`."""
 
     states: tuple[int, ...]
     relations: tuple[int, ...]
@@ -27,13 +27,13 @@ class Group:
     memories: tuple[int, ...]
 
     @property
-    def is_silent(self) -> bool:
-        """Whether nothing can happen in it."""
+    def has_no_events(self) -> bool:
+        """Whether no events can happen in it."""
         return not (self.relations or self.clauses or self.assignments or self.asserts)
 
 
 def may_be_split(compiled: Lowered) -> bool:
-    """Whether a model has only what its parts can have on their own: an ODE, events of its variables and of time."""
+    """Whether every feature of a model can be split: an ODE with events of its variables and of time."""
     nodes = compiled.solution.structure.reduced.pool.nodes
     actions = (node for c in compiled.state_events.clauses for _, node in c.actions)
     return (
@@ -45,15 +45,15 @@ def may_be_split(compiled: Lowered) -> bool:
 
 
 def groups(compiled: Lowered) -> list[Group]:
-    """The groups in the order of their first states; those in which nothing can happen are one, the last.
+    """The groups in the order of their first states; those without events are merged into one, the last.
 
-    None at all where something that happens belongs to no state.
+    Empty if an event belongs to no state.
     """
     return _Partition(compiled).groups()
 
 
 def system_of(compiled: Lowered) -> Callable[[int], int]:
-    """By a node the number of the system that it belongs to; 0 for all nodes where the model is not split."""
+    """Maps a node to the number of the system that it belongs to; always 0 if the model is not split."""
     if not may_be_split(compiled):
         return lambda node: 0
     return _Partition(compiled).system
@@ -82,7 +82,7 @@ class _Partition:
             self._join([v for n in nodes for v in self._moving(n)])
 
     def _statements(self) -> Iterator[list[int]]:
-        """Nodes of each thing that can happen, with the states it acts on."""
+        """Nodes of each relation, clause, assignment and assertion, with the states it acts on."""
         events, var, states = self.events, self.pool.var, self.compiled.state_variables
         yield from ([n] for n in (*events.relations, *events.memories, *events.samples))
         for c in events.clauses:
@@ -99,7 +99,7 @@ class _Partition:
         return wanted
 
     def _variables(self, node: int) -> frozenset[int]:
-        """Those in a node, and in the branches that stand for its kinks and jumps."""
+        """Variables in a node, and in the branches that replace its kinks and jumps."""
         if not self.image:
             return self.pool.variables_in(node)
         self.pool.rewrite([node], self.pool.var, self.image)
@@ -124,22 +124,23 @@ class _Partition:
         own["asserts"] = self._owners([a.condition] for a in events.asserts)
         own["memories"] = self._owners([[n] for n in events.memories])
         if any(-1 in owners for owners in own.values()):
-            return []  # what time alone decides would happen in all of them
+            return []  # an event of time alone would belong to all groups
         places: dict[int, dict[str, list[int]]] = {root: {name: [] for name in own} for root in own["states"]}
         for name, owners in own.items():
             for k, root in enumerate(owners):
                 places[root][name].append(k)
-        found = [Group(**{name: tuple(at) for name, at in own.items()}) for own in places.values()]
-        loud, silent = [g for g in found if not g.is_silent], [g for g in found if g.is_silent]
-        together = {name: tuple(sorted(k for g in silent for k in getattr(g, name))) for name in own}
-        return [*loud, Group(**together)] if silent else loud
+        all_groups = [Group(**{name: tuple(at) for name, at in own.items()}) for own in places.values()]
+        with_events = [g for g in all_groups if not g.has_no_events]
+        without_events = [g for g in all_groups if g.has_no_events]
+        merged = {name: tuple(sorted(k for g in without_events for k in getattr(g, name))) for name in own}
+        return [*with_events, Group(**merged)] if without_events else with_events
 
     def system(self, node: int) -> int:
-        """A number of the system that a node belongs to; -1 where it has no variable that moves."""
+        """Number of the system that a node belongs to; -1 if it contains no variable that moves."""
         first = next(iter(self._moving(node)), -1)
         return self.sets.find(first) if first >= 0 else -1
 
     def _owners(self, statements: Iterable[Iterable[int]]) -> list[int]:
-        """The set that each statement belongs to; -1 where it has no variable that moves."""
+        """The set that each statement belongs to; -1 if it contains no variable that moves."""
         first = (next((v for n in nodes for v in self._moving(n)), -1) for nodes in statements)
         return [self.sets.find(v) if v >= 0 else -1 for v in first]

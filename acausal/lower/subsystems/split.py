@@ -1,8 +1,8 @@
-"""A compiled model as several that share no equation, each with its own steps and its own events in a run.
+"""A compiled model as several independent systems, each with its own steps and events in a run.
 
-Bodies that touch nothing in common were integrated as one system: each impact made all of them take small steps. Equal
-systems use the same functions, with what differs between them as parameters, so neither the time to compile nor memory
-grows with their number. They are found in the lowered model: what is eliminated, chosen and located is as in the whole.
+Integrated as one system, every impact would force small steps on all bodies. Equal systems share one model, with the
+numbers that differ as parameters, so that compile time and memory do not grow with their number. They are found in the
+lowered model, so aliases, states and located relations are those of the whole.
 """
 
 from __future__ import annotations
@@ -30,75 +30,75 @@ from acausal.lower.subsystems.extract import Extract, extract
 from acausal.lower.subsystems.partition import Group, groups, may_be_split
 
 FEWEST = 4
-"""Systems with steps and located events from which a model is split: fewer cost no more together."""
+"""Least number of systems with located events for which splitting pays."""
 _MOST_KINDS = 32
 
 
 @dataclass(frozen=True, eq=False)
 class Subsystem:
-    """One of the systems."""
+    """One independent system."""
 
-    # It has names of its own; its functions are those of all that are equal to it (`CompiledModel.like`).
+    # It has its own names, and shares the functions of all equal systems (`CompiledModel.like`).
     model: CompiledModel
-    # `states`, `modes`: places of its states and modes in those of the whole.
+    # `states`, `modes`: indices of its states and modes in those of the whole model.
     states: Indices
     modes: Indices
-    # `parameters`, `inputs`, `numbers`: its parameters: first some of the whole's, by place, then some of its inputs,
-    # then numbers.
+    # Its parameters are entries of p of the whole model (`parameters`: their indices), then entries of u (`inputs`:
+    # their indices), then `numbers`.
     parameters: Indices
     inputs: Indices
     numbers: Vector
 
     def p(self, p: Vector, u: Vector) -> Vector:
-        """Its parameters from those of the whole and the inputs."""
+        """Its parameters, shape (np of it,), from p, shape (np,), and u, shape (nu,), of the whole model."""
         return np.concatenate([p[self.parameters], u[self.inputs], self.numbers])
 
 
-_MADE: WeakKeyDictionary[CompiledModel, tuple[Subsystem, ...]] = WeakKeyDictionary()
+_CACHE: WeakKeyDictionary[CompiledModel, tuple[Subsystem, ...]] = WeakKeyDictionary()
 
 
 def subsystems(compiled: CompiledModel) -> tuple[Subsystem, ...]:
-    """The systems of a model, made once; none where it is one, or has what its parts cannot have on their own.
+    """Independent systems of a model, cached; empty if it is one system, or cannot be split.
 
-    States that are in none of them never change.
+    States that belong to none of them never change.
     """
-    if compiled not in _MADE:
-        _MADE[compiled] = _made(compiled) if compiled.state_events and may_be_split(compiled) else ()
-    return _MADE[compiled]
+    if compiled not in _CACHE:
+        _CACHE[compiled] = _split(compiled) if compiled.state_events and may_be_split(compiled) else ()
+    return _CACHE[compiled]
 
 
-def _made(compiled: CompiledModel) -> tuple[Subsystem, ...]:
-    found = [g for g in groups(compiled) if not _stays(compiled, g)]
-    # what has no steps of its own gains nothing
-    if sum(bool(g.relations) and g.states[0] < compiled.n_dynamic for g in found) < FEWEST:
+def _split(compiled: CompiledModel) -> tuple[Subsystem, ...]:
+    candidates = [g for g in groups(compiled) if not _is_constant(compiled, g)]
+    # only systems with dynamic states and relations gain by steps of their own
+    if sum(bool(g.relations) and g.states[0] < compiled.n_dynamic for g in candidates) < FEWEST:
         return ()
     definition = {v: (k, node) for k, (v, node) in enumerate(compiled.solution.definitions)}
     inputs = {v: k for k, v in enumerate(compiled.solution.structure.reduced.inputs)}
-    wholes = [_Whole(compiled, g) for g in found]
+    statements = [_Statements(compiled, g) for g in candidates]
     pool = compiled.solution.structure.reduced.pool
-    extracts = [extract(pool, w.roots, definition, compiled.rewritten, inputs) for w in wholes]
+    extracts = [extract(pool, w.roots, definition, compiled.rewritten, inputs) for w in statements]
     if not set(compiled.narrow.arguments) <= {n for e in extracts for n in e.nodes}:
-        return ()  # what is searched belongs to one of them
+        return ()  # every steep function must belong to one of them
     kinds: dict[Any, list[int]] = {}
-    for k, (w, e) in enumerate(zip(wholes, extracts, strict=True)):
+    for k, (w, e) in enumerate(zip(statements, extracts, strict=True)):
         kinds.setdefault((e.key, w.key(e)), []).append(k)
     if len(kinds) > _MOST_KINDS:
         return ()
-    made: dict[int, Subsystem] = {}
+    systems: dict[int, Subsystem] = {}
     for members in kinds.values():
-        kind = _Kind([extracts[k] for k in members], wholes[members[0]])
+        kind = _Kind([extracts[k] for k in members], statements[members[0]])
         for k in members:
-            made[k] = kind.subsystem(wholes[k], extracts[k])
-    return tuple(made[k] for k in range(len(found)))
+            systems[k] = kind.subsystem(statements[k], extracts[k])
+    return tuple(systems[k] for k in range(len(candidates)))
 
 
-def _stays(compiled: CompiledModel, group: Group) -> bool:
-    """Whether nothing of a group ever changes: discrete variables that no clause sets."""
-    return group.is_silent and min(group.states) >= len(compiled.states) - compiled.discretes
+def _is_constant(compiled: CompiledModel, group: Group) -> bool:
+    """Whether no state of a group ever changes: discrete variables that no clause sets."""
+    return group.has_no_events and min(group.states) >= len(compiled.states) - compiled.discretes
 
 
-class _Whole:
-    """What of the whole a group has, as nodes."""
+class _Statements:
+    """The statements of one group, as nodes of the whole model."""
 
     def __init__(self, compiled: CompiledModel, group: Group) -> None:
         self.compiled, self.group = compiled, group
@@ -124,7 +124,7 @@ class _Whole:
         self.discretes = sum(k >= discretes for k in group.states)
 
     def key(self, e: Extract) -> Any:
-        """What equal groups have in common beside their expressions."""
+        """Key that equal groups share in addition to that of their expressions."""
         group, events = self.group, self.compiled.state_events
         at = {k: place for place, k in enumerate(group.states)}
         return (
@@ -143,17 +143,17 @@ class _Whole:
 
     @property
     def _shared_nodes(self) -> tuple[Sequence[int], ...]:
-        """Relations of time, samples and flags of the whole: a group has those that it mentions."""
+        """Relations of time, samples and flags of the whole model, of which a group has those that it contains."""
         return self.compiled.time_events.relations, self.compiled.state_events.samples, self.compiled.state_events.flags
 
     @staticmethod
     def shared(e: Extract, nodes: Sequence[int]) -> list[tuple[int, int]]:
-        """(place in the extract, number among these nodes) of those that a group mentions, by place."""
+        """(Index in the extract, index among `nodes`) of those nodes that a group contains."""
         number = {n: k for k, n in enumerate(nodes)}
         return [(place, number[n]) for place, n in enumerate(e.nodes) if n in number]
 
     def steep(self, e: Extract) -> Steep:
-        """The steep functions of the whole that are in the group, by places in the extract."""
+        """The steep functions of the whole model that are in the group, by indices in the extract."""
         whole, place = self.compiled.narrow, {n: k for k, n in enumerate(e.nodes)}
         own = [j for j, n in enumerate(whole.arguments) if n in place]
         number = {j: k for k, j in enumerate(own)}
@@ -165,12 +165,12 @@ class _Whole:
         )
 
     def timely(self, e: Extract) -> tuple[list[int], list[int], list[int]]:
-        """Numbers of the relations of time, samples and flags that the group mentions."""
+        """Indices of the relations of time, samples and flags that the group contains."""
         found = [[k for _, k in self.shared(e, nodes)] for nodes in self._shared_nodes]
         return found[0], found[1], found[2]
 
     def modes(self, e: Extract) -> Indices:
-        """Places of its modes in those of the whole, in the order of `mode_nodes`."""
+        """Indices of its modes in those of the whole model, in the order of `mode_nodes`; shape (nm of it,)."""
         timely, samples, flags = self.timely(e)
         events, places = self.compiled.state_events, self.compiled.mode_places
         first = np.cumsum([0, len(self.compiled.time_events.relations), len(events.samples), len(events.memories)])
@@ -186,9 +186,9 @@ class _Whole:
 
 
 class _Kind:
-    """Equal systems: one model, and the holes that are parameters of it because their numbers differ."""
+    """Equal systems: one model, with a parameter for each hole whose content differs."""
 
-    def __init__(self, members: Sequence[Extract], whole: _Whole) -> None:
+    def __init__(self, members: Sequence[Extract], whole: _Statements) -> None:
         e = members[0]
         fills = list(zip(*(m.holes for m in members), strict=True))
         numbers = [k for k, fill in enumerate(fills) if fill[0][0] == "const" and len(set(fill)) > 1]
@@ -208,7 +208,7 @@ class _Kind:
                 self.node.append(pool.intern((op, *(self.node[c] for c in below))))
         self.model = self._model(pool, e, whole)
 
-    def _model(self, pool: Pool, e: Extract, whole: _Whole) -> CompiledModel:
+    def _model(self, pool: Pool, e: Extract, whole: _Statements) -> CompiledModel:
         compiled = whole.compiled
         node = dict(zip(e.nodes, self.node, strict=True))
         number = {v: k for k, v in enumerate(e.variables)}
@@ -261,13 +261,13 @@ class _Kind:
         own.__dict__["nominal_z"] = np.zeros(0)
         return own
 
-    def _time_events(self, e: Extract, whole: _Whole, node: dict[int, int], pool: Pool) -> TimeEvents:
-        """Its relations of time; where they change is asked of the whole."""
+    def _time_events(self, e: Extract, whole: _Statements, node: dict[int, int], pool: Pool) -> TimeEvents:
+        """Its relations of time; their instants are those of the whole model, and left out here."""
         relations = tuple(node[whole.compiled.time_events.relations[k]] for k in whole.timely(e)[0])
         unknown = (pool.zero,) * len(relations)
         return TimeEvents(relations, unknown, unknown, {})
 
-    def _events(self, e: Extract, whole: _Whole, node: dict[int, int]) -> StateEvents:
+    def _events(self, e: Extract, whole: _Statements, node: dict[int, int]) -> StateEvents:
         events, group = whole.compiled.state_events, whole.group
         _, samples, flags = whole.timely(e)
         at = {k: place for place, k in enumerate(group.states)}
@@ -295,12 +295,12 @@ class _Kind:
             frozenset(place for place, k in enumerate(group.relations) if k in events.watched),
         )
 
-    def subsystem(self, whole: _Whole, e: Extract) -> Subsystem:
-        """One of the members: it has words of its own."""
+    def subsystem(self, whole: _Statements, e: Extract) -> Subsystem:
+        """One of the equal systems, with its own names and texts."""
         like, compiled = self.model, whole.compiled
         events = like.state_events
         clauses = zip(events.clauses, whole.clauses, strict=True)
-        worded = replace(
+        own_events = replace(
             events,
             clauses=tuple(replace(own, text=c.text, component=c.component, where=c.where) for own, c in clauses),
             assignments=tuple(
@@ -311,10 +311,10 @@ class _Kind:
                 for own, a in zip(events.asserts, whole.asserts, strict=True)
             ),
         )
-        model = replace(like, state_events=worded, like=like)
+        model = replace(like, state_events=own_events, like=like)
         names = tuple(compiled.states[k] for k in whole.group.states)
         model.__dict__.update(states=names, nominal_x=like.nominal_x, nominal_z=like.nominal_z)
-        model.__dict__["events"] = _Words(like, compiled, whole.group.relations)
+        model.__dict__["events"] = _OwnTexts(like, compiled, whole.group.relations)
         by_kind: dict[str, list[float]] = {"par": [], "input": [], "const": []}
         for k in self.holes:
             by_kind[e.holes[k][0]].append(e.holes[k][1])
@@ -328,17 +328,18 @@ class _Kind:
         )
 
 
-class _Words(EventFunctions):
-    """The functions of all equal systems, with the words of one."""
+class _OwnTexts(EventFunctions):
+    """The functions shared by equal systems, with the texts of one."""
 
     def __init__(self, like: CompiledModel, whole: CompiledModel, relations: Sequence[int]) -> None:
         super().__init__(like)
-        self._whole_ref, self._relations = ref(whole), relations  # what is kept for a model must not keep it alive
+        self._whole_ref = ref(whole)  # weak, because the cache of a model must not keep it alive
+        self._relations = relations
 
     @property
     def _whole(self) -> CompiledModel:
         whole = self._whole_ref()
-        assert whole is not None, "only who holds the model asks"
+        assert whole is not None, "the caller holds the model"
         return whole
 
     @cached_property

@@ -1,1 +1,1 @@
-"""A compiled model with something changed, without compiling it again."""
+"""Variants of a compiled model that need no new compilation."""

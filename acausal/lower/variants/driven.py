@@ -1,7 +1,7 @@
-"""The same model with some of its inputs as functions of time.
+"""Variant of a compiled model with some inputs as functions of time.
 
-An input over time is data, not part of the model: over each stretch of a run it is a polynomial, whose coefficients are
-numbers among the modes, as those of delayed signals are. Other data are other numbers, and nothing is compiled again.
+An input over time is data, not part of the model: over each stretch of a run it is a polynomial whose coefficients are
+modes, like those of delayed signals. Other data are other coefficients, and nothing is compiled again.
 """
 
 from __future__ import annotations
@@ -12,15 +12,15 @@ from weakref import WeakKeyDictionary
 from acausal.lower.compile import lower
 from acausal.lower.compiled import CompiledModel
 
-_MADE: WeakKeyDictionary[CompiledModel, dict[tuple[int, ...], CompiledModel]] = WeakKeyDictionary()
+_CACHE: WeakKeyDictionary[CompiledModel, dict[tuple[int, ...], CompiledModel]] = WeakKeyDictionary()
 
 
 def with_driven(compiled: CompiledModel, places: tuple[int, ...]) -> CompiledModel:
-    """The model whose inputs at these places of u are functions of time; made once for each model and choice."""
+    """The model whose inputs at these indices of u are functions of time; cached by model and indices."""
     if not places:
         return compiled
-    made = _MADE.setdefault(compiled, {})
-    if places not in made:
+    variants = _CACHE.setdefault(compiled, {})
+    if places not in variants:
         lowered = lower(compiled.solution, places)
-        made[places] = replace(lowered, selection=compiled.selection, timings=dict(compiled.timings))
-    return made[places]
+        variants[places] = replace(lowered, selection=compiled.selection, timings=dict(compiled.timings))
+    return variants[places]

@@ -1,4 +1,4 @@
-"""The same model with other start values: only its start problem is made anew."""
+"""Variant of a compiled model with other start values: only its start problem is built again."""
 
 from __future__ import annotations
 
@@ -16,37 +16,40 @@ from acausal.lower.cache.cache import replaced
 from acausal.lower.compiled import CompiledModel
 
 _Values = tuple[tuple[int, float], ...]
-_KEPT = 4
-_made: WeakKeyDictionary[CompiledModel, OrderedDict[_Values, CompiledModel]] = WeakKeyDictionary()
+_MOST_VARIANTS = 4
+_CACHE: WeakKeyDictionary[CompiledModel, OrderedDict[_Values, CompiledModel]] = WeakKeyDictionary()
 
 
 def with_starts(compiled: CompiledModel, given: Mapping[str, object]) -> CompiledModel:
-    """The model in which these variables start at these values, as if they were declared with `fixed`.
+    """The model with these start values (by path, SI or text with unit), as if they were declared with `fixed`.
 
-    Declared starts of the same variable, under any of its names, give way; all others stay, and must agree.
+    They replace declared starts of the same variable under any of its names; all other declared starts remain, and must
+    be consistent with them.
 
-    Raises UsageError: AC046 for what is no variable of the model, or follows from parameters alone; AC023 for what is
-    no number.
+    Raises UsageError: AC046 for a path that is no variable of the model, or that depends on parameters alone; AC023 for
+    a value that is no number.
     """
     if not given:
         return compiled
     key = tuple(_values(compiled, given).items())
-    made = _made.setdefault(compiled, OrderedDict())
-    found = made.pop(key, None)
-    if found is None:
+    variants = _CACHE.setdefault(compiled, OrderedDict())
+    variant = variants.pop(key, None)
+    if variant is None:
         structure = compiled.solution.structure
         flat = structure.reduced.flat
-        aimed = {_variable(structure.reduced, scalar) for scalar, _ in key}
-        starts = {s: v for s, v in flat.starts.items() if _variable(structure.reduced, s) not in aimed - {None}}
+        reset_variables = {_variable(structure.reduced, scalar) for scalar, _ in key}
+        starts = {
+            s: v for s, v in flat.starts.items() if _variable(structure.reduced, s) not in reset_variables - {None}
+        }
         for scalar, number in key:
             starts[scalar] = FlatStart(flat.pool.const(number), True, None, flat.scalar_name(scalar))
         reduced = replaced(structure.reduced, flat=replaced(flat, starts=starts))
         solution = replaced(compiled.solution, structure=replaced(structure, reduced=reduced))
-        found = replace(compiled, solution=solution, start=start_problem(solution))
-    made[key] = found
-    if len(made) > _KEPT:
-        made.popitem(last=False)
-    return found
+        variant = replace(compiled, solution=solution, start=start_problem(solution))
+    variants[key] = variant
+    if len(variants) > _MOST_VARIANTS:
+        variants.popitem(last=False)
+    return variant
 
 
 def _values(compiled: CompiledModel, given: Mapping[str, object]) -> dict[int, float]:
@@ -54,17 +57,17 @@ def _values(compiled: CompiledModel, given: Mapping[str, object]) -> dict[int, f
     if not isinstance(given, Mapping):
         raise UsageError("AC046", f"start is a {type(given).__name__}", help="a dictionary: start={'mass.s': 0.1}")
     reduced = compiled.solution.structure.reduced
-    known: dict[str, tuple[tuple[int, ...], int, str]] = {}
+    variables: dict[str, tuple[tuple[int, ...], int, str]] = {}
     for v in compiled.flat.variables:
         shape = v.declaration.shape
-        known[v.path] = shape, v.first, v.declaration.unit
+        variables[v.path] = shape, v.first, v.declaration.unit
         if shape:
-            known |= {v.path + e: ((), v.first + k, v.declaration.unit) for k, e in enumerate(suffixes(shape))}
-    found: dict[int, float] = {}
+            variables |= {v.path + e: ((), v.first + k, v.declaration.unit) for k, e in enumerate(suffixes(shape))}
+    start_values: dict[int, float] = {}
     for path, value in given.items():
-        if path not in known:
-            raise _unknown(compiled, path, known)
-        shape, first, unit = known[path]
+        if path not in variables:
+            raise _unknown(compiled, path, variables)
+        shape, first, unit = variables[path]
         for k, number in enumerate(entries(path, shape, value, unit)):
             scalar = first + k
             image = reduced.image[scalar]
@@ -76,18 +79,18 @@ def _values(compiled: CompiledModel, given: Mapping[str, object]) -> dict[int, f
                 )
             if number != number or abs(number) == float("inf"):
                 raise UsageError("AC046", f"start of {path} = {number} is not finite")
-            if scalar in found and found[scalar] != number:
-                raise UsageError("AC046", f"{path} is given two start values: {found[scalar]:g} and {number:g}")
-            found[scalar] = number
-    inputs = set(compiled.flat.inputs) & set(found)
+            if scalar in start_values and start_values[scalar] != number:
+                raise UsageError("AC046", f"{path} is given two start values: {start_values[scalar]:g} and {number:g}")
+            start_values[scalar] = number
+    inputs = set(compiled.flat.inputs) & set(start_values)
     if inputs:
         name = compiled.flat.scalar_name(min(inputs))
         raise UsageError("AC046", f"{name} is an input, not a start value", help=f"inputs={{'{name}': ...}}")
-    return found
+    return start_values
 
 
 def _variable(reduced: ReducedSystem, scalar: int) -> int | None:
-    """The reduced variable that a scalar is, up to its sign; None for what is computed from several."""
+    """The reduced variable that a scalar equals up to its sign; None for an expression of several variables."""
     nodes = reduced.pool.nodes
     op, *rest = nodes[reduced.image[scalar]]
     if op == "neg":
@@ -95,9 +98,9 @@ def _variable(reduced: ReducedSystem, scalar: int) -> int | None:
     return int(rest[0]) if op == "var" else None
 
 
-def _unknown(compiled: CompiledModel, path: str, known: Mapping[str, object]) -> UsageError:
+def _unknown(compiled: CompiledModel, path: str, variables: Mapping[str, object]) -> UsageError:
     parameters = {*compiled.parameters, *(p.path for p in compiled.flat.parameters)}
-    close = nearest(path, [*compiled.states, *known])
+    close = nearest(path, [*compiled.states, *variables])
     return UsageError(
         "AC046",
         f"{path} is a parameter, not a start value" if path in parameters else f"there is no variable '{path}'",

@@ -1,4 +1,4 @@
-"""The same model with the kinks watched at which a rate that is constant for long may wake."""
+"""Variant of a compiled model with located kinks, at which a rate that was constant for long may change."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from acausal.lower.subsystems.partition import system_of
 from acausal.lower.subsystems.split import subsystems
 
 _Made = tuple[CompiledModel | None, str]
-_MADE: WeakKeyDictionary[CompiledModel, dict[tuple[tuple[int, ...], bool], _Made]] = WeakKeyDictionary()
+_CACHE: WeakKeyDictionary[CompiledModel, dict[tuple[tuple[int, ...], bool], _Made]] = WeakKeyDictionary()
 UNWATCHED_STEPS = 5000
-"""No step is longer than this part of a run whose kinks are not all watched."""
+"""No step is longer than one over this of a run in which some kinks are not located."""
 _KINKS = frozenset(("min", "max", "fabs", "noevent"))
 _BURSTS = frozenset(("exp", "pow"))
 _NAMED = 3
@@ -30,7 +30,7 @@ _WIDTH = 60
 
 
 def unwatched() -> str:
-    """What is said of a run in which nothing is watched."""
+    """Note to a run in which no kinks are located."""
     return f"AC414: kinks of this run cannot be watched, as one of them is passed without end: {_BOUNDED}"
 
 
@@ -41,26 +41,30 @@ _BOUNDED = (
 
 
 def with_watched(compiled: CompiledModel, relative: float, *, branches: bool = False) -> tuple[CompiledModel, str, str]:
-    """The model for a solver that chooses its steps, at a relative tolerance; itself where nothing sleeps.
+    """The model with located kinks, for a solver with step-size control; the model itself where there are none.
 
-    And what is to be said: of kinks that are too many to be watched, under a bound of the steps, and of tables.
+    Also returns two notes, "" where there is nothing to say: on kinks too many to locate, whose steps are bounded
+    instead, and on points of tables that are not stops.
 
-    With `branches` kinks are told by their modes, for who differentiates on one side of them.
+    `relative`: tolerance of the run, which decides which points of its tables are kinks.
+    `branches`: expresses kinks by modes, so that each side can be differentiated.
 
-    Made once for each, and for what of its tables the tolerance can tell. Bursts are not watched: what a solver hands
-    over is searched for what it has passed over (`acausal.simulate.driver.overlooked`).
+    Cached by model and located table points. Bursts are not located: the solution is searched for them afterwards
+    (`acausal.simulate.driver.overlooked`).
     """
-    made = _MADE.setdefault(compiled, {})
+    variants = _CACHE.setdefault(compiled, {})
     numbers, passed = tuple[int, ...](), 0
-    if _has_tables(compiled) or ((), branches) not in made:  # without, it is the same for all tolerances
+    if (
+        _has_tables(compiled) or ((), branches) not in variants
+    ):  # without tables the result does not depend on the tolerance
         solution = compiled.solution
         pool = solution.structure.reduced.pool
         roots = [*(n for v, n in solution.definitions if v in solution.needed), *solution.residuals]
         if _has_tables(compiled):
             numbers, passed = stretch_numbers(pool, roots, dict(solution.definitions), relative)
-        if (numbers, branches) not in made:
-            made[numbers, branches] = _watched(compiled, roots, numbers, branches)
-    model, note = made[numbers, branches]
+        if (numbers, branches) not in variants:
+            variants[numbers, branches] = _watched(compiled, roots, numbers, branches)
+    model, note = variants[numbers, branches]
     return model or compiled, note, _tables_left(passed) if passed else ""
 
 
@@ -75,7 +79,7 @@ _TABLES: WeakKeyDictionary[CompiledModel, bool] = WeakKeyDictionary()
 
 
 def _has_tables(compiled: CompiledModel) -> bool:
-    """Whether there is a long table in the equations."""
+    """Whether the equations contain a table lookup."""
     if compiled not in _TABLES:
         ops = {node[0] for node in compiled.solution.structure.reduced.pool.nodes}
         _TABLES[compiled] = any(isinstance(op, Call) and isinstance(op.external, Lookup) for op in ops)
@@ -83,12 +87,12 @@ def _has_tables(compiled: CompiledModel) -> bool:
 
 
 def _watched(compiled: CompiledModel, roots: Sequence[int], numbers: tuple[int, ...], branches: bool) -> _Made:
-    """As much as can be watched in each of the systems that the model is split into, or else in the whole."""
-    parted = cache(lambda: system_of(compiled))  # of most models nothing is watched in any part
-    model, found = _lowered(compiled, roots, numbers, branches, lambda node: parted()(node))
+    """Locate as many kinks as allowed in each system that the model is split into, or else in the whole model."""
+    partition = cache(lambda: system_of(compiled))  # lazy, because most models have no kinks to locate
+    model, found = _lowered(compiled, roots, numbers, branches, lambda node: partition()(node))
     if len(found.watched) > MOST and model is not None and not subsystems(model):
         model, found = _lowered(compiled, roots, numbers, branches, lambda node: 0)
-    return model, _left(compiled, found) if found.left else ""
+    return model, _note_on_unwatched(compiled, found) if found.left else ""
 
 
 def _lowered(
@@ -113,13 +117,13 @@ def _lowered(
     return replace(lowered, timings=dict(compiled.timings)), found
 
 
-def _left(compiled: CompiledModel, found: Sleeping) -> str:
+def _note_on_unwatched(compiled: CompiledModel, found: Sleeping) -> str:
     reduced = compiled.solution.structure.reduced
 
     def name_of(kind: str, k: int) -> str:
         return reduced.name(k) if kind == "var" else compiled.parameters[k]
 
-    def said(number: int) -> str:
+    def text_of(number: int) -> str:
         sides = [reduced.pool.nodes[n] for n in reduced.pool.nodes[number][1:]]
         inside = [
             node[1] if node[0] == "noevent" else n
@@ -128,11 +132,11 @@ def _left(compiled: CompiledModel, found: Sleeping) -> str:
         return " against ".join(to_text(reduced.pool, n, name_of, _WIDTH) for n in inside)
 
     left = found.left
-    texts = "; ".join(said(n) for n in left[:_NAMED])
+    texts = "; ".join(text_of(n) for n in left[:_NAMED])
     more = f"; and {len(left) - _NAMED} more" if len(left) > _NAMED else ""
-    whole = len(left) + len(found.watched)
+    total = len(left) + len(found.watched)
     return (
-        f"AC414: {len(left)} of {whole} kinks where rates may wake are too many to be watched "
+        f"AC414: {len(left)} of {total} kinks where rates may wake are too many to be watched "
         f"({texts}{more}): {_BOUNDED}; locate those that matter by a relation without no_event, or "
         "give a max_step that is shorter than what they are awake"
     )

@@ -92,7 +92,7 @@ class Held:
             return self.free.events.watch  # made once for all runs
         e = self._equations
         s = e.s
-        distances = self.free.events.told(ca.vertsplit(self.free.events.distances(*s.inputs)))
+        distances = self.free.events.signed_at_rest(ca.vertsplit(self.free.events.distances(*s.inputs)))
         held = self.taken
         signs = 2 * s.m[self.first :] - 1
         parts = [signs[k] * g for k, g in enumerate(distances) if k not in held]

@@ -14,7 +14,7 @@ from acausal.export.forms import SENSITIVITIES, check
 from acausal.export.ports import Output, named_outputs
 from acausal.export.sensitivity.chain import Chain
 from acausal.export.sensitivity.two_sided import refuse_two_sided
-from acausal.lower.cache.cache import choices_stand_for
+from acausal.lower.cache.cache import choices_hold_for
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.variants.started import with_starts
 from acausal.result.result import Result
@@ -187,7 +187,7 @@ def flight_of(
     own = {k: v for k, v in options.items() if k != "inputs"}
     chosen = run_options(compiled.flat.experiment, **own)
     p = parameter_vector(compiled, parameters)
-    if not choices_stand_for(compiled, p.tolist()):
+    if not choices_hold_for(compiled, p.tolist()):
         return None
     inputs = given_inputs(compiled, options["inputs"], chosen.start_time, chosen.stop_time, chosen.tolerances)
     if inputs.places:
