@@ -1,8 +1,8 @@
 """Alias elimination: from the flat system to the reduced one.
 
-Equations `v1 == +-v2`, `v == constant` and `v == der(x)` are not solved but used: one variable stands for the class,
-constants disappear, and v becomes the derivative of x by name. Definitions of rotation matrices are substituted, with
-their rates as known derivatives, so that frames cost no unknowns.
+Equations `v1 == +-v2`, `v == constant` and `v == der(x)` are substituted rather than solved: one variable represents an
+alias class, constants disappear, and v becomes the derivative of x by name. Definitions of rotation matrices are
+substituted too, with their rates as known derivatives, so that frames add no unknowns.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from acausal.structure import classes
 def reduce(flat: FlatSystem, instead: Mapping[int, int] | None = None) -> ReducedSystem:
     """Eliminate aliases and constants until none is left.
 
-    `instead` gives residuals, nodes of the flat pool, that take the place of flat equations (`acausal.analyse.hidden`).
+    `instead` maps flat equations to residuals, nodes of the flat pool, that replace them (`acausal.analyse.hidden`).
 
     Raises
     ------
     StructureError
-        When equations contradict each other (a constant that is not zero must be zero): AC205, or the cause of it.
+        AC205, or a more specific code, when equations contradict each other: a nonzero constant must be zero.
     """
     work = _Aliases(flat, instead or {})
     while work.sweep():
@@ -41,7 +41,7 @@ _VARYING = frozenset(("var", "time", "sample", "initial", "infinitesimal", "term
 
 
 class _Aliases:
-    """The elimination while it is under way; sweeps find new aliases after each substitution."""
+    """State of the elimination; each substitution may reveal new aliases, which the next sweep finds."""
 
     def __init__(self, flat: FlatSystem, instead: Mapping[int, int]) -> None:
         self.flat = flat
@@ -49,12 +49,12 @@ class _Aliases:
         sub = self.pool.sub
         self.residual = {k: sub(left, right) for k, (left, right, *_) in enumerate(flat.equations)}
         self.residual.update(instead)
-        self.dirty = list(self.residual)  # equations whose variables have changed since they were looked at
+        self.dirty = list(self.residual)  # equations whose variables have changed since they were examined
         self.users = _Users()
         self.relations: list[tuple[int, int, int]] = []
         self.relation_source: list[int] = []
         self.constant: dict[int, tuple[int, int]] = {}  # representative -> (node without variables, equation)
-        self.integral: dict[int, int] = {}  # the same, from the derivative to its integral
+        self.integral: dict[int, int] = {}  # inverse of `link`: derivative -> integral
         self.link: dict[int, tuple[int, int]] = {}  # representative -> (variable that is its derivative, equation)
         self.definition: dict[int, int] = {}  # overconstrained variable -> node
         self.trivial: list[int] = []
@@ -66,7 +66,7 @@ class _Aliases:
         self._definitions()
 
     def _classes(self) -> None:
-        """Representatives after new relations; what no longer fits its representative becomes an equation again."""
+        """Recompute representatives after new relations; constants and links that no longer fit become equations."""
         pool = self.pool
         found = classes(self.flat.n_scalars, self.relations, self.priority)
         self.representative = found.representative.tolist()
@@ -89,7 +89,7 @@ class _Aliases:
         for x, (v, k) in links.items():
             (rx, same_x), (rv, same_v) = self._signed(x), self._signed(v)
             fits = same_x and same_v and not {rx, rv} & (self.constant.keys() | self.inputs)
-            # Aliases found after the links may have joined two derivatives, or a variable with one of its own.
+            # Later aliases may identify two derivatives, or a variable with its own derivative.
             if fits and self._linkable(rx, rv):
                 self.link[rx] = (rv, k)
                 self.integral[rv] = rx
@@ -97,7 +97,7 @@ class _Aliases:
                 self._restore(k, pool.sub(pool.var(v), pool.var(pool.derivative(x))))
 
     def _signed(self, variable: int) -> tuple[int, bool]:
-        """Representative, and whether its sign is kept; a derivative stands for itself while its integral does."""
+        """(Representative, whether the sign is +); a derivative is its own representative while its integral is."""
         pool, base = self.pool, variable
         while base in pool.integral_of:
             base = pool.integral_of[base]
@@ -105,12 +105,12 @@ class _Aliases:
         return (r, positive) if base == variable else (variable, positive and r == base and r not in self.constant)
 
     def _restore(self, k: int, residual: int) -> None:
-        """Make an equation of a relation that cannot be kept as alias, constant or link."""
+        """Turn a relation that cannot stay an alias, constant or link back into an equation."""
         self.residual[k] = residual
         self.dirty.append(k)
 
     def _definitions(self) -> None:
-        """Explicit equations of overconstrained variables become substitutions."""
+        """Turn explicit equations of overconstrained variables into substitutions."""
         if not self.pool.slope:
             return
         for k, equation in enumerate(self.flat.equations):
@@ -121,12 +121,12 @@ class _Aliases:
         self.dirty = list(self.residual)
 
     def leaf(self, variable: int) -> int:
-        """Node of a flat variable, or of a derivative, under the aliases found so far."""
+        """Node of a flat variable or derivative after the substitutions found so far."""
         pool = self.pool
         base = pool.integral_of.get(variable)
         if base is None:
             r = self.representative[variable]
-            node = self.constant[r][0] if r in self.constant else self._defined(r)
+            node = self.constant[r][0] if r in self.constant else self._definition_image(r)
             return node if self.sign[variable] > 0 else pool.neg(node)
         node = self.leaf(base)
         op, *rest = pool.nodes[node]
@@ -139,8 +139,8 @@ class _Aliases:
         image = self.leaf(self.link[x][0]) if x in self.link else pool.var(pool.derivative(x))
         return pool.neg(image) if negative else image
 
-    def _defined(self, variable: int) -> int:
-        """Image of the definition of an overconstrained variable; chains of frames are walked without recursion."""
+    def _definition_image(self, variable: int) -> int:
+        """Image of the definition of an overconstrained variable; without recursion, for long chains of frames."""
         pool = self.pool
         if variable not in self.definition:
             return pool.var(variable)
@@ -163,7 +163,7 @@ class _Aliases:
         return self.done[self.definition[variable]]
 
     def sweep(self) -> bool:
-        """Substitute where something changed; collect aliases and constants, or else links; True if any was found."""
+        """Substitute in changed equations and collect aliases and constants, or else links; True if any was found."""
         self._substitute()
         relations = len(self.relations)
         touched: set[int] = set()
@@ -171,7 +171,7 @@ class _Aliases:
         found = [k for k in self.dirty if self._alias(k, nodes[residual[k]], touched)]
         for k in found:
             del residual[k]
-        for k in self.dirty:  # what became an alias is never looked at again
+        for k in self.dirty:  # equations that became aliases are not examined again
             if k in residual:
                 self.users.add(k, self.pool.entries(residual[k]))
         if not found:
@@ -186,14 +186,14 @@ class _Aliases:
         self.done = {}
         derivative_of = self.pool.derivative_of
         touched.update([derivative_of[v] for v in touched if v in derivative_of])
-        changed = {*self.dirty, *self.users.taken(touched, self.pool.n_variables)}
+        changed = {*self.dirty, *self.users.pop(touched, self.pool.n_variables)}
         self.dirty = sorted(changed & residual.keys())
         return True
 
     def _substitute(self) -> None:
         pool, residual = self.pool, self.residual
         images = [residual[k] for k in self.dirty]
-        if self.relations or self.constant or self.link or self.definition:  # else nothing has changed yet
+        if self.relations or self.constant or self.link or self.definition:  # otherwise nothing has changed yet
             pool.rewrite(images, self.leaf, self.done)
             images = [self.done[number] for number in images]
         for k, image in zip(self.dirty, images, strict=True):
@@ -201,12 +201,12 @@ class _Aliases:
             residual[k] = pool.collected(image)
 
     def linkable(self) -> list[int]:
-        """Equations that mention a derivative, where links are looked for when no alias is left."""
+        """Equations that contain a derivative, the candidates for links when no alias is left."""
         found = self.users.of(self.pool.integral_of, self.pool.n_variables)
         return sorted({k for k in found if k in self.residual})
 
     def _alias(self, k: int, node: tuple[Any, ...], touched: set[int]) -> bool:
-        """Use a residual as alias or constant; False when it must stay."""
+        """Use a residual as alias or constant; False when it must stay an equation."""
         if node[0] == "const":
             return self._trivial(k, node[1])
         first, sign, second = self._pattern(node)
@@ -226,7 +226,7 @@ class _Aliases:
         return True
 
     def _link(self, k: int, node: tuple[Any, ...], touched: set[int]) -> bool:
-        """Use v == der(x): v is from now on the derivative of x."""
+        """Use v == der(x): v becomes the derivative of x."""
         pool = self.pool
         first, sign, second = self._pattern(node)
         if first is None or not isinstance(second, int) or sign < 0:
@@ -243,7 +243,7 @@ class _Aliases:
         return True
 
     def _linkable(self, x: int, v: int) -> bool:
-        """Whether v can be the derivative of x by name: each of them once, and no circle."""
+        """Whether v can become the derivative of x: both unlinked so far, and without a cycle."""
         if v in self.integral or x in self.link:
             return False
         above: int | None = x
@@ -287,29 +287,29 @@ class _Aliases:
             return False
         nodes = self.pool.nodes
         stack, seen = [number], {number}
-        while stack:  # a search ends at the first variable, nearly always at once
+        while stack:  # ends at the first variable, nearly always immediately
             for k in nodes[stack.pop()][1:]:
                 op = nodes[k][0]
                 if op in _VARYING:
                     return False
-                # What only parameters determine may share so much that walking all paths would not end.
+                # Without `seen`, shared expressions of parameters may have exponentially many paths.
                 if op != "const" and op != "par" and k not in seen:
                     seen.add(k)
                     stack.append(k)
         return True
 
     def finish(self) -> ReducedSystem:
-        """Translate what is left into a pool with numbers of its own."""
-        self.users = _Users()  # not needed any more, and large
+        """Translate the remaining equations into a new pool."""
+        self.users = _Users()  # large, and no longer needed
         pool = Pool()
         number: dict[int, int] = {}
         old = self.pool
 
-        def fresh(variable: int) -> None:
+        def number_variable(variable: int) -> None:
             if variable not in number:
                 base = old.integral_of.get(variable)
                 if base is not None:
-                    fresh(base)
+                    number_variable(base)
                 number[variable] = pool.new_variables(1) if base is None else pool.derivative(number[base])
 
         image_old = self._scalar_images()
@@ -329,13 +329,13 @@ class _Aliases:
         roots += [n for nodes in delays_old for n in nodes]
         reachable = old.reachable(roots)
         for variable in sorted(node[1] for node in map(old.nodes.__getitem__, reachable) if node[0] == "var"):
-            fresh(variable)
+            number_variable(variable)
         for x, (v, _) in self.link.items():
-            fresh(x)
-            fresh(v)
+            number_variable(x)
+            number_variable(v)
             pool.derivative_of[number[x]] = number[v]
             pool.integral_of[number[v]] = number[x]
-        old.retire()  # the largest moment of compiling
+        old.retire()  # here compilation needs most memory
         done = _translate(old, pool, reachable, {v: pool.var(n) for v, n in number.items()})
         for node, slope in slopes_old:
             if pool.nodes[done[node]][0] not in ("var", "const", "neg"):
@@ -357,7 +357,7 @@ class _Aliases:
         )
 
     def _images(self, roots: list[int]) -> list[int]:
-        """Nodes under the aliases found."""
+        """Nodes after all substitutions."""
         self.pool.rewrite(roots, self.leaf, self.done)
         return [self.done[n] for n in roots]
 
@@ -379,12 +379,12 @@ class _Aliases:
             if self.representative[variable] == variable and variable not in self.constant:
                 slope = self.pool.slope[variable]
                 self.pool.rewrite([slope], self.leaf, self.done)
-                pairs.append((self._defined(variable), self.done[slope]))
+                pairs.append((self._definition_image(variable), self.done[slope]))
         return pairs
 
 
 class _Users:
-    """Which equations a variable has been seen in: pairs of numbers, looked up for many variables at a time."""
+    """Equations that contain a variable, as two arrays of pairs, looked up for many variables at once."""
 
     def __init__(self) -> None:
         self.variable, self.equation = array("q"), array("q")
@@ -394,20 +394,20 @@ class _Users:
         self.variable.extend(variables)
         self.equation.extend([equation] * len(variables))
 
-    def _hit(self, variables: Collection[int], count: int) -> Any:
-        """Which pairs are of one of `variables`, all of them below `count`."""
+    def _mask(self, variables: Collection[int], count: int) -> Any:
+        """Mask of the pairs whose variable is in `variables`, all below `count`; shape (n_pairs,)."""
         marks = np.zeros(count, dtype=bool)
         marks[np.fromiter(variables, dtype=np.int64, count=len(variables))] = True
         return marks[np.frombuffer(self.variable, dtype=np.int64)]
 
     def of(self, variables: Collection[int], count: int) -> list[int]:
-        """The equations of `variables`; some may come twice."""
-        found: list[int] = np.frombuffer(self.equation, dtype=np.int64)[self._hit(variables, count)].tolist()
+        """The equations of `variables`, perhaps with repetitions."""
+        found: list[int] = np.frombuffer(self.equation, dtype=np.int64)[self._mask(variables, count)].tolist()
         return found
 
-    def taken(self, variables: Collection[int], count: int) -> list[int]:
-        """The same, and they are forgotten."""
-        hit = self._hit(variables, count)
+    def pop(self, variables: Collection[int], count: int) -> list[int]:
+        """The equations of `variables`, whose pairs are removed."""
+        hit = self._mask(variables, count)
         variable, equation = (np.frombuffer(a, dtype=np.int64) for a in (self.variable, self.equation))
         found: list[int] = equation[hit].tolist()
         self.variable, self.equation = (array("q", a[~hit].tobytes()) for a in (variable, equation))

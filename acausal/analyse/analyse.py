@@ -1,4 +1,4 @@
-"""From the reduced system to its structure: differentiated equations, states, blocks in solving order."""
+"""Structural analysis of the reduced system: index reduction, choice of states, block lower triangular order."""
 
 from __future__ import annotations
 
@@ -20,30 +20,30 @@ from acausal.numeric.samples import COUNT, FAR, SamplePoints, Visited
 from acausal.structure import Block, Choice, Incidence, blocks, match, pantelides, select_dummies
 
 _SUSPICIOUS = (5, 20)
-"""Levels of differentiation at which a model is looked at for singularity: published problems have index 3 or less."""
+"""Levels of differentiation at which singularity is checked: published problems have index 3 or less."""
 
 
 @dataclass(frozen=True, eq=False)
 class Structure:
-    """What must be solved for what, and in which order.
+    """Equations, states, and the blocks in which the unknowns are solved for.
 
     Attributes
     ----------
     residuals
         Nodes that must be zero: those of the reduced system, then the differentiated ones.
     integral
-        For a differentiated equation, the equation it is the derivative of.
+        Maps a differentiated equation to the equation it is the derivative of.
     states
         Variables that are integrated; `derivative(x)` is the unknown that is their rate.
     blocks
         Rows are equations, columns unknowns; each block needs only states, inputs and earlier blocks.
     choices
-        Where index reduction had to choose states.
+        Choices of states made by index reduction.
     invariants
-        Constraints that are not solved but kept by stabilisation: pairs of equation and its node. Their variables are
-        all states; of each the highest derivative is solved as (d/dt + rate)^k g = 0: g decays (Baumgarte 1972).
+        Constraints that are stabilised instead of solved: (equation, node). Their variables are all states; the highest
+        derivative of each is replaced by (d/dt + rate)^k g = 0, so that violations g decay (Baumgarte 1972).
     rate
-        Node of the stabilisation rate [1/s], a parameter of its own behind those of the model; None without invariants.
+        Node of the stabilisation rate [1/s], an additional parameter after those of the model; None without invariants.
     """
 
     reduced: ReducedSystem
@@ -68,7 +68,7 @@ class Structure:
         return self.reduced.pool.derivative_of[state]
 
     def flat_equation(self, equation: int) -> int:
-        """Index of the flat equation that an equation is, or was differentiated from."""
+        """Index of the flat equation that an equation equals or was differentiated from."""
         while equation in self.integral:
             equation = self.integral[equation]
         return self.reduced.equation[equation]
@@ -77,22 +77,22 @@ class Structure:
 def analyse(reduced: ReducedSystem, keep_constraints: bool = False, visited: Visited | None = None) -> Structure:
     """Structural analysis: balance, index reduction, state choice, block order.
 
-    `keep_constraints` chooses no states: every constraint is stabilised, all its variables are integrated. What is
-    judged by numbers is judged at the points `visited` too.
+    With `keep_constraints` no states are chosen: every constraint is stabilised, and all its variables are integrated.
+    Numeric decisions are checked at the points `visited` too.
 
     Raises
     ------
     StructureError
         AC201 too few or too many equations, AC206 dependent constraints, AC207 an input must be differentiated, AC213
-        what has to be solved for what depends on the mode.
+        the structure depends on the mode.
     """
-    _check_inputs(reduced)  # before the balance: an equation for the derivative is what would be missing
+    _check_inputs(reduced)  # before the balance, which would report the derivative of an input as a missing equation
     balance(reduced)
     system = _System(reduced)
     n = len(reduced.residuals)
     moving = set(reduced.pool.derivative_of)
     assigned, derivative = pantelides(system, n)
-    _check_inputs(reduced)  # again: constraints have been differentiated
+    _check_inputs(reduced)  # again, for inputs in differentiated constraints
     integral = {new: old for old, new in derivative.items()}
     points = SamplePoints(reduced, visited)
     choices: list[Choice] = []
@@ -106,7 +106,7 @@ def analyse(reduced: ReducedSystem, keep_constraints: bool = False, visited: Vis
             system.rows(points),
             preference(reduced),
             lambda e: system.hidden(integral[e], e),
-            # What has no rate in the model's own equations is solved for as algebraic variables are.
+            # Variables without a derivative in the model are solved for like algebraic ones: near points suffice.
             lambda v: None if v in moving else COUNT,
         )
         _check_choices(reduced, integral, choices)
@@ -135,26 +135,26 @@ def analyse(reduced: ReducedSystem, keep_constraints: bool = False, visited: Vis
 def reordered(
     structure: Structure, residuals: Sequence[int], states: Sequence[int] | None = None, gone: Set[int] = frozenset()
 ) -> Structure:
-    """The structure with other nodes for its equations, in which variables may be missing: blocks anew.
+    """The structure with other nodes for its equations, and recomputed blocks.
 
-    `states` are others than before, if given; variables `gone` stand nowhere any more and are not solved for.
+    `states` replace the states, if given; variables `gone` no longer occur and are not solved for.
 
-    Raises StructureError when they do not determine the unknowns any more.
+    Raises StructureError when the equations no longer determine the unknowns.
     """
     system = _System(structure.reduced)
     system.residuals = list(residuals)
     system.source = [structure.flat_equation(e) for e in range(len(residuals))]
-    kept = structure.states if states is None else tuple(states)
-    order = _order(system, {*kept, *gone}, {e for e, _ in structure.invariants})
+    new_states = structure.states if states is None else tuple(states)
+    order = _order(system, {*new_states, *gone}, {e for e, _ in structure.invariants})
     points = SamplePoints(structure.reduced, structure.points.visited)
-    return replace(structure, residuals=tuple(residuals), states=kept, blocks=order, points=points)
+    return replace(structure, residuals=tuple(residuals), states=new_states, blocks=order, points=points)
 
 
 def _groups(system: _System, equations: Sequence[int], unknowns: set[int]) -> list[Block]:
-    """Highest differentiated equations and highest derivatives that hang together.
+    """Connected groups of highest differentiated equations and their highest derivatives.
 
-    Not the blocks of the solving order: a preferred coordinate and the one that should give way to it (a joint's and
-    a body's) often stand in different blocks.
+    Not the blocks of the solving order: a preferred coordinate and the one it replaces as a state (a joint's and a
+    body's) often occur in different blocks.
     """
     rows = [[v for v in system.incidence(e) if v in unknowns and v in system.pool.integral_of] for e in equations]
     owner: dict[int, int] = {}
@@ -190,7 +190,7 @@ def _order(system: _System, states: set[int], without: set[int]) -> tuple[Block,
 
 
 class _System:
-    """The reduced system as Pantelides' algorithm sees it."""
+    """The reduced system as a `Differentiable` for Pantelides' algorithm."""
 
     def __init__(self, reduced: ReducedSystem) -> None:
         self.reduced = reduced

@@ -1,8 +1,9 @@
-"""Unknowns that nonlinear equations know in one combination only: it becomes a variable of its own.
+"""Combinations of unknowns that nonlinear equations contain as a whole become variables of their own.
 
-Two charges side by side say `q1 == f(a - b)` and `q2 == g(a - b)`. What they hide, f^-1(q1) == g^-1(q2), shows in no
-sum, and index reduction sees two equations for two potentials. With `w == a - b` both stand for one unknown, and the
-second is differentiated as any other constraint. Combinations are recognised as they are written, up to a factor.
+Two nonlinear capacitors in parallel state `q1 == f(a - b)` and `q2 == g(a - b)`. Their hidden constraint, f^-1(q1) ==
+g^-1(q2), appears in no linear combination, and structurally there are two equations for two potentials. With `w == a -
+b` both contain the one unknown w, and the second is differentiated like any other constraint. Combinations are
+recognised as they are written, up to a factor.
 """
 
 from __future__ import annotations
@@ -21,17 +22,19 @@ from acausal.flatten.translated import with_variables
 
 @dataclass(frozen=True)
 class _Combination:
-    """Unknowns and their factors, nodes; that of the first is one."""
+    """(Unknown, node of its factor) of a linear combination; the first factor is one."""
 
     factors: tuple[tuple[int, int], ...]
 
     def share(self, pool: Pool, linear: dict[int, int]) -> int | None:
-        """What this combination counts in a linear form that holds just that of its unknowns; None if none does."""
+        """Factor of this combination in a linear form; None if the form does not contain it."""
         first = linear.get(self.factors[0][0])
         if first is None:
             return None
         wanted = ((v, pool.mul(first, factor)) for v, factor in self.factors)
-        fits = all(v in linear and _signed(pool, linear[v]) == _signed(pool, c) for v, c in wanted)
+        fits = all(
+            v in linear and _sign_and_magnitude(pool, linear[v]) == _sign_and_magnitude(pool, c) for v, c in wanted
+        )
         return first if fits else None
 
 
@@ -39,32 +42,32 @@ class _Combination:
 class Combined:
     """A flat system with variables for combinations."""
 
-    flat: FlatSystem  # its equations `rewritten` are stated as the reduced system had them
+    flat: FlatSystem  # its equations `rewritten` are those of the reduced system
     rewritten: frozenset[int]
-    image: dict[int, int]  # its nodes for those of the system that it was made of
+    image: dict[int, int]  # node of the original flat system -> node of this one
 
 
 def holding_combinations(structure: Structure, rows: Iterable[int], unknowns: Collection[int]) -> list[int]:
-    """Those of these equations of the reduced system that hold combinations of unknowns in nonlinear terms.
+    """The equations of the reduced system among `rows` that contain combinations of unknowns in nonlinear terms.
 
-    `unknowns` are the variables that are not known from states.
+    `unknowns` are the variables that are not determined by states.
     """
     reduced = structure.reduced
     form = LinearForm(reduced.pool, unknowns)
-    return [r for r in rows if form.of(reduced.residuals[r]) is None and _held(form, reduced.residuals[r])]
+    return [r for r in rows if form.of(reduced.residuals[r]) is None and _combinations_in(form, reduced.residuals[r])]
 
 
 def with_combinations(structure: Structure, rows: Iterable[int], unknowns: Collection[int]) -> Combined:
-    """A variable for each combination of unknowns that these equations hold in nonlinear terms."""
+    """The flat system with a variable for each combination of unknowns in nonlinear terms of the equations `rows`."""
     reduced, pool = structure.reduced, structure.reduced.pool
     form = LinearForm(pool, unknowns)
-    curved = list(dict.fromkeys(rows))
-    held = {r: _held(form, reduced.residuals[r]) for r in curved}
-    found = list(dict.fromkeys(c for r in curved for c in held[r].values()))
-    own = {c: pool.new_variables(1) for c in found}
+    nonlinear_rows = list(dict.fromkeys(rows))
+    held = {r: _combinations_in(form, reduced.residuals[r]) for r in nonlinear_rows}
+    combinations = list(dict.fromkeys(c for r in nonlinear_rows for c in held[r].values()))
+    own = {c: pool.new_variables(1) for c in combinations}
     first = reduced.flat.n_scalars
-    flat, image = with_variables(reduced.flat, len(found))
-    new = {own[c]: first + k for k, c in enumerate(found)}
+    flat, image = with_variables(reduced.flat, len(combinations))
+    new = {own[c]: first + k for k, c in enumerate(combinations)}
 
     def number(variable: int) -> int:
         if variable in new:
@@ -72,27 +75,27 @@ def with_combinations(structure: Structure, rows: Iterable[int], unknowns: Colle
         if variable >= len(reduced.scalar):
             return flat.pool.derivative(number(pool.integral_of[variable]))
         scalar = reduced.scalar[variable]
-        return scalar if scalar < first else scalar + len(found)
+        return scalar if scalar < first else scalar + len(combinations)
 
-    made = tuple(_variable(reduced, c, new[own[c]]) for c in found)
+    made = tuple(_variable(reduced, c, new[own[c]]) for c in combinations)
     equations = list(flat.equations)
-    for r in curved:
-        node = transferred(pool, _rewritten(form, reduced.residuals[r], own), flat.pool, number)
+    for r in nonlinear_rows:
+        node = transferred(pool, _substitute(form, reduced.residuals[r], own), flat.pool, number)
         place = reduced.equation[r]
         equations[place] = equations[place]._replace(left=node, right=flat.pool.zero)
-    for c, v in zip(found, made, strict=True):
+    for c, v in zip(combinations, made, strict=True):
         meaning = pool.sum(pool.mul(factor, pool.var(x)) for x, factor in c.factors)
-        here = equations[reduced.equation[next(r for r in curved if c in held[r].values())]]
+        here = equations[reduced.equation[next(r for r in nonlinear_rows if c in held[r].values())]]
         right = transferred(pool, meaning, flat.pool, number)
         text = f"{v.path} is one variable, as nonlinear equations hold it"
         equations.append(FlatEquation(flat.pool.var(v.first), right, here.origin, here.component, text))
-    sizes = flat.nominals and (*flat.nominals, *(nominal(reduced, c.factors[0][0]) for c in found))
+    sizes = flat.nominals and (*flat.nominals, *(nominal(reduced, c.factors[0][0]) for c in combinations))
     flat = replace(flat, equations=tuple(equations), variables=(*flat.variables, *made), nominals=sizes)
-    return Combined(flat, frozenset(reduced.equation[r] for r in curved), image)
+    return Combined(flat, frozenset(reduced.equation[r] for r in nonlinear_rows), image)
 
 
 def transferred(old: Pool, root: int, new: Pool, number: Callable[[int], int]) -> int:
-    """A node of one pool in another, where variables have other numbers."""
+    """Copy a node to another pool, with renumbered variables."""
     done: dict[int, int] = {}
     for node in old.reachable([root]):
         op, *operands = old.nodes[node]
@@ -105,8 +108,8 @@ def transferred(old: Pool, root: int, new: Pool, number: Callable[[int], int]) -
     return done[root]
 
 
-def _held(form: LinearForm, root: int) -> dict[int, _Combination]:
-    """Nodes that are linear in several unknowns and stand in a term that is not, with their combinations."""
+def _combinations_in(form: LinearForm, root: int) -> dict[int, _Combination]:
+    """Nodes inside nonlinear terms that are linear in several unknowns, with their combinations."""
     pool, found = form.pool, dict[int, _Combination]()
     seen: set[int] = set()
     stack = [n for n, _ in terms(pool, root) if form.of(n) is None]
@@ -126,35 +129,35 @@ def _held(form: LinearForm, root: int) -> dict[int, _Combination]:
 
 
 def _combination(pool: Pool, linear: dict[int, int]) -> _Combination | None:
-    """The linear form by the factor of its first variable; None where that may be zero."""
+    """The linear form divided by the factor of its first variable; None where that may be zero."""
     order = sorted(linear)
     first = linear[order[0]]
     value = pool.value(first)
     if value is not None:
         return _Combination(tuple((v, pool.div(linear[v], first)) for v in order))
-    sign, core = _signed(pool, first)
-    others = [_signed(pool, linear[v]) for v in order]
+    sign, core = _sign_and_magnitude(pool, first)
+    others = [_sign_and_magnitude(pool, linear[v]) for v in order]
     if any(node != core for _, node in others):
         return None
     return _Combination(tuple((v, pool.const(sign * own)) for v, (own, _) in zip(order, others, strict=True)))
 
 
-def _signed(pool: Pool, node: int) -> tuple[float, int]:
-    """A factor as a sign and the rest: -1 / p and -(1 / p) are the same."""
+def _sign_and_magnitude(pool: Pool, node: int) -> tuple[float, int]:
+    """A factor as sign and magnitude, so that -1 / p and -(1 / p) compare equal."""
     op, *operands = pool.nodes[node]
     if op == "const":
         return (-1.0, pool.const(-operands[0])) if operands[0] < 0.0 else (1.0, node)
     if op == "neg":
-        sign, rest = _signed(pool, operands[0])
+        sign, rest = _sign_and_magnitude(pool, operands[0])
         return -sign, rest
     if op in ("mul", "div"):
-        (one, a), (other, b) = (_signed(pool, n) for n in operands)
+        (one, a), (other, b) = (_sign_and_magnitude(pool, n) for n in operands)
         return one * other, pool.make(op, a, b)
     return 1.0, node
 
 
-def _rewritten(form: LinearForm, root: int, own: dict[_Combination, int]) -> int:
-    """The expression with the combinations as variables, in its linear terms too."""
+def _substitute(form: LinearForm, root: int, own: dict[_Combination, int]) -> int:
+    """The expression with the combinations replaced by variables, in its linear terms too."""
     pool = form.pool
     curved = pool.zero
     rest, total = pool.zero, dict[int, int]()
@@ -167,7 +170,7 @@ def _rewritten(form: LinearForm, root: int, own: dict[_Combination, int]) -> int
         rest = pool.add(rest, pool.mul(factor, linear[0]))
         for v, c in linear[1].items():
             total[v] = pool.add(total.get(v, pool.zero), pool.mul(factor, c))
-    return pool.add(curved, _named(pool, rest, total, own))
+    return pool.add(curved, _substitute_linear(pool, rest, total, own))
 
 
 def _image(form: LinearForm, root: int, own: dict[_Combination, int], done: dict[int, int]) -> int:
@@ -178,15 +181,15 @@ def _image(form: LinearForm, root: int, own: dict[_Combination, int], done: dict
         if op in LEAVES:
             done[number] = number
         elif linear is not None and len(linear[1]) > 1 and op in SUMS:
-            done[number] = _named(pool, linear[0], linear[1], own)
+            done[number] = _substitute_linear(pool, linear[0], linear[1], own)
         else:
             made = pool.make(op, *[done[c] for c in operands])
             done[number] = pool.collected(made) if op in SUMS else made
     return done[root]
 
 
-def _named(pool: Pool, rest: int, linear: dict[int, int], own: dict[_Combination, int]) -> int:
-    """A linear form with what is one of the combinations as its variable."""
+def _substitute_linear(pool: Pool, rest: int, linear: dict[int, int], own: dict[_Combination, int]) -> int:
+    """A linear form with contained combinations replaced by their variables."""
     left = dict(linear)
     for combination, variable in own.items():
         share = combination.share(pool, left)
@@ -197,7 +200,7 @@ def _named(pool: Pool, rest: int, linear: dict[int, int], own: dict[_Combination
 
 
 def _variable(reduced: ReducedSystem, combination: _Combination, number: int) -> FlatVariable:
-    """As declared as the first of its unknowns, under the words for the combination."""
+    """Declaration of the new variable: that of the first unknown, named by the text of the combination."""
     pool, words = reduced.pool, ""
     for v, factor in combination.factors:
         value = pool.value(factor)

@@ -1,8 +1,8 @@
-"""Delayed signals: what must be remembered of a run, and how the past enters the equations.
+"""Delayed signals as data for a run: the signals to record, and polynomials by which the past enters the equations.
 
-Over a stretch of a run that is no longer than the delay, the delayed signal is a known function of time: a polynomial,
-whose coefficients stand among the modes (Chebyshev's basis on the part of the past that the stretch can see). So every
-solver integrates a smooth right-hand side, compiled code included, and nothing is compiled again.
+Over a stretch of a run that is no longer than the delay, the delayed signal is a known function of time: a Chebyshev
+polynomial on the interval that the stretch reads, whose coefficients are modes. Every solver, compiled code included,
+therefore integrates a smooth right-hand side, and nothing is compiled again.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ DEGREE = 24
 """Degree of the polynomial of one delayed signal over one stretch."""
 
 WIDTH = DEGREE + 3
-"""Numbers of one delay: centre of the window in the past [s], one over half its width [1/s], coefficients."""
+"""Number of modes of one delay: centre of the interval in the past [s], reciprocal half width [1/s], coefficients."""
 
 PADE = "replace the delay by a rational approximation: PadeDelay of acausal.library.blocks"
 
 
 @dataclass(frozen=True)
 class Delay:
-    """One delayed signal: the place of its signal among the sources, nodes of its time and of the longest one."""
+    """One delayed signal: index of its source signal, nodes of the delay and of its upper limit."""
 
     source: int
     time: int
@@ -37,7 +37,7 @@ class Delay:
 
     @property
     def name(self) -> str:
-        """The delay with the component it stands in."""
+        """Text of the delay with its component."""
         return f"{self.label} in {self.component}" if self.component else self.label
 
 
@@ -45,8 +45,8 @@ class Delay:
 class Delays:
     """All delays of a model.
 
-    `smoother[j, k]` is the number of integrations between delay j and source k: what breaks in the one breaks so much
-    more smoothly in the other. Pairs without a way are left out.
+    `smoother[j, k]` is the number of integrations between delay j and source k, by which a discontinuity of the one
+    becomes smoother in the other. Pairs without a path are left out.
     """
 
     items: tuple[Delay, ...] = ()
@@ -63,7 +63,7 @@ class Delays:
 
     @property
     def roots(self) -> list[int]:
-        """Nodes that a run evaluates besides the equations."""
+        """Nodes that a run evaluates in addition to the equations: sources, then delays."""
         return [*self.sources, *(d.time for d in self.items)]
 
 
@@ -89,7 +89,7 @@ def _smoother(solution: Solution, sources: list[int]) -> dict[tuple[int, int], i
     pool = structure.reduced.pool
     definition = dict(solution.definitions)
     algebraic = set(solution.algebraic)
-    found: dict[tuple[int, int], int] = {}
+    integrations: dict[tuple[int, int], int] = {}
     for k, source in enumerate(sources):
         nodes, seen, level = [source], set[int](), 0
         while nodes:
@@ -98,7 +98,7 @@ def _smoother(solution: Solution, sources: list[int]) -> dict[tuple[int, int], i
                 for number in pool.reachable([nodes.pop()]):
                     op, *rest = pool.nodes[number]
                     if isinstance(op, Delayed):
-                        found.setdefault((op.number, k), level)
+                        integrations.setdefault((op.number, k), level)
                     if op != "var" or rest[0] in seen:
                         continue
                     seen.add(rest[0])
@@ -110,11 +110,11 @@ def _smoother(solution: Solution, sources: list[int]) -> dict[tuple[int, int], i
                         states.add(rest[0])
             nodes = [pool.var(structure.derivative(x)) for x in sorted(states) if x in structure.states]
             level += 1
-    return found
+    return integrations
 
 
 def refuse_delays(flat: FlatSystem, what: str, help_: str) -> None:
-    """Refuse what has no meaning, or is not done, for a model that remembers its past.
+    """Refuse an operation that is not defined or not implemented for models with delays.
 
     Raises UsageError: AC035 with the first delay, its place and a remedy.
     """

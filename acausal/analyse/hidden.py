@@ -1,13 +1,13 @@
-"""Constraints that several equations state together: they come to light when their unknowns cancel.
+"""Hidden constraints, which several equations state together, found when their unknowns cancel.
 
-Two capacitors side by side say `C1.v == p.v - n.v` and `C2.v == p.v - n.v`. Index reduction looks at the structure,
-where the two equations are good for the two potentials; but what they say is C1.v == C2.v. Such a constraint is what is
-left of a block of equations when its unknowns cancel. It takes the place of one of the equations it was made of, which
-changes no solution, and the analysis begins anew.
+Two capacitors in parallel state `C1.v == p.v - n.v` and `C2.v == p.v - n.v`. Structurally the two equations determine
+the two potentials, but together they state C1.v == C2.v. Such a constraint is what remains of a block of equations when
+its unknowns cancel. It replaces one of the equations it was derived from, which changes no solution, and the analysis
+is repeated.
 
 Modelica tools eliminate equations with integer factors beforehand for the same purpose (Otter and Elmqvist,
 "Transformation of Differential Algebraic Array Equations to Index One Form", Modelica Conference 2017, section 3). Here
-models without hidden constraints pay nothing, and factors may be parameters.
+models without hidden constraints cost nothing, and factors may be parameters.
 """
 
 from __future__ import annotations
@@ -32,29 +32,29 @@ from acausal.structure import Block
 
 
 class HiddenConstraint(StructureError):
-    """The message for those who do not go on; `equations` are flat equations with the nodes that can replace them."""
+    """Singular block with hidden constraints: `equations` maps flat equations to the nodes that can replace them."""
 
     equations: dict[int, int]
 
     def add(self, other: StructureError) -> None:
-        """Take over what another block hides, but for equations that this one replaces already."""
+        """Add the hidden constraints of another block, except for equations replaced already."""
         if isinstance(other, HiddenConstraint):
             self.equations = other.equations | self.equations
 
 
 class HiddenCombination(StructureError):
-    """The same where nonlinear equations hold unknowns in combinations: which of the reduced system's equations."""
+    """Singular block whose nonlinear equations share combinations of unknowns: `rows` of the reduced system."""
 
     structure: Structure
     rows: list[int]
 
     def add(self, other: StructureError) -> None:
-        """Take over the equations of another block."""
+        """Add the equations of another block."""
         if isinstance(other, HiddenCombination):
             self.rows += other.rows
 
     def combined(self) -> Combined:
-        """The system that names the combinations."""
+        """The flat system with variables for the combinations."""
         return with_combinations(self.structure, self.rows, _highest(self.structure.reduced))
 
 
@@ -62,19 +62,19 @@ _Hidden = TypeVar("_Hidden", HiddenConstraint, HiddenCombination)
 
 
 def hidden_constraint(structure: Structure, block: Block, error: StructureError) -> StructureError:
-    """What to raise for a block whose equations depend on each other: `error`, with the constraints it hides if any.
+    """The error for a block of dependent equations: `error`, extended by its hidden constraints if there are any.
 
-    Looked for among the equations of the block; when they are differentiated ones, among all equations as they were.
+    These are searched among the equations of the block; if they are differentiated, among all original equations.
     """
     count = len(structure.reduced.residuals)
     if all(r < count for r in block.rows):
-        rests = _rests(structure, block.rows, set(block.columns))
+        rests = _remainders(structure, block.rows, set(block.columns))
     else:
-        rests = _rests(structure, range(count), _highest(structure.reduced))
+        rests = _remainders(structure, range(count), _highest(structure.reduced))
         if not rests:
-            rests = _differentiated(structure, block)
+            rests = _differentiated_remainder(structure, block)
     if not rests or not all(structure.reduced.pool.variables_in(rest) for rest in rests.values()):
-        # nothing, or a number that would have to be zero: their terms may still share combinations of unknowns
+        # no constraint, or only a constant that must be zero: terms may still share combinations of unknowns
         sources = {structure.flat_equation(r) for r in block.rows}
         own = [r for r, e in enumerate(structure.reduced.equation) if e in sources]
         own = holding_combinations(structure, own, _highest(structure.reduced))
@@ -92,26 +92,26 @@ def _as(kind: type[_Hidden], error: StructureError) -> _Hidden:
     return kind(error.code, error.fact, where=error.where, evidence=error.evidence, cause=error.cause, help=error.help)
 
 
-def _rests(structure: Structure, rows: Iterable[int], unknowns: set[int]) -> dict[int, int]:
-    """What is left of equations in which the unknowns cancel when others are added, by row.
+def _remainders(structure: Structure, rows: Iterable[int], unknowns: set[int]) -> dict[int, int]:
+    """Remainders of combinations of equations in which the unknowns cancel, by the row that each can replace.
 
-    Terms that are not linear in the unknowns cancel as a whole: `y1 == q(u1 - u2)` and `y2 == -q(u1 - u2)`. What
-    cancels by numbers alone is looked for first: sums of currents do so exactly, expressions of parameters may not.
+    Nonlinear terms cancel as a whole: `y1 == q(u1 - u2)` and `y2 == -q(u1 - u2)`. Combinations with constant factors
+    come first, because sums of currents cancel exactly and expressions of parameters may not.
     """
     rows = list(rows)
-    found = _sums(structure, rows, unknowns)
-    if found:
-        return found
+    exact = _exact_remainders(structure, rows, unknowns)
+    if exact:
+        return exact
     form = LinearForm(structure.reduced.pool, unknowns)
     sums = [(r, x) for r in rows if (x := _sum(form, structure.residuals[r]))[1]]
     done = eliminate(structure.points, [x[1] for _, x in sums], [x[0] for _, x in sums])
-    return {sums[i][0]: rest for i, rest in done.empty} or _substituted(structure, rows, unknowns)
+    return {sums[i][0]: rest for i, rest in done.empty} or _substitution_remainders(structure, rows, unknowns)
 
 
-def _substituted(structure: Structure, rows: Sequence[int], unknowns: set[int]) -> dict[int, int]:
-    """What is left of nonlinear equations when linear ones tell all that they know of the unknowns, by row.
+def _substitution_remainders(structure: Structure, rows: Sequence[int], unknowns: set[int]) -> dict[int, int]:
+    """Remainders of nonlinear equations after substituting what linear ones state about the unknowns, by row.
 
-    `v == a - b` and `q == C (a - b) (1 + (a - b)**2)`: the unknowns stand in both as one difference.
+    `v == a - b` and `q == C (a - b) (1 + (a - b)**2)`: both contain the same difference of the unknowns.
     """
     pool = structure.reduced.pool
     known: dict[int, int] = {}
@@ -130,7 +130,7 @@ def _substituted(structure: Structure, rows: Sequence[int], unknowns: set[int]) 
         return done[node]
 
     form, found = LinearForm(pool, unknowns), dict[int, int]()
-    # an equation without unknowns is a constraint that everybody sees
+    # an equation without unknowns is no hidden constraint
     rows = [r for r in rows if pool.variables_in(structure.residuals[r]) & unknowns]
     for r in sorted(rows, key=lambda r: form.of(structure.residuals[r]) is None):
         left = image(structure.residuals[r])
@@ -149,23 +149,23 @@ def _substituted(structure: Structure, rows: Sequence[int], unknowns: set[int]) 
     return found
 
 
-def _sums(structure: Structure, rows: Iterable[int], unknowns: set[int]) -> dict[int, int]:
-    """The same for combinations with constant factors, exactly."""
+def _exact_remainders(structure: Structure, rows: Iterable[int], unknowns: set[int]) -> dict[int, int]:
+    """Remainders of combinations with constant factors, in exact arithmetic, by row."""
     pool = structure.reduced.pool
-    own: dict[int, Row] = {}
+    rows_of_terms: dict[int, Row] = {}
     for r in rows:
-        own[r] = {}
-        add_terms(pool, structure.residuals[r], 1, own[r])
-    inside = {r: {n: w for n, w in row.items() if pool.variables_in(n) & unknowns} for r, row in own.items()}
-    found = {}
+        rows_of_terms[r] = {}
+        add_terms(pool, structure.residuals[r], 1, rows_of_terms[r])
+    inside = {r: {n: w for n, w in row.items() if pool.variables_in(n) & unknowns} for r, row in rows_of_terms.items()}
+    remainders = {}
     for combination in null_combinations({r: row for r, row in inside.items() if row}):
-        rest = combined([(w, own[r]) for r, w in combination.items()])
-        found[next(iter(combination))] = pool.sum(pool.mul(pool.const(float(w)), n) for n, w in rest.items())
-    return found
+        rest = combined([(w, rows_of_terms[r]) for r, w in combination.items()])
+        remainders[next(iter(combination))] = pool.sum(pool.mul(pool.const(float(w)), n) for n, w in rest.items())
+    return remainders
 
 
 def _sum(form: LinearForm, root: int) -> Linear:
-    """Rest and coefficients of the unknowns, and of terms that are not linear in them: -1 - k for node k."""
+    """(Rest, coefficients) with respect to unknowns v, and to nonlinear terms, which are numbered -1 - node."""
     pool = form.pool
     rest, total = pool.zero, dict[int, int]()
     stack = [(root, pool.one)]
@@ -194,14 +194,14 @@ def _sum(form: LinearForm, root: int) -> Linear:
     return rest, {v: c for v, c in total.items() if c != pool.zero}
 
 
-def _differentiated(structure: Structure, block: Block) -> dict[int, int]:
-    """A constraint that is left of equations of which some are derivatives, in place of one that is not.
+def _differentiated_remainder(structure: Structure, block: Block) -> dict[int, int]:
+    """A hidden constraint of a block with differentiated equations, by the undifferentiated one that it replaces.
 
-    `x + t y = q(t)` differentiated and `x' + t y' + 2 y = p(t)` have the same left side in x' and y'. What is left may
-    stand for any equation with a share in it: the derivatives follow from the constraints they were taken of.
+    `x + t y = q(t)` differentiated and `x' + t y' + 2 y = p(t)` have the same left-hand side in x' and y'. The
+    remainder can replace any equation that contributes to it, as differentiated ones follow from their constraints.
     """
     count = len(structure.reduced.residuals)
-    rests = list(_rests(structure, block.rows, set(block.columns)).values())
+    rests = list(_remainders(structure, block.rows, set(block.columns)).values())
     place = {v: k for k, v in enumerate(block.columns)}
     jacobian = np.zeros((len(block.rows), len(place)))
     residuals = [structure.residuals[r] for r in block.rows]

@@ -1,11 +1,11 @@
 """Linear invariants: sums of equations in which everything but derivatives cancels, used instead of integrated.
 
-`der(a) - der(b) - der(c) == 0` says that a - b - c stays what it is at the start. Integrating all three keeps that
-only to the tolerance of each, and where one is a small difference of the others nothing is left of it (problem E5 of
-the Bari test set: 100 % wrong at every tolerance); a charge balance `der(q1) + der(q2) == 0` needs no integration.
+`der(a) - der(b) - der(c) == 0` means that a - b - c is constant. Integrating all three satisfies that only to the
+tolerance of each, and if one is a small difference of the others all its digits may be lost (problem E5 of the Bari
+test set: 100 % wrong at every tolerance); a charge balance `der(q1) + der(q2) == 0` needs no integration.
 
-An invariant is used only where that loses no digits: its constant is zero by the declared starts, and one variable is
-the sum of others of one sign. A total of 1, of which most is one species, is left alone: the small ones would become
+An invariant is used only where no digits are lost: its constant is zero by the declared starts, and one variable is the
+sum of others of one sign. A total of 1 that consists mostly of one species is not used: small species would become
 differences of large numbers.
 """
 
@@ -18,7 +18,7 @@ from fractions import Fraction
 from acausal.flatten.pool import Pool
 from acausal.flatten.reduced import ReducedSystem
 
-# Whole numbers as long as they are: fractions cost ten times as much, and nearly all factors are 1 or -1.
+# Integers where possible: fractions cost ten times as much, and nearly all factors are 1 or -1.
 Number = int | Fraction
 Row = dict[int, Number]
 
@@ -34,7 +34,7 @@ class _Balance:
 def use_invariants(reduced: ReducedSystem) -> ReducedSystem:
     """The system with one differential equation of each usable invariant replaced by the invariant itself.
 
-    A model with events is returned as it is: what an event sets anew need not be balanced.
+    A model with events is returned unchanged, because resets need not satisfy the invariant.
     """
     if getattr(reduced, "whens", ()) or reduced.delays:
         return reduced
@@ -47,7 +47,7 @@ def use_invariants(reduced: ReducedSystem) -> ReducedSystem:
     dropped: set[int] = set()
     for combination in combinations:
         weights = combined([(w, balances[i].derivatives) for i, w in combination.items()])
-        chosen = _determined(reduced, weights, occurrences, combination)
+        chosen = _choose(reduced, weights, occurrences, combination)
         if chosen is None or weights.keys() & dropped:
             continue
         equation, vanished = chosen
@@ -57,7 +57,7 @@ def use_invariants(reduced: ReducedSystem) -> ReducedSystem:
 
 
 def _balances(reduced: ReducedSystem) -> dict[int, _Balance]:
-    """Residuals whose derivatives stand in plain sums with constant factors."""
+    """Residuals that are linear in derivatives with constant factors."""
     pool = reduced.pool
     found = {}
     for i, residual in enumerate(reduced.residuals):
@@ -77,7 +77,7 @@ def _balances(reduced: ReducedSystem) -> dict[int, _Balance]:
 
 
 def add_terms(pool: Pool, root: int, factor: Number, total: Row) -> None:
-    """Add `factor` times an expression, taken apart into its terms."""
+    """Add `factor` times an expression, split into its terms, to `total`."""
     stack: list[tuple[int, Number]] = [(root, factor)]
     while stack:
         number, weight = stack.pop()
@@ -99,34 +99,34 @@ def add_terms(pool: Pool, root: int, factor: Number, total: Row) -> None:
 
 
 def null_combinations(sums: Mapping[int, Row]) -> list[Row]:
-    """Combinations of rows (index -> weight, one of its own first) in which all terms (node -> factor) cancel."""
+    """Combinations of rows (index -> weight, first that of its last row) in which all terms (node -> factor) cancel."""
     rows = dict(sums)
     users: dict[int, set[int]] = {}
     for i, row in rows.items():
         for term in row:
             users.setdefault(term, set()).add(i)
-    # What has a term of its own takes part in no combination; removing it may leave another one alone.
-    lonely = [next(iter(rows_)) for rows_ in users.values() if len(rows_) == 1]
-    while lonely:
-        i = lonely.pop()
+    # A row with a term that no other row has is in no combination; removing it may isolate another row.
+    isolated = [next(iter(rows_)) for rows_ in users.values() if len(rows_) == 1]
+    while isolated:
+        i = isolated.pop()
         for term in rows.pop(i, {}):
             users[term].discard(i)
-            lonely += [next(iter(users[term]))] if len(users[term]) == 1 else []
-    found = []
-    pivots: list[tuple[int, Row, Row]] = []  # (term, row that has it, the combination it is)
+            isolated += [next(iter(users[term]))] if len(users[term]) == 1 else []
+    combinations = []
+    pivots: list[tuple[int, Row, Row]] = []  # (pivot term, reduced row, its combination of the original rows)
     for i, terms in rows.items():
         row = dict(terms)
         combination: Row = {i: 1}
-        for term, other, made in pivots:
+        for term, other, combination_of_other in pivots:
             factor = Fraction(row.get(term, 0)) / other[term]
             if factor:
                 row = combined([(1, row), (-factor, other)])
-                combination = combined([(1, combination), (-factor, made)])
+                combination = combined([(1, combination), (-factor, combination_of_other)])
         if row:
             pivots.append((next(iter(row)), row, combination))
         else:
-            found.append(combination)
-    return found
+            combinations.append(combination)
+    return combinations
 
 
 def combined(parts: list[tuple[Number, Row]]) -> Row:
@@ -137,10 +137,10 @@ def combined(parts: list[tuple[Number, Row]]) -> Row:
     return {key: weight for key, weight in total.items() if weight}
 
 
-def _determined(
+def _choose(
     reduced: ReducedSystem, weights: Row, occurrences: Mapping[int, set[int]], combination: Row
 ) -> tuple[int, set[int]] | None:
-    """The residual to replace, and the derivatives that vanish with it; None where the invariant is not to be used."""
+    """(Residual to replace, derivatives that vanish with it); None where the invariant should not be used."""
     pool = reduced.pool
     if len(weights) < 2 or not all(_starts_at_zero(reduced, pool.integral_of[d]) for d in weights):
         return None
@@ -164,7 +164,7 @@ def _starts_at_zero(reduced: ReducedSystem, variable: int) -> bool:
 
 
 def _occurrences(reduced: ReducedSystem) -> dict[int, set[int]]:
-    """Residuals in which each derivative stands; -1 for any other use."""
+    """Residuals that contain each derivative; -1 for any other use."""
     pool = reduced.pool
     found: dict[int, set[int]] = {d: set() for d in pool.integral_of}
     for i, residual in enumerate(reduced.residuals):
@@ -182,7 +182,7 @@ def _sum(pool: Pool, weights: Row) -> int:
 
 
 def _without(reduced: ReducedSystem, dropped: set[int]) -> ReducedSystem:
-    """The same system in a pool of its own, without variables that stand in no equation any more."""
+    """The system in a new pool, without variables that no equation contains any more."""
     old = reduced.pool
     kept = [v for v in range(old.n_variables) if v not in dropped]
     number = {v: k for k, v in enumerate(kept)}

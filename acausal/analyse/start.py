@@ -1,4 +1,4 @@
-"""The initial problem, as data: which conditions hold at the start, and what they leave open."""
+"""Start problem of a model as data: conditions that hold at the start, and states that they leave undetermined."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from acausal.structure.graph import IntArray
 
 @dataclass(frozen=True)
 class Condition:
-    """A node that must be zero at the start, with the words and the place it comes from."""
+    """A node that must be zero at the start, with its text and its place in the source."""
 
     node: int
     text: str
@@ -26,19 +26,19 @@ class Condition:
 
 @dataclass(frozen=True, eq=False)
 class StartProblem:
-    """What is known at the start."""
+    """Start values, and conditions for the others."""
 
-    direct: dict[int, int]  # states given outright: variable -> node of parameters only
-    # All other conditions, to be solved for the remaining states together with the algebraic variables.
+    direct: dict[int, int]  # states with explicit start values: variable -> node of parameters
+    # Other conditions, solved for the remaining states together with the algebraic variables.
     conditions: tuple[Condition, ...]
-    # Conditions that the remaining states cannot be used for; they must hold by themselves.
+    # Redundant conditions, for which no state is left; they must be satisfied by the solution.
     surplus: tuple[Condition, ...]
-    defaulted: tuple[int, ...]  # states that nothing determines: they take their guess, and the user is told
+    defaulted: tuple[int, ...]  # undetermined states: they start at their guess, which is reported
     guesses: dict[int, int]  # variable (state or algebraic) -> node of parameters where its iteration starts
 
 
 def start_problem(solution: Solution) -> StartProblem:
-    """Sort the declared starts and initial equations by what they determine."""
+    """Assign the declared starts and initial equations to the states they determine."""
     reduced = solution.structure.reduced
     states = solution.structure.states
     state_set = set(states)
@@ -48,7 +48,7 @@ def start_problem(solution: Solution) -> StartProblem:
     for scalar, start in reduced.flat.starts.items():
         if not start.is_fixed:
             continue
-        variable, value = _aimed_at(reduced, scalar, start)
+        variable, value = _variable_and_value(reduced, scalar, start)
         if variable is not None:
             guesses[variable] = value
         if variable in state_set and variable not in direct:
@@ -66,12 +66,12 @@ def start_problem(solution: Solution) -> StartProblem:
 
 
 def _guesses(reduced: ReducedSystem) -> dict[int, int]:
-    """Declared guesses; of several for one variable that of its outermost name, the first by the alphabet."""
+    """Declared guesses; of several for one variable that of the outermost alias, then the first alphabetically."""
     guesses: dict[int, int] = {}
     declared = [s for s, start in reduced.flat.starts.items() if not start.is_fixed]
     names = {s: reduced.flat.scalar_name(s) for s in declared}
     for scalar in sorted(declared, key=lambda s: (names[s].count("."), names[s])):
-        variable, value = _aimed_at(reduced, scalar, reduced.flat.starts[scalar])
+        variable, value = _variable_and_value(reduced, scalar, reduced.flat.starts[scalar])
         if variable is not None:
             guesses.setdefault(variable, value)
     return guesses
@@ -86,8 +86,8 @@ def _level(solution: Solution, equation: int, text: str) -> str:
     return f"d{order}/dt{order} ({text})" if times else text
 
 
-def _aimed_at(reduced: ReducedSystem, scalar: int, start: FlatStart) -> tuple[int | None, int]:
-    """The variable a start is about, and the node of its value; None when the scalar was eliminated."""
+def _variable_and_value(reduced: ReducedSystem, scalar: int, start: FlatStart) -> tuple[int | None, int]:
+    """(Variable of a declared start, node of its value); None for an eliminated scalar."""
     pool = reduced.pool
     value = imported(reduced, start.node)
     op, *rest = pool.nodes[reduced.image[scalar]]
@@ -125,8 +125,8 @@ def _assign(
     """Match conditions with open states; states without a declared guess are used first."""
     if not given and not open_states:
         return [], [], []
-    reach = Reach(solution)
-    rows = [sorted(reach.of(c.node)) for c in given] + [sorted(reach.of(r)) for r in solution.residuals]
+    dependence = Dependence(solution)
+    rows = [sorted(dependence.of(c.node)) for c in given] + [sorted(dependence.of(r)) for r in solution.residuals]
     order = list(solution.algebraic) + sorted(open_states, key=lambda x: x in guesses)
     fewest = max(len(solution.algebraic) + sum(x not in guesses for x in open_states), min(len(rows), len(order)))
 
@@ -134,21 +134,21 @@ def _assign(
         place = {v: k for k, v in enumerate(order[:count])}
         return match(Incidence.from_rows([[place[v] for v in row if v in place] for row in rows], count))
 
-    # what the first `count` of them suffice for, more do as well: the least count is found by halves
+    # bisection: if the first `count` variables suffice for all rows, more do too
     count = len(order)
     if (matching(count) >= 0).all():
         count = bisect_left(range(len(order)), True, fewest, key=lambda k: bool((matching(k) >= 0).all()))
     matched = matching(count)
-    taken = {order[int(c)] for c in matched if c >= 0}
+    determined = {order[int(c)] for c in matched if c >= 0}
     used = [c for c, m in zip(given, matched, strict=False) if m >= 0]
     surplus = [c for c, m in zip(given, matched, strict=False) if m < 0]
     if surplus and not (matched[len(given) :] < 0).any():
         used = [c for c in given if c not in surplus]
-    return used, surplus, [x for x in open_states if x not in taken]
+    return used, surplus, [x for x in open_states if x not in determined]
 
 
-class Reach:
-    """States and algebraic variables behind a node, through the definitions."""
+class Dependence:
+    """Dependence of nodes on states and algebraic variables, through the definitions."""
 
     def __init__(self, solution: Solution) -> None:
         self.pool = solution.structure.reduced.pool
@@ -156,11 +156,12 @@ class Reach:
         self.definition = dict(solution.definitions)
 
     def behind(self, node: int) -> list[int]:
-        """All nodes below one, with those of the definitions of its variables, in evaluation order."""
+        """All nodes that a node depends on, also through definitions, in evaluation order."""
         inside = [self.definition[v] for v in self._variables(node) if v in self.definition]
         return self.pool.reachable([node, *inside])
 
     def of(self, node: int) -> set[int]:
+        """Undefined variables (states, inputs, algebraic) that a node depends on."""
         return {v for v in self._variables(node) if v not in self.definition}
 
     def _variables(self, node: int) -> set[int]:

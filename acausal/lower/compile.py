@@ -13,13 +13,13 @@ from acausal.analyse.aliases import reduce
 from acausal.analyse.analyse import analyse
 from acausal.analyse.blocks.solve import Solution, solve
 from acausal.analyse.delays import find_delays, refuse_delays
-from acausal.analyse.events.sleeping import Sleeping
+from acausal.analyse.events.located_kinks import LocatedKinks
 from acausal.analyse.events.state_events import discrete_variables, find_state_events
 from acausal.analyse.events.steep import Moving, steep
 from acausal.analyse.events.time_events import TimeEvents, find_time_events
 from acausal.analyse.hidden import HiddenCombination, HiddenConstraint
 from acausal.analyse.invariants import use_invariants
-from acausal.analyse.start import Reach, start_problem
+from acausal.analyse.start import Dependence, start_problem
 from acausal.collector import collector_paused
 from acausal.errors import InternalError, StructureError, UsageError
 from acausal.flatten.flat import FlatSystem
@@ -39,7 +39,7 @@ from acausal.reduce.freeze import freeze as fold_parameters
 from acausal.reduce.select import Left, select
 
 _MOST_ROUNDS = 20
-_NOTHING = Sleeping()
+_NOTHING = LocatedKinks()
 
 
 def compile(
@@ -197,11 +197,11 @@ def solved(
     raise first_error or InternalError("AC906", f"{flat.name}: constraints come to light without end")
 
 
-def lower(solution: Solution, driven: tuple[int, ...] = (), asleep: Sleeping = _NOTHING) -> CompiledModel:
+def lower(solution: Solution, driven: tuple[int, ...] = (), kinks_to_locate: LocatedKinks = _NOTHING) -> CompiledModel:
     """Lower a solution to CasADi functions; observed variables are lowered on first use.
 
-    `driven` are the indices in u of inputs that are functions of time; relations of `asleep` become modes in addition
-    to those of the equations.
+    `driven` are the indices in u of inputs that are functions of time; relations of `kinks_to_locate` become modes in
+    addition to those of the equations.
     """
     reduced = solution.structure.reduced
     delays = find_delays(solution)
@@ -212,7 +212,7 @@ def lower(solution: Solution, driven: tuple[int, ...] = (), asleep: Sleeping = _
         reduced.flat.name, solution, states, quadratures, discretes, start_problem(solution), events, None, None, None
     )
     shell = replace(
-        shell, state_events=find_state_events(solution, states, events, asleep), delays=delays, driven=driven
+        shell, state_events=find_state_events(solution, states, events, kinks_to_locate), delays=delays, driven=driven
     )
     compiled = with_functions(shell)
     impulses_of(compiled, Symbols(compiled))  # raises AC210 now instead of at the first event
@@ -244,7 +244,7 @@ def _sort_states(solution: Solution) -> tuple[tuple[int, ...], int, int]:
     took 1e5 steps of order 1 for the angle of an evenly accelerated shaft; 30 when it is a state). Neither are
     integrals of steep functions, whose bursts between two instants are searched for in the solution of the states.
     """
-    dependence = Reach(solution)
+    dependence = Dependence(solution)
     reduced = solution.structure.reduced
     clauses = [n for w in reduced.whens for n in (*w.guards, *w.values)]
     clauses += [*reduced.assignments, *reduced.asserts, *(n for d in reduced.delays for n in d[:2])]

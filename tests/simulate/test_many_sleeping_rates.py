@@ -20,7 +20,7 @@ from acausal import (
     variable,
     where,
 )
-from acausal.analyse.events.sleeping import MOST
+from acausal.analyse.events.located_kinks import MOST
 
 HALF = 1e-5
 

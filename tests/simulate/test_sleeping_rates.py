@@ -33,7 +33,7 @@ from acausal import (
     variable,
     where,
 )
-from acausal.analyse.events.sleeping import Sleeping
+from acausal.analyse.events.located_kinks import LocatedKinks
 from acausal.lower.variants.watched import with_watched
 
 SOLVERS = ["idas", "cvodes", "rosenbrock", "erk"]
@@ -213,7 +213,7 @@ def test_rows_are_those_of_the_grid_and_of_the_wakings() -> None:
 def test_kinks_that_cannot_be_watched_do_not_end_a_run(solver: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """An operand that rests a hair beside its kink is on both sides of it to rounding: nothing may hang on it.
 
-    Where `sleeping` takes one all the same, the run is made without watching, and says so. With x' = 1 from 0 and
+    Where `located_kinks` takes one all the same, the run is made without watching, and says so. With x' = 1 from 0 and
     y' = (x - 1)+, y(3) is 2.
     """
     from acausal.lower.variants import watched
@@ -227,16 +227,16 @@ def test_kinks_that_cannot_be_watched_do_not_end_a_run(solver: str, monkeypatch:
             yield second * der(self.x) == 1.0
             yield second * der(self.y) == maximum(maximum(self.x - 1.0, 0.0), 1e-300)
 
-    def all_kinks(solution: Any, located: Any, discrete: Any, system: Any) -> Sleeping:
+    def all_kinks(solution: Any, located: Any, discrete: Any, system: Any) -> LocatedKinks:
         pool = solution.structure.reduced.pool
         nodes = [n for n in pool.reachable(solution.residuals) if pool.nodes[n][0] == "max"]
         nodes += [n for _, d in solution.definitions for n in pool.reachable([d]) if pool.nodes[n][0] == "max"]
-        return Sleeping(tuple(dict.fromkeys(pool.make("gt", *pool.nodes[n][1:]) for n in nodes)))
+        return LocatedKinks(tuple(dict.fromkeys(pool.make("gt", *pool.nodes[n][1:]) for n in nodes)))
 
     plain = acausal.compile(Resting())
     found = with_watched(plain, 1e-6)[0].state_events.watched
     assert len(found) == 1
-    monkeypatch.setattr(watched, "sleeping", all_kinks)
+    monkeypatch.setattr(watched, "located_kinks", all_kinks)
     compiled = acausal.compile(Resting())
     for _ in range(2):  # a run that goes without watching changes nothing for the next one
         result = acausal.simulate(compiled, stop_time=3.0, solver=solver, tolerance=1e-8)

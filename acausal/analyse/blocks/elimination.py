@@ -1,15 +1,14 @@
-"""Linear blocks solved symbolically: sparse Gaussian elimination with pivots that cannot vanish.
+"""Symbolic solution of linear blocks: sparse Gaussian elimination with pivots that cannot vanish.
 
-The order is from the leaves of what the equations hang on to its root (`orders.py`), or Markowitz's (fewest fill-in),
-whichever costs less; the pivots are restricted to coefficients that are constant, depend on parameters only, or keep
-their sign at all sample points. On the flat equations of a tree-structured mechanism this recovers the recursion of the
-articulated-body algorithm, linear in the number of bodies; tearing to a dense core does not.
+The order is from the leaves to the root of the graph of the equations (`orders.py`), or Markowitz's (fewest fill-in),
+whichever costs less. Pivots are coefficients that are constant, depend on parameters only, or keep their sign at all
+sample points. On the flat equations of a tree-structured mechanism this recovers the recursion of the articulated-body
+algorithm, linear in the number of bodies; tearing to a dense core does not.
 
-Where no single pivot is safe, two equations are solved for two unknowns at once if the determinant keeps its sign: the
-equations of motion with their constraints are an indefinite system, for which single pivots do not suffice, but pairs
-do. Where the equations of a joint are resolved in other axes than its forces, as those of a ball joint are, it takes
-three. What has none of them is left over, for the DAE solver, but for a last unknown that only one equation is left
-for.
+Where no single pivot is safe, two equations are solved for two unknowns if the determinant keeps its sign: equations of
+motion with constraints are an indefinite system, which needs 2x2 pivots. Where a joint's equations are resolved in
+other axes than its forces, as for a ball joint, it takes 3x3 pivots. What remains is left to the DAE solver, except a
+last unknown that occurs in one equation only.
 
 Source: H. M. Markowitz, The elimination form of the inverse, Management Science 3 (1957) 255-269; J. R. Bunch,
 L. Kaufman, Some stable methods for calculating inertia and solving symmetric linear systems, Math. Comp. 31 (1977)
@@ -32,21 +31,22 @@ from acausal.flatten.pool import LEAVES, Pool
 from acausal.numeric.evaluate import Samples
 from acausal.numeric.samples import SamplePoints
 
-_MOST = 20_000  # candidates for several pivots at once that are looked at
-_CLOSE = 6  # rows, and variables, that three are chosen from
-_SHORT = 32  # entries of a row that are looked at again whenever one of them changes
-_LONG = 20_000  # products spent on an order when another leaves something over
-_SLACK = 1.2  # products of an order that may still be the one with the fewest operations
-_ROUNDING = 2e-14  # of numbers that have cancelled: a hundred times that of one operation
-_PENALTY = (0.0, 0.2, 0.6, 2.0)  # added to Markowitz's count: a division by a constant is cheaper and safer
+_MOST = 20_000  # largest number of candidates for 2x2 pivots
+_CLOSE = 6  # number of rows, and of variables, from which 3x3 pivots are chosen
+_SHORT = 32  # longest row of which all entries are offered again when one changes
+_LONG = 20_000  # products allowed for an order when the best so far leaves rows unsolved
+_SLACK = 1.2  # ratio of products up to which an order may still have the fewest operations
+_ROUNDING = 2e-14  # of constants that cancel: a hundred times the rounding of one operation
+_PENALTY = (0.0, 0.2, 0.6, 2.0)  # added to Markowitz's count by `safety`: dividing by a constant is cheaper and safer
 
 
 @dataclass(frozen=True)
 class Eliminated:
     """Result of an elimination.
 
-    `solved` lists (variable, node) in the order of evaluation; `left_variables` have no safe pivot, they must make
-    `left_residuals` zero. `empty` holds positions of rows in which nothing is left, with the node that must be zero.
+    `solved` lists (variable, node) in the order of evaluation; `left_variables` have no safe pivot and are determined
+    by
+    `left_residuals`. `empty` lists (row, node) for rows without unknowns left, whose node must be zero.
     """
 
     solved: tuple[tuple[int, int], ...]
@@ -56,16 +56,16 @@ class Eliminated:
 
 
 def safety(points: SamplePoints, coefficient: int) -> int | None:
-    """0 for +-1, 1 for constants, 2 for parameter expressions, 3 for what keeps its sign; None when not safe."""
+    """Rank of a pivot: 0 for +-1, 1 constant, 2 depends on parameters, 3 keeps its sign; None if it is unsafe."""
     pool = points.reduced.pool
     node = pool.nodes[coefficient]
     if node[0] == "const":
         return None if node[1] == 0.0 else 0 if abs(node[1]) == 1.0 else 1
     varies = points.varies(coefficient)
-    found = points.significant(coefficient)
+    samples = points.significant(coefficient)
     if not varies:
-        return 2 if np.isfinite(found[0]) and found[0] != 0.0 else None
-    return 3 if keeps_sign(found) else None
+        return 2 if np.isfinite(samples[0]) and samples[0] != 0.0 else None
+    return 3 if keeps_sign(samples) else None
 
 
 def eliminate(
@@ -75,10 +75,10 @@ def eliminate(
     differentiated: Sequence[int] = (),
     rates: Collection[int] = (),
 ) -> Eliminated:
-    """Solve `sum(rows[i][v] * v) + rests[i] == 0` for all v, in the order that leaves least, then costs least.
+    """Solve `sum(rows[i][v] * v) + rests[i] == 0` for all v, in the order that leaves fewest rows, then costs least.
 
-    `differentiated` are the positions of rows that were differentiated from constraints. `rates` are the variables that
-    are integrated: what others cost does not count where these do without.
+    `differentiated` are the indices of rows that were differentiated from constraints. `rates` are the variables that
+    are integrated: operations that they do not need are not counted.
     """
     best: _Work | None = None
     for order in orders(rows, differentiated):
@@ -102,7 +102,7 @@ class _Work:
     ) -> None:
         self.points = points
         self.order = order
-        self.products = 0  # of coefficients, formed so far
+        self.products = 0  # of coefficients, computed so far
         self.pool: Pool = points.reduced.pool
         self.rows = [{v: c for v, c in row.items() if c != self.pool.zero} for row in rows]
         self.rests = list(rests)
@@ -113,7 +113,7 @@ class _Work:
         self.variables = set().union(*rows) if rows else set()
         self.active = set(range(len(self.rows)))
         self.pivots: list[Pivot] = []
-        self.fresh = set(self.active), set(self.active)  # rows not yet looked at for pairs, for threes
+        self.fresh = set(self.active), set(self.active)  # rows not yet examined for 2x2 and for 3x3 pivots
         self._safety: dict[int, int | None] = {}
         self._sampled: dict[int, Samples] = {}
         self.offered: dict[int, int] = {}  # length of a row when all its entries were offered
@@ -138,11 +138,11 @@ class _Work:
 
     @property
     def left(self) -> int:
-        """Number of rows that are not solved."""
+        """Number of unsolved rows."""
         return len(self.active)
 
     def cost(self, rates: Collection[int]) -> int:
-        """Operations of the solution, as far as rates and residuals need it."""
+        """Number of operations of the solution that rates and residuals need."""
         done = self.result()
         nodes = dict(done.solved)
         wanted = [nodes[v] for v in nodes if v in rates] or list(nodes.values())
@@ -150,22 +150,22 @@ class _Work:
         return operations(self.points, [*wanted, *done.left_residuals, *(n for v, n in done.solved if v in needed)])
 
     def run(self, most: float = inf) -> bool:
-        """Single pivots while there are any, else two or three at once; False when that takes too many products."""
-        while self._singles(most):
-            several = self._several()
+        """Eliminate with 1x1 pivots while there are any, else 2x2 or 3x3; False when that takes too many products."""
+        while self._single_pivots(most):
+            several = self._block_pivot()
             if several is None:
                 for i in sorted(self.active):
-                    self._alone(i)
+                    self._solve_isolated(i)
                 return True
             self._pivot(*several)
         return False
 
-    def _alone(self, i: int) -> None:
-        """Solve a row in which one unknown is left that stands nowhere else: there is no better pivot to wait for.
+    def _solve_isolated(self, i: int) -> None:
+        """Solve a row for its only unknown that occurs in no other row, as no better pivot can appear.
 
-        It must only not be zero. Between a closed and an open switch it changes by the ratio of their conductances,
-        1e9, which does not make it unsafe; that of a resistor which warms itself has another sign at points where the
-        temperature is below zero. Where it does vanish in a run, Newton's method finds no solution either.
+        The pivot only has to be nonzero. Between a closed and an open switch it changes by the ratio of their
+        conductances, 1e9, which does not make it unsafe; for a resistor that heats itself it changes sign at sample
+        points with a temperature below zero. If it vanishes in a run, Newton's method would find no solution either.
         """
         if len(self.rows[i]) == 1:
             (v, c), *_ = self.rows[i].items()
@@ -173,7 +173,7 @@ class _Work:
             if len(self.columns[v]) == 1 and (np.isfinite(found) & (found != 0.0)).all():
                 self._pivot((i,), (v,))
 
-    def _singles(self, most: float) -> bool:
+    def _single_pivots(self, most: float) -> bool:
         while self.heap:
             if self.products > most:
                 return False
@@ -189,12 +189,12 @@ class _Work:
             self._pivot((i,), (v,))
         return True
 
-    def _several(self) -> tuple[tuple[int, ...], tuple[int, ...]] | None:
-        """The cheapest two rows and columns whose determinant is safe, else three."""
+    def _block_pivot(self) -> tuple[tuple[int, ...], tuple[int, ...]] | None:
+        """The cheapest safe 2x2 pivot, else 3x3; None without any."""
         pairs, triples = self.fresh
-        found = min(self._pairs(pairs), default=None)
-        if found is not None:
-            return found[1:]
+        pivot = min(self._pairs(pairs), default=None)
+        if pivot is not None:
+            return pivot[1:]
         pairs.clear()
         for _, rows, variables in sorted(self._triples(triples)):
             if is_safe(*determinant([[self._values(i, v) for v in variables] for i in rows])):
@@ -203,7 +203,7 @@ class _Work:
         return None
 
     def _pairs(self, fresh: set[int]) -> Iterator[tuple[int, tuple[int, ...], tuple[int, ...]]]:
-        """(fill-in, two rows, two columns they share), if safe: with an entry missing, a single pivot would do."""
+        """(Fill-in, two rows, two shared columns) of safe 2x2 pivots; with a zero entry a 1x1 pivot would do."""
         left = _MOST
         for i in sorted(self.active):
             row = self.rows[i]
@@ -224,7 +224,7 @@ class _Work:
         return self._sampled[node]
 
     def _triples(self, fresh: set[int]) -> Iterator[tuple[int, tuple[int, ...], tuple[int, ...]]]:
-        """The same with three, of variables that stand in the same rows, as the components of a vector do."""
+        """(Fill-in, three rows, three columns) for variables that occur in the same rows, like vector components."""
         groups: dict[frozenset[int], list[int]] = {}
         for v in sorted(set().union(*(self.rows[i] for i in self.active))):
             groups.setdefault(frozenset(self.columns[v]), []).append(v)
@@ -237,7 +237,7 @@ class _Work:
                     yield width * (len(beside) - 3), rows, variables
 
     def _pivot(self, rows: tuple[int, ...], variables: tuple[int, ...]) -> None:
-        """Solve the rows for the variables and put that into all other rows."""
+        """Solve rows for variables, and substitute these in all other rows."""
         self.active.difference_update(rows)
         pivot = Pivot(self.pool, rows, variables, [self.rows[i] for i in rows])
         self.pivots.append(pivot)
@@ -267,8 +267,8 @@ class _Work:
                     changed.add(w)
                     self.columns[w].add(j)
             self.rests[j] = pool.sub(self.rests[j], pool.mul(factor, self.rests[i]))
-        # Entries of a row cost less when it gets shorter. To say so at every change of a long row is quadratic in its
-        # length (the flows of a node that everything is connected to).
+        # Entries cost less when their row gets shorter. Offering all of them at every change of a long row, such as the
+        # flow balance of a node with many connections, would be quadratic in its length.
         if len(other) <= _SHORT or len(other) < 0.9 * self.offered.get(j, 2 * len(other)):
             self.offered[j] = len(other)
             for w, c in other.items():
@@ -278,7 +278,7 @@ class _Work:
                 self._offer(j, w, other[w])
 
     def _difference(self, a: int, b: int) -> int:
-        """`a - b`; zero where two numbers cancel but for rounding: 4e-16 is no pivot."""
+        """`a - b`; zero for constants that cancel to rounding: 4e-16 is no pivot."""
         pool = self.pool
         left, right = pool.value(a), pool.value(b)
         if left is not None and right is not None and abs(left - right) <= _ROUNDING * (abs(left) + abs(right)):
@@ -301,7 +301,7 @@ class _Work:
         )
 
     def _rest(self, i: int, without: Sequence[int]) -> int:
-        """The left side of a row, without the terms of some variables."""
+        """The left-hand side of a row without the terms of some variables."""
         pool = self.pool
         total = self.rests[i]
         for w, c in self.rows[i].items():
@@ -311,7 +311,7 @@ class _Work:
 
 
 def operations(points: SamplePoints, roots: Iterable[int]) -> int:
-    """Number of operations below `roots` that depend on variables or time and are not trivial because of a zero."""
+    """Number of operations below `roots` that depend on variables or time and have no zero operand."""
     pool = points.reduced.pool
     nodes = pool.nodes
     zero: set[int] = set()

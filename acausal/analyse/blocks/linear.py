@@ -1,4 +1,4 @@
-"""Linear coefficients of pool expressions, symbolically: e = rest + sum coefficient[v] * v."""
+"""Symbolic linear forms of pool expressions: e = rest + sum coefficient[v] * v."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Linear = tuple[int, dict[int, int]]
 
 
 class LinearForm:
-    """Decomposes expressions with respect to a set of variables; shared sub-expressions once."""
+    """Decomposes expressions with respect to a set of variables; shared sub-expressions only once."""
 
     def __init__(self, pool: Pool, variables: Collection[int]) -> None:
         self.pool = pool
@@ -28,7 +28,7 @@ class LinearForm:
         if len(self.variables) == 1 and (explicit := self._explicit(root)) is not None:
             return explicit
         few = self.pool.reachable([root], done)
-        if len(few) <= LONG:  # too few for a long sum among them
+        if len(few) <= LONG:  # too few nodes to contain a long sum
             for number in few:
                 node = nodes[number]
                 if node[0] in LEAVES:
@@ -62,7 +62,7 @@ class LinearForm:
         return done[root]
 
     def _explicit(self, root: int) -> Linear | None:
-        """What `of` finds for `variable - expression` and the like, as most equations of large models are."""
+        """Shortcut of `of` for `variable - expression` and the like, the form of most equations of large models."""
         pool = self.pool
         op, *sides = pool.nodes[root]
         if op not in ("add", "sub"):
@@ -78,7 +78,7 @@ class LinearForm:
         return None
 
     def _chain(self, number: int) -> dict[int, int] | None:
-        """Terms of a long sum and how often they count; None for a short one."""
+        """Terms of a long sum with their factors; None for a short one."""
         found = self._chains.get(number)
         if found is None and is_long(self.pool, number):
             found = self._chains[number] = dict(terms(self.pool, number))

@@ -1,13 +1,13 @@
-"""Orders in which a linear block may be eliminated: from the far ends of what its equations hang on towards a root.
+"""Elimination orders of a linear block: from the leaves of the graph of its equations towards a root.
 
-Markowitz's rule looks at one pivot at a time. In a mechanism it eliminates cheap unknowns of bodies in the middle, and
-what is left couples both neighbours: the operations per body grow with their number. From the leaves of a tree to its
-root every pivot touches the next body only, so that they do not grow. Distance in the graph of equations and unknowns
-tells leaves from root without knowing of bodies: of a tree all unknowns at one distance are separated from those
-further out by what lies between, whichever root is taken, and branches do not touch.
+Markowitz's rule considers one pivot at a time. In a mechanism it eliminates cheap unknowns of bodies in the middle, and
+what remains couples both neighbours: the operations per body grow with their number. From the leaves of a tree to its
+root every pivot affects the next body only, so that they do not grow. Distances in the graph of equations and unknowns
+order leaves before the root without knowledge of bodies: in a tree, the unknowns at one distance separate those further
+out from the rest, whichever root is chosen, and branches are independent.
 
-Near the ground of a mechanism Markowitz is right: few joints move what is there, and to express it in their
-accelerations is cheaper than inertias of six by six. So one order weighs distance against count instead of obeying it.
+Near the base of a mechanism Markowitz's rule is better: few joints move the first bodies, and expressing them in joint
+accelerations is cheaper than 6x6 inertias. Therefore one order weighs distance against count instead of following it.
 
 Source: D. J. Rose, Triangulated graphs and the elimination process, J. Math. Anal. Appl. 32 (1970) 597-609 (leaves of a
 tree first is a perfect order); R. Featherstone, Rigid Body Dynamics Algorithms (2008), sections 6.5 and 7.3.
@@ -28,17 +28,17 @@ class Distances:
     variables: dict[int, int]
 
     def out(self, row: int, variable: int) -> int:
-        """How far out a pivot is: pivots that are further out come first."""
+        """Distance of a pivot from the root; distant pivots come first."""
         return min(self.rows[row], self.variables[variable])
 
     @property
     def furthest(self) -> int:
-        """A row of those with the largest distance."""
+        """A row with the largest distance."""
         return max(range(len(self.rows)), key=self.rows.__getitem__)
 
 
 def distances(rows: Sequence[Collection[int]], root: int) -> Distances:
-    """Distances from one row; `rows` hold their variables. What does not hang on the root has distance 0."""
+    """Distances from the row `root`; `rows` list their variables. Anything not connected to it has distance 0."""
     columns: dict[int, list[int]] = {}
     for i, row in enumerate(rows):
         for v in row:
@@ -58,9 +58,9 @@ def distances(rows: Sequence[Collection[int]], root: int) -> Distances:
 
 @dataclass(frozen=True)
 class Order:
-    """Pivots by Markowitz's count, less `weight` for each step that they are further out.
+    """Pivots by Markowitz's count, reduced by `weight` times their distance from the root.
 
-    `most` is the number of products that may be spent on trying it when another order solves all.
+    `most` is the number of products allowed for trying it after another order has solved all rows.
     """
 
     distances: Distances | None
@@ -68,7 +68,7 @@ class Order:
     most: float
 
     def cost(self, row: int, variable: int, count: float) -> float:
-        """What the cheapest pivot has least of."""
+        """Cost by which pivots are ordered, the smallest first."""
         return count if self.distances is None else count - self.weight * self.distances.out(row, variable)
 
 

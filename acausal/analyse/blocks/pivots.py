@@ -1,4 +1,4 @@
-"""Pivots of one, two or three equations: solved by Cramer's rule, which divides by their determinant only."""
+"""Pivots of one, two or three equations, solved by Cramer's rule, which divides by their determinant only."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ import numpy as np
 from acausal.flatten.pool import Pool
 from acausal.numeric.evaluate import Samples
 
-_CANCELLED = 1e-6  # of the size of its terms: what a determinant is larger than where nothing cancels
+_CANCELLED = 1e-6  # smallest ratio of a determinant to the sum of the magnitudes of its terms
 
 
-def keeps_sign(found: Samples) -> bool:
-    """Whether a sampled quantity keeps away from zero."""
-    found = found[np.isfinite(found)]
-    if len(found) < 4:
+def keeps_sign(samples: Samples) -> bool:
+    """Whether a sampled quantity, shape (K,), has one sign and stays away from zero, ignoring nan and inf."""
+    samples = samples[np.isfinite(samples)]
+    if len(samples) < 4:
         return False
-    low, high = np.abs(found).min(), np.abs(found).max()
-    return bool(((found > 0).all() or (found < 0).all()) and low > 1e-6 * high)
+    low, high = np.abs(samples).min(), np.abs(samples).max()
+    return bool(((samples > 0).all() or (samples < 0).all()) and low > 1e-6 * high)
 
 
 class Pivot:
-    """As many rows solved for as many variables."""
+    """A square set of rows solved for as many variables."""
 
     def __init__(
         self, pool: Pool, rows: tuple[int, ...], variables: tuple[int, ...], entries: Sequence[dict[int, int]]
@@ -36,10 +36,10 @@ class Pivot:
         self.determinant = pool.sum(first)
 
     def factors(self, taken: Sequence[int]) -> list[int]:
-        """How often each pivot row is subtracted from a row that has the coefficients `taken`."""
+        """Factors of the pivot rows that eliminate the pivot variables, with coefficients `taken`, from another row."""
         pool = self.pool
         if len(taken) == 1:
-            # A pivot is not zero, so what equals it cancels against it.
+            # A pivot is not zero, so equal coefficients cancel exactly.
             if taken[0] == self.determinant:
                 return [pool.one]
             if taken[0] == pool.neg(self.determinant):
@@ -50,7 +50,7 @@ class Pivot:
         ]
 
     def solved(self, totals: Sequence[int]) -> list[int]:
-        """The variables, when the pivot rows are `totals` plus their terms."""
+        """Solutions for the pivot variables, where `totals` are the rows without the terms of these."""
         pool = self.pool
         columns = zip(*self.cofactors, strict=True)
         sums = (pool.sum(pool.mul(c, t) for c, t in zip(column, totals, strict=True)) for column in columns)
@@ -68,7 +68,7 @@ class Pivot:
 
 
 def determinant(entries: Sequence[Sequence[Samples]]) -> tuple[Samples, Samples]:
-    """Values of a determinant at the sample points, and the sums of the sizes of its terms."""
+    """(Determinant, sum of the magnitudes of its terms) at the sample points, shape (K,) each."""
     total, size = np.zeros_like(entries[0][0]), np.zeros_like(entries[0][0])
     for order in permutations(range(len(entries))):
         swaps = sum(order[a] > order[b] for b in range(len(order)) for a in range(b))
@@ -79,12 +79,12 @@ def determinant(entries: Sequence[Sequence[Samples]]) -> tuple[Samples, Samples]
 
 
 def is_safe(total: Samples, size: Samples) -> bool:
-    """Whether a determinant keeps its sign and does not consist of terms that cancel."""
+    """Whether a determinant keeps its sign and its terms do not cancel to rounding errors."""
     return keeps_sign(total) and bool(np.nanmin(np.abs(total) / size) > _CANCELLED)
 
 
 def safe_pairs(first: Sequence[Samples], second: Sequence[Samples]) -> list[tuple[int, int]]:
-    """Positions of two columns of two rows whose determinant is safe; all of them at once, as most are not."""
+    """Pairs of columns of two rows whose determinant is safe; vectorised, because most pairs are not."""
     a, b = np.array(first), np.array(second)
     with np.errstate(all="ignore"):
         products = a[:, None, :] * b[None, :, :]

@@ -1,7 +1,7 @@
-"""Blocks solved as far as symbols go: every unknown becomes an expression, or is iterated upon.
+"""Symbolic solution of the blocks: every unknown becomes an expression, or is left to the solver.
 
-Definitions are pool nodes in evaluation order; what remains are the algebraic variables `z` of a semi-explicit DAE
-with as many residuals.
+Definitions are pool nodes in evaluation order; what remains are the algebraic variables `z` of a semi-explicit DAE with
+as many residuals.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from acausal.structure import Block, Incidence, tear
 
 @dataclass(frozen=True)
 class BlockReport:
-    """How one block was solved: unknowns, iterated ones, and "explicit", "linear", "monotone", "torn" or "dae"."""
+    """One block: unknowns, iterated unknowns, and its kind "explicit", "linear", "monotone", "torn" or "dae"."""
 
     unknowns: tuple[int, ...]
     iterated: tuple[int, ...]
@@ -31,7 +31,7 @@ class BlockReport:
 
 @dataclass(frozen=True)
 class Monotone:
-    """A variable that is solved for inside the equations, the node that is zero there, and the value it starts from."""
+    """A variable that is solved for inside the equations: its residual, and the start value of Newton's method."""
 
     variable: int
     residual: int
@@ -51,8 +51,8 @@ class Solution:
     # Variables on which the rates of the states or the residuals depend; all others are observed.
     needed: frozenset[int]
     blocks: tuple[BlockReport, ...]
-    formulation: str = "torn"  # as it was asked for
-    monotone: tuple[Monotone, ...] = ()  # definitions that are a search, and what they search
+    formulation: str = "torn"  # as requested
+    monotone: tuple[Monotone, ...] = ()  # variables whose definitions are unrolled Newton iterations
 
     def __repr__(self) -> str:
         observed = len(self.definitions) + len(self.algebraic) - len(self.needed)
@@ -68,19 +68,19 @@ def solve(structure: Structure, formulation: str = "torn") -> Solution:
     Parameters
     ----------
     formulation
-        "torn" solves symbolically what can be; "dae" leaves every unknown of every block with more than one
-        unknown to the DAE solver, with its original equations, but for blocks with one declared monotone;
-        a model without states is torn all the same.
+        "torn" solves blocks symbolically as far as possible; "dae" leaves every unknown of every block with more than
+        one unknown to the DAE solver, with its original equations, except blocks with a variable declared monotone; a
+        model without states is always torn.
 
     Raises
     ------
     StructureError
         AC204 when the equations of a linear block depend on each other.
     """
-    # Without states nothing is integrated: what would be left to the solver is left to Newton's method alone.
+    # Without states there is no DAE solver: Newton's method alone solves the blocks, and tearing helps it.
     work = _Work(structure, formulation == "dae" and bool(structure.states))
     for block in structure.blocks:
-        work.block_or_later(block)
+        work.solve_or_postpone(block)
     if work.hidden is not None:
         raise work.hidden
     return Solution(
@@ -102,7 +102,7 @@ class _Work:
         self.points = structure.points
         self.whole = whole
         self.rates = {structure.derivative(x) for x in structure.states}
-        # Of all variables that are connected to one: the first of them need not be the one that knows.
+        # By scalar, as any of several connected variables may carry the declaration.
         self.above = {
             v.first + k: v.declaration.monotone_above
             for v in structure.reduced.flat.variables
@@ -114,17 +114,19 @@ class _Work:
         self.residuals: list[int] = []
         self.reports: list[BlockReport] = []
         self.monotone: list[Monotone] = []
-        self.hidden: HiddenConstraint | HiddenCombination | None = None  # what the blocks looked at so far hide
-        self.left: set[int] = set()  # unknowns that are not solved for then
+        self.hidden: HiddenConstraint | HiddenCombination | None = (
+            None  # hidden constraints of the blocks examined so far
+        )
+        self.left: set[int] = set()  # unknowns of blocks that were postponed
 
     def define(self, variable: int, node: int) -> None:
         self.definitions.append((variable, node))
         self.points.define(variable, node)
 
-    def block_or_later(self, block: Block) -> None:
-        """Solve a block; one that hides constraints waits for the next structure, and so does what needs its unknowns.
+    def solve_or_postpone(self, block: Block) -> None:
+        """Solve a block; postpone blocks with hidden constraints, and those that depend on them, to the next analysis.
 
-        A ladder of sixty sections hides one in each: all are found before the analysis begins anew.
+        A ladder of sixty sections has a hidden constraint in each: all are found before the analysis is repeated.
         """
         if self.left and self.left & self.pool.variables_in(*(self.structure.residuals[r] for r in block.rows)):
             self.left.update(block.columns)
@@ -146,7 +148,7 @@ class _Work:
         elif self.whole:
             self._whole(block)
         else:
-            self._several(block)
+            self._multiple(block)
 
     def _single(self, row: int, variable: int) -> None:
         pool = self.pool
@@ -161,28 +163,28 @@ class _Work:
                 self.reports.append(BlockReport((variable,), (), "explicit"))
                 return
         self._check_rank([row], [variable])
-        if self._inside((variable,), [residual]):
+        if self._solve_monotone((variable,), [residual]):
             return
         self.algebraic.append(variable)
         self.residuals.append(residual)
         self.reports.append(BlockReport((variable,), (variable,), "torn"))
 
     def _whole(self, block: Block) -> None:
-        """Leave a block to the DAE solver, but for what is declared monotone: its search is part of the model."""
+        """Leave a block to the DAE solver, unless a variable in it is declared monotone."""
         self._check_rank(block.rows, block.columns)
-        if self._inside(block.columns, [self.structure.residuals[r] for r in block.rows]):
+        if self._solve_monotone(block.columns, [self.structure.residuals[r] for r in block.rows]):
             return
         self.algebraic += block.columns
         self.residuals += [self.structure.residuals[r] for r in block.rows]
         self.reports.append(BlockReport(block.columns, block.columns, "dae"))
 
-    def _several(self, block: Block) -> None:
+    def _multiple(self, block: Block) -> None:
         form = LinearForm(self.pool, set(block.columns))
         linear = [form.of(self.structure.residuals[r]) for r in block.rows]
         if all(x is not None for x in linear):
-            found = [x for x in linear if x is not None]
-            derived = [i for i, r in enumerate(block.rows) if r in self.structure.integral]
-            done = eliminate(self.points, [x[1] for x in found], [x[0] for x in found], derived, self.rates)
+            forms = [x for x in linear if x is not None]
+            differentiated = [i for i, r in enumerate(block.rows) if r in self.structure.integral]
+            done = eliminate(self.points, [x[1] for x in forms], [x[0] for x in forms], differentiated, self.rates)
             self._linear(block, done)
         else:
             self._torn(block)
@@ -201,11 +203,11 @@ class _Work:
         self.reports.append(BlockReport(block.columns, done.left_variables, "linear"))
 
     def _torn(self, block: Block) -> None:
-        """Tear a nonlinear block; rows are solved for a column when they are linear in it with a safe factor."""
+        """Tear a nonlinear block; a row can be solved for a column in which it is linear with a safe factor."""
         self._check_rank(block.rows, block.columns)
         place = {v: k for k, v in enumerate(block.columns)}
         residuals = [self.structure.residuals[r] for r in block.rows]
-        if self._inside(block.columns, residuals):
+        if self._solve_monotone(block.columns, residuals):
             return
         rows = [sorted(place[v] for v in self.pool.variables_in(r) if v in place) for r in residuals]
         incidence = Incidence.from_rows(rows, len(place))
@@ -222,13 +224,13 @@ class _Work:
         for i, k in torn.sequence:
             variable = block.columns[k]
             form = LinearForm(self.pool, (variable,)).of(residuals[i])
-            assert form is not None, "tearing solves only what is linear"
+            assert form is not None, "tearing solves rows only for columns in which they are linear"
             self.define(variable, self.pool.div(self.pool.neg(form[0]), form[1][variable]))
         self.residuals += [residuals[i] for i in torn.residual]
         self.reports.append(BlockReport(block.columns, tuple(iterated), "torn"))
 
-    def _inside(self, unknowns: Sequence[int], residuals: Sequence[int]) -> bool:
-        """Solve a nonlinear block inside the equations, for one unknown that is declared monotone."""
+    def _solve_monotone(self, unknowns: Sequence[int], residuals: Sequence[int]) -> bool:
+        """Solve a nonlinear block inside the equations if one of its unknowns is declared monotone."""
         for variable in unknowns:
             low = self._monotone_above(variable)
             found = None if low is None else causal(self.pool, residuals, unknowns, variable)
@@ -269,14 +271,14 @@ class _Work:
     def _dependent(self, rows: Sequence[int], block: Block, rest: int) -> StructureError:
         reduced = self.structure.reduced
         flat_rows = [self.structure.flat_equation(r) for r in rows]
-        held = sorted(self.pool.variables_in(rest))
+        variables = sorted(self.pool.variables_in(rest))
         residuals = [self.structure.residuals[r] for r in block.rows]
         special = partial(special_values, reduced, self.points, residuals, block.columns)
-        return dependent(reduced, flat_rows, block.columns, float(self.points.of(rest)[0]), held, special)
+        return dependent(reduced, flat_rows, block.columns, float(self.points.of(rest)[0]), variables, special)
 
 
 def opened(solution: Solution) -> Solution:
-    """The same with variables that are searched inside the equations as unknowns, behind those that are iterated."""
+    """The solution with variables of monotone blocks as algebraic variables, after the iterated ones."""
     searched = {m.variable for m in solution.monotone}
     definitions = tuple(d for d in solution.definitions if d[0] not in searched)
     residuals = (*solution.residuals, *(m.residual for m in solution.monotone))
@@ -291,7 +293,7 @@ def opened(solution: Solution) -> Solution:
 
 
 def needed(structure: Structure, definitions: Sequence[tuple[int, int]], residuals: Sequence[int]) -> frozenset[int]:
-    """Everything that the rates of the states and the residuals depend on."""
+    """Variables that the rates of the states and the residuals depend on."""
     pool = structure.reduced.pool
     roots = [pool.var(structure.derivative(x)) for x in structure.states] + list(residuals)
     return frozenset(pool.variables_behind(roots, dict(definitions)))

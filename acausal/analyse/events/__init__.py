@@ -1,1 +1,1 @@
-"""Where equations change, as data: relations of variables and of time, tables, sleeping rates."""
+"""Events as data: relations of variables and of time, tables, and kinks that a solver must not step over."""

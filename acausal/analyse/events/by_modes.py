@@ -1,7 +1,7 @@
-"""Kinks as branches on the relations that tell their sides.
+"""Kinks as branches on the relations that decide their side.
 
-`maximum(x, 0)` has one slope on each side, and at x = 1e-17 perhaps that of the wrong one: whoever differentiates a
-stretch that begins or ends at a kink takes the side from the mode.
+`maximum(x, 0)` has one slope on each side, and at x = 1e-17 possibly that of the wrong one. A caller that
+differentiates on a stretch which begins or ends at a kink therefore takes the side from the mode of a relation.
 """
 
 from __future__ import annotations
@@ -22,23 +22,23 @@ def by_modes(
     watched: Iterable[int],
     rewritten: dict[int, int],
 ) -> dict[int, int]:
-    """The kinks below some roots, and relations below `no_event`, by the nodes that stand for them.
+    """Maps kinks below `roots`, and relations below `no_event`, to branches on relations.
 
-    `located` are relations of the equations, `watched` those of kinks (`sleeping.py`), `rewritten` nodes by what stands
-    for them already. Kinks that keep a root, a power or a quotient defined stay as they are.
+    `located` are relations of the equations, `watched` those of kinks (`located_kinks.py`); `rewritten` maps nodes to
+    their replacements so far. Kinks that keep the argument of a root, power or quotient in its domain are unchanged.
     """
-    keeping = _keeping(pool, roots, definitions)
-    own, done, found = set(watched), dict(rewritten), dict[int, int]()
-    done |= {n: n for n in own}  # nodes of their own, which modes are known by
+    domain_conditions = _domain_conditions(pool, roots, definitions)
+    own, done, branches = set(watched), dict(rewritten), dict[int, int]()
+    done |= {n: n for n in own}  # modes are identified by these nodes
     known = sides(pool, (*located, *own))
     pool.rewrite(located, pool.var, done)
     for number in pool.reachable(roots):
-        if number in rewritten or number in own or number in keeping or number in located:
+        if number in rewritten or number in own or number in domain_conditions or number in located:
             continue
-        told = teller(pool, number, known)
-        if told is None:
+        decision = deciding_relation(pool, number, known)
+        if decision is None:
             continue
-        relation, holds = told
+        relation, holds = decision
         truth = done[relation] if holds else pool.make("not", done[relation])
         op, *operands = pool.nodes[number]
         if op in KINKS:
@@ -46,15 +46,15 @@ def by_modes(
             u, *rest = (done[n] for n in operands)
             v = rest[0] if rest else pool.neg(u)
             truth = pool.where(truth, *((v, u) if op == "min" else (u, v)))
-        found[number] = done[number] = truth
-    return found
+        branches[number] = done[number] = truth
+    return branches
 
 
 Sides = dict[tuple[int, int], tuple[int, bool]]
 
 
 def sides(pool: Pool, relations: Iterable[int]) -> Sides:
-    """Of two nodes the relation that tells whether the first is larger, and whether this holds where it is true."""
+    """Maps a pair of nodes (a, b) to (relation that decides a > b, whether a > b where it is true)."""
     found: Sides = {}
     for number in relations:
         op, *operands = pool.nodes[number]
@@ -64,21 +64,21 @@ def sides(pool: Pool, relations: Iterable[int]) -> Sides:
     return found
 
 
-def teller(pool: Pool, number: int, known: Sides) -> tuple[int, bool] | None:
-    """A relation that tells which operand of a kink is larger, or whether a relation holds, if it is true, or false."""
+def deciding_relation(pool: Pool, number: int, known: Sides) -> tuple[int, bool] | None:
+    """(Relation that decides the side of a kink, or the truth of a relation; for which value of it); None without."""
     op, *operands = pool.nodes[number]
     if op not in KINKS and op not in RELATIONS:
         return None
     a, b = operands if len(operands) == 2 else (operands[0], pool.zero)
     if op in RELATIONS:
-        told = known.get(_compared(pool, *((a, b) if op in ("gt", "le") else (b, a))))
-        return told if told is None or op in ("gt", "lt") else (told[0], not told[1])
-    told, other = known.get(_compared(pool, a, b)), known.get(_compared(pool, b, a))
-    return told if told is not None or other is None else (other[0], not other[1])
+        decision = known.get(_compared(pool, *((a, b) if op in ("gt", "le") else (b, a))))
+        return decision if decision is None or op in ("gt", "lt") else (decision[0], not decision[1])
+    decision, other = known.get(_compared(pool, a, b)), known.get(_compared(pool, b, a))
+    return decision if decision is not None or other is None else (other[0], not other[1])
 
 
-def _keeping(pool: Pool, roots: Sequence[int], definitions: Mapping[int, int]) -> set[int]:
-    """What arguments of functions depend on that are not defined everywhere, and conditions of such functions."""
+def _domain_conditions(pool: Pool, roots: Sequence[int], definitions: Mapping[int, int]) -> set[int]:
+    """Nodes on which arguments of partially defined functions depend, and conditions of branches with them."""
     stack, partial = [], set[int]()
     for number in pool.reachable(roots):  # operands come before
         op, *operands = pool.nodes[number]
@@ -101,7 +101,7 @@ def _keeping(pool: Pool, roots: Sequence[int], definitions: Mapping[int, int]) -
 
 
 def _is_total(pool: Pool, op: str, last: int) -> bool:
-    """Whether a whole power, or a quotient by a number, is defined wherever its other operand is."""
+    """Whether an integer power, or a quotient by a constant, is defined wherever its other operand is."""
     kind, *rest = pool.nodes[last]
     if op == "pow":
         return kind == "const" and float(rest[0]).is_integer() and float(rest[0]) >= 0.0
@@ -109,7 +109,7 @@ def _is_total(pool: Pool, op: str, last: int) -> bool:
 
 
 def _compared(pool: Pool, a: int, b: int) -> tuple[int, int]:
-    """Two nodes that are compared; a - b and zero are a and b."""
+    """The two nodes compared by a relation: (a, b) also for a - b compared with zero."""
     a, b = (pool.nodes[n][1] if pool.nodes[n][0] == "noevent" else n for n in (a, b))
     for n, other in ((a, b), (b, a)):
         if other == pool.zero and pool.nodes[n][0] == "sub":

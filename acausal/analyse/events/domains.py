@@ -1,22 +1,21 @@
-"""Branches of `where` stay in the domain of what they compute: roots, powers, logarithms, quotients.
+"""Branches of `where` and the domains of their functions: roots, powers, logarithms, quotients.
 
-`where(h < 0, k * (-h)**1.5, 0)` is a valid model, and both of its branches are part of one expression graph. The one
-that is off gives nan, which its value never shows but every derivative does: 0 * nan. The one that is on is computed
-a little past its guard too, by stages of a step that is taken back, by Newton iterates, by interpolation for the
-instant of the crossing.
+`where(h < 0, k * (-h)**1.5, 0)` is a valid model, and both of its branches are part of one expression graph. The
+inactive one evaluates to nan, which the value never shows but every derivative does: 0 * nan. The active one is also
+evaluated slightly beyond its guard: by stages of a step that is rejected, by Newton iterates, and while its end is
+located.
 
-Inside a branch, `f(q)` is therefore `f` where `q` is in its domain or where the guard holds *now*, whatever the mode
-of the relation says, and an extension of `f` elsewhere. Recorded points satisfy their guards: no value of a result is
-an extension, and a branch that leaves its domain although its guard holds is nan, as before.
+Inside a branch, `f(q)` is therefore replaced by `f` where `q` is in its domain or the guard holds *now*, whatever the
+mode of the relation, and by an extension of `f` elsewhere. Recorded points satisfy their guards, so that no value of a
+result is an extension, and a branch that leaves its domain although its guard holds is nan, as before.
 
-What stands in several branches has one image, extended where none of their guards holds: the size of a model grows by a
-constant factor, however deep its branches are in each other. What is needed outside of branches as well is left as it
-is. A guard is computed from variables that are known by then; where it is not, because the mode has cut a circle of
-definitions, the branch stays as it is too.
+A node in several branches has one image, extended where none of their guards holds: a model grows by a constant factor,
+however deeply branches are nested. A node that is also needed outside branches is not changed. Neither is a branch
+whose guard is computed from variables that are defined later, after a mode has cut a cycle of definitions.
 
-A power or a root of what rests at zero, `maximum(f, 0.0)**1.3`, is defined there, but its second derivative is infinite
-times zero. There it is the number zero. What rests is a maximum or minimum with zero or a branch that is zero, by
-itself, as a factor, or as the definition of a variable.
+A power or a root of an expression that rests at zero, `maximum(f, 0.0)**1.3`, is defined there, but its second
+derivative is infinity times zero. There it is replaced by the number zero. Expressions that rest are a maximum or
+minimum with zero, or a branch that is zero, by themselves, as a factor, or as the definition of a variable.
 """
 
 from __future__ import annotations
@@ -28,17 +27,17 @@ from acausal.flatten.pool import LEAVES, RELATIONS, Pool
 
 _OPPOSITE = {"lt": "ge", "le": "gt", "gt": "le", "ge": "lt"}
 _STRICT = {"lt": "lt", "le": "lt", "gt": "gt", "ge": "gt"}
-_LARGE = 600.0  # exp(600) is 4e260; its square, which derivatives may hold, is infinite
+_LARGE = 600.0  # exp(600) is 4e260; its square, which derivatives may contain, overflows
 _TINY = 1e-100
 _PARTIAL = frozenset(("pow", "sqrt", "log", "asin", "acos", "div", "exp", "sinh", "cosh", "atan2"))
-_KEPT = frozenset((*RELATIONS, "pre"))  # modes are known by their nodes: the same inside of branches and outside
+_MODE_NODES = frozenset((*RELATIONS, "pre"))  # modes are identified by these nodes, inside and outside branches
 
 
 class _Guard(NamedTuple):
-    """Nodes that are true where a branch is meant: with the points at which its relations are equalities, and without.
+    """Nodes that are true where a branch is active: `loose` includes points of equality of its relations, `strict` not.
 
-    A function that is continuous up to the end of its domain but has no derivative there, such as the root, is
-    extended from that end on.
+    A function that is continuous up to the end of its domain but has no derivative there, such as the root, is extended
+    from that end on, so it needs the strict one.
     """
 
     loose: int
@@ -52,10 +51,10 @@ def guarded(
     discrete: Mapping[int, int],
     definitions: Sequence[tuple[int, int]],
 ) -> dict[int, int]:
-    """Images of branches, powers and roots below `roots` that hold functions that are not defined everywhere.
+    """Images of branches, powers and roots below `roots` that contain partially defined functions.
 
-    `done` has images of other nodes and is filled with those of all below; `discrete` gives the node that a discrete
-    variable is equal to, `definitions` what other variables are, in the order of evaluation.
+    `done` has images of other nodes and receives those of all nodes below; `discrete` maps discrete variables to their
+    definitions, `definitions` lists those of other variables in the order of evaluation.
     """
     roots = list(roots)
     numbers = [n for n in pool.reachable(roots) if pool.nodes[n][0] in ("where", "pow", "sqrt")]
@@ -63,8 +62,8 @@ def guarded(
         return {}
     roots += [node for _, node in definitions]
     pool.rewrite(roots, pool.var, done)
-    numbers = [n for n in numbers if n in done]  # nothing below what has an image already
-    extended = _Extended(pool, discrete, definitions)
+    numbers = [n for n in numbers if n in done]  # nodes below one that has an image already are not needed
+    extended = _Extensions(pool, discrete, definitions)
     if not any(extended.concerns(done[n]) for n in numbers):
         return {}
     first = {done[node]: k for k, (_, node) in reversed(list(enumerate(definitions)))}
@@ -72,8 +71,8 @@ def guarded(
     return {n: images[done[n]] for n in numbers if images.get(done[n], done[n]) != done[n]}
 
 
-class _Extended:
-    """Images of nodes, by what they are needed for."""
+class _Extensions:
+    """Images of nodes, which depend on the branches that need them."""
 
     def __init__(self, pool: Pool, discrete: Mapping[int, int], definitions: Sequence[tuple[int, int]]) -> None:
         self.pool = pool
@@ -86,21 +85,21 @@ class _Extended:
         self._latest: dict[int, int] = {}
 
     def concerns(self, number: int) -> bool:
-        """Whether a node may get another image: a branch with such functions, a power or root of what is clamped."""
+        """Whether a node may need an image: a branch with such functions, a power or root of a clamped expression."""
         op, *operands = self.pool.nodes[number]
         if op == "where":
-            return any(self._partial(n) for n in operands[1:])
+            return any(self._has_partial(n) for n in operands[1:])
         return op in ("pow", "sqrt") and self._is_clamped(op, operands)
 
     def images(self, roots: Mapping[int, int]) -> dict[int, int]:
-        """Images of all nodes below roots; of a definition its place in the order of evaluation is given."""
+        """Images of all nodes below `roots`, which are given with their position in the order of evaluation."""
         pool, nodes = self.pool, self.pool.nodes
         below = pool.reachable(roots)
         guards = self._needs(below, roots)
         done: dict[int, int] = {}
         for number in below:
             op, *operands = nodes[number]
-            if op in LEAVES or not self._partial(number):
+            if op in LEAVES or not self._has_partial(number):
                 done[number] = number
                 continue
             own = [done[n] for n in operands]
@@ -114,13 +113,13 @@ class _Extended:
         return done
 
     def _needs(self, below: Sequence[int], roots: Mapping[int, int]) -> dict[int, _Guard | None]:
-        """Under which guards each node is needed, None for always."""
+        """Guard under which each node is needed; None for always."""
         nodes = self.pool.nodes
         needed: dict[int, _Guard | None] = dict.fromkeys(roots)
-        earliest = dict(roots)  # the first definition that a node is needed for
-        for number in reversed(below):  # operands have smaller numbers: all that needs a node has been seen before it
+        earliest = dict(roots)  # position of the first definition that needs a node
+        for number in reversed(below):  # operands have smaller numbers, so every use of a node is visited before it
             op, *operands = nodes[number]
-            if op in LEAVES or not self._partial(number):
+            if op in LEAVES or not self._has_partial(number):
                 continue
             here, guard = earliest[number], needed[number]
             if guard is not None and self._known_from(guard) >= here:
@@ -132,7 +131,7 @@ class _Extended:
                     self._branch(guard, operands[0], False, here),
                 ]
             else:
-                own = [None if op in _KEPT else guard] * len(operands)
+                own = [None if op in _MODE_NODES else guard] * len(operands)
             for operand, new in zip(operands, own, strict=True):
                 if operand not in needed:
                     needed[operand], earliest[operand] = new, here
@@ -142,7 +141,7 @@ class _Extended:
         return needed
 
     def _branch(self, outer: _Guard | None, condition: int, holds: bool, here: int) -> _Guard | None:
-        """The guard of a branch in another; that of the other alone where this one is not known yet."""
+        """Guard of a nested branch; only the outer guard where the condition is not yet computed."""
         guard = _Guard(self._now(condition, holds, False), self._now(condition, holds, True))
         if self._known_from(guard) >= here:
             return outer
@@ -154,7 +153,7 @@ class _Extended:
         return _Guard(*(self.pool.make("or", x, y) for x, y in zip(a, b, strict=True)))
 
     def _known_from(self, guard: _Guard) -> int:
-        """Place of the last definition that a guard is computed from; -1 where it needs none."""
+        """Position of the last definition that a guard depends on; -1 if it depends on none."""
         latest = self._latest
         for number in self.pool.reachable(guard, latest):
             op, *operands = self.pool.nodes[number]
@@ -164,8 +163,8 @@ class _Extended:
                 latest[number] = -1 if op in LEAVES else max((latest[n] for n in operands), default=-1)
         return max(latest[n] for n in guard)
 
-    def _partial(self, root: int) -> bool:
-        """Whether something below is not defined everywhere."""
+    def _has_partial(self, root: int) -> bool:
+        """Whether a node contains a partially defined function."""
         known = self._is_partial
         for number in self.pool.reachable([root], known):
             op, *operands = self.pool.nodes[number]
@@ -174,7 +173,7 @@ class _Extended:
         return known[root]
 
     def _is_clamped(self, op: str, operands: Sequence[int]) -> bool:
-        """Whether this is a power or root of what may rest at zero, without a second derivative there."""
+        """Whether this is a power or root of an expression that may rest at zero, without a second derivative there."""
         if op == "pow" and (exponent := self.pool.value(operands[1])) is not None:
             may = 0.0 < exponent < 2.0 and exponent != 1.0
         else:
@@ -182,15 +181,15 @@ class _Extended:
         return may and self._rests(operands[0])
 
     def _is_constant(self, root: int) -> bool:
-        """Whether a node follows from parameters alone."""
+        """Whether a node depends on parameters alone."""
         nodes = self.pool.nodes
         return all(
-            nodes[n][0] in ("const", "par") or (nodes[n][0] not in LEAVES and nodes[n][0] not in _KEPT)
+            nodes[n][0] in ("const", "par") or (nodes[n][0] not in LEAVES and nodes[n][0] not in _MODE_NODES)
             for n in self.pool.reachable([root])
         )
 
     def _rests(self, root: int) -> bool:
-        """Whether a node may be exactly zero over a range of its variables: `maximum(x, 0)`, a branch that is off."""
+        """Whether a node may be exactly zero over a range of its variables: `maximum(x, 0)`, an inactive branch."""
         pool, known = self.pool, self._at_rest
         stack = [root]
         while stack:
@@ -207,7 +206,7 @@ class _Extended:
                 stack.pop()
                 continue
             if missing := [n for n in operands if n not in known]:
-                known[number] = False  # should its definition lead back to it
+                known[number] = False  # for a cyclic definition
                 stack += missing
                 continue
             both = op in ("max", "min") and pool.zero not in operands
@@ -225,19 +224,21 @@ class _Extended:
         return True
 
     def _now(self, condition: int, holds: bool, strict: bool) -> int:
-        """Whether a condition holds, or does not, with the values of this very point: no mode stands for it."""
+        """A condition, or its negation, evaluated at the point itself instead of by modes."""
         key = condition, holds, strict
         if key not in self._guards:
-            self._guards[key] = self._computed(condition, holds, strict)
+            self._guards[key] = self._evaluate_now(condition, holds, strict)
         return self._guards[key]
 
-    def _computed(self, condition: int, holds: bool, strict: bool) -> int:
+    def _evaluate_now(self, condition: int, holds: bool, strict: bool) -> int:
         pool = self.pool
         op, *operands = pool.nodes[condition]
         if op in RELATIONS:
             op = op if holds else _OPPOSITE[op]
             relation = pool.make(_STRICT[op] if strict else op, *(pool.make("noevent", n) for n in operands))
-            return pool.make("noevent", relation)  # operands below `noevent` make it another node than the relation
+            return pool.make(
+                "noevent", relation
+            )  # `noevent` around operands distinguishes it from the relation of the mode
         if op == "not":
             return self._now(operands[0], not holds, strict)
         if op in ("and", "or"):
@@ -255,7 +256,7 @@ class _Extended:
         return a if a == b else self.pool.make("and", a, b)
 
     def _extension(self, op: str, q: list[int], guard: _Guard) -> int:
-        """`op` of `q` in its domain and under its guard, else its extension; each of the two is finite elsewhere."""
+        """`op` of `q` in its domain or under its guard, else its extension; both are finite where they are inactive."""
         pool = self.pool
         domain, instead, beyond, ends = _EXTENSIONS[op](pool, q)
         allowed = pool.make("or", domain, guard.strict if ends else guard.loose)
@@ -265,7 +266,7 @@ class _Extended:
 
 
 def _clamped(pool: Pool, op: str, q: list[int]) -> int:
-    """A number at zero, for exponents that are positive. What is nan stays nan."""
+    """A power or root that is the constant zero at zero, for positive exponents; nan stays nan."""
     clamped = pool.nodes[q[0]][0] == "max" and pool.zero in pool.nodes[q[0]][1:]
     at_zero = _test(pool, "le", q[0] if clamped else pool.make("fabs", q[0]), 0.0)
     if op == "pow" and pool.value(q[1]) is None:
@@ -274,8 +275,8 @@ def _clamped(pool: Pool, op: str, q: list[int]) -> int:
 
 
 _Extension = tuple[int, list[int | None], int, bool]
-"""Where a function is defined, operands that stand in elsewhere (None: as they are), its values there, and whether it
-is continuous up to the end of its domain."""
+"""(Condition of the domain, substitutes of the operands elsewhere or None for unchanged, value elsewhere, whether the
+function is continuous up to the end of its domain)."""
 
 
 def _test(pool: Pool, op: str, a: int, b: float) -> int:
@@ -319,7 +320,7 @@ def _quotient(pool: Pool, q: list[int]) -> _Extension:
 
 
 def _exponential(op: str) -> Callable[[Pool, list[int]], _Extension]:
-    """By the tangent at the end, which keeps the sign of the slope for Newton's method."""
+    """Extension by the tangent at the end, which keeps the sign of the slope for Newton's method."""
 
     def extension(pool: Pool, q: list[int]) -> _Extension:
         size = q[0] if op == "exp" else pool.make("fabs", q[0])

@@ -1,8 +1,8 @@
-"""Between which numbers expressions stay, whatever their variables are, as far as their form shows it.
+"""Interval bounds of expressions for any values of their variables.
 
 Interval arithmetic (R. E. Moore, Interval Analysis, 1966): 1 + e - cos(x) is never below e, cosh(x) never below one.
-Terms that depend on each other are taken for independent, so that a range may be too wide, and never too narrow. Of
-`minimum`, `maximum` and `fabs` nothing is said: their kinks are watched (`acausal.analyse.events.sleeping`).
+Dependent terms are treated as independent, so that a range may be too wide, and never too narrow. Ranges of `minimum`,
+`maximum` and `fabs` are unbounded here: their kinks are located (`acausal.analyse.events.located_kinks`).
 """
 
 from __future__ import annotations
@@ -29,16 +29,16 @@ _BOUNDED: dict[str, Range] = {
 
 
 def ranges(pool: Pool, reachable: Iterable[int], constant: Callable[[int], float | None]) -> dict[int, Range]:
-    """Ranges of nodes in evaluation order; `constant` gives the value of those that do not change."""
-    found: dict[int, Range] = {}
+    """Ranges of nodes, given in evaluation order; `constant` returns the value of a constant node, else None."""
+    range_of: dict[int, Range] = {}
     for number in reachable:
         value = constant(number)
         op, *operands = pool.nodes[number]
         if value is not None:
-            found[number] = (value, value) if math.isfinite(value) else _ALL
+            range_of[number] = (value, value) if math.isfinite(value) else _ALL
         else:
-            found[number] = _range(op, operands, [found.get(n, _ALL) for n in operands if isinstance(n, int)])
-    return found
+            range_of[number] = _range(op, operands, [range_of.get(n, _ALL) for n in operands if isinstance(n, int)])
+    return range_of
 
 
 def _range(op: object, operands: list[int], inside: list[Range]) -> Range:
@@ -76,6 +76,6 @@ def _power(base: float, exponent: float) -> float:
 
 
 def _product(a: Range, b: Range) -> Range:
-    # a bound of infinity is never reached: zero times it is zero
+    # infinite bounds are never reached, so zero times infinity is zero
     corners = [0.0 if x == 0.0 or y == 0.0 else x * y for x in a for y in b]
     return min(corners), max(corners)

@@ -1,12 +1,13 @@
-"""Relations of what rests on its kink: `maximum(k*u, 0) > 0` becomes `u > 0 and k*u > 0`.
+"""Relations of saturated expressions: `maximum(k*u, 0) > 0` becomes `u > 0 and k*u > 0`.
 
-The instant of a relation is a zero of the difference of its sides. Where this is constant beyond a kink of `minimum`,
-`maximum`, `fabs` or a choice below `no_event`, it reaches zero and does not pass it: the relation changes, and no sign.
-Such a relation is split at its kink, whose place is a relation then: on each side stands what the kink is there.
+The instant of an event is a zero of the difference of the sides of a relation. Where this difference is constant beyond
+a kink of `minimum`, `maximum`, `fabs` or a choice below `no_event`, it reaches zero and does not cross it: the relation
+changes, and no sign. Such a relation is split at its kink, which becomes a relation itself; on each side the kink is
+replaced by its active operand.
 
-Not every kink has a place: of what functions from outside compute, or sums of roots, only the value is known. Relations
-that hold a kink after all are told apart (`Kinks.that_rest`), and are located where their sides become equal, however
-long they stay so (`EventFunctions.told`).
+The place of some kinks is unknown, such as those of external functions or sums of roots. Relations that still contain
+such a kink are listed (`Kinks.resting_relations`), and located where their sides become equal, however long they stay
+so (`EventFunctions.signed_at_rest`).
 """
 
 from __future__ import annotations
@@ -22,9 +23,9 @@ from acausal.numeric.evaluate import Samples, values
 from acausal.numeric.samples import SamplePoints
 
 _MOST = 4
-"""Kinks one within the other at which a relation is split."""
+"""Largest nesting of kinks at which a relation is split."""
 _SAME = 1e-12
-# Lines between sample points on which a difference is followed to its zero, how closely, and how far behind it.
+# Lines between sample points on which a zero is searched, number of bisections, and the distance checked beyond it.
 _LINES, _HALVINGS, _BEYOND = 8, 50, 1e-9
 _OTHER = frozenset(("pre", "sample", "initial", "terminal", "infinitesimal"))
 _TURNED = {"gt": "lt", "lt": "gt", "ge": "le", "le": "ge"}
@@ -32,8 +33,8 @@ _PLAIN = frozenset(("min", "max", "fabs"))
 _KINKS = _PLAIN | {"where"}
 
 
-def at_their_kinks(kinks: Kinks, points: SamplePoints, visible: Iterable[int], done: dict[int, int]) -> dict[int, int]:
-    """Images of the `visible` relations that rest beyond a kink; `done` has images of other nodes and gets these."""
+def split_at_kinks(kinks: Kinks, points: SamplePoints, visible: Iterable[int], done: dict[int, int]) -> dict[int, int]:
+    """Images of `visible` relations that are saturated beyond a kink; `done` has other images and receives these."""
     found: dict[int, int] = {}
     pool, split = kinks.pool, _Split(kinks, points)
     for number in visible:
@@ -45,16 +46,16 @@ def at_their_kinks(kinks: Kinks, points: SamplePoints, visible: Iterable[int], d
 
 
 class Kinks:
-    """Which expressions of a model hold a kink that is no event, or what functions from outside compute."""
+    """Finds kinks without events, and external functions, in expressions of a model."""
 
     def __init__(self, pool: Pool, definitions: Sequence[tuple[int, int]]) -> None:
         self.pool, self.definitions = pool, definitions
         self._known: dict[int, int] = {}
         self._of: dict[int, int] = {}
-        self._is_open = False  # `_of` is filled for the first relation of a variable; most are of time or parameters
+        self._is_open = False  # `_of` is filled on the first relation of variables; most are of time or parameters
 
-    def that_rest(self, points: SamplePoints, relations: Iterable[int]) -> frozenset[int]:
-        """Those of some relations whose sides are equal at several points: they may be so for a while."""
+    def resting_relations(self, points: SamplePoints, relations: Iterable[int]) -> frozenset[int]:
+        """The relations whose sides are equal at several sample points, and so may stay equal for a while."""
         found = set[int]()
         for relation in relations:
             kind = self.below(relation)
@@ -65,9 +66,9 @@ class Kinks:
         return frozenset(found)
 
     def _stays_at_its_zero(self, points: SamplePoints, distance: int) -> bool:
-        """Whether a difference, followed from where it is positive to where it is not, stays zero from there on.
+        """Whether a difference reaches zero and stays there, on straight lines between sample points.
 
-        Between sample points, on straight lines: a dead zone may be narrower than they are apart.
+        The lines matter because a dead zone may be narrower than the distance of the sample points.
         """
         defined, pool = dict(self.definitions), self.pool
         behind = pool.variables_behind([distance], defined)
@@ -103,7 +104,7 @@ class Kinks:
         return bool(((along(high) == 0.0) & (along(beyond) == 0.0)).any())
 
     def below(self, root: int) -> int:
-        """1 for a node with a kink somewhere below, else 0; 2 for what is computed elsewhere, 3 where that jumps."""
+        """0 for a node without kinks, 1 with kinks, 2 with external functions, 3 with external ones that may jump."""
         nodes, known = self.pool.nodes, self._known
         below = self.pool.reachable([root], known)
         if not self._is_open and any(nodes[n][0] == "var" for n in below):
@@ -125,7 +126,7 @@ class Kinks:
 
 
 class _Split:
-    """Relations of one model, and what their variables are."""
+    """Splits relations of one model at kinks, also in definitions of their variables."""
 
     def __init__(self, kinks: Kinks, points: SamplePoints) -> None:
         self.pool, self.points, self.kinks = kinks.pool, points, kinks
@@ -133,30 +134,30 @@ class _Split:
         self.defined = dict(kinks.definitions)
 
     def image(self, relation: int, depth: int = _MOST) -> int:
-        """The relation, or what it is on either side of the first kink beyond which it rests."""
+        """The relation, or a branch at the first kink beyond which it is saturated."""
         pool = self.pool
         op, *sides = pool.nodes[relation]
         if op not in RELATIONS or not depth or max(self.kinks.below(n) for n in sides) != 1:
-            return relation  # what is computed elsewhere may rest by itself
+            return relation  # external functions may saturate at unknown places
         if not self._repeats(self._distance(sides)):
             return relation
         for kink, is_exempt in sorted(self._below(sides).items()):
             condition, here, there = self._branches(kink, is_exempt)
-            if not condition or not self._rests(sides, condition):
+            if not condition or not self._is_saturated(sides, condition):
                 continue
-            inside, outside = (self._on(op, sides, kink, branch, condition, depth) for branch in (here, there))
+            inside, outside = (self._on_branch(op, sides, kink, branch, condition, depth) for branch in (here, there))
             kind, *places = pool.nodes[condition]
             turned = pool.make(kind, *reversed(places))
-            if outside == turned:  # one relation says it all
+            if outside == turned:  # the branch reduces to one relation
                 condition, inside, outside = turned, outside, inside
             is_all = (inside, outside) == (condition, pool.zero)
             return condition if is_all else pool.where(condition, inside, outside)
         return relation
 
-    def _on(self, op: str, sides: Sequence[int], kink: int, branch: int, condition: int, depth: int) -> int:
-        """The relation with a branch in the place of a kink."""
+    def _on_branch(self, op: str, sides: Sequence[int], kink: int, branch: int, condition: int, depth: int) -> int:
+        """The relation with a kink replaced by one of its branches."""
         pool = self.pool
-        left, right = self._with(sides, kink, branch)
+        left, right = self._replace_kink(sides, kink, branch)
         if left == right:
             return pool.const(float(op in ("le", "ge")))
         if not np.isfinite(self.points.everywhere(pool.sub(left, right))).all():
@@ -164,7 +165,7 @@ class _Split:
         return self.image(pool.make(op, left, right), depth - 1)
 
     def _by_factors(self, op: str, sides: Sequence[int], depth: int) -> int:
-        """The relation where a root or power has no value with the branch: by the signs of its factors."""
+        """The relation expressed by signs of factors, where a root or power is undefined on the branch."""
         pool = self.pool
         left, right = sides
         if left == pool.zero:
@@ -189,7 +190,7 @@ class _Split:
         return self.image(pool.make(op, left, right), depth)
 
     def _below(self, sides: Iterable[int]) -> dict[int, bool]:
-        """All nodes of the sides, through definitions, without conditions; whether they are below `no_event`."""
+        """All nodes below the sides, through definitions and without conditions -> whether below `no_event`."""
         nodes = self.pool.nodes
         found: dict[int, bool] = {}
         stack = [(n, False) for n in sides]
@@ -209,7 +210,7 @@ class _Split:
         return found
 
     def _branches(self, kink: int, is_exempt: bool) -> tuple[int, int, int]:
-        """The relation at a kink, what the kink is where it holds, and what elsewhere; 0 for no relation."""
+        """(Relation of a kink, its value where that holds, its value elsewhere); 0 where there is no relation."""
         pool = self.pool
         op, *operands = pool.nodes[kink]
         if op == "fabs":
@@ -223,12 +224,12 @@ class _Split:
             return (condition if is_exempt and pool.nodes[condition][0] in RELATIONS else 0), *rest
         return pool.make("gt" if op == "max" else "lt", *operands), operands[0], operands[1]
 
-    def _rests(self, sides: Sequence[int], condition: int) -> bool:
+    def _is_saturated(self, sides: Sequence[int], condition: int) -> bool:
         """Whether the difference of the sides is constant somewhere on one side of a condition."""
         if not self.points.varies(condition):
             return False
         distance, holds = self._distance(sides), self.points.everywhere(condition) != 0.0
-        # two points at which it is the same are enough: it may rest beyond several kinks together only
+        # two equal points suffice: it may be saturated only where several kinks are inactive together
         return self._repeats(distance[holds]) or self._repeats(distance[~holds])
 
     def _distance(self, sides: Sequence[int]) -> Samples:
@@ -236,13 +237,13 @@ class _Split:
 
     @staticmethod
     def _repeats(values: Samples) -> bool:
-        """Whether two values are the same; of what has no value somewhere nothing is known."""
+        """Whether two of the values, shape (K,), are equal; False if any is not finite."""
         if not np.isfinite(values).all():
             return False
         return bool((np.diff(np.sort(values)) <= _SAME * float(np.abs(values).max(initial=0.0))).any())
 
-    def _with(self, sides: Sequence[int], kink: int, branch: int) -> list[int]:
-        """The sides with a branch in the place of a kink, and definitions that hold it written out."""
+    def _replace_kink(self, sides: Sequence[int], kink: int, branch: int) -> list[int]:
+        """The sides with a kink replaced by a branch, also inside definitions, which are substituted."""
         pool = self.pool
         done = {kink: branch}
         images: dict[int, int] = {}

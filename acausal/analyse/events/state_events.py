@@ -1,9 +1,9 @@
-"""Relations of variables, samples, `when` clauses and discrete equations: what makes an instant an event.
+"""State events of a model: relations of variables, samples, `when` clauses and discrete equations.
 
 Every relation on which an integrated quantity depends is a mode, constant between events, so that the right-hand side
 is smooth in each mode; `no_event` and `where(..., smooth=True)` exempt a relation. `sign`, `floor` and `ceil` of a
-variable become relations too: they jump. `minimum`, `maximum` and `fabs` have kinks only and are left to the error
-control, as in Modelica (3.6, section 3.7.2). Relations of time only are known in advance and live in `time_events`;
+variable become relations too, because they jump. `minimum`, `maximum` and `fabs` only have kinks and are left to the
+error control, as in Modelica (3.6, section 3.7.2). Relations of time only are known in advance (`time_events`);
 relations of discrete variables change at events only.
 """
 
@@ -16,15 +16,15 @@ from acausal.analyse.blocks.solve import Solution
 from acausal.analyse.delays import Delays
 from acausal.analyse.events.by_modes import by_modes
 from acausal.analyse.events.domains import guarded
-from acausal.analyse.events.resting import Kinks, at_their_kinks
-from acausal.analyse.events.sleeping import Sleeping
+from acausal.analyse.events.located_kinks import LocatedKinks
+from acausal.analyse.events.resting import Kinks, split_at_kinks
 from acausal.analyse.events.time_events import TimeEvents
-from acausal.analyse.events.traces import without_traces
+from acausal.analyse.events.underflow import without_underflow
 from acausal.errors import Span, StructureError
 from acausal.flatten.pool import IMPULSE, LEAVES, RELATIONS, Pool
 from acausal.flatten.reduced import ReducedSystem
 
-# What is an event, or is written otherwise because of one: without any of it nothing has to be searched.
+# Operations that are events or are rewritten because of one; expressions without them need no search.
 _EVENTFUL = frozenset((*RELATIONS, "sign", "floor", "ceil", "where", "pow", "sqrt"))
 _SIGN = "gt", "ge"
 _EVENTFUL |= {"sample", "pre", "initial", "infinitesimal", "terminal"}
@@ -34,7 +34,7 @@ _EVENTFUL |= {"sample", "pre", "initial", "infinitesimal", "terminal"}
 class Clause:
     """One `when` or `elsewhen`: it acts when one of `conditions` becomes true and none of `earlier` does.
 
-    New values as `(position in the state vector, node)`, words and place; of an impulse the position of the force.
+    `actions` are `(index in the state vector, node of the new value)`; for an impulse the index is that of the force.
     """
 
     conditions: tuple[int, ...]
@@ -48,7 +48,7 @@ class Clause:
 
 @dataclass(frozen=True)
 class Assignment:
-    """A discrete equation: the state at `position` takes the value of `node` at every event."""
+    """A discrete equation: the state with index `position` takes the value of `node` at every event."""
 
     position: int
     node: int
@@ -57,7 +57,7 @@ class Assignment:
 
 @dataclass(frozen=True)
 class Assert:
-    """A condition that must hold, and what to say when it does not."""
+    """A condition that must hold, and the message when it does not."""
 
     condition: int
     message: str
@@ -68,33 +68,33 @@ class Assert:
 
 @dataclass(frozen=True)
 class StateEvents:
-    """What can happen between the time events, as nodes of the reduced pool."""
+    """Everything that can cause an event besides known instants, as nodes of the reduced pool."""
 
     samples: tuple[int, ...] = ()  # `sample(start, interval)`: true at instants only
-    memories: tuple[int, ...] = ()  # `pre(...)`: the value in the event iteration before
-    flags: tuple[int, ...] = ()  # `initial()`, `infinitesimal()` and `terminal()`, where the model asks for them
+    memories: tuple[int, ...] = ()  # `pre(...)`: the value before the round of the event iteration
+    flags: tuple[int, ...] = ()  # `initial()`, `infinitesimal()` and `terminal()`, if the model uses them
     relations: tuple[int, ...] = ()  # relations of variables, located
-    # `sign`, `floor` and `ceil` of variables, by branches on such relations; branches that would leave the domain of
-    # what they compute, extended (`acausal.analyse.events.domains`).
+    # Maps `sign`, `floor` and `ceil` of variables to branches on such relations, and branches with partially defined
+    # functions to extensions (`acausal.analyse.events.domains`).
     rewritten: dict[int, int] = field(default_factory=dict)
-    # `clauses`, `assignments`, `asserts`: what acts, in the order of the source.
+    # `clauses`, `assignments`, `asserts`: in the order of the source.
     clauses: tuple[Clause, ...] = ()
     assignments: tuple[Assignment, ...] = ()
     asserts: tuple[Assert, ...] = ()
-    # Those of `relations`, by number, that make no event: rates wake there (`sleeping.py`), or a table may bend
+    # Indices of those `relations` that make no event: kinks (`located_kinks.py`), and ends of stretches of tables
     # (`table_stops.py`).
     watched: frozenset[int] = frozenset()
-    # Those, by number, whose sides may be equal for a while (`resting.py`).
+    # Indices of those whose sides may stay equal for a while (`resting.py`).
     resting: frozenset[int] = frozenset()
 
     @property
     def conditions(self) -> tuple[int, ...]:
-        """The conditions of all clauses, each once."""
+        """The conditions of all clauses, without repetitions."""
         return tuple(dict.fromkeys(n for c in self.clauses for n in (*c.conditions, *c.earlier)))
 
     @property
     def are_silent(self) -> bool:
-        """Whether nothing of it makes an event."""
+        """Whether no event can occur."""
         return len(self.relations) == len(self.watched) and not (self.clauses or self.assignments or self.asserts)
 
     def __bool__(self) -> bool:
@@ -102,9 +102,9 @@ class StateEvents:
 
 
 def find_state_events(
-    solution: Solution, states: tuple[int, ...], time_events: TimeEvents, asleep: Sleeping
+    solution: Solution, states: tuple[int, ...], time_events: TimeEvents, kinks_to_locate: LocatedKinks
 ) -> StateEvents:
-    """Everything that can happen between the time events, and the relations of `sleeping.py`.
+    """State events of a solution, and the relations of `kinks_to_locate`.
 
     Raises StructureError: AC210 when a variable is reset that is neither integrated nor discrete.
     """
@@ -116,52 +116,52 @@ def find_state_events(
     own = [n for c in clauses for n in (*c.conditions, *c.earlier, *(v for _, v in c.actions))]
     own += [a.node for a in assignments] + [a.condition for a in asserts] + [n for d in reduced.delays for n in d[:2]]
     own += [pool.var(v) for v in switched_dependents(solution)]
-    own += asleep.numbers
+    own += kinks_to_locate.numbers
     inside = [*solution.residuals, *_definitions(solution, own)]
-    inside = _eventful(pool, inside)  # of a field of a thousand cells perhaps the one at its end
+    inside = _eventful(pool, inside)  # perhaps one of the thousand cells of a field
     roots = [*own, *inside]
-    if not (roots or asleep.watched):
+    if not (roots or kinks_to_locate.watched):
         return StateEvents(clauses=clauses, assignments=assignments, asserts=asserts)
     rewritten = dict(time_events.rewritten)
     discrete = discrete_variables(reduced)
-    # what a `when` computes is computed at its instants only: a quantiser with a clock is no event at each of its steps
+    # values of a `when` are computed at its instants only: a sampled quantiser makes no event at each of its steps
     values = {v for c in clauses for _, v in c.actions}
     steps = set(_visible(pool, [*(n for n in own if n not in values), *inside]))
     visible = _visible(pool, roots)
     visible = sorted({*visible, *_of_signs(pool, visible, rewritten, discrete)})
     kinks = Kinks(pool, solution.definitions)
-    branches = at_their_kinks(kinks, solution.structure.points, visible, dict(rewritten))
+    branches = split_at_kinks(kinks, solution.structure.points, visible, dict(rewritten))
     branches |= _jumps(pool, [*visible, *_visible(pool, branches.values())], steps, discrete, {**rewritten, **branches})
     done = {**rewritten, **branches}
-    if asleep.branches:
+    if kinks_to_locate.branches:
         located = [n for n in visible if pool.nodes[n][0] in RELATIONS]
         whole = [*solution.residuals, *(n for v, n in solution.definitions if v in solution.needed)]
-        kinked = by_modes(pool, [*roots, *whole], dict(solution.definitions), located, asleep.watched, done)
+        kinked = by_modes(pool, [*roots, *whole], dict(solution.definitions), located, kinks_to_locate.watched, done)
         branches |= kinked
         done = {**rewritten, **branches}
-        # beyond a kink that is a branch a root or a power may be undefined, as beyond any other relation
+        # beyond a kink that became a branch, a root or a power may be undefined, as beyond any relation
         roots += set(whole).difference(roots) if kinked else ()
     branches |= guarded(pool, roots, done, _assigned(reduced), solution.definitions)
     done = {**rewritten, **branches}
-    if asleep.bursts:
-        branches |= without_traces(pool, roots, done)
+    if kinks_to_locate.bursts:
+        branches |= without_underflow(pool, roots, done)
     pool.rewrite(roots, pool.var, done)
     found = _conditions(pool, [done[r] for r in roots], set(time_events.relations), discrete)
     found["pre"] |= _before_impulses(pool, states, clauses, assignments)
-    relations = tuple(sorted(set(found["relation"]).difference(asleep.watched)))
-    silent = set(pool.reachable([done[n] for n in asleep.numbers]))
-    resting = kinks.that_rest(solution.structure.points, relations)
+    relations = tuple(sorted(set(found["relation"]).difference(kinks_to_locate.watched)))
+    silent = set(pool.reachable([done[n] for n in kinks_to_locate.numbers]))
+    resting = kinks.resting_relations(solution.structure.points, relations)
     bends = (k for k, n in enumerate(relations) if n in silent)
     return StateEvents(
         tuple(sorted(found["sample"])),
         tuple(sorted(found["pre"])),
         tuple(sorted(found["flag"])),
-        (*relations, *asleep.watched),
+        (*relations, *kinks_to_locate.watched),
         branches,
         clauses,
         assignments,
         asserts,
-        frozenset((*bends, *range(len(relations), len(relations) + len(asleep.watched)))),
+        frozenset((*bends, *range(len(relations), len(relations) + len(kinks_to_locate.watched)))),
         frozenset(k for k, n in enumerate(relations) if n in resting),
     )
 
@@ -169,7 +169,7 @@ def find_state_events(
 def _before_impulses(
     pool: Pool, states: tuple[int, ...], clauses: Iterable[Clause], assignments: Iterable[Assignment]
 ) -> set[int]:
-    """`pre` of all discrete variables where there are impulses, which act under the equations from before the event."""
+    """`pre` of all discrete variables, if there are impulses, which use the equations from before the event."""
     actions = [action for clause in clauses for action in clause.actions]
     if not any(pool.nodes[node][0] == IMPULSE for _, node in actions):
         return set()
@@ -185,10 +185,10 @@ def discrete_variables(reduced: ReducedSystem) -> frozenset[int]:
 
 
 def switched_dependents(solution: Solution, prescribed: bool = False) -> list[int]:
-    """Variables that are differentiated, are no states and follow from states in ways that depend on modes.
+    """Differentiated variables that are no states, and depend on states in a way that depends on modes.
 
-    They must not jump while the states do not, whether anything that is integrated depends on them or not. Those that
-    are `prescribed` follow from time instead.
+    They must not jump while the states do not, whether or not integrated quantities depend on them. With `prescribed`,
+    those that depend on time instead of states.
     """
     reduced = solution.structure.reduced
     pool = reduced.pool
@@ -201,7 +201,7 @@ def switched_dependents(solution: Solution, prescribed: bool = False) -> list[in
     ops = {pool.nodes[n][0] for n in pool.reachable(solution.residuals)}
     switched = dict.fromkeys(solution.algebraic, bool(ops & RELATIONS))
     moved = dict.fromkeys(solution.algebraic, True)
-    found_of: dict[int, tuple[bool, bool]] = {}  # of nodes: what definitions share is looked at once
+    found_of: dict[int, tuple[bool, bool]] = {}  # by node, because definitions share nodes
     for v, node in solution.definitions:  # in the order of evaluation
         for n in pool.reachable([node], found_of):
             op, *rest = pool.nodes[n]
@@ -213,14 +213,14 @@ def switched_dependents(solution: Solution, prescribed: bool = False) -> list[in
                 found_of[n] = op in RELATIONS or any(a for a, _ in inside), any(b for _, b in inside)
         switched[v], moved[v] = found_of[node]
     found = [v for v in switched if v in pool.derivative_of and switched[v] and moved[v] != prescribed]
-    if prescribed:  # what is shown only, as the acceleration of a joint that moves nothing, needs no impulse
+    if prescribed:  # a mere output, as the acceleration of a joint that moves nothing, needs no impulse
         used = {w for _, node in solution.definitions for w in pool.variables_in(node)}
         found = [v for v in found if pool.derivative_of[v] in used]
     return found
 
 
 def _assigned(reduced: ReducedSystem) -> dict[int, int]:
-    """The nodes that discrete variables are equal to, by variable."""
+    """Maps discrete variables to the nodes of their discrete equations."""
     images = (
         (reduced.pool.nodes[reduced.image[e.scalar]], n)
         for e, n in zip(reduced.flat.assignments, reduced.assignments, strict=True)
@@ -229,7 +229,7 @@ def _assigned(reduced: ReducedSystem) -> dict[int, int]:
 
 
 def _definitions(solution: Solution, roots: Iterable[int]) -> list[int]:
-    """Nodes of all definitions that the integration or the clauses need."""
+    """Nodes of all definitions that the integration or `roots` need."""
     behind = solution.structure.reduced.pool.variables_behind(roots, dict(solution.definitions))
     needed = solution.needed | behind
     return [node for v, node in solution.definitions if v in needed]
@@ -247,7 +247,7 @@ def _moves(pool: Pool, node: int, discrete: frozenset[int]) -> bool:
 def _jumps(
     pool: Pool, visible: Iterable[int], steps: set[int], discrete: frozenset[int], rewritten: dict[int, int]
 ) -> dict[int, int]:
-    """`sign` of what moves, and of `steps` also `floor` and `ceil`, as branches on relations."""
+    """Maps `sign` of varying expressions, and `floor` and `ceil` among `steps`, to branches on relations."""
     found: dict[int, int] = {}
     done = dict(rewritten)
     for number in visible:
@@ -265,12 +265,12 @@ def _jumps(
         elif number in steps:
             found[number] = done[number] = _stairs(pool, number, op, u)
             was = pool.make("pre", number)
-            found[was] = done[was] = was  # what it was is remembered of the branch, under this name
+            found[was] = done[was] = was  # the memory stores the value of the branch under this node
     return found
 
 
 def _of_signs(pool: Pool, visible: Iterable[int], done: dict[int, int], discrete: frozenset[int]) -> list[int]:
-    """Both relations of each `sign` of what moves: it is zero where its operand stays at zero."""
+    """Both relations, > and >=, of each `sign` of a varying expression: it is zero while its operand stays zero."""
     signs = (n for n in visible if pool.nodes[n][0] == "sign" and n not in done)
     operands = [k for _, k in (pool.nodes[n] for n in signs) if _moves(pool, k, discrete)]
     return [pool.make(kind, k, pool.zero) for k in operands for kind in _SIGN]
@@ -279,8 +279,8 @@ def _of_signs(pool: Pool, visible: Iterable[int], done: dict[int, int], discrete
 def _stairs(pool: Pool, number: int, op: str, u: int) -> int:
     """`floor` or `ceil` of u as a number k that is constant until u leaves its step.
 
-    k is what the node was at the last event, `pre` of itself. At its end u is there but for rounding, so that k changes
-    by one at least, and by more where u has jumped.
+    k is the value of the node at the last event, `pre` of itself. At the end of a step u equals it to rounding only, so
+    that k changes by one at least, and by more where u has jumped.
     """
     k = pool.make("pre", number)
     up, down = pool.add(k, pool.one), pool.sub(k, pool.one)
@@ -292,7 +292,7 @@ def _stairs(pool: Pool, number: int, op: str, u: int) -> int:
 
 
 def _eventful(pool: Pool, roots: Sequence[int]) -> list[int]:
-    """Those of `roots` that hold what is an event, or is written otherwise because of one."""
+    """Those of `roots` that contain an operation of `_EVENTFUL`."""
     nodes = pool.nodes
     holds: set[int] = set()
     for number in pool.reachable(roots):
@@ -317,9 +317,9 @@ def _visible(pool: Pool, roots: Iterable[int]) -> list[int]:
 
 
 def _conditions(pool: Pool, roots: Iterable[int], timely: set[int], discrete: frozenset[int]) -> dict[str, set[int]]:
-    """Nodes that become modes, by kind; nothing below a relation of time is looked at.
+    """Nodes that become modes, by kind; nodes below a relation of time are skipped.
 
-    Below a `no_event` relations are none, but `pre` and the others are what they are anywhere.
+    Below a `no_event` relations are no modes, but `pre` and the other kinds are.
     """
     found: dict[str, set[int]] = {"sample": set(), "pre": set(), "flag": set(), "relation": set()}
     seen: set[tuple[int, bool]] = set()
@@ -343,7 +343,7 @@ def _conditions(pool: Pool, roots: Iterable[int], timely: set[int], discrete: fr
 
 
 def _position(reduced: ReducedSystem, scalar: int, place: dict[int, int]) -> tuple[int, bool] | None:
-    """Place of a flat scalar among the states, and whether it is the negative of that state; None for no state."""
+    """(Index of a flat scalar among the states, whether it is the negative of that state); None for no state."""
     op, *rest = reduced.pool.nodes[reduced.image[scalar]]
     negative = op == "neg"
     if negative:
@@ -367,7 +367,7 @@ def _clauses(reduced: ReducedSystem, states: tuple[int, ...]) -> Iterable[Clause
                     cause="it follows from other variables, so a new value would contradict them",
                     help="reset the state it follows from, or declare it prefer_state=True or discrete()",
                 )
-            is_impulse = pool.nodes[value][0] == IMPULSE  # which has the sign that it takes
+            is_impulse = pool.nodes[value][0] == IMPULSE  # an impulse acts with whatever sign it needs
             actions.append((found[0], pool.neg(value) if found[1] and not is_impulse else value))
         words = when.terminate, str(when.source), when.component, when.origin.span()
         yield Clause(nodes.conditions, nodes.earlier, tuple(actions), *words)
@@ -377,7 +377,7 @@ def _assignments(reduced: ReducedSystem, states: tuple[int, ...]) -> Iterable[As
     place = {v: k for k, v in enumerate(states)}
     for equation, node in zip(reduced.flat.assignments, reduced.assignments, strict=True):
         found = _position(reduced, equation.scalar, place)
-        if found is not None:  # one that is equal to a parameter has nothing to be assigned
+        if found is not None:  # one that equals a parameter needs no assignment
             yield Assignment(found[0], reduced.pool.neg(node) if found[1] else node, str(equation.source))
 
 
@@ -389,7 +389,7 @@ def _asserts(reduced: ReducedSystem) -> Iterable[Assert]:
 def origins(
     solution: Solution, events: StateEvents, delays: Delays, rewritten: dict[int, int]
 ) -> list[tuple[Span | None, str]]:
-    """Place and component of the first statement that holds each relation."""
+    """Place and component of the first statement that contains each relation."""
     reduced = solution.structure.reduced
     flat, pool = reduced.flat, reduced.pool
     rows = {v: b.rows for b in solution.structure.blocks for v in b.columns}

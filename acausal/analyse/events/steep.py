@@ -1,9 +1,9 @@
-"""Functions that hardly change but in a narrow range of their argument, and what this argument is.
+"""Steep functions, which change only in a narrow range of their argument, and these arguments.
 
-`tanh`, `atan`, `exp`, high powers, and roots and quotients of squares with a floor: far from that range a rate that
-holds one is constant, and nothing bounds the step of a solver but its argument. The argument is smooth. What such a
-function does between two instants shows at their ends as long as its argument goes one way: it may come and go where
-the argument turns, and, of several steps in one rate, where one of these is in its middle.
+For `tanh`, `atan`, `exp`, high powers, and roots and quotients of squares with a floor, a rate is constant far from
+that range, and nothing but the argument bounds the step of a solver. The argument is smooth. Between two instants at
+which the argument is monotone, the change of the function shows at the ends; it may come and go where the argument
+turns and, for several steps in one rate, where one of them is in its middle.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from acausal.numeric.samples import SamplePoints
 _NAMED = frozenset(("tanh", "atan", "exp"))
 _KINKS = frozenset(("min", "max", "noevent"))
 _LARGE = 8.0
-# What changes by less than this factor at the points that the compiler samples wakes nothing.
+# An argument that changes by less than this factor at the sample points is no narrow valley.
 _FACTOR = 300.0
-# The share of a sum by which it may be negative by rounding.
+# Share of a sum by which rounding may make it negative.
 _ROUNDING = 1e-12
 STEPS = frozenset(("tanh", "atan"))
 """Functions that go from one value to another, around zero."""
@@ -33,12 +33,12 @@ _SUMS = frozenset(("add", "sub"))
 
 @dataclass(frozen=True)
 class Steep:
-    """Arguments of steep functions, as nodes, and of each the `kind` of function.
+    """Arguments of steep functions, as nodes, and the `kind` of function of each.
 
-    That is "tanh", "atan", "exp", or the exponent of a power; roots and denominators are powers. `middles` are nodes
-    that are zero where something happens: of a step its argument, of an argument that is even in w this w; each with
-    the place of its argument. `functions` are the nodes of the functions, in evaluation order, each with the places of
-    its arguments: what it is multiplied by may be zero while a relation is false.
+    A kind is "tanh", "atan", "exp", or the exponent of a power; roots and denominators are powers. `middles` are nodes
+    with a zero where the function changes: the argument of a step, or w for an argument that is even in w; each with
+    the index of its argument. `functions` are the nodes of the functions, in evaluation order, each with the indices of
+    its arguments; a factor of the function may be zero while a relation is false.
     """
 
     arguments: tuple[int, ...] = ()
@@ -66,16 +66,18 @@ class Moving:
 
 
 def steep(pool: Pool, points: SamplePoints, reachable: Iterable[int], moves: Callable[[int], bool]) -> Steep:
-    """Those among the `reachable` nodes, in evaluation order, whose argument `moves` between events."""
-    found: dict[tuple[int, str | float], int] = {}
+    """The steep functions among `reachable` nodes, in evaluation order, whose argument `moves` between events."""
+    index_of: dict[tuple[int, str | float], int] = {}
     functions: list[tuple[int, tuple[int, ...]]] = []
-    candidates = [(n, a) for n, a in _arguments(pool, reachable) if moves(a)]  # few: most divide by parameters
+    candidates = [
+        (n, a) for n, a in _arguments(pool, reachable) if moves(a)
+    ]  # few, as most quotients divide by parameters
     below = pool.reachable(a for _, a in candidates)
     has_floor = _floors(pool, below, moves)
     bounds = ranges(pool, below, lambda n: None if moves(n) else float(points.of(n)[0]))
 
     def is_valley(argument: int) -> bool:
-        """Whether it stays above zero by less than it rises elsewhere."""
+        """Whether an argument has a narrow minimum above zero, much smaller than its values elsewhere."""
         low, high = bounds[argument]
         low, high = (low, high) if low + high > 0.0 else (-high, -low)
         if low >= -_ROUNDING * high and math.isfinite(high):
@@ -94,18 +96,18 @@ def steep(pool: Pool, points: SamplePoints, reachable: Iterable[int], moves: Cal
             if exponent >= _LARGE or (exponent < 1.0 and is_valley(argument)):
                 kind = exponent
         if kind is not None:
-            places = [found.setdefault((n, kind), len(found)) for n in _behind_kinks(pool, argument, moves)]
+            places = [index_of.setdefault((n, kind), len(index_of)) for n in _operands_of_kinks(pool, argument, moves)]
             functions.append((number, tuple(places)))
     middles = [
         (w, place)
-        for place, (argument, kind) in enumerate(found)
-        for w in ([argument] if kind in STEPS else _evens(pool, argument, moves))
+        for place, (argument, kind) in enumerate(index_of)
+        for w in ([argument] if kind in STEPS else _even_variables(pool, argument, moves))
     ]
-    return Steep(tuple(n for n, _ in found), tuple(kind for _, kind in found), tuple(middles), tuple(functions))
+    return Steep(tuple(n for n, _ in index_of), tuple(kind for _, kind in index_of), tuple(middles), tuple(functions))
 
 
 def _arguments(pool: Pool, reachable: Iterable[int]) -> Iterator[tuple[int, int]]:
-    """Functions that may be steep, and their arguments."""
+    """(Node, argument) of functions that may be steep."""
     nodes = pool.nodes
     for number in reachable:
         node = nodes[number]
@@ -116,8 +118,8 @@ def _arguments(pool: Pool, reachable: Iterable[int]) -> Iterator[tuple[int, int]
             yield number, node[1]
 
 
-def _evens(pool: Pool, number: int, moves: Callable[[int], bool]) -> list[int]:
-    """What an expression is an even function of, as far as its sums, products and roots show it."""
+def _even_variables(pool: Pool, number: int, moves: Callable[[int], bool]) -> list[int]:
+    """Nodes of which an expression is an even function, as far as its sums, products and roots show it."""
     found, stack, seen = [], [number], set[int]()
     while stack:
         here = stack.pop()
@@ -141,8 +143,8 @@ def _is_even(pool: Pool, op: str, operands: list[int]) -> bool:
     return op in ("fabs", "cosh")
 
 
-def _behind_kinks(pool: Pool, number: int, moves: Callable[[int], bool]) -> list[int]:
-    """An argument, or the sides of `minimum` and `maximum` in it, of which one may be constant for long."""
+def _operands_of_kinks(pool: Pool, number: int, moves: Callable[[int], bool]) -> list[int]:
+    """An argument, or the operands of `minimum` and `maximum` in it, any of which may be constant for long."""
     found, stack, seen = [], [number], set[int]()
     while stack:
         here = stack.pop()
@@ -158,16 +160,16 @@ def _behind_kinks(pool: Pool, number: int, moves: Callable[[int], bool]) -> list
 
 
 def _is_wide(points: SamplePoints, number: int) -> bool:
-    """Whether a sum of a floor and a square is a narrow valley: elsewhere it is by far larger."""
+    """Whether a sum of a floor and a square is a narrow valley: at some sample points it is far larger."""
     values = np.abs(points.everywhere(number))
     values = values[np.isfinite(values)]
     return bool(values.size and values.max() > _FACTOR * values.min())
 
 
 def _floors(pool: Pool, reachable: Iterable[int], moves: Callable[[int], bool]) -> dict[int, bool]:
-    """Whether each sum among these nodes holds a constant and an even power: w**2 + eps**2.
+    """Whether each of these nodes contains the sum of a constant and an even power: w**2 + eps**2.
 
-    What is below a node comes before it: walks from every root would take shared expressions again and again.
+    One pass in evaluation order: walks from every root would visit shared expressions repeatedly.
     """
     constant: dict[int, bool] = {}
     even: dict[int, bool] = {}

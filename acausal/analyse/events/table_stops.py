@@ -1,11 +1,12 @@
-"""Long tables: where along them a run has to stop.
+"""Stops at the ends of stretches of long tables.
 
-Read at `slope * (time - origin)`, with both free of variables, what they do is known before the run; where it matters
-depends on the tolerance. Read at a variable, the number of the stretch that it is in says where.
+A table of `slope * (time - origin)`, with both free of variables, is known before the run, and its stops depend on the
+tolerance. For a table of a variable, relations of the number of the current stretch locate them.
 
-What begins at the end of a stretch may be over before the next step ends. The number is the whole part of a broken line
-(`floor`), so that two relations locate all ends of a table, however many and whichever way it is passed. It stands in
-no equation: the rows stay one function there (`acausal.lookup`), as ten thousand relations would be as many modes.
+A change at the end of a stretch may be over before the next step ends. The stretch number is the integer part (`floor`)
+of a piecewise linear function, so that two relations locate all ends of a table, whatever their number and the
+direction of passage. It occurs in no equation: the table itself stays one function (`acausal.lookup`), since ten
+thousand relations would be as many modes.
 """
 
 from __future__ import annotations
@@ -22,16 +23,16 @@ from acausal.language.expressions.external import Call
 from acausal.language.expressions.lookup import Lookup, lookup
 from acausal.numeric.table_ends import stops, table_ends
 
-# Share of a stretch, from either of its ends, in which its number has the slope of that end.
+# Part of a stretch, from either end, in which its number has the slope of that end.
 _NEAR = 0.25
 
 
 def stretch_numbers(
     pool: Pool, roots: Iterable[int], definitions: Mapping[int, int], relative: float
 ) -> tuple[tuple[int, ...], int]:
-    """The numbers of the stretches of all such tables below `roots`, for a run of this relative tolerance.
+    """(Nodes of the stretch numbers of all tables of variables below `roots`, number of ends that are no stops).
 
-    And at how many ends no run stops, as they are one of very many.
+    `relative`: relative tolerance of the run.
     """
     found: dict[int, int] = {}
     seen: set[int] = set()
@@ -39,7 +40,7 @@ def stretch_numbers(
     while stack:
         number = stack.pop()
         op, *operands = pool.nodes[number]
-        # what is below a whole part is constant between events
+        # nodes below `floor` and `ceil` are constant between events
         if number in seen or op in LEAVES or op in ("floor", "ceil"):
             continue
         seen.add(number)
@@ -62,11 +63,12 @@ def _number(pool: Pool, argument: int, ends: list[float]) -> int:
 
 
 def _line(ends: list[float]) -> tuple[list[float], list[tuple[float, float]]]:
-    """Breaks and rows of a broken line that is k at the end k, without a kink there.
+    """Breaks and rows of a piecewise linear function that equals k at end k, and has no kink there.
 
-    A run that stops at an end begins within rounding of it, on either side, and judges the relations by their rates:
-    from 2e-4 to 10 s they fell by 50 000, so that a row was searched in ever smaller parts for what it might pass. So
-    the slope at an end is that of the longer of its stretches, up to a quarter of the shorter one.
+    A run that stops at an end restarts within rounding of it, on either side, and predicts the relations by their
+    rates. If these jumped at the end, from stretches of 2e-4 s to one of 10 s by a factor of 50 000, a row would be
+    searched in ever smaller parts. So the slope at an end is that of its longer stretch, up to a quarter of the shorter
+    one.
     """
     lengths = np.diff(ends)
     slopes = 1.0 / np.maximum(np.append(0.0, lengths), np.append(lengths, 0.0))
@@ -82,7 +84,7 @@ def _line(ends: list[float]) -> tuple[list[float], list[tuple[float, float]]]:
 
 @dataclass(frozen=True)
 class TimeTable:
-    """A table whose argument is zero at the node `origin` [s] and grows by the node `slope` [1/s]."""
+    """A table with the argument `slope * (time - origin)`, nodes in [1/s] and [s]."""
 
     table: Lookup
     origin: int
@@ -90,7 +92,7 @@ class TimeTable:
 
 
 def time_tables(pool: Pool, roots: Iterable[int], definitions: Mapping[int, int]) -> tuple[TimeTable, ...]:
-    """All such tables below `roots`, each once; `definitions` are the nodes that variables are equal to."""
+    """All tables of time below `roots`, without repetitions; `definitions` maps variables to nodes."""
     found: dict[TimeTable, None] = {}
     for number in pool.reachable(roots):
         op, *operands = pool.nodes[number]
@@ -112,7 +114,7 @@ def is_of_time(pool: Pool, number: int, definitions: Mapping[int, int]) -> bool:
 
 
 def _of_time(pool: Pool, number: int, definitions: Mapping[int, int]) -> int | None:
-    """A node with its variables replaced by what they are equal to; None where one of them is equal to nothing."""
+    """A node with its variables replaced by their definitions; None if one of them has none."""
     while inside := pool.variables_in(number):
         if not definitions.keys() >= inside:
             return None

@@ -1,7 +1,7 @@
-"""Relations that depend on time and parameters only: known in advance, so the run is cut there.
+"""Time events: relations that depend on time and parameters only, whose instants are known before the run.
 
-Inside a segment such a relation is a constant mode; the right-hand side is then smooth in time up to both ends. No
-solver has to discover a pulse: six of them return 0 for one of 10 ms.
+The run is divided there. Within a segment such a relation is a constant mode, and the right-hand side is smooth in time
+up to both ends. No solver has to discover a pulse: six of them return 0 for one of 10 ms.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ _SWITCHED = frozenset((*RELATIONS, "min", "max", "fabs", "sign"))
 class TimeEvents:
     """Relation nodes that switch at known instants.
 
-    `instants[k]` is the node of the time at which `relations[k]` changes; it depends on parameters only, as the node
-    `slopes[k]` does: the rate at which its left side passes its right side. `rewritten` maps min, max, fabs and sign of
-    time to branches on such relations.
+    `instants[k]` is the node of the time at which `relations[k]` changes, `slopes[k]` that of the rate of its left
+    minus its right side; both depend on parameters only. `rewritten` maps min, max, fabs and sign of time to branches
+    on such relations.
     """
 
     relations: tuple[int, ...]
@@ -32,12 +32,12 @@ class TimeEvents:
 
 
 def find_time_events(pool: Pool, roots: Iterable[int]) -> TimeEvents:
-    """Search all relations below `roots` that are affine in time, with coefficients free of variables."""
+    """Time events of all relations below `roots` that are affine in time, with coefficients free of variables."""
     switched = [n for n in pool.reachable(roots) if pool.nodes[n][0] in _SWITCHED]
     if not switched:
         return TimeEvents((), (), (), {})
     timely = _timely(pool, pool.reachable(switched))
-    found: dict[int, tuple[int, int]] = {}
+    passage_of: dict[int, tuple[int, int]] = {}
     rewritten: dict[int, int] = {}
     for number in switched:
         node = pool.nodes[number]
@@ -47,19 +47,19 @@ def find_time_events(pool: Pool, roots: Iterable[int]) -> TimeEvents:
         if op in RELATIONS:
             passage = affine_in_time(pool, pool.sub(node[1], node[2]))
             if passage is not None:
-                found[number] = passage
+                passage_of[number] = passage
         else:
             branch = _branch(pool, op, node[1:])
             if branch is None:
                 continue
             rewritten[number], relation, passage = branch
-            found.setdefault(relation, passage)
-    instants, slopes = (tuple(passage[k] for passage in found.values()) for k in range(2))
-    return TimeEvents(tuple(found), instants, slopes, rewritten)
+            passage_of.setdefault(relation, passage)
+    instants, slopes = (tuple(passage[k] for passage in passage_of.values()) for k in range(2))
+    return TimeEvents(tuple(passage_of), instants, slopes, rewritten)
 
 
 def _timely(pool: Pool, wanted: list[int]) -> set[int]:
-    """Nodes that depend on time and on no variable."""
+    """Nodes that depend on time but on no variable."""
     depends: dict[int, tuple[bool, bool]] = {}
     for number in wanted:
         node = pool.nodes[number]
@@ -76,8 +76,8 @@ def _timely(pool: Pool, wanted: list[int]) -> set[int]:
 
 
 def affine_in_time(pool: Pool, number: int) -> tuple[int, int] | None:
-    """The nodes of the time at which a node is zero, and of its slope; None where it is not affine in time."""
-    stand_in = -1  # a variable number no model has
+    """(Node of the time at which a node is zero, node of its slope); None for a node that is not affine in time."""
+    stand_in = -1  # no variable has this number
     done: dict[int, int] = {pool.time: pool.intern(("var", stand_in))}
     pool.rewrite([number], pool.var, done)
     form = LinearForm(pool, (stand_in,)).of(done[number])

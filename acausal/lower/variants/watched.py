@@ -7,7 +7,7 @@ from dataclasses import replace
 from functools import cache
 from weakref import WeakKeyDictionary
 
-from acausal.analyse.events.sleeping import MOST, Sleeping, sleeping
+from acausal.analyse.events.located_kinks import MOST, LocatedKinks, located_kinks
 from acausal.analyse.events.state_events import discrete_variables
 from acausal.analyse.events.table_stops import stretch_numbers
 from acausal.flatten.pool import RELATIONS
@@ -101,15 +101,15 @@ def _lowered(
     numbers: tuple[int, ...],
     branches: bool,
     system: Callable[[int], int],
-) -> tuple[CompiledModel | None, Sleeping]:
+) -> tuple[CompiledModel | None, LocatedKinks]:
     solution = compiled.solution
     reduced = solution.structure.reduced
     pool = reduced.pool
-    found = Sleeping()
+    found = LocatedKinks()
     if any(pool.nodes[n][0] in _KINKS | _BURSTS for n in pool.reachable(roots)):
         split = [n for n in compiled.state_events.rewritten if pool.nodes[n][0] in RELATIONS]
         located = *compiled.state_events.relations, *compiled.time_events.relations, *split
-        found = sleeping(solution, located, discrete_variables(reduced), system)
+        found = located_kinks(solution, located, discrete_variables(reduced), system)
     if not found.watched and not found.bursts and not numbers:
         return None, found
     lowered = lower(solution, compiled.driven, replace(found, numbers=numbers, branches=branches))
@@ -117,7 +117,7 @@ def _lowered(
     return replace(lowered, timings=dict(compiled.timings)), found
 
 
-def _note_on_unwatched(compiled: CompiledModel, found: Sleeping) -> str:
+def _note_on_unwatched(compiled: CompiledModel, found: LocatedKinks) -> str:
     reduced = compiled.solution.structure.reduced
 
     def name_of(kind: str, k: int) -> str:

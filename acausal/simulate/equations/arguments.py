@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from acausal.analyse.events.by_modes import KINKS, sides, teller
+from acausal.analyse.events.by_modes import KINKS, deciding_relation, sides
 from acausal.analyse.events.steep import STEPS
 from acausal.arrays import Vector
 from acausal.lower.build import BUILD
@@ -133,7 +133,7 @@ class Effects:
         modes = {n: self._symbols.m[first + k] for k, n in enumerate(compiled.state_events.relations)}
         known = sides(pool, modes)
         for number in pool.reachable([*(n for _, n in definitions), *solution.residuals]):
-            told = teller(pool, number, known)
+            told = deciding_relation(pool, number, known)
             if told is not None and number not in modes:
                 truth = modes[told[0]] if told[1] else 1 - modes[told[0]]
                 changes[number] = partial(_on_one_side, pool.nodes[number][0], truth)

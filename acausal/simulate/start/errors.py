@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from acausal.analyse.start import Condition, Reach
+from acausal.analyse.start import Condition, Dependence
 from acausal.arrays import Vector
 from acausal.diagnose.words import (
     component_of,
@@ -94,7 +94,7 @@ def _value(compiled: CompiledModel, condition: Condition, p: Vector) -> float | 
 
 def _others(compiled: CompiledModel, condition: Condition, x: Vector, p: Vector) -> list[str]:
     """The other conditions that concern the same states, with their places."""
-    reach = Reach(compiled.solution)
+    reach = Dependence(compiled.solution)
     mine = reach.of(condition.node)
     if mine & set(compiled.solution.algebraic):
         mine |= {v for r in compiled.solution.residuals for v in reach.of(r)}
@@ -193,7 +193,7 @@ def _labels(compiled: CompiledModel, with_conditions: bool) -> tuple[list[str], 
     for c in compiled.start.conditions if with_conditions else ():
         labels.append(("start value of " if c.scalar is not None else "start equation ") + c.text + _placed(c.where))
         spans.append(c.where)
-    structure, reach = compiled.solution.structure, Reach(compiled.solution)
+    structure, reach = compiled.solution.structure, Dependence(compiled.solution)
     reduced = structure.reduced
     row = {node: k for k, node in enumerate(structure.residuals)}
     for node in compiled.solution.residuals:

@@ -1,4 +1,4 @@
-"""What is left of a burst far from it: exponentials and high powers that are almost no numbers, cut off."""
+"""Exponentials and high powers near underflow, replaced by constants."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ _LARGE = 8.0
 _LEAST = -300.0
 
 
-def without_traces(pool: Pool, roots: Iterable[int], done: dict[int, int]) -> dict[int, int]:
-    """Exponentials and high even powers, constant where they are below 1e-130; their images are added to `done`.
+def without_underflow(pool: Pool, roots: Iterable[int], done: dict[int, int]) -> dict[int, int]:
+    """Images of exponentials and high even powers that are constant where they are below 1e-130; added to `done` too.
 
-    A factorisation takes squares, and divides by one that is almost too small to be a number (1e-155 squared): a run
-    stopped with AC400 far from any burst.
+    A factorisation takes squares, and divides by squares close to underflow (1e-155 squared), so that a run stopped
+    with AC400 far from any burst.
     """
     found: dict[int, int] = {}
     for number in pool.reachable(roots):
