@@ -24,6 +24,7 @@ from acausal.lower.build import Builder
 from acausal.lower.events.impulses import impulses
 from acausal.lower.symbols import Symbols
 from acausal.simulate.driver.hybrid import Hybrid, Passage
+from acausal.simulate.events.guards import as_one
 from acausal.simulate.events.regime import Regime
 from acausal.simulate.events.sampling import due
 
@@ -153,7 +154,7 @@ class Saltation:
     def _known(self, t: float) -> Vector:
         """How an instant that is known in advance moves; refused where several meet there that move apart."""
         instants, by_p = self.slopes.kept("instants", self._instants)(self.p)
-        at = [k for k, v in enumerate(instants.ravel()) if abs(v - t) <= 1e-12 * max(1.0, abs(t))]
+        at = [k for k, v in enumerate(instants.ravel()) if abs(v - t) <= as_one(self.duration, t)]
         ways = [*by_p[at][:, self.chosen], *self._ticks(t)]
         if not ways:
             return np.zeros(self.count)

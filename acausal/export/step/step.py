@@ -24,7 +24,7 @@ from acausal.export.ports import Output, named_outputs, output_ports, parameter_
 from acausal.export.step.hybrid_step import HybridStep
 from acausal.export.step.methods import IMPLICIT, METHODS, Method
 from acausal.export.step.source import StepFunction
-from acausal.export.step.timely import inside, note, timely
+from acausal.export.step.timely import at_end, inside, note, timely
 from acausal.lower.casadi_model import Port, Ports
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.symbols import Symbols
@@ -131,7 +131,7 @@ class _Made:
         x, z, kept = ca.vertsplit(stored, [0, nx, nx + nz, stored.numel()])
         # the time is a multiple of the step: a sum of steps would have drifted off the samples after a day
         turn = ca.floor((clock - start) / h + 0.5)
-        on_grid = ca.fabs(start + turn * h - clock) < 1e-6 * h
+        on_grid = ca.fabs(start + turn * h - clock) < at_end(clock, h)
         t, end = ca.if_else(on_grid, start + turn * h, clock), ca.if_else(on_grid, start + (turn + 1) * h, clock + h)
         before = hybrid.modes(t, kept) if hybrid else self._timely(t)
         limit = self.method.limit

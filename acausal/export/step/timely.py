@@ -9,19 +9,25 @@ from __future__ import annotations
 from typing import Any
 
 import casadi as ca
+import numpy as np
 
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.symbols import Symbols
 
 # A clock counts as ticking at an instant to this share of its interval, and of the step.
 TICK = 1e-9
-# An instant so near to the end of a step, by the step, is at its end.
-_AT_END = 1e-6
+# An instant so near to the end of a step, by the step, is at its end; and so is one that rounding has moved off it.
+_AT_END, _ROUNDING = 1e-6, 4.0 * float(np.finfo(float).eps)
+
+
+def at_end(t: Any, h: float) -> Any:
+    """How near [s] to a multiple `t` of a step `h` an instant is at it."""
+    return _AT_END * h + _ROUNDING * ca.fabs(t)
 
 
 def timely(compiled: CompiledModel, t: Any, h: float, p: Any) -> Any:
     """Relations of time just after an instant of a grid of steps `h`."""
-    found = compiled.modes(t + TICK * h, p)
+    found = compiled.modes(t + at_end(t, h), p)
     return ca.vertsplit(found, [0, compiled.n_timely, found.numel()])[0]
 
 
@@ -33,9 +39,11 @@ def ticks(compiled: CompiledModel, h: float) -> Any:
     for number in compiled.state_events.samples:
         _, a, b = pool.nodes[number]
         first, interval = builder.lower([a, b])
-        before, now = (ca.floor((at - first) / interval + TICK) for at in (s.t - h, s.t))
+        near = at_end(s.t, h)
+        before, now = (ca.floor((at + near - first) / interval) for at in (s.t - h, s.t))
         due.append(ca.logic_and(now > before, now >= 0))
-        late.append(ca.logic_and(due[-1], first + now * interval < s.t - _AT_END * h))
+        again = ca.logic_and(now > before + 1, now >= 1)
+        late.append(ca.logic_and(due[-1], ca.logic_or(again, first + now * interval < s.t - near)))
     return ca.Function("ticks", [s.t, s.p], [ca.densify(ca.vertcat(ca.SX(0, 1), *v)) for v in (due, late)])
 
 
@@ -44,7 +52,7 @@ def inside(compiled: CompiledModel, t: Any, h: float, p: Any) -> Any:
     found: Any = 0
     if compiled.n_timely:
         for instant in ca.vertsplit(compiled.instants(p)):
-            found = ca.logic_or(found, ca.logic_and(instant > t + TICK * h, instant < t + (1 - _AT_END) * h))
+            found = ca.logic_or(found, ca.logic_and(instant > t + at_end(t, h), instant < t + h - at_end(t, h)))
     return found
 
 

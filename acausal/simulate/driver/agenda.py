@@ -24,9 +24,10 @@ from acausal.simulate.events.sampling import due, sample_times
 from acausal.simulate.inputs.given import Inputs
 from acausal.simulate.record.record import Recorder
 
-# Stops nearer than this share of the run are one.
+# Stops nearer than this share of the run, or than times are rounded, are one.
 _APART = 1e-13
 _MARGIN = 1e-12
+_ROUNDING = 4.0 * float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +99,7 @@ def known_instants(
     compiled: CompiledModel, p: Vector, inputs: Inputs, start: float, stop: float, cuts: Vector | None = None
 ) -> Vector:
     """Start, the instants known in advance inside the run and further `cuts`, each once, and stop."""
-    least = _APART * (stop - start)
+    least = max(_APART * (stop - start), _ROUNDING * max(abs(start), abs(stop)))
     known = [times(compiled, p, inputs, start, stop) for times in KNOWN]
     found = np.unique(np.concatenate(known if cuts is None else [*known, cuts]))
     inside = found[np.isfinite(found) & (found > start + least) & (found < stop - least)]
@@ -191,7 +192,7 @@ class Agenda:
     @property
     def margin(self) -> float:
         """Instants nearer than this are one [s]."""
-        return _MARGIN * self.span
+        return max(_MARGIN * self.span, _ROUNDING * float(np.abs(self.schedule.instants[[0, -1]]).max()))
 
     def passed(self, record: Recorder, events: Sequence[float], complete: bool) -> bool:
         """Tell the sources how far a stretch has come; whether all of them can go on."""

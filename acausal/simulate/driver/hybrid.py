@@ -15,7 +15,7 @@ from acausal.simulate.driver.flight import Flight, Passed, can_fly
 from acausal.simulate.driver.overlooked import Overlooked
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.errors import RestlessKink, accumulated, unsettled
-from acausal.simulate.events.guards import INSTANT, Cause, Guards, Moment, resting_band
+from acausal.simulate.events.guards import Cause, Guards, Moment, as_one, resting_band
 from acausal.simulate.events.iteration import Happened, Iteration, Jump
 from acausal.simulate.events.location.search import Arrival, Search
 from acausal.simulate.events.location.stopping import Lingering, Stop, compiled_program, integrate_to_event
@@ -224,7 +224,7 @@ class Hybrid:
 
     def _near(self, t: float) -> float:
         """The last instant that cannot be told from this one."""
-        return t + INSTANT * max(self.span, abs(t))
+        return t + as_one(self.span, t)
 
     def _due(self, here: float, moment: Moment, end: float) -> float | None:
         """When the flights of something held at rest end, if that is within a stretch."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +17,8 @@ from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.regime import Regime
 from acausal.simulate.tolerances import Tolerances
 
-# Instants are located to this share of the run, or of the time.
-INSTANT = 1e-12
+# Instants are told apart by this share of the run, or of the time, which is a hundred of its roundings.
+INSTANT, _ROUNDINGS = 1e-12, 2e-14
 # So many instants late a mode may begin: its guards are behind zero then, by more than their noise.
 LATE = 100
 # What rounding makes of guards that no error moves. Of all others it would be no small number where they are
@@ -31,6 +32,16 @@ LOCATED = 1e-2
 _SLOWEST = 1e-30
 # No guard is farther: where a limit is infinite, differences of guards are numbers all the same.
 FAR = 1e100
+
+
+def as_one(span: float, t: Any) -> Any:
+    """Instants at times `t` [s], a number or an array, that are nearer than this are one, in a run of length `span`."""
+    return np.maximum(INSTANT * span, _ROUNDINGS * np.abs(t))
+
+
+def located(span: float, t: float) -> float:
+    """How well an instant is located: better than it is told apart from others."""
+    return max(LOCATED * INSTANT * span, 0.05 * _ROUNDINGS * abs(t))
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +127,7 @@ class Guards:
             near = noise > np.abs(self.distances(t, at) if distances is None else distances)
             if near.any():
                 noise[near] = np.minimum(noise[near], self._relaxed(t, at, errors[0], np.flatnonzero(near)))
-        noise += np.abs(own) * (INSTANT * max(self.span, abs(t)))  # instants are found to rounding only
+        noise += np.abs(own) * as_one(self.span, t)  # instants are found to rounding only
         noise[noise == 0.0] = LEAST
         if self._shared:
             # an element that carries its limit beside others that are stuck is at its guard but for rounding of loads
@@ -142,7 +153,7 @@ class Guards:
                 here, which = Moment(x[k], at.z, at.m, at.regime), near[k]
                 least = self._relaxed(float(times[k]), here, error[k], np.flatnonzero(which))
                 noises[k, which] = np.minimum(noises[k, which], least)
-        noises += np.abs(rates) * (INSTANT * np.maximum(self.span, np.abs(times)))[:, None]
+        noises += np.abs(rates) * as_one(self.span, times)[:, None]
         noises[noises == 0.0] = LEAST
         return distances, rates, _finite(noises)
 
@@ -160,7 +171,7 @@ class Guards:
 
     def behind(self, t: float, g: Vector, rate: Vector, noise: Vector) -> Truth:
         """Guards that are zero to rounding, or in a mode that began some instants late, which they are about to be."""
-        return np.asarray((np.abs(g) <= noise) | (-g <= rate * (LATE * INSTANT * max(self.span, abs(t)))))
+        return np.asarray((np.abs(g) <= noise) | (-g <= rate * (LATE * as_one(self.span, t))))
 
     def held(self, t: float, at: Moment) -> Vector:
         """States nearest to those given that are on the guards which the regime holds."""
@@ -200,7 +211,7 @@ class Guards:
     def _reached(self, t: float, at: Moment) -> tuple[Truth, Vector]:
         """Guards that are reached and falling; and how far away all of them are [s], below zero where they rise."""
         g, rate, noise = self.state(t, at)
-        near = np.abs(g) <= np.maximum(LOCATED * noise, np.abs(rate) * INSTANT * max(self.span, abs(t)))
+        near = np.abs(g) <= np.maximum(LOCATED * noise, np.abs(rate) * as_one(self.span, t))
         ahead = np.abs(g) / np.where(np.abs(rate) > _SLOWEST, -rate, -_SLOWEST)
         return np.asarray((g < 0) | (near & (rate < 0))), ahead
 

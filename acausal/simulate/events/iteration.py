@@ -24,7 +24,7 @@ from acausal.simulate.equations.kept import kept
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.equations.shares import Border
 from acausal.simulate.events.errors import contradicting, overloaded, undetermined, unsettled, vain, violated
-from acausal.simulate.events.guards import AT_REST, INSTANT, LOCATED, Cause, Guards, Moment
+from acausal.simulate.events.guards import AT_REST, LOCATED, Cause, Guards, Moment, as_one
 from acausal.simulate.events.held import Hold
 from acausal.simulate.events.regime import Regime
 from acausal.simulate.events.resets.constrained import followed
@@ -377,7 +377,7 @@ class Iteration:
         noise = np.where(free & (walk.flips[own] > 1), walk.doubt[own], noise)
         wrong = g < -2 * noise
         # not the whole noise: a thin plate has its other side within it; but as near as instants are found
-        at = g <= np.maximum(LOCATED * noise, np.abs(rate) * INSTANT * max(self.guards.span, abs(t)))
+        at = g <= np.maximum(LOCATED * noise, np.abs(rate) * as_one(self.guards.span, t))
         leaves = at & (rate < -noise)
         # an instant that was found early: one mode still holds for nanoseconds, the other one does not yet
         back = walk.flips[own] >= _CHATTER

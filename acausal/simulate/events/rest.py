@@ -19,7 +19,7 @@ from acausal.analyse.events.state_events import Clause
 from acausal.lower.events.impulses import impulses
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.errors import accumulated
-from acausal.simulate.events.guards import INSTANT, Cause, Guards, Moment
+from acausal.simulate.events.guards import INSTANT, Cause, Guards, Moment, as_one
 from acausal.simulate.events.held import Hold
 from acausal.simulate.events.iteration import Happened
 from acausal.simulate.events.regime import Regime
@@ -101,7 +101,7 @@ class Bounces:
         """Count events of relations at an instant."""
         self.count += 1
         for k in relations:
-            again = t - self.last[k] <= INSTANT * max(self.span, abs(t))
+            again = t - self.last[k] <= as_one(self.span, t)
             self.crowd[k] = self.crowd[k] + 1 if again else 0
             self.last[k] = t
 

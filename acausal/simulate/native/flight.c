@@ -16,7 +16,8 @@ enum { DONE = 0, FULL = 1, UNUSUAL = 2, INTERRUPTED = 100 };
 enum { LOOKS = 64, FEWEST_LOOKS = 4, AT_ONCE = 12, CHATTER = 3, TWICE = 2, MOST_ROUNDS = 400, ENDLESS = 40, NEARLY = 16 };
 enum { ROW = 1, LOOK = 2 }; /* what an instant is asked for */
 enum { DEEPEST = 60, MOST_POINTS = 400, HALVE = 4, MOST_STOPS = 20 };
-#define INSTANT 1e-12
+#define INSTANT 1e-12 /* instants are told apart by this share of the run, or of the time: guards.py */
+#define ROUNDINGS 2e-14
 #define LOCATED 1e-2
 #define BEHIND 1.001
 #define LATE 100
@@ -110,6 +111,8 @@ struct space {
   casadi_int arguments, results;
 };
 
+static double as_one(const struct flight* s, double t) { return most(INSTANT * s->span, ROUNDINGS * fabs(t)); }
+
 static int called(function_t f, const struct flight* s, struct space* o, double t, const double* x, const double* m,
                   int count, double** results) {
   int k;
@@ -155,7 +158,7 @@ static int take_guards(const struct flight* s, struct space* o, double t, const 
 /* Rates of the guards `g` along the solution, and by how much the guards can be wrong (guards.py). */
 static int rates_at(const struct flight* s, struct space* o, double t, const double* x, const double* g) {
   double* results[5] = {o->rate, o->noise, 0, 0, 0};
-  double instant = INSTANT * most(s->span, fabs(t));
+  double instant = as_one(s, t);
   size_t relations = (size_t) s->relations * sizeof(double);
   int same = is_known(s, o, t, x);
   count_t k;
@@ -226,7 +229,7 @@ static int decide(struct flight* s, struct space* o, double t, count_t* turn) {
       double noise = o->noise[k];
       o->doubt[k] = most(o->doubt[k], noise);
       if (o->flips[k] > 1) noise = o->doubt[k];
-      double near = most(LOCATED * noise, fabs(o->rate[k]) * INSTANT * most(s->span, fabs(t)));
+      double near = most(LOCATED * noise, fabs(o->rate[k]) * as_one(s, t));
       double* mode = s->m + first_relation(s) + k;
       int untied = o->g[k] == 0.0 && o->rate[k] == 0.0 && o->flips[k] < TWICE && s->ties[k] >= 0 && *mode != (double) s->ties[k];
       if (o->g[k] < -2 * noise || untied || (leaving && o->g[k] <= near && o->rate[k] < -noise)) {
@@ -336,7 +339,7 @@ static void record_event(struct flight* s, double t, const unsigned char* fired)
 static int find_fired(struct flight* s, struct space* o, double t) {
   count_t k, nearest = 0;
   int any = 0;
-  double least = INFINITY, instant = INSTANT * most(s->span, fabs(t));
+  double least = INFINITY, instant = as_one(s, t);
   if (take_guards(s, o, t, s->x, o->g) || take_rates(s, o, t)) return UNUSUAL;
   for (k = 0; k < s->relations; ++k) {
     double away = fabs(o->g[k]), speed = fabs(o->rate[k]);
@@ -351,7 +354,7 @@ static int find_fired(struct flight* s, struct space* o, double t) {
 
 /* Count an event of relations (rest.py); UNUSUAL where events follow one another without end. */
 static int count_event(struct flight* s, const struct space* o, double t) {
-  double instant = INSTANT * most(s->span, fabs(t));
+  double instant = as_one(s, t);
   count_t k;
   for (k = 0; k < s->relations; ++k)
     if (o->fired[k] && t - s->last[k] <= instant && s->crowd[k] >= ENDLESS) return UNUSUAL;
@@ -543,7 +546,7 @@ static int integrate(struct flight* s, struct space* o, count_t* k, count_t last
   count_t j;
   while (*k <= last) {
     count_t first = *k;
-    double instant = LOCATED * INSTANT * most(s->span, fabs(o->wide[last])), begin = o->node[0].t, stop, t;
+    double instant = most(LOCATED * INSTANT * s->span, 0.05 * ROUNDINGS * fabs(o->wide[last])), begin = o->node[0].t, stop, t;
     status = advance(s, o, o->node, o->wide + first, last - first + 1, o->band, &stop);
     if (status) return status;
     /* search integrates on its own: what is ahead has to be kept */
@@ -619,7 +622,7 @@ static int stretch(struct flight* s, struct space* o) {
     int resting = o->g[k] <= LOCATED * o->noise[k] && o->rate[k] <= o->noise[k];
     /* one that was kept in its mode for a moment more goes past its guard as far as is seen */
     o->later[k] = resting ? (o->rate[k] < -o->noise[k] ? 2 * LOCATED : 2) * o->noise[k] : 0.0;
-    o->band[k] = !resting && (fabs(o->g[k]) <= o->noise[k] || -o->g[k] <= o->rate[k] * LATE * INSTANT * most(s->span, fabs(s->here)))
+    o->band[k] = !resting && (fabs(o->g[k]) <= o->noise[k] || -o->g[k] <= o->rate[k] * LATE * as_one(s, s->here))
       ? most(-BEHIND * o->g[k], 0.0) : o->later[k];
     o->never[k] = NEVER;
   }
@@ -651,7 +654,7 @@ static int stretch(struct flight* s, struct space* o) {
       while (!(o->asked[last] & LOOK)) ++last;
     status = integrate(s, o, &k, last, &found);
     if (status) return status;
-    if (found && k == wide - 1 && end - o->node[0].t <= INSTANT * most(s->span, fabs(end))) {
+    if (found && k == wide - 1 && end - o->node[0].t <= as_one(s, end)) {
       /* it belongs to the event at the end */
       o->node[0].t = end;
       found = 0;

@@ -27,7 +27,7 @@ from acausal.simulate.equations.calls.direct import Repeated
 from acausal.simulate.equations.calls.quick import Quick
 from acausal.simulate.equations.numbered import Numbered, with_values
 from acausal.simulate.equations.problem import Problem
-from acausal.simulate.events.guards import INSTANT, LOCATED, Guards, Moment, resting_band
+from acausal.simulate.events.guards import LOCATED, Guards, Moment, located, resting_band
 from acausal.simulate.events.location.bracketing import Node, first_crossing, is_clear
 from acausal.simulate.events.regime import Regime
 from acausal.simulate.interrupt import Interrupted
@@ -207,7 +207,7 @@ def integrate_to_event(guards: Guards, moment: Moment, segment: Segment, plugin:
     coming: list[_Coming] = []
     try:
         for place, end in enumerate(ends):
-            instant = LOCATED * INSTANT * max(guards.span, abs(end))
+            instant = located(guards.span, end)
             stops, is_quiet = 0, False
             while event is None and here.t < end:
                 coming = coming or ahead(here, ends[place:])
