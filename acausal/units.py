@@ -5,7 +5,8 @@ SI units with their prefixes and the common units of engineering are defined her
 package; any other name is looked up in pint, which is loaded at that moment only.
 
 A dimension is a tuple of the seven exponents of (m, kg, s, A, K, mol, cd). Angles, turns and ratios are dimensionless,
-as in the SI brochure (9th edition, table 4): N.m and N.m/rad, or 1/s and rad/s, agree.
+as in the SI brochure (9th edition, table 4): N.m and N.m/rad, or 1/s and rad/s, agree. Values are not converted
+between Hz and rad/s all the same: as numbers of cycles and of radians they differ by 2 pi (`ambiguous`).
 """
 
 from __future__ import annotations
@@ -128,6 +129,9 @@ _EXAMPLES = (
 
 _SPELLING = "write units as in Modelica: N.m, kg/(m.s2), m/s2, 1/s, mm, kN, deg, degC"
 _ANGLES = re.compile(r"\b(deg|degree|degrees|rev|cycle|turn)\b")
+_ANGULAR = re.compile(
+    r"[munkM\u00b5\u03bc]?rad|radians?|deg|degrees?|\u00b0|revs?|revolutions?|cycles?|turns?|rpm|grad|gon|arcmin|arcsec"
+)
 _SUPERSCRIPTS = str.maketrans(
     "\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079\u207b\u00b7\u22c5\u2212", "0123456789-..-"
 )
@@ -247,6 +251,27 @@ def convert(text: str, unit: str) -> float:
     return result
 
 
+def ambiguous(given: str, wanted: str) -> str | None:
+    """Why a value in one unit is not taken in the other though their dimensions agree; None where it is.
+
+    One counts cycles and the other one measures an angle: 60 rpm are 1 Hz to whoever turns a shaft, and 6.28 1/s to the
+    SI. A rate in 1/min may be either.
+    """
+    (given_cycles, given_angle), (wanted_cycles, wanted_angle) = _rotation(given), _rotation(wanted)
+    if (given_cycles and wanted_angle and not wanted_cycles) or (given_angle and wanted_cycles and not given_cycles):
+        return "Hz counts cycles, and one cycle is 2 pi rad: 1 Hz = 1 rev/s = 60 rpm = 6.2832 rad/s"
+    source = parse(given)
+    is_rate = wanted_angle and source.dimension == parse("1/s").dimension and not given_angle
+    return f"{_quoted(given)} may count turns or radians" if is_rate and source.factor != 1.0 else None
+
+
+def _rotation(unit: str) -> tuple[bool, bool]:
+    """Whether the names in a unit count cycles, and whether one of them is an angle."""
+    names = re.findall(r"[^\W\d_]+|\u00b0(?!C|F)", unit)
+    counts = any(name.endswith(("Hz", "hertz")) for name in names)
+    return counts, any(_ANGULAR.fullmatch(name) for name in names)
+
+
 def _converted(digits: str, suffix: str, unit: str) -> float:
     source, target = parse(suffix), parse(unit)
     if source.dimension != target.dimension:
@@ -258,6 +283,14 @@ def _converted(digits: str, suffix: str, unit: str) -> float:
                 f"{_quoted(unit)} has the dimension {format_dimension(target.dimension)}",
             ],
             help=_accepted(unit),
+        )
+    reason = ambiguous(suffix, unit)
+    if reason is not None:
+        raise UnitError(
+            "AC151",
+            f'"{digits} {suffix}" does not fit a quantity in {_quoted(unit)}',
+            evidence=[reason],
+            help="give it in Hz or 1/s" if "Hz" in unit else "give it in rad/s, rev/s, rpm or deg/s",
         )
     return _in(digits, source, target)
 

@@ -235,3 +235,28 @@ def test_the_own_table_needs_no_unit_package() -> None:
     )
     output = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout
     assert output.split("\n")[:2] == ["[]", "True"]
+
+
+@pytest.mark.parametrize(
+    ("text", "unit"),
+    [
+        *[("60 rpm", "Hz"), ("1 rad/s", "Hz"), ("360 deg/s", "Hz"), ("1 Hz", "rad/s"), ("2 kHz", "rad/s")],
+        *[("1 N.m.s/rad", "N.m/Hz"), ("3000 1/min", "rad/s"), ("3000 1/h", "rad/s")],
+    ],
+)
+def test_cycles_are_not_taken_for_radians(text: str, unit: str) -> None:
+    """60 rpm are one cycle a second, 1 Hz; the dimensions of the SI would make 6.28 Hz of them."""
+    with pytest.raises(UnitError, match=r"AC151.*does not fit"):
+        convert(text, unit)
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "value"),
+    [
+        *[("60 rpm", "rad/s", 2 * math.pi), ("1 rev/s", "rad/s", 2 * math.pi), ("3 1/s", "rad/s", 3.0)],
+        *[("60 1/min", "Hz", 1.0), ("3 1/s", "Hz", 3.0), ("2 kHz", "1/s", 2000.0), ("1 V/Hz", "V.s", 1.0)],
+        *[("1 N.m/rad", "N.m", 1.0), ("1 rad/s", "1/s", 1.0)],
+    ],
+)
+def test_what_is_neither_is_taken_as_the_si_has_it(text: str, unit: str, value: float) -> None:
+    assert convert(text, unit) == pytest.approx(value, rel=1e-12)

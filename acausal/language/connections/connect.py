@@ -10,7 +10,7 @@ from acausal.language.component import Component, Connector
 from acausal.language.declarations.declaration import Kind
 from acausal.language.expressions.expression import Expr, Symbol, shape_text
 from acausal.language.statement import Statement, made
-from acausal.units import parse
+from acausal.units import ambiguous, parse
 
 Connectable = TypeVar("Connectable", bound=Connector | Expr)
 
@@ -106,6 +106,14 @@ def _check_signals(ends: tuple[Expr, ...]) -> None:
                 "AC154",
                 f"`{first}` [{a}] and `{end}` [{b}] cannot be connected: their dimensions differ",
                 help="put a Gain that states the conversion between them",
+            )
+        reason = ambiguous(a, b) if a and b else None
+        if reason is not None:
+            raise UnitError(
+                "AC154",
+                f"`{first}` [{a}] and `{end}` [{b}] cannot be connected: one counts cycles, the other one radians",
+                evidence=[reason],
+                help="put a Gain of 2*pi, or of its inverse, between them",
             )
 
 

@@ -22,7 +22,7 @@ from acausal.result.series import TimeSeries, read_series
 from acausal.simulate.arguments import input_vector
 from acausal.simulate.inputs.pieces import Pieces, held, sampled, straight
 from acausal.simulate.tolerances import Tolerances
-from acausal.units import format_dimension, in_si, parse
+from acausal.units import ambiguous, format_dimension, in_si, parse
 
 # Share of the tolerance by which an input may be off, by the size of its variation.
 _SHARE = 0.1
@@ -221,6 +221,10 @@ def _in_unit(name: str, declared: Declaration, series: TimeSeries) -> TimeSeries
                 f"{series.name} in {series.unit} does not fit input {name} in {declared.unit}",
                 evidence=[f"{series.unit} has the dimension {format_dimension(source.dimension)}"],
             )
+        reason = ambiguous(series.unit, declared.unit) if declared.unit else None
+        if reason is not None:
+            fact = f"{series.name} in {series.unit} does not fit input {name} in {declared.unit}"
+            raise UsageError("AC151", fact, evidence=[reason], help="correct the unit, or convert the values")
         zero = in_si(0.0, series.unit)
         values = series.values * (in_si(1.0, series.unit) - zero) + zero
     except UsageError:

@@ -15,7 +15,7 @@ from acausal.result.csvfile import named
 from acausal.result.files import read
 from acausal.result.result import Result
 from acausal.result.series import TimeSeries, read_all
-from acausal.units import format_dimension, in_si, parse
+from acausal.units import ambiguous, format_dimension, in_si, parse
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,6 +142,12 @@ def _in_si(name: str, series: TimeSeries, declared: str) -> Vector:
             "AC151",
             f"{series.name} is in {series.unit}, {format_dimension(have)}; {name} is in {declared}",
             help="correct the unit in the first row",
+        )
+    reason = ambiguous(series.unit, declared)
+    if reason is not None:
+        fact = f"{series.name} is in {series.unit}; {name} is in {declared}"
+        raise UsageError(
+            "AC151", fact, evidence=[reason], help="correct the unit in the first row, or convert the values"
         )
     offset = in_si(0.0, series.unit)
     return np.asarray(series.values * (in_si(1.0, series.unit) - offset) + offset)
