@@ -224,7 +224,7 @@ class Hybrid:
 
     def _near(self, t: float) -> float:
         """The last instant that cannot be told from this one."""
-        return t + as_one(self.span, t)
+        return float(t + as_one(self.span, t))
 
     def _due(self, here: float, moment: Moment, end: float) -> float | None:
         """When the flights of something held at rest end, if that is within a stretch."""
