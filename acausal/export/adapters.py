@@ -1,6 +1,6 @@
-"""A `CasadiModel` in the words of other packages for optimal control: do-mpc, rockit, acados.
+"""Conversion of a `CasadiModel` for other packages of optimal control: do-mpc, rockit, acados.
 
-None of them is needed to import this. What a package has no place for is refused (AC614), not dropped.
+None of them is needed to import this module. Features that a package does not support are refused (AC614), not dropped.
 """
 
 from __future__ import annotations
@@ -21,8 +21,9 @@ from acausal.lower.casadi_model import CasadiModel, Ports
 class AcadosModel:
     """The fields of acados' `AcadosModel`, as SX; `vars(shape)` is what its `setattr` takes.
 
-    `f_expl_expr` is None where there are algebraic variables, which acados integrates by IRK only. Limits and parameter
-    values are no part of it: take `model.u.min`, ... for the constraints of an `AcadosOcp`, `model.p.start` for its
+    `f_expl_expr` is None for a model with algebraic variables, which acados integrates by IRK only. Limits and
+    parameter values are not included: use `model.u.min`, ... for the constraints of an `AcadosOcp`, and `model.p.start`
+    for its
     `parameter_values`.
     """
 
@@ -39,9 +40,9 @@ class AcadosModel:
 
 
 def acados_model(model: CasadiModel) -> AcadosModel:
-    """The shape of `AcadosModel`.
+    """The model as the fields of an `AcadosModel`.
 
-    Raises ExportError: AC614 for a model that depends on the time, or whose events act.
+    Raises ExportError: AC614 for a model that depends on the time, or has events.
     """
     _refuse(model, "acados")
     x, z, u, p = (ca.SX.sym(v, len(getattr(model, v))) for v in "xzup")
@@ -67,7 +68,7 @@ def do_mpc_model(model: CasadiModel, variables: Any) -> Any:
     `.` and brackets of names become `_`: `mass.s` is `mass_s`. Outputs are expressions under their names. Parameters
     are do-mpc's `_p`: give it `model.p.start`.
 
-    Raises ExportError: AC614 for a model that depends on the time, whose events act, or whose names coincide.
+    Raises ExportError: AC614 for a model that depends on the time or has events, or for names that coincide.
     """
     _refuse(model, "do-mpc")
     columns = []
@@ -92,7 +93,7 @@ def do_mpc_model(model: CasadiModel, variables: Any) -> Any:
 
 
 def do_mpc_limits(model: CasadiModel, controller: Any) -> None:
-    """Give limits and magnitudes of x, z and u to an `MPC` or `MHE` of do-mpc, before its setup."""
+    """Set limits and scaling of x, z and u of an `MPC` or `MHE` of do-mpc, before its setup."""
     for kind, ports in (("_x", model.x), ("_z", model.z), ("_u", model.u)):
         for name, port in zip(identifiers(ports), ports, strict=True):
             controller.scaling[kind, name] = port.nominal
@@ -104,7 +105,7 @@ def do_mpc_limits(model: CasadiModel, controller: Any) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """What `rockit_stage` declared: columns in the order of the model, and `stage["mass.s"]` by name."""
+    """Variables declared by `rockit_stage`: columns in the order of the model, and `stage["mass.s"]` by name."""
 
     x: Any
     z: Any
@@ -114,7 +115,7 @@ class Stage:
     places: dict[str, tuple[str, int]]
 
     def __getitem__(self, name: str) -> Any:
-        """One variable by its name in the model; KeyError where it has none."""
+        """One variable by its name in the model; KeyError for an unknown name."""
         vector, k = self.places[name]
         return getattr(self, vector)[k]
 
@@ -122,9 +123,9 @@ class Stage:
 def rockit_stage(model: CasadiModel, ocp: Any) -> Stage:
     """Declare a model in an `Ocp` of rockit: its variables with their magnitudes, equations, and limits.
 
-    States and their start are left free: `ocp.subject_to(ocp.at_t0(stage.x) == model.x.start)`.
+    The initial states are left free; fix them by `ocp.subject_to(ocp.at_t0(stage.x) == model.x.start)`.
 
-    Raises ExportError: AC614 for a model whose events act.
+    Raises ExportError: AC614 for a model with events.
     """
     _refuse(model, "rockit", timed=True)
     makers = {"x": ocp.state, "z": ocp.algebraic, "u": ocp.control}
@@ -150,7 +151,7 @@ def rockit_stage(model: CasadiModel, ocp: Any) -> Stage:
 
 
 def identifiers(ports: Ports) -> list[str]:
-    """Names as Python writes them: `arm.q[0]` is `arm_q_0`."""
+    """Names as Python identifiers: `arm_q_0` for `arm.q[0]`."""
     return [re.sub(r"\W+", "_", name).strip("_") for name in ports.names]
 
 

@@ -1,6 +1,6 @@
-"""What each form of a model carries, in one place: the past, and what happens at events.
+"""Features that each exported form of a model supports: delays, and events.
 
-A form refuses what it would lose and what its values depend on; what it leaves out without harm it says in its notes.
+A form refuses a model whose values depend on an unsupported feature; harmless omissions become notes.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from acausal.simulate.events.resets.constrained import bound
 
 @dataclass(frozen=True)
 class Form:
-    """A form of a model: what it is called, whether events act in it, what ends a run, and what to use instead."""
+    """An exported form: its name, whether it includes events, whether it includes ends of runs, and alternatives."""
 
     name: str
     events: bool
@@ -49,13 +49,13 @@ def check(compiled: CompiledModel, form: Form, outputs: Sequence[Output]) -> tup
     """Notes on what the form leaves out of this model.
 
     Raises UsageError: AC035 for a model with delays, AC027 for one whose contacts change its equations.
-    Raises ExportError: AC608 when `when`s or discrete equations change what the rates or the outputs are made of, and
-    the form does not carry events; or when what a `when` resets is bound by a stabilised constraint, which others then
+    Raises ExportError: AC608 when `when`s or discrete equations change variables that the rates or the outputs depend
+    on, and the form has no events; or when a `when` resets a state of a stabilised constraint, which others then
     follow.
     """
     compiled = compiled.unchanging(form.name)
     refuse_delays(compiled.flat, form.name, PADE)
-    notes = [] if form.events else _held(compiled, form, outputs)
+    notes = [] if form.events else _refuse_events(compiled, form, outputs)
     if form.events:
         _refuse_followers(compiled, form)
     if not form.ends:
@@ -69,7 +69,7 @@ def check(compiled: CompiledModel, form: Form, outputs: Sequence[Output]) -> tup
 
 
 def _refuse_followers(compiled: CompiledModel, form: Form) -> None:
-    """Refuse `reset`s of states that stabilised constraints bind: a run lets other states follow them."""
+    """Refuse `reset`s of states in stabilised constraints: only a run lets other states follow them."""
     clauses = compiled.state_events.clauses
     places = bound(compiled, {place for c in clauses for place, _ in c.actions})
     if not places:
@@ -86,14 +86,14 @@ def _refuse_followers(compiled: CompiledModel, form: Form) -> None:
     )
 
 
-def _held(compiled: CompiledModel, form: Form, outputs: Sequence[Output]) -> list[str]:
-    """Notes on discrete variables that nothing depends on; ExportError where events change anything else."""
+def _refuse_events(compiled: CompiledModel, form: Form, outputs: Sequence[Output]) -> list[str]:
+    """Notes on discrete variables that nothing depends on; ExportError AC608 if events change anything else."""
     events = compiled.state_events
-    acting: list[tuple[Clause | Assignment, list[int]]] = [
+    actions: list[tuple[Clause | Assignment, list[int]]] = [
         *((c, [position for position, _ in c.actions]) for c in events.clauses if c.actions),
         *((a, [a.position]) for a in events.assignments),
     ]
-    if not acting:
+    if not actions:
         return []
     first = len(compiled.states) - compiled.discretes
     structure = compiled.solution.structure
@@ -101,9 +101,9 @@ def _held(compiled: CompiledModel, form: Form, outputs: Sequence[Output]) -> lis
     rates = [pool.var(structure.derivative(v)) for v in compiled.state_variables[:first]]
     inside = _discrete(compiled, [*rates, *compiled.solution.residuals])
     shown = _discrete(compiled, [image[output.scalar] for output in outputs])
-    lost = [(act, k) for act, at in acting for k in at if k < first or k in inside | shown]
+    lost = [(act, k) for act, at in actions for k in at if k < first or k in inside | shown]
     if not lost:
-        return [f"{compiled.states[k]} keeps its value: {act.text}" for act, at in acting for k in at]
+        return [f"{compiled.states[k]} keeps its value: {act.text}" for act, at in actions for k in at]
     names = list(dict.fromkeys(compiled.states[k] for _, k in lost))
     only_shown = all(k >= first and k not in inside for _, k in lost)
     raise ExportError(
@@ -118,7 +118,7 @@ def _held(compiled: CompiledModel, form: Form, outputs: Sequence[Output]) -> lis
 
 
 def _discrete(compiled: CompiledModel, roots: Sequence[int]) -> set[int]:
-    """Positions among the states of the discrete variables that nodes depend on, through definitions."""
+    """Indices, among the states, of the discrete variables that nodes depend on, also through definitions."""
     pool = compiled.solution.structure.reduced.pool
     seen = pool.variables_behind(roots, dict(compiled.solution.definitions))
     first = len(compiled.states) - compiled.discretes

@@ -1,8 +1,8 @@
-"""Points at which equations have no first derivatives: where rates or outputs have a kink, or jump.
+"""Detection of points without first derivatives, where rates or outputs have a kink or jump.
 
-What CasADi says there is that of one side, of `fabs` the mean of both, of a root zero. A point is told by its two
-sides: slopes that differ across a thousandth of a billionth of the variables as much as across a billionth belong to no
-smooth function.
+There CasADi returns the derivative of one side, for `fabs` the mean of both, for a root zero. Such a point is
+recognised by its two sides: for a smooth function, slopes differ far less across 1e-12 of the variables than across
+1e-9.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from acausal.errors import ExportError
 from acausal.export.minimal.manifold import Minimal
 from acausal.lower.compiled import CompiledModel
 
-# Displacements, as shares of what variables are, and ways along which all of them are displaced at once.
+# Relative displacements, and number of directions in which all variables are displaced at once.
 _CLOSE, _FAR, _WAYS = 1e-12, 1e-9, 2
-# What differs by less, as a share of a row, is rounding; what shrinks by more than this on the way is smooth.
+# Relative difference that counts as rounding, and ratio of differences (close to far) of a smooth function.
 _ROUNDING, _SHRINKS = 1e-9, 0.5
-# Rows that are this small beside others are rounding altogether.
+# Rows smaller than this, relative to the largest, consist of rounding errors.
 _NOTHING = 1e-15
 
 
 @dataclass(frozen=True, eq=False)
 class Slopes:
-    """Rates [nx], outputs [ny], A, B, C, D of all states, and how algebraic variables follow x and u."""
+    """Rates (nx,), outputs (ny,), matrices A, B, C, D of all states, and dz/dx (nz, nx), dz/du (nz, nu)."""
 
     rates: Vector
     y: Vector
@@ -36,7 +36,10 @@ class Slopes:
     z_of_u: Vector
 
     def table(self, x: Vector, u: Vector) -> Vector:
-        """A row of each rate and output: what it is, and its slopes by states and inputs, in sizes `x` and `u`."""
+        """Table of shape (nx + ny, 1 + nx + nu): value and derivatives of each rate and output, scaled.
+
+        `x`, shape (nx,), and `u`, shape (nu,), are the magnitudes by which states and inputs are scaled.
+        """
         A, B, C, D = self.matrices
         rates = np.column_stack([self.rates, A * x, B * u]) / x[:, None]
         return np.vstack([rates, np.column_stack([self.y, C * x, D * u])])
@@ -50,7 +53,7 @@ def slopes_of_both_sides(
     least: Minimal,
     outputs: Sequence[str],
 ) -> Slopes:
-    """The `slopes` at a point `(x, z, u)`; motions beside it keep to the coordinates in `least`.
+    """The `slopes` at a point `(x, z, u)`, shapes (nx,), (nz,), (nu,), checked along motions of coordinates `least`.
 
     Raises ExportError: AC604 when both sides of the point have different slopes, or values.
     """
@@ -58,7 +61,7 @@ def slopes_of_both_sides(
     sizes = np.maximum(np.abs(x), compiled.nominal_x), np.maximum(np.abs(u), 1.0)
     here = slopes(*point)
     names = [*(f"der({n})" for n in compiled.states), *outputs]
-    for dx, du in _ways(compiled, least, *sizes):
+    for dx, du in _displacements(compiled, least, *sizes):
         dz = here.z_of_x @ dx + here.z_of_u @ du
         found = two_sides(lambda s: slopes(x + s * dx, z + s * dz, u + s * du).table(*sizes))  # noqa: B023
         if found is None:
@@ -77,26 +80,29 @@ def slopes_of_both_sides(
 
 
 def two_sides(at: Callable[[float], Vector]) -> tuple[int, int, float, float] | None:
-    """The first entry that is another one on both sides of a point, and what it is there; None where none is.
+    """(Row, column, value below, value above) of the first entry that differs on both sides of a point; None without.
 
-    `at(share)` is a table of values and slopes, in rows of one size, where variables are displaced by such a share.
+    `at(share)` returns a table, shape (n, k), of values and slopes for variables displaced by that relative amount;
+    each row has one scale.
     """
     table, sides = at(0.0), [at(-_CLOSE), at(_CLOSE)]
     with np.errstate(invalid="ignore"):
         jump = np.max([np.abs(side - table) for side in sides], axis=0)
         largest = np.max([np.abs(side).sum(axis=1) for side in (table, *sides)], axis=0)[:, None]
-        off = ~(jump <= _ROUNDING * np.maximum(largest, _NOTHING * largest.max(initial=0.0)))
-        if off.any():
-            bend = np.max([np.abs(at(share) - table) for share in (-_FAR, _FAR)], axis=0)
-            off &= ~(jump <= _SHRINKS * bend)
-    if not off.any():
+        differs = ~(jump <= _ROUNDING * np.maximum(largest, _NOTHING * largest.max(initial=0.0)))
+        if differs.any():
+            far_difference = np.max([np.abs(at(share) - table) for share in (-_FAR, _FAR)], axis=0)
+            differs &= ~(jump <= _SHRINKS * far_difference)
+    if not differs.any():
         return None
-    row, column = np.argwhere(off)[0].tolist()
+    row, column = np.argwhere(differs)[0].tolist()
     return row, column, float(sides[0][row, column]), float(sides[1][row, column])
 
 
-def _ways(compiled: CompiledModel, least: Minimal, size_x: Vector, size_u: Vector) -> Iterator[tuple[Vector, Vector]]:
-    """Displacements of states and inputs, of about their sizes, that keep to the constraints; discrete ones stay."""
+def _displacements(
+    compiled: CompiledModel, least: Minimal, size_x: Vector, size_u: Vector
+) -> Iterator[tuple[Vector, Vector]]:
+    """Displacements of x, shape (nx,), and u, shape (nu,), of about their magnitude and tangential to constraints."""
     rng = np.random.default_rng(0)
     places = np.array(least.places, dtype=int)
     for _ in range(_WAYS):

@@ -1,4 +1,4 @@
-"""The linear state space of a model about a point of its motion: x' = A x + B u, y = C x + D u, in deviations."""
+"""Linearisation about a point of the motion: x' = A x + B u, y = C x + D u, for deviations from that point."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from acausal.arrays import Vector
 from acausal.errors import ExportError, UsageError, meant
-from acausal.export.begin import input_start
 from acausal.export.forms import LINEAR, check
 from acausal.export.kinks import Slopes, slopes_of_both_sides
 from acausal.export.minimal.manifold import minimal, on_constraints
 from acausal.export.observed import dae_function
 from acausal.export.ports import Output, named_outputs
+from acausal.export.start_point import input_start
 from acausal.language.component import Component
 from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
@@ -42,7 +42,7 @@ class Linearization:
     rates
         x' at the point: all zero at an equilibrium.
     notes
-        Sentences about what was left out.
+        Notes on features that were left out.
     """
 
     name: str
@@ -66,7 +66,7 @@ class Linearization:
 
     @property
     def matrices(self) -> tuple[Vector, Vector, Vector, Vector]:
-        """(A, B, C, D), as `scipy.signal.StateSpace(*matrices)` and python-control's `ss(*matrices)` take them."""
+        """(A, B, C, D), shapes as above, for `scipy.signal.StateSpace(*matrices)` and `control.ss(*matrices)`."""
         return self.A, self.B, self.C, self.D
 
     def to_control(self) -> Any:
@@ -88,7 +88,7 @@ class Linearization:
 
     @property
     def eigenvalues(self) -> NDArray[np.complex128]:
-        """Eigenvalues of A [1/s], the slowest first."""
+        """Eigenvalues of A [1/s], shape (nx,), in ascending order of magnitude."""
         found = np.linalg.eigvals(self.A).astype(complex)
         return found[np.argsort(np.abs(found), kind="stable")]
 
@@ -105,26 +105,26 @@ def linearize(
 ) -> Linearization:
     """Linearize a model at its start, at given states, or at a time of a run.
 
-    Algebraic variables are eliminated: they follow the states and inputs by the implicit function theorem. So do states
-    that stabilised constraints bind (closed loops of joints): the states of the result are as many of the model's own
-    as are independent, those that determine the others best at the point.
+    Algebraic variables are eliminated by the implicit function theorem. So are dependent states of stabilised
+    constraints (closed loops of joints): the states of the result are a set of independent ones, chosen so that the
+    others are well conditioned functions of them at the point.
 
     Parameters
     ----------
     model
-        A component, or what `compile` made of it.
+        A component or a compiled model.
     t
-        Time [s]; None: the start of the model's experiment, or the end of `result`. At a switch of a source the values
-        after it count.
+        Time [s]; None: the start of the model's experiment, or the end of `result`. When a source switches at this
+        time, the values after it are used.
     x
-        Values of states by name; states not named keep those of the start or of `result`, or are the nearest to these
-        on the constraints.
+        Values of states by name; other states have the values of the start or of `result`, projected onto the
+        constraints.
     result
-        A run of this model: states, inputs and parameters are taken from it at time `t`.
+        A run of this model, from which states, inputs and parameters are taken at time `t`.
     inputs
-        Values of the model's own inputs about which to linearize; those not named are 0, or their guess.
+        Values of the model's own inputs at the point; others have their guess, or 0.
     outputs
-        Names of variables for y; None: those declared in the model's own class.
+        Names of variables for y; None: those declared in the model's class.
     parameters
         Values by path in SI.
 
@@ -135,9 +135,8 @@ def linearize(
     InitializationError
         The model has no consistent point there.
     ExportError
-        AC604 when the algebraic variables, or bound states, are not determined there to first order, or rates or
-        outputs have a kink or a jump there, AC608 when events change what they depend on, AC609 when `x` does not lie
-        on the constraints.
+        AC604 when the algebraic variables or dependent states are singular at the point, or rates or outputs have a
+        kink or a jump there, AC608 when events change what they depend on, AC609 when `x` violates the constraints.
     """
     compiled = model if isinstance(model, CompiledModel) else compile(model, parameters=parameters)
     wanted = named_outputs(compiled, outputs)
@@ -145,29 +144,31 @@ def linearize(
     if t is None:
         t = compiled.flat.experiment.start_time if result is None else float(result.time[-1])
     given = parameters if isinstance(model, CompiledModel) else None
-    p = parameter_vector(compiled, {**_recorded(compiled, result), **(given or {})})
+    p = parameter_vector(compiled, {**_parameters_of_run(compiled, result), **(given or {})})
     u = _inputs(compiled, t, p, result, inputs or {})
     start = _point(compiled, t, p, u, result, x or {})
     least = minimal(compiled, t, start, u, p, np.array(compiled.all_modes(t, start.x, start.z, u, p)).ravel())
     places = list(least.places)
     point = start.x, start.z, u
-    here = slopes_of_both_sides(compiled, t, _slopes_of(compiled, wanted, t, p), point, least, [o.name for o in wanted])
-    A, B, C, D = here.matrices
-    follow, driven = least.of_coordinates, least.of_inputs
+    slopes = slopes_of_both_sides(
+        compiled, t, _slopes_of(compiled, wanted, t, p), point, least, [o.name for o in wanted]
+    )
+    A, B, C, D = slopes.matrices
+    by_coordinates, by_inputs = least.of_coordinates, least.of_inputs
     return Linearization(
         compiled.name,
         t,
         tuple(compiled.states[k] for k in places),
         compiled.inputs,
         tuple(output.name for output in wanted),
-        (A @ follow)[places],
-        (B + A @ driven)[places],
-        C @ follow,
-        D + C @ driven,
+        (A @ by_coordinates)[places],
+        (B + A @ by_inputs)[places],
+        C @ by_coordinates,
+        D + C @ by_inputs,
         start.x[places],
         u,
-        here.y,
-        here.rates[places],
+        slopes.y,
+        slopes.rates[places],
         notes,
     )
 
@@ -175,7 +176,7 @@ def linearize(
 def _slopes_of(
     compiled: CompiledModel, wanted: Sequence[Output], t: float, p: Vector
 ) -> Callable[[Vector, Vector, Vector], Slopes]:
-    """The matrices of all states as a function of `(x, z, u)`, where algebraic variables follow."""
+    """Function of `(x, z, u)` that returns the matrices for all states, with algebraic variables eliminated."""
     partial = [f"jac:{f}:{v}" for f in ("ode", "alg", "y") for v in ("x", "z", "u")]
     jacobian = dae_function(compiled, wanted).factory("jacobian", ["t", "x", "z", "u", "p"], ["ode", "y", *partial])
     pairs = [(f, v) for f in ("ode", "y") for v in ("x", "u")]
@@ -189,8 +190,8 @@ def _slopes_of(
     return slopes
 
 
-def _recorded(compiled: CompiledModel, result: Result | None) -> dict[str, float]:
-    """Free parameters as a run had them."""
+def _parameters_of_run(compiled: CompiledModel, result: Result | None) -> dict[str, float]:
+    """Free parameters of a run."""
     if result is None:
         return {}
     signals = result.signals
@@ -208,7 +209,7 @@ def _inputs(compiled: CompiledModel, t: float, p: Vector, result: Result | None,
 def _point(
     compiled: CompiledModel, t: float, p: Vector, u: Vector, result: Result | None, given: Mapping[str, float]
 ) -> Start:
-    """A consistent point with the wanted states."""
+    """A consistent point with the given states."""
     m = np.array(compiled.modes(t, p)).ravel()
     if result is None:
         start = initialize(compiled, t, p, u, m)
@@ -225,11 +226,11 @@ def _point(
             )
         start.x[compiled.states.index(name)] = value
     start = on_constraints(compiled, t, start, u, p, m, [compiled.states.index(name) for name in given])
-    return _settled(compiled, t, start, p, u)
+    return _consistent_modes(compiled, t, start, p, u)
 
 
-def _settled(compiled: CompiledModel, t: float, start: Start, p: Vector, u: Vector) -> Start:
-    """Algebraic variables with the relations that they fulfil themselves: in a loop each depends on the other."""
+def _consistent_modes(compiled: CompiledModel, t: float, start: Start, p: Vector, u: Vector) -> Start:
+    """Iterate algebraic variables and relations, which depend on each other, until both are consistent."""
     seen: list[bytes] = []
     while True:
         m = np.array(compiled.all_modes(t, start.x, start.z, u, p)).ravel()
@@ -248,7 +249,7 @@ def _settled(compiled: CompiledModel, t: float, start: Start, p: Vector, u: Vect
 
 
 def _algebraic_slopes(compiled: CompiledModel, t: float, found: Mapping[str, Vector]) -> dict[str, Vector]:
-    """dz/dx and dz/du, from d(alg) = 0."""
+    """dz/dx, shape (nz, nx), and dz/du, shape (nz, nu), from d(alg) = 0; ExportError AC604 where singular."""
     own = found["jac_alg_z"]
     try:
         return {v: np.asarray(-np.linalg.solve(own, found[f"jac_alg_{v}"]), dtype=float) for v in ("x", "u")}

@@ -1,4 +1,4 @@
-"""Equations and wanted outputs of a model as CasADi functions, the modes following from where the model is."""
+"""Equations and outputs of a model as CasADi functions of a point, with the modes determined by that point."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from acausal.lower.symbols import Symbols
 
 
 def dae_function(compiled: CompiledModel, outputs: Sequence[Output]) -> Any:
-    """`(t, x, z, u, p) -> (ode, alg, y)`, with derivatives that are finite wherever its values are."""
+    """Function `(t, x, z, u, p) -> (ode, alg, y)`, with derivatives that are finite wherever its values are."""
     s = Symbols(compiled)
     y = observed_function(compiled, outputs)
     arguments = [s.t, s.x, s.z, s.u, s.p]
@@ -25,7 +25,7 @@ def dae_function(compiled: CompiledModel, outputs: Sequence[Output]) -> Any:
 
 
 def observed_function(compiled: CompiledModel, outputs: Sequence[Output]) -> Any:
-    """`(t, x, z, u, p, m) -> y`."""
+    """Function `(t, x, z, u, p, m) -> y`: the outputs."""
     s = Symbols(compiled)
     image = compiled.solution.structure.reduced.image
     builder = s.builder(compiled)

@@ -1,4 +1,4 @@
-"""Steady states: where nothing moves, or the values that keep wanted outputs where they shall be (trimming)."""
+"""Steady states: equilibria, and trim points with prescribed outputs."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ import numpy as np
 
 from acausal.arrays import Vector
 from acausal.errors import ExportError, UsageError, meant
-from acausal.export.begin import input_start
 from acausal.export.forms import LINEAR, check
 from acausal.export.observed import dae_function
 from acausal.export.ports import Output, named_outputs
+from acausal.export.start_point import input_start
 from acausal.language.component import Component
 from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
 from acausal.simulate.arguments import input_vector, parameter_vector
 from acausal.simulate.start.initialize import initialize
 
-# Rates that are left, in nominal magnitudes of their states per time of the run, and outputs that are missed.
+# Tolerance of rates, in nominal magnitudes of their states per duration of the experiment, and of outputs.
 _ZERO = 1e-8
-# Singular values of the scaled Jacobian, by the largest one, below which a direction changes nothing.
+# Relative singular value of the scaled Jacobian below which a direction counts as undetermined.
 _RANK = 1e-9
 _MOST = 200
 _ATTEMPTS = 5
@@ -35,11 +35,11 @@ class OperatingPoint:
     Attributes
     ----------
     t
-        Time at which the model's sources were read [s].
+        Time at which the model's sources were evaluated [s].
     states, algebraic, inputs, outputs
-        `states` and `inputs` are what `linearize(model, t, x=states, inputs=inputs)` takes.
+        `states` and `inputs` can be passed to `linearize(model, t, x=states, inputs=inputs)`.
     notes
-        Which values are not unique, and were taken as near to the start as possible.
+        Values that are not unique, and were chosen as close to the start as possible.
     """
 
     name: str
@@ -64,18 +64,18 @@ def operating_point(
     guess: Mapping[str, float] | None = None,
     parameters: Mapping[str, object] | None = None,
 ) -> OperatingPoint:
-    """Find states at which all rates are zero, by Newton's method in a trust region from the model's start.
+    """Find states at which all rates are zero, by a trust-region Gauss-Newton method from the model's start.
 
     Parameters
     ----------
     t
-        Time at which sources are read [s]; the start of the model's experiment by default.
+        Time at which sources are evaluated [s]; the start of the model's experiment by default.
     inputs
-        Values of inputs that are given; those not named have their start values.
+        Values of inputs; others have their start values.
     outputs
-        Values that variables have at the point, by name; usually as many inputs are free as variables are named.
+        Prescribed values of variables, by name; usually as many as there are free inputs.
     free
-        Inputs to find, within their limits.
+        Inputs to determine, within their limits.
     guess
         Values of states, and of free inputs, from which the search begins.
 
@@ -84,7 +84,8 @@ def operating_point(
     UsageError
         AC010 for unknown states, outputs or free inputs, AC033 for unknown inputs.
     ExportError
-        AC611 where there is no steady state near the start, with what still moves; AC608 when events change the rates.
+        AC611 where there is no steady state near the start, with the remaining rates; AC608 when events change the
+        rates.
     InitializationError
         The model has no start.
     """
@@ -103,9 +104,9 @@ def operating_point(
         else:
             start.x[_place(compiled, name, compiled.states, "state")] = value
     search = _Search(compiled, wanted, np.array(list((outputs or {}).values())), when, p, u, places)
-    found = search.solved(np.concatenate([start.x, start.z, u[places]]))
+    found = search.solve(np.concatenate([start.x, start.z, u[places]]))
     if found is None:
-        raise _nothing(compiled, search)
+        raise _no_steady_state(compiled, search)
     nx = len(start.x)
     return OperatingPoint(
         compiled.name,
@@ -114,12 +115,12 @@ def operating_point(
         dict(zip(compiled.algebraic, found[nx : nx + len(start.z)].tolist(), strict=True)),
         dict(zip(compiled.inputs, search.inputs(found).tolist(), strict=True)),
         dict(zip((o.name for o in wanted), search.at(found)["y"].ravel().tolist(), strict=True)),
-        (*notes, *_loose(search.jacobian(found / search.scale), [*compiled.states, *compiled.algebraic, *free])),
+        (*notes, *_undetermined(search.jacobian(found / search.scale), [*compiled.states, *compiled.algebraic, *free])),
     )
 
 
 class _Search:
-    """States, algebraic variables and free inputs at which rates and residuals vanish and outputs are as wanted."""
+    """Least-squares problem: rates, residuals and deviations of outputs as functions of (x, z, free inputs)."""
 
     def __init__(
         self,
@@ -132,8 +133,8 @@ class _Search:
         places: Sequence[int],
     ) -> None:
         self.compiled, self.aim, self.when, self.p, self.u, self.places = compiled, aim, when, p, u, list(places)
-        self.asked = ["ode", "alg", "y"] if aim.size else ["ode", "alg"]
-        slopes = [f"jac:{f}:{v}" for f in self.asked for v in ("x", "z", "u")]
+        self.functions = ["ode", "alg", "y"] if aim.size else ["ode", "alg"]
+        slopes = [f"jac:{f}:{v}" for f in self.functions for v in ("x", "z", "u")]
         dae = dae_function(compiled, wanted)
         self.function = dae.factory("point", ["t", "x", "z", "u", "p"], ["ode", "alg", "y", *slopes])
         experiment = compiled.flat.experiment
@@ -149,36 +150,36 @@ class _Search:
         self.left = np.zeros(0)
 
     def inputs(self, here: Vector) -> Vector:
-        """All inputs, those that are free from the point, shape (nu,)."""
+        """All inputs, shape (nu,), with the free ones from the point `here`, shape (nx + nz + n_free,)."""
         own = self.u.copy()
         own[self.places] = here[len(here) - len(self.places) :]
         return own
 
     def at(self, here: Vector) -> dict[str, Vector]:
-        """Rates, residuals, outputs and their derivatives."""
+        """Rates, residuals, outputs and their derivatives at the point `here`, by name."""
         nx, nz = len(self.compiled.states), len(self.compiled.algebraic)
         values = self.function(self.when, here[:nx], here[nx : nx + nz], self.inputs(here), self.p)
         return {name: np.array(v) for name, v in zip(self.function.name_out(), values, strict=True)}
 
     def residual(self, w: Vector) -> Vector:
-        """What is left, in units of what counts; `w` in units of the scale."""
+        """Scaled residual, shape (nx + nz + n_outputs,), at the scaled point `w`, shape (nx + nz + n_free,)."""
         found = self.at(np.asarray(w) * self.scale)
         missed: Vector = found["y"].ravel() - self.aim if self.aim.size else np.zeros(0)
         rest: Vector = np.concatenate([found["ode"].ravel(), found["alg"].ravel(), missed]) / self.size
         return rest
 
     def jacobian(self, w: Vector) -> Vector:
-        """Its derivatives."""
+        """Jacobian of `residual`, shape (nx + nz + n_outputs, nx + nz + n_free)."""
         found = self.at(np.asarray(w) * self.scale)
         rows = [
             np.hstack([found[f"jac_{f}_x"], found[f"jac_{f}_z"], found[f"jac_{f}_u"][:, self.places]])
-            for f in self.asked
+            for f in self.functions
         ]
         scaled: Vector = np.vstack(rows) * self.scale / self.size[:, None]
         return scaled
 
-    def solved(self, begin: Vector) -> Vector | None:
-        """The point, or None; where the slope of the sum of squares vanishes at the start, from beside it."""
+    def solve(self, begin: Vector) -> Vector | None:
+        """The point, shape as `begin`, or None; further attempts start beside it, in case it is a stationary point."""
         from scipy.optimize import least_squares
 
         compiled = self.compiled
@@ -214,7 +215,7 @@ def _place(compiled: CompiledModel, name: str, known: Sequence[str], kind: str) 
     )
 
 
-def _nothing(compiled: CompiledModel, search: _Search) -> ExportError:
+def _no_steady_state(compiled: CompiledModel, search: _Search) -> ExportError:
     worst = np.argsort(-np.abs(search.left))[:4]
     values = search.left * search.size if search.left.size else search.left
     return ExportError(
@@ -226,8 +227,8 @@ def _nothing(compiled: CompiledModel, search: _Search) -> ExportError:
     )
 
 
-def _loose(jacobian: Vector, names: Sequence[str]) -> list[str]:
-    """What may be moved without anything else noticing."""
+def _undetermined(jacobian: Vector, names: Sequence[str]) -> list[str]:
+    """Notes on variables that the equations leave undetermined, from the null space of the Jacobian."""
     _, size, right = np.linalg.svd(jacobian)
     rank = int((size > _RANK * max(float(size.max(initial=0.0)), 1e-300)).sum())
     free = np.abs(right[rank:]).max(axis=0, initial=0.0)

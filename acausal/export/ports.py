@@ -1,4 +1,4 @@
-"""Descriptions of states, algebraic variables, inputs, parameters and outputs, from their declarations."""
+"""Ports: descriptions of states, algebraic variables, inputs, parameters and outputs, from their declarations."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from acausal.units import divide, format_dimension, parse
 
 
 class Output(NamedTuple):
-    """A scalar under the name it was asked for, which may be one of several."""
+    """A requested scalar, under the requested one of its names."""
 
     name: str
     declaration: Declaration
@@ -24,9 +24,9 @@ class Output(NamedTuple):
 
 
 def named_outputs(compiled: CompiledModel, names: Sequence[str] | None) -> tuple[Output, ...]:
-    """The outputs behind names, arrays entry by entry; None stands for everything declared in the model's own class.
+    """The outputs of these names, arrays entry by entry; None means all variables declared in the model's class.
 
-    Raises UsageError: AC010 for a name that is no variable of the model, AC028 for what is no compiled model.
+    Raises UsageError: AC010 for a name that is no variable of the model, AC028 if `compiled` is no compiled model.
     """
     if not isinstance(compiled, CompiledModel):
         shown = f"the class {compiled.__name__}" if isinstance(compiled, type) else type(compiled).__name__
@@ -38,7 +38,7 @@ def named_outputs(compiled: CompiledModel, names: Sequence[str] | None) -> tuple
 
 
 def _entries(compiled: CompiledModel, variables: Mapping[str, FlatVariable], name: str) -> list[Output]:
-    """The scalars behind the name of a variable, or of an entry of one."""
+    """The scalars of a variable, or of an entry of one."""
     path = name.rpartition("[")[0]
     v = variables.get(name) or variables.get(path)
     if v is None:
@@ -65,7 +65,7 @@ def _unknown(compiled: CompiledModel, name: str, known: list[str]) -> UsageError
 
 
 def output_ports(outputs: Sequence[Output], start: Iterable[float]) -> Ports:
-    """Descriptions of outputs."""
+    """Ports of outputs."""
     return Ports(
         Port(name, d.unit, d.doc, float(value), d.nominal, d.min, d.max)
         for (name, d, _), value in zip(outputs, start, strict=True)
@@ -73,7 +73,7 @@ def output_ports(outputs: Sequence[Output], start: Iterable[float]) -> Ports:
 
 
 def variable_ports(compiled: CompiledModel, variables: Sequence[int], start: Iterable[float]) -> Ports:
-    """Descriptions of variables of the reduced system, which carry the limits of all their aliases."""
+    """Ports of reduced variables, with the intersection of the limits of all their aliases."""
     nominal = compiled.nominal(variables)
     return Ports(
         _variable_port(compiled, v, float(value), float(size))
@@ -95,14 +95,14 @@ def _variable_port(compiled: CompiledModel, variable: int, start: float, nominal
     name = reduced.name(variable)
     own = _declared(compiled, variable)
     unit, doc = own or ("", "")
-    # A signal without a unit of its own has that of what it is connected to.
+    # A signal without a declared unit has that of its aliases.
     unit = unit or next((u for u in units if u), "")
     doc = doc or next((d for d in docs if d), "")
     return Port(name, unit, doc, start, nominal, lower, upper)
 
 
 def _declared(compiled: CompiledModel, variable: int) -> tuple[str, str]:
-    """Unit and doc of the variable that names a reduced one; of its derivative where it is one."""
+    """Unit and doc of the declared variable that a reduced one stands for, or of its derivative."""
     reduced = compiled.solution.structure.reduced
     order = 0
     while variable >= len(reduced.scalar):
@@ -124,9 +124,9 @@ def _declared(compiled: CompiledModel, variable: int) -> tuple[str, str]:
 
 
 def parameter_ports(compiled: CompiledModel) -> Ports:
-    """Descriptions of the free parameters; start is the value."""
+    """Ports of the free parameters, with their values as start."""
     described = dict(_parameters(compiled))
-    # the one that no declaration stands behind
+    # the only parameter without a declaration
     rate = Port("stabilisation.rate", "1/s", "Rate at which states are drawn back to constraints", min=0.0)
     return Ports(
         described.get(k) or replace(rate, name=name, start=value, nominal=value or 1.0)
@@ -137,7 +137,7 @@ def parameter_ports(compiled: CompiledModel) -> Ports:
 def _parameters(compiled: CompiledModel) -> Iterator[tuple[int, Port]]:
     names, values = compiled.parameters, compiled.parameter_values
     for parameter in compiled.flat.parameters:
-        # Others are bound to this one and say no more.
+        # Bound parameters are functions of free ones.
         if parameter.free:
             d = parameter.declaration
             for op, *number in (compiled.flat.pool.nodes[n] for n in parameter.nodes):

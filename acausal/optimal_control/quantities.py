@@ -11,10 +11,10 @@ import numpy as np
 
 from acausal.arrays import Vector
 from acausal.errors import UsageError, calling_span, meant
-from acausal.export.begin import Begin, begin_of, init_function
 from acausal.export.minimal.coordinates import coordinates_of
 from acausal.export.observed import dae_function
 from acausal.export.ports import Output, named_outputs, parameter_ports, variable_ports
+from acausal.export.start_point import StartPoint, init_function, start_point
 from acausal.lower.casadi_model import Ports
 from acausal.lower.compiled import CompiledModel
 from acausal.optimal_control.declare import Guard
@@ -44,7 +44,7 @@ class Quantities:
     def __init__(self, compiled: CompiledModel, parameters: dict[str, float]) -> None:
         self.model = self.compiled = compiled = compiled.unchanging("optimal control")
         self.p = parameter_vector(compiled, parameters)
-        self.begin: Begin = begin_of(compiled, self.p)
+        self.begin: StartPoint = start_point(compiled, self.p)
         inputs = compiled.solution.structure.reduced.inputs
         self.states: Ports = variable_ports(compiled, compiled.state_variables, self.begin.x)
         self.coordinates = coordinates_of(compiled, self.states, self.begin.x, self.p)

@@ -1,1 +1,1 @@
-"""A model as CasADi functions, in a file, in C, and in the words of other packages."""
+"""Export of a model as CasADi functions, to a file, and as C."""

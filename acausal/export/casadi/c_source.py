@@ -1,14 +1,12 @@
-"""C of a `CasadiModel`: all functions with plain arrays, a header, and a main that prints them at the start.
+"""C source of a `CasadiModel`: all functions with plain arrays, a header, and a main that prints them at the start.
 
-`NAME.c` holds CasADi's code and for each function `int NAME_FUNCTION(...)`, which takes pointers to dense columns in
-the order of the arguments, then of the results, and returns 0 where it could be evaluated: an iteration that does not
-converge gives nan, and what is nan is reported. Nothing is allocated and nothing remembered.
+`NAME.c` contains CasADi's code and, for each function, `int NAME_FUNCTION(...)`, which takes pointers to dense columns
+in the order of the arguments, then of the results. It returns 0 on success: an iteration that does not converge gives
+nan, and nan is reported. Nothing is allocated or kept between calls.
 
-Functions as CasADi can write them as C: rootfinders by `fast_newton`, which is the one that generates.
-
-A rootfinder is found in the graph of an MX function, and its call replaced by one of another rootfinder for the same
-residuals. Functions that are called are treated the same. Nothing else changes: the numbers are those of the original
-to the tolerance of Newton's method, which here takes full steps.
+CasADi generates C only for the rootfinder `fast_newton`. Every other rootfinder in the graph of an MX function is
+replaced by one for the same residuals, and so are rootfinders in the functions that it calls. Results agree to the
+tolerance of Newton's method, which here takes full steps.
 """
 
 from __future__ import annotations
@@ -54,7 +52,7 @@ int main(void) {{
 
 
 def sources(model: CasadiModel) -> dict[str, str]:
-    """The three files by name.
+    """The three files, by name: `NAME.c`, `NAME.h`, `NAME_main.c`.
 
     Raises
     ------
@@ -63,7 +61,7 @@ def sources(model: CasadiModel) -> dict[str, str]:
     """
     prefix = identifier(model.name)
     known: dict[int, Any] = {}
-    made = {name.replace(".", "_"): generated(f, known) for name, f in model.functions.items()}
+    made = {name.replace(".", "_"): with_c_rootfinders(f, known) for name, f in model.functions.items()}
     dense = {name: _dense(f"{prefix}_{name}_casadi", f) for name, f in made.items()}
     try:
         code = functions(*dense.values())
@@ -86,7 +84,7 @@ def sources(model: CasadiModel) -> dict[str, str]:
 
 
 def _dense(name: str, function: Any) -> Any:
-    """Under another name, with dense arguments and results."""
+    """The function under another name, with dense arguments and results."""
     sizes = [function.size_in(k) for k in range(function.n_in())]
     kind: Any = ca.SX if function.is_a("SXFunction") else ca.MX
     arguments = [kind.sym(function.name_in(k), *size) for k, size in enumerate(sizes)]
@@ -125,7 +123,7 @@ def _wrapper(prefix: str, name: str, function: Any) -> str:
 
 
 def _checks(function: Any) -> str:
-    """Lines that report what is not a number."""
+    """C lines that report results that are nan."""
     sizes = [(name, function.numel_out(name)) for name in _results(function)]
     lines = [f"  for (k = 0; k < {n}; ++k) if ({name}[k] != {name}[k]) failed = 1;\n" for name, n in sizes if n]
     return "  int k;\n" * bool(lines) + "".join(lines)
@@ -184,52 +182,52 @@ def _main(model: CasadiModel, prefix: str, made: dict[str, Any]) -> str:
     return _MAIN.format(name=model.name, prefix=prefix, calls="\n".join(calls))
 
 
-# Another step of Newton's method, in units of nominal magnitudes, that says that the last one was none to be trusted.
-_SETTLED = 1e-7
+# Largest further Newton step, in nominal magnitudes, of a converged iteration.
+_CONVERGED = 1e-7
 _OPTIONS = {k: NEWTON[k] for k in ("abstol", "abstolStep", "max_iter", "error_on_fail")}
 
 
-def generated(function: Any, known: dict[int, Any] | None = None) -> Any:
-    """The same function without rootfinders that do not generate; itself where there is none.
+def with_c_rootfinders(function: Any, known: dict[int, Any] | None = None) -> Any:
+    """The function with rootfinders that can be generated as C; unchanged without rootfinders.
 
-    `known` keeps replacements, so that a function that is called several times stays one.
+    `known` caches replacements, so that a function called several times remains one.
     """
     known = {} if known is None else known
-    if not _holds_rootfinder(function):
+    if not _contains_rootfinder(function):
         return function
     key = function.__hash__()
     if key not in known:
-        known[key] = _replaced(function, known)
+        known[key] = _replace_rootfinders(function, known)
     return known[key]
 
 
-def _replaced(function: Any, known: dict[int, Any]) -> Any:
+def _replace_rootfinders(function: Any, known: dict[int, Any]) -> Any:
     if function.class_name() == "Newton":
-        return _checked(function)
+        return _fast_newton(function)
     arguments = function.mx_in()
     found = function.call(arguments, True, False)
     while (old := _output(found)) is not None:
         call = old.dep(0)
-        inner = generated(call.which_function(), known)
+        inner = with_c_rootfinders(call.which_function(), known)
         new = inner.call([call.dep(k) for k in range(call.n_dep())], False, True)
         found = ca.graph_substitute(found, [old], [new[old.which_output()]])
     inputs, outputs = ([name(k) for k in range(n)] for name, n in _names(function))
     return ca.Function(function.name(), arguments, found, inputs, outputs)
 
 
-def _checked(function: Any) -> Any:
-    """`fast_newton` for the same residuals: nan where another step would not be small, for its C does not say so."""
+def _fast_newton(function: Any) -> Any:
+    """`fast_newton` for the same residual; nan if a further step is not small, as its C code reports no failure."""
     residual = function.oracle()
     root = ca.rootfinder(f"{function.name()}_c", "fast_newton", residual, _OPTIONS)
     start, q = (ca.MX.sym(function.name_in(k), function.sparsity_in(k)) for k in range(2))
     z, w = ca.SX.sym("z", start.numel()), ca.SX.sym("q", q.numel())
     r = residual(z, w)
     linear: Any = ca.Function("linear", [z, w], [ca.jacobian(r, z), ca.densify(r)])
-    found = root(start, q)
-    slope, defect = linear(found, q)
+    root_value = root(start, q)
+    slope, defect = linear(root_value, q)
     further = ca.solve(slope, defect, "qr")
-    settled = ca.norm_inf(further) <= _SETTLED * (1 + ca.norm_inf(found))
-    value = ca.if_else(settled, found, math.nan)
+    is_converged = ca.norm_inf(further) <= _CONVERGED * (1 + ca.norm_inf(root_value))
+    value = ca.if_else(is_converged, root_value, math.nan)
     names = [function.name_in(0), function.name_in(1)], [function.name_out(0)]
     return ca.Function(function.name(), [start, q], [value], *names)
 
@@ -238,14 +236,14 @@ def _names(function: Any) -> list[tuple[Any, int]]:
     return [(function.name_in, function.n_in()), (function.name_out, function.n_out())]
 
 
-def _holds_rootfinder(function: Any) -> bool:
+def _contains_rootfinder(function: Any) -> bool:
     if function.class_name() == "Newton":
         return True
-    return function.is_a("MXFunction") and any(map(_holds_rootfinder, function.find_functions(0)))
+    return function.is_a("MXFunction") and any(map(_contains_rootfinder, function.find_functions(0)))
 
 
 def _output(roots: list[Any]) -> Any:
-    """A result of a call below these expressions whose function holds a rootfinder to be replaced."""
+    """An output, below these expressions, of a call whose function contains a rootfinder; None without any."""
     seen: set[int] = set()
     stack = list(roots)
     while stack:
@@ -253,7 +251,7 @@ def _output(roots: list[Any]) -> Any:
         if node.__hash__() in seen:
             continue
         seen.add(node.__hash__())
-        if node.is_output() and node.dep(0).is_call() and _holds_rootfinder(node.dep(0).which_function()):
+        if node.is_output() and node.dep(0).is_call() and _contains_rootfinder(node.dep(0).which_function()):
             return node
         stack.extend(node.dep(k) for k in range(node.n_dep()))
     return None

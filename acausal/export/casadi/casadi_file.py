@@ -1,16 +1,16 @@
-"""One file for a `CasadiModel`: functions and description, readable without the model's source.
+"""File format of a `CasadiModel`: functions and description, readable without the source of the model.
 
 A zip archive of two members:
 
-- `functions.casadi`: what CasADi's StringSerializer makes of the functions, in the order of their names in the
-  description. CasADi reads files of its own and of older versions; rootfinders, with their derivatives, are among what
-  it can write. CasADi alone reads them (docs/casadi.md).
+- `functions.casadi`: the functions serialised by CasADi's StringSerializer, in the order of their names in the
+  description, including rootfinders with their derivatives. Only CasADi reads them, of the same or a newer version
+  (docs/casadi.md).
 - `metadata.json`: format and version numbers, name, start time, notes, names of the functions, and for each of x, z, u,
   p, y (and m, with events) the list of its entries with name, unit, doc, start, nominal, min, max; null stands for no
   limit (and for a start that is not known); a checksum of all of this and of the functions.
 
-CasADi's format can name shared libraries and compilers, which CasADi opens and runs as it reads: such files are refused
-before CasADi sees them (`docs/security.md`).
+CasADi's format can name shared libraries and compilers, which CasADi loads and runs while reading: such files are
+refused before CasADi reads them (`docs/security.md`).
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from acausal.result.files import atomic
 FORMAT = "acausal casadi model"
 VERSION = 2
 _VECTORS = ("x", "z", "u", "p", "y")
-# One date in all archives: the same model gives the same bytes.
+# A fixed date in the archive, so that equal models give equal files.
 _DATE = (1980, 1, 1, 0, 0, 0)
 
 
@@ -59,15 +59,15 @@ def save_casadi(model: CasadiModel, path: str | Path) -> None:
 
 
 def load_casadi(path: str | Path) -> CasadiModel:
-    """Read a model that `CasadiModel.save` wrote; the class it was made of is not needed.
+    """Read a model written by `CasadiModel.save`; the class of the model is not needed.
 
     Raises
     ------
     UsageError
         AC014 when the file cannot be opened.
     ExportError
-        AC601 when it is no such file or is damaged, AC602 when another format or a newer CasADi wrote it, AC609 when it
-        would have code of others run.
+        AC601 for another or a damaged file, AC602 for another format or a newer version of CasADi, AC609 for a file
+        that would run foreign code.
     """
     path = Path(path)
     try:
@@ -79,7 +79,7 @@ def load_casadi(path: str | Path) -> CasadiModel:
     except OSError as error:
         raise UsageError("AC014", f"cannot read {path}: {error.strerror or error}") from error
     except Exception as error:
-        # zipfile, zlib and json have a dozen ways to say that bytes are none of theirs.
+        # zipfile, zlib and json raise a dozen classes of errors for invalid data.
         raise ExportError(
             "AC601",
             f"{path} is not a saved CasADi model",
@@ -118,7 +118,7 @@ def _checksum(described: dict[str, Any], functions: str) -> str:
     return hashlib.sha256(f"{json.dumps(rest, sort_keys=True)}\0{functions}".encode()).hexdigest()
 
 
-# Classes of CasADi that open libraries or start compilers, and options that say which.
+# Classes of CasADi that load libraries or start compilers, and the options that name these.
 _FOREIGN = (
     *("External", "GenericExternal", "DllLibrary", "ImporterInternal", "Importer", "ShellCompiler", "ClangCompiler"),
     *(
@@ -140,7 +140,7 @@ def _foreign_code(text: str) -> list[str]:
 
     Plugins are libraries found by name: a name with a separator would lead elsewhere.
     """
-    # Two letters are a byte, the low half first.
+    # Two letters encode a byte, the low half first.
     halves = np.frombuffer(text.encode("ascii"), dtype=np.uint8) - np.uint8(ord("a"))
     if len(halves) % 2 or (halves > 15).any():
         raise ValueError("not CasADi's encoding")
@@ -174,7 +174,7 @@ def _described(model: CasadiModel) -> dict[str, Any]:
 
 
 def _to_json(port: Port) -> dict[str, Any]:
-    # JSON knows neither infinity nor nan.
+    # JSON has neither infinity nor nan.
     return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in asdict(port).items()}
 
 

@@ -1,17 +1,16 @@
-"""Functions whose derivatives are finite wherever their values are.
+"""Modified functions whose derivatives are finite wherever their values are.
 
-`maximum(f, 0)**1.3`, `sqrt(maximum(f, 0))` and `acos(clamp(c, -1, 1))` have values everywhere, and a constant is all
-they are where the limit holds; but the chain rule multiplies an infinite slope by zero there, which is nan, in the
-first derivative or in the second. So does the length of a vector that vanishes. A power, a root, an inverse sine or
-cosine, and an angle are therefore taken apart at the one point where their slope is not finite: they keep their value,
-and their derivatives are 0. Everywhere else nothing changes. Bases that cannot vanish are left alone; where parameters
-decide whether they can, the question goes away with numbers for the parameters.
+`maximum(f, 0)**1.3`, `sqrt(maximum(f, 0))` and `acos(clamp(c, -1, 1))` have values everywhere, and are constant where
+the limit holds; but there the chain rule multiplies an infinite slope by zero, which is nan, in the first or the second
+derivative. The same holds for the length of a vector that vanishes. Powers, roots, inverse sines and cosines, and
+angles are therefore replaced at the one point where their slope is not finite: they keep their value, and their
+derivatives are
+0. Elsewhere nothing changes. Bases that cannot vanish are left unchanged; where this depends on parameters, the test is
+an expression of parameters, which disappears when they are numbers.
 
-Numbers that no value of an expression is below, for all states and inputs, as expressions in the parameters.
-
-`maximum(h, h_min) / h_1` is at least h_min / h_1 where h_1 > 0, and `x**2 + eps**2` at least eps**2. What asks whether
-such a value is zero then has its answer from parameters alone: with numbers in their place nothing of it is left. A
-bound is a parameter expression that is there already, or one operation on it, so asking stays cheap without numbers.
+For these tests every expression carries a lower bound that holds for all states and inputs, as an expression of
+parameters: `maximum(h, h_min) / h_1` is at least h_min / h_1 where h_1 > 0, and `x**2 + eps**2` at least eps**2. A
+bound is an existing parameter expression, or one operation on it, so that tests stay cheap.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ _SINGULAR = frozenset((ca.OP_SQRT, ca.OP_POW, ca.OP_CONSTPOW, ca.OP_ASIN, ca.OP_
 
 
 def finite(function: Any) -> Any:
-    """The SX function with the same values and finite derivatives; itself where it needs no change."""
+    """An SX function with the same values and finite derivatives; the function itself if it needs no change."""
     operations = [function.instruction_id(k) for k in range(function.n_instructions())]
     if _SINGULAR.isdisjoint(operations) or ca.OP_CALL in operations:
         return function
@@ -38,7 +37,7 @@ def finite(function: Any) -> Any:
     ]
     results = [[ca.SX(0)] * function.nnz_out(k) for k in range(function.n_out())]
     work = [known(ca.SX(0))] * function.sz_w()
-    bounds, apart = LowerBounds(), _Apart()
+    bounds, apart = LowerBounds(), _FiniteSlopes()
     for k, op in enumerate(operations):
         places, to = function.instruction_input(k), function.instruction_output(k)
         if op == ca.OP_CONST:
@@ -54,11 +53,11 @@ def finite(function: Any) -> Any:
     return ca.Function(function.name(), arguments, values, function.name_in(), function.name_out())
 
 
-class _Apart:
-    """Operations taken apart where their slope is not finite; equal bases, bounds and exponents are asked once."""
+class _FiniteSlopes:
+    """Replaces operations where their slope is not finite; tests of equal bases, bounds and exponents are shared."""
 
     def __init__(self) -> None:
-        # By hash; the expression itself is kept, for one that is gone leaves its hash to others.
+        # By hash; the expression is kept too, because a deleted one leaves its hash to others.
         self._bases: dict[int, tuple[Any, Any, Any]] = {}
         self._exponents: dict[int, tuple[Any, Any]] = {}
         self._bounds: dict[int, tuple[Any, Any]] = {}
@@ -87,7 +86,7 @@ class _Apart:
         return other**exponent + _where(is_zero, self._beside_one(exponent))
 
     def _base(self, base: Bounded) -> tuple[Any, Any]:
-        """Whether a base is zero, and the base with 1 in place of zero."""
+        """(Whether a base is zero, the base with zero replaced by 1)."""
         key = base.value.element_hash()
         if key not in self._bases:
             is_zero = base.value == 0
@@ -97,14 +96,14 @@ class _Apart:
         return self._bases[key][:2]
 
     def _can_vanish(self, low: Any) -> Any:
-        """Whether something that is never below `low` may be zero."""
+        """Whether a value with the lower bound `low` may be zero."""
         key = low.element_hash()
         if key not in self._bounds:
             self._bounds[key] = ca.logic_not(low > 0), low
         return self._bounds[key][0]
 
     def _beside_one(self, exponent: Any) -> Any:
-        """The power of zero, less the power of one: -1, 0 or infinity."""
+        """0**exponent - 1**exponent: -1, 0 or infinity."""
         key = exponent.element_hash()
         if key not in self._exponents:
             found = _where(ca.logic_not(exponent >= 0), math.inf) - (exponent > 0)
@@ -113,7 +112,7 @@ class _Apart:
 
 
 def _is_smooth(exponent: float) -> bool:
-    """Whether all derivatives of such a power are finite at zero: implicit steps take more than two."""
+    """Whether all derivatives of the power are finite at zero; implicit steps need more than the first two."""
     return exponent >= 0 and exponent.is_integer()
 
 
@@ -122,7 +121,7 @@ def _where(condition: Any, value: Any) -> Any:
 
 
 def _inverse(op: int, a: Any) -> Any:
-    """The inverse sine or cosine, whose slope is infinite at 1 and -1."""
+    """Inverse sine or cosine with derivative 0 at 1 and -1, where it is infinite."""
     at_end = ca.fabs(a) == 1
     inside = ca.if_else(at_end, 0, a)
     if op == ca.OP_ASIN:
@@ -135,7 +134,7 @@ _AT_LEAST_ZERO = frozenset((ca.OP_SQ, ca.OP_FABS, ca.OP_SQRT, ca.OP_HYPOT))
 
 @dataclass(frozen=True, eq=False)
 class Bounded:
-    """A scalar expression, and what it never is below."""
+    """A scalar expression and its lower bound."""
 
     value: Any
     low: Any = None  # None where nothing is said
@@ -144,12 +143,12 @@ class Bounded:
 
 @dataclass(frozen=True, eq=False)
 class LowerBounds:
-    """Bounds of results by those of operands; the same quotient of parameters is made once."""
+    """Lower bounds of results from those of operands; equal quotients of parameters are shared."""
 
     _made: dict[tuple[int, int, int], tuple[Any, Any, Any]] = field(default_factory=dict)
 
     def bounded(self, op: int, value: Any, operands: list[Bounded]) -> Bounded:
-        """The result of an operation, `value`, with its bound."""
+        """The result `value` of an operation with its bound."""
         if all(o.is_known for o in operands):
             return known(value)
         return Bounded(value, self._low(op, operands))
@@ -165,7 +164,7 @@ class LowerBounds:
             return None
         a, b = operands
         if op == ca.OP_ADD:
-            # Sums of two symbolic bounds would double the work of long sums.
+            # Adding symbolic bounds would double the cost of long sums.
             if a.low is None or b.low is None or not (a.low.is_constant() or b.low.is_constant()):
                 return None
             return a.low + b.low
@@ -174,7 +173,7 @@ class LowerBounds:
         return self._scaled(op, a.low, b.value) if a.low is not None and b.is_known else None
 
     def _scaled(self, op: int, low: Any, factor: Any) -> Any:
-        """The bound times or divided by a factor, which holds where the factor is positive."""
+        """The bound multiplied or divided by a factor, valid where the factor is positive."""
         if factor.is_constant():
             return ca.SX.binary(op, low, factor) if float(factor) > 0 else None
         if low.is_constant() and float(low) <= 0:
@@ -187,12 +186,12 @@ class LowerBounds:
 
 
 def known(value: Any) -> Bounded:
-    """A number or a parameter expression, which is its own bound."""
+    """A constant or a parameter expression, which is its own bound."""
     return Bounded(value, value, True)
 
 
 def _larger(a: Any, b: Any) -> Any:
-    """Of two bounds the one that says more; where parameters decide that, a positive number or either."""
+    """The better of two bounds; where that depends on parameters, a positive number if there is one, else either."""
     if a is None or b is None:
         return b if a is None else a
     if a.is_constant() and b.is_constant():

@@ -1,4 +1,4 @@
-"""A compiled model as a `CasadiModel`: switching times inlined, start conditions solved, every entry described."""
+"""Construction of a `CasadiModel` from a compiled model: functions, start values and ports."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ import numpy as np
 
 from acausal.arrays import Vector
 from acausal.errors import ExportError, UsageError, meant
-from acausal.export.begin import Begin, begin_of, init_function
 from acausal.export.casadi.finite import finite
-from acausal.export.casadi.parts import depends_on_time, implicit_of, narrowed, ode_of, outputs_of, step_of
+from acausal.export.casadi.parts import depends_on_time, implicit_of, ode_of, outputs_of, step_of, with_fixed_arguments
 from acausal.export.forms import BETWEEN, FUNCTIONS, check
 from acausal.export.minimal.minimal import Form, invariants_of, minimal_form
 from acausal.export.observed import dae_function, observed_function
 from acausal.export.ports import Output, named_outputs, output_ports, parameter_ports, variable_ports
+from acausal.export.start_point import StartPoint, init_function, start_point
 from acausal.export.step.hybrid_step import HybridStep
 from acausal.export.step.methods import Method
 from acausal.flatten.text import to_text
@@ -60,7 +60,7 @@ def casadi_model(
     wanted = named_outputs(compiled, outputs)
     left_out = check(compiled, BETWEEN if events else FUNCTIONS, wanted)
     chosen = _chosen(compiled, parameters)
-    begin = begin_of(compiled)
+    begin = start_point(compiled)
     reactions = None
     notes = [*compiled.flat.notes, *begin.notes, *left_out]
     form = _form(compiled, wanted, begin)
@@ -79,7 +79,7 @@ def casadi_model(
     is_timed = timed or (events and bool(compiled.n_timely or compiled.state_events.samples))
 
     def last(function: Any) -> Any:
-        return narrowed(function, None if is_timed else begin.t, chosen, begin.p)
+        return with_fixed_arguments(function, None if is_timed else begin.t, chosen, begin.p)
 
     y = np.array(form.dae(begin.t, form.x.start, form.z.start, begin.u, begin.p)[2]).ravel() + 0.0  # no -0.0
     ports = parameter_ports(compiled)
@@ -97,7 +97,7 @@ def casadi_model(
     )
 
 
-def _form(compiled: CompiledModel, wanted: Sequence[Output], begin: Begin) -> Form:
+def _form(compiled: CompiledModel, wanted: Sequence[Output], begin: StartPoint) -> Form:
     dae = dae_function(compiled, wanted)
     return Form(
         dae,
@@ -108,8 +108,8 @@ def _form(compiled: CompiledModel, wanted: Sequence[Output], begin: Begin) -> Fo
     )
 
 
-def _functions(compiled: CompiledModel, form: Form, begin: Begin) -> dict[str, Any]:
-    """All functions but those of events, with t and all parameters."""
+def _functions(compiled: CompiledModel, form: Form, begin: StartPoint) -> dict[str, Any]:
+    """All functions except those of events, with t and all parameters as arguments."""
     at = begin.t, form.x.start, begin.u, begin.p
     ode = ode_of(form.dae, np.array(form.z.start, dtype=float), np.array(form.z.nominal, dtype=float), at)
     return {
@@ -135,7 +135,7 @@ def _started(ports: Ports, values: Vector) -> Ports:
 
 
 def _chosen(compiled: CompiledModel, names: Sequence[str] | None) -> list[int] | None:
-    """Places in p of the parameters that stay."""
+    """Indices in p of the parameters that remain arguments; None for all."""
     if names is None:
         return None
     places = {name: k for k, name in enumerate(compiled.parameters)}
@@ -163,7 +163,7 @@ def _refuse_minimal_events(compiled: CompiledModel, events: bool) -> None:
 def _without_bound(
     compiled: CompiledModel, form: Form, chosen: list[int] | None, asked: Sequence[str] | None
 ) -> list[int] | None:
-    """Parameters but those on whose values the coordinates stand."""
+    """Indices of the remaining parameters without those on whose values the minimal coordinates depend."""
     if not form.bound:
         return chosen
     names = [name for name in asked or () if compiled.parameters.index(name) in form.bound]
@@ -177,16 +177,16 @@ def _without_bound(
 
 
 _ARGUMENTS = ["t", "x", "z", "u", "p", "m"]
-# No step is taken: relations of time hold from their instants on.
+# Step size for functions that take no step: relations of time hold from their instants on.
 _INSTANT = 1e-9
-# An integrator that carries discrete variables as states of rate zero may move them by this share in rounding.
+# Relative rounding error of discrete variables that an integrator treats as states of rate zero.
 _ROUNDING = 1e-9
 
 
-def events_of(compiled: CompiledModel, wanted: Sequence[Output]) -> tuple[CasadiEvents, Begin]:
-    """The functions, and the start after its events.
+def events_of(compiled: CompiledModel, wanted: Sequence[Output]) -> tuple[CasadiEvents, StartPoint]:
+    """The functions of events, and the start after its events.
 
-    Raises ExportError: AC610 for friction elements that share what statics leave open.
+    Raises ExportError: AC610 for friction elements whose shares of a load are statically undetermined.
     """
     s = Symbols(compiled)
     rates = compiled.rhs(*s.inputs)
@@ -203,7 +203,7 @@ def events_of(compiled: CompiledModel, wanted: Sequence[Output]) -> tuple[Casadi
 
 
 def notes_of(compiled: CompiledModel) -> tuple[str, ...]:
-    """What a loop around these functions has to see to."""
+    """Notes on what a user-written loop around these functions must handle."""
     events = compiled.state_events
     resets = any(position < compiled.n_dynamic for clause in events.clauses for position, _ in clause.actions)
     notes = [
@@ -218,7 +218,7 @@ def notes_of(compiled: CompiledModel) -> tuple[str, ...]:
 
 
 def _react(compiled: CompiledModel, hybrid: HybridStep) -> Any:
-    """`(t, x, z, u, p, m, ticks) -> (x, z, m, settled)` after an instant."""
+    """Function `(t, x, z, u, p, m, ticks) -> (x, z, m, settled)`: the values after the events of an instant."""
     settling = hybrid.settling
     sizes = (1, len(compiled.states), len(compiled.algebraic), len(compiled.inputs), len(compiled.parameters))
     t, x, z, u, p = (ca.MX.sym(n, k) for n, k in zip("txzup", sizes, strict=True))
@@ -232,9 +232,9 @@ def _react(compiled: CompiledModel, hybrid: HybridStep) -> Any:
 
 
 def _unmoved(compiled: CompiledModel) -> Any:
-    """`(x, m) -> x`: discrete variables as the last event left them, where an integrator has moved them by rounding.
+    """Function `(x, m) -> x` that removes the rounding errors of an integrator from discrete variables.
 
-    `change(d)` and `edge(b)` ask whether a value is exactly what it was; `pre(d)` and whole numbers are known exactly.
+    `change(d)` and `edge(b)` compare values exactly; `pre(d)` and integers are known exactly.
     """
     s, events, reduced = Symbols(compiled), compiled.state_events, compiled.solution.structure.reduced
     x, first = ca.SX(s.x), compiled.n_timely + len(events.samples)
@@ -253,7 +253,7 @@ def _unmoved(compiled: CompiledModel) -> Any:
 
 
 def _clocks(compiled: CompiledModel) -> Any:
-    """`(p) -> (first, interval)`."""
+    """Function `(p) -> (first, interval)` of all samples."""
     pool, s = compiled.solution.structure.reduced.pool, Symbols(compiled)
     builder = s.builder(compiled)
     pairs = [builder.lower(pool.nodes[n][1:]) for n in compiled.state_events.samples]
@@ -261,7 +261,7 @@ def _clocks(compiled: CompiledModel) -> Any:
     return ca.Function("clocks", [s.p], columns, ["p"], ["first", "interval"])
 
 
-def _modes(compiled: CompiledModel, begin: Begin) -> Ports:
+def _modes(compiled: CompiledModel, begin: StartPoint) -> Ports:
     reduced = compiled.solution.structure.reduced
 
     def name_of(kind: str, k: int) -> str:

@@ -1,4 +1,4 @@
-"""The functions of a `CasadiModel` that follow from its dae, and arguments that are left out or given numbers."""
+"""Functions of a `CasadiModel` derived from its dae, and functions with some arguments fixed."""
 
 from __future__ import annotations
 
@@ -10,12 +10,15 @@ import numpy as np
 
 from acausal.arrays import Vector
 
-# On variables divided by their nominal magnitude, and residuals by `sizes`.
+# For variables divided by their nominal magnitude, and residuals divided by `sizes`.
 NEWTON = {"abstol": 1e-14, "abstolStep": 1e-11, "max_iter": 200, "error_on_fail": True}
 
 
 def ode_of(dae: Any, z0: Vector, nominal: Vector, start: Sequence[Any]) -> Any:
-    """`(t, x, u, p) -> (xdot, y)`; z is solved for from `z0`, the answer at `start = (t, x, u, p)`."""
+    """Function `(t, x, u, p) -> (xdot, y)`, which solves for z by Newton's method.
+
+    `z0`, shape (nz,), is the solution at `start = (t, x, u, p)`, and `nominal`, shape (nz,), the magnitudes of z.
+    """
     nz = dae.numel_in("z")
     names, results = ["t", "x", "u", "p"], ["xdot", "y"]
     kind: Any = ca.MX if nz else ca.SX
@@ -34,10 +37,10 @@ def ode_of(dae: Any, z0: Vector, nominal: Vector, start: Sequence[Any]) -> Any:
 
 
 def newton(name: str, residual: Any, at: Any, known: Any) -> Any:
-    """Rootfinder of `(z, q) -> r`, which ends by the step or by a residual that is small beside what z makes of it.
+    """Rootfinder of `(z, q) -> r` that converges by the step, or by a residual small relative to its terms.
 
-    Equations have units of their own, and one of picocoulombs is small anywhere: one that is small at z = `at` and
-    q = `known` is divided by a power of two.
+    Residuals have different units, and one in picocoulombs is small everywhere: a residual whose terms are small at
+    z = `at` and q = `known` is divided by a power of two.
     """
     slope = residual.factory("slope", ["z", "q"], ["jac:r:z"])(at, known)
     reach = np.array(ca.fabs(slope) @ (1 + ca.fabs(at))).ravel()
@@ -49,7 +52,7 @@ def newton(name: str, residual: Any, at: Any, known: Any) -> Any:
 
 
 def implicit_of(dae: Any) -> Any:
-    """`(t, xdot, x, z, u, p) -> r`."""
+    """Function `(t, xdot, x, z, u, p) -> r`: the fully implicit DAE."""
     t, x, z, u, p = dae.sx_in()
     xdot = ca.SX.sym("xdot", x.numel())
     ode, alg, _ = dae(t, x, z, u, p)
@@ -58,13 +61,13 @@ def implicit_of(dae: Any) -> Any:
 
 
 def outputs_of(dae: Any) -> Any:
-    """`(t, x, z, u, p) -> y`."""
+    """Function `(t, x, z, u, p) -> y`."""
     arguments = dae.sx_in()
     return ca.Function("outputs", arguments, [dae(*arguments)[2]], dae.name_in(), ["y"])
 
 
 def step_of(ode: Any) -> Any:
-    """`(t, x, u, p, h) -> (x_next, y)`: the classical Runge-Kutta method."""
+    """Function `(t, x, u, p, h) -> (x_next, y)`: one step of the classical Runge-Kutta method."""
     names = ["t", "x", "u", "p"]
     t, x, u, p = (ca.MX.sym(n, ode.size1_in(n)) for n in names)
     h = ca.MX.sym("h")
@@ -83,14 +86,17 @@ def depends_on_time(functions: Sequence[Any]) -> bool:
     return any(f.jac_sparsity(k, f.index_in("t")).nnz() for f in timed for k in range(f.n_out()))
 
 
-def narrowed(function: Any, time: float | None, chosen: Sequence[int] | None, values: Vector) -> Any:
-    """The function without t, which is `time`, and with the `chosen` parameters only; None leaves either as it is."""
+def with_fixed_arguments(function: Any, time: float | None, chosen: Sequence[int] | None, values: Vector) -> Any:
+    """The function with t fixed to `time` [s] and all but the `chosen` parameters fixed to `values`, shape (np,).
+
+    None for either keeps these arguments.
+    """
     names = [function.name_in(k) for k in range(function.n_in())]
     leaves_t, leaves_p = time is not None and "t" in names, chosen is not None and "p" in names
     if not (leaves_t or leaves_p):
         return function
     kind: Any = ca.SX if function.is_a("SXFunction") else ca.MX
-    outer, inner, kept = [], [], []
+    outer, inner, remaining_names = [], [], []
     for k, name in enumerate(names):
         if name == "t" and leaves_t:
             inner.append(kind(time))
@@ -98,7 +104,7 @@ def narrowed(function: Any, time: float | None, chosen: Sequence[int] | None, va
         size = len(chosen) if name == "p" and chosen is not None else function.sparsity_in(k)
         symbol = kind.sym(name, size)
         outer.append(symbol)
-        kept.append(name)
+        remaining_names.append(name)
         if name == "p" and chosen is not None:
             symbol = kind(ca.DM(values))
             if chosen:
@@ -106,4 +112,4 @@ def narrowed(function: Any, time: float | None, chosen: Sequence[int] | None, va
         inner.append(symbol)
     found = function.call(inner, True, False)
     results = [function.name_out(k) for k in range(function.n_out())]
-    return ca.Function(function.name(), outer, found, kept, results)
+    return ca.Function(function.name(), outer, found, remaining_names, results)

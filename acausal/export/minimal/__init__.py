@@ -1,1 +1,1 @@
-"""As many states as a model has degrees of freedom, two for each."""
+"""Minimal coordinates: two states for each degree of freedom."""

@@ -1,10 +1,10 @@
-"""Coordinates of the search: the states of the model, with an angle in place of what a constraint keeps on a circle.
+"""Coordinates with angles in place of states that a constraint keeps on a circle, for optimal control.
 
-A model may hold more states than it has degrees of freedom: a rod in x and y is stabilised, so that runs stay on
-x**2 + y**2 == L**2. A search over all of them has constraints that depend on each other, and a metric in which the way
-over the top is long. Every constraint of the model whose set of positions is an ellipse in two combinations of states,
-a(q)**2 + b(q)**2 == 1, is replaced: a = sin(theta), b = -cos(theta), with theta and its rate as states. They cover the
-whole circle, several times; other constraints stay as they are, stabilised.
+A model may have more states than degrees of freedom: a rod in x and y is stabilised, so that runs stay on
+x**2 + y**2 == L**2. An optimisation over all of them has dependent constraints, and a metric in which the path over the
+top is long. Every constraint whose positions form an ellipse in two combinations of states, a(q)**2 + b(q)**2 == 1, is
+replaced: a = sin(theta), b = -cos(theta), with theta and its rate as states. They cover the whole circle, any number of
+turns; other constraints remain stabilised.
 
 Source: local coordinates, E. Hairer, G. Wanner, Solving Ordinary Differential Equations II (1996), VII.2; invariants in
 boundary value problems, V. H. Schulz, H. G. Bock, M. C. Steinbach, SIAM J. Sci. Comput. 19 (1998) 440-467.
@@ -29,20 +29,20 @@ _RANK = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Coordinates:
-    """How the states x of a model follow coordinates c, and back.
+    """Transformation between states x of a model and coordinates c.
 
     Attributes
     ----------
     ports
-        The coordinates: the states that stay, then the angles, then their rates.
+        The coordinates: remaining states, then the angles, then their rates.
     kept
-        Places in x of the states that stay.
+        Indices in x of the remaining states.
     expand
-        `(c) -> x`; `reduce` is `(x) -> c`, angles between -pi and pi; both SX.
+        SX function `(c) -> x`; `reduce` is `(x) -> c`, with angles between -pi and pi.
     bound
-        Places in p of the parameters that the circles depend on: coordinates hold for their values only.
+        Indices in p of the parameters that the circles depend on: the coordinates are valid for their values only.
     complete
-        Whether the angles stand for all stabilised constraints of the model.
+        Whether the angles replace all stabilised constraints of the model.
     """
 
     ports: Ports
@@ -56,7 +56,7 @@ class Coordinates:
     complete: bool = False
 
     def of(self, x: Vector) -> Vector:
-        """Coordinates of states, shape (nx, n), with angles that go on from column to column."""
+        """Coordinates, shape (nc, n), of states, shape (nx, n), with angles continuous from column to column."""
         if not self.angles:
             return x
         found = np.array(self.reduce.map(x.shape[1])(x))
@@ -65,11 +65,11 @@ class Coordinates:
         return found
 
     def states(self, c: Vector) -> Vector:
-        """States of coordinates, shape (nc, n) to (nx, n)."""
+        """States, shape (nx, n), of coordinates, shape (nc, n)."""
         return np.array(self.expand.map(c.shape[1])(c)) if self.angles and c.size else c
 
     def equations(self, dae: Any) -> Any:
-        """`(t, x, z, u, p) -> (ode, alg, y)` with the coordinates in place of x."""
+        """The function `(t, x, z, u, p) -> (ode, alg, y)` with coordinates in place of x."""
         if not self.angles:
             return dae
         arguments = [ca.SX.sym(dae.name_in(k), dae.numel_in(k)) for k in range(5)]
@@ -84,7 +84,7 @@ class Coordinates:
         return ca.Function("dae", arguments, [rates, alg, y], dae.name_in(), dae.name_out())
 
     def inside(self, function: Any) -> Any:
-        """A function `(t, x, z, u, p) -> ...` of the model with the coordinates in place of x."""
+        """A function `(t, x, z, u, p) -> ...` of the model with coordinates in place of x."""
         if not self.angles:
             return function
         arguments = [ca.SX.sym(function.name_in(k), function.numel_in(k)) for k in range(function.n_in())]
@@ -103,26 +103,26 @@ class _Circle:
 
 
 def coordinates_of(compiled: CompiledModel, ports: Ports, x: Vector, p: Vector) -> Coordinates:
-    """The coordinates of a model that starts at x, with the parameters p."""
+    """The coordinates of a model that starts at x, shape (nx,), with parameters p, shape (np,)."""
     nx = len(ports)
     rates = _rates(compiled) if compiled.solution.structure.invariants else {}
     circles = [c for c in _circles(compiled, x, p) if all(k in rates for k in np.flatnonzero(c.rows.any(0)))]
     if circles:
         rows = np.vstack([c.rows[k] for k in range(2) for c in circles])
         offset = np.array([c.offset[k] for k in range(2) for c in circles])
-        followers = _followers(rows)
-        if followers is not None:
+        dependent = _dependent_states(rows)
+        if dependent is not None:
             bound = frozenset(k for c in circles for k in c.bound)
             # of each circle the model has the positions and the velocities
             complete = 2 * len(circles) == len(compiled.solution.structure.invariants)
-            return replace(_turned(ports, rows, offset, followers, rates), bound=bound, complete=complete)
+            return replace(_with_angles(ports, rows, offset, dependent, rates), bound=bound, complete=complete)
     c = ca.SX.sym("x", nx)
     same = ca.Function("same", [c], [c])
     return Coordinates(ports, tuple(range(nx)), 0, same, same, np.zeros((0, 0)), ())
 
 
 def _rates(compiled: CompiledModel) -> dict[int, int]:
-    """For each state whose rate is another state, the place of that."""
+    """Maps the index of each state whose rate is another state to the index of that."""
     s = Symbols(compiled)
     ode = compiled.rhs(*s.inputs)[0]
     x = ca.vertsplit(s.x)
@@ -156,9 +156,9 @@ def _circles(compiled: CompiledModel, x: Vector, p: Vector) -> list[_Circle]:
 
 
 def _circle(H: Vector, b: Vector, constant: float, x: Vector) -> _Circle | None:
-    """x'Hx/2 + b'x + constant == 0 as an ellipse in two combinations of x; None where it is none.
+    """x'Hx/2 + b'x + constant == 0 as an ellipse in two combinations of x; None if it is none. Angle 0 is at the start.
 
-    Angle 0 is where the model starts.
+    `H`: shape (nx, nx); `b`, `x`: shape (nx,).
     """
     values, vectors = np.linalg.eigh(H)
     large = np.abs(values) > _RANK * np.abs(values).max(initial=0.0)
@@ -175,7 +175,7 @@ def _circle(H: Vector, b: Vector, constant: float, x: Vector) -> _Circle | None:
     a, c = rows @ (x - centre)
     if np.hypot(a, c) < 0.5:
         return None
-    # turned so that the start is at (0, -1), and mirrored so that the last of its states grows with the angle
+    # rotated so that the start is at (0, -1), and mirrored so that its last state increases with the angle
     turn = np.array([[-c, a], [-a, -c]]) / np.hypot(a, c)
     rows = turn @ rows
     leading = int(np.flatnonzero(np.abs(rows[0]) > 0.999 * np.abs(rows[0]).max())[-1])
@@ -184,8 +184,8 @@ def _circle(H: Vector, b: Vector, constant: float, x: Vector) -> _Circle | None:
     return _Circle(rows, rows @ centre)
 
 
-def _followers(rows: Vector) -> list[int] | None:
-    """States that the angles determine, as many as rows; later ones where several would do."""
+def _dependent_states(rows: Vector) -> list[int] | None:
+    """Indices of the states that the angles determine, for `rows` of shape (2 n, nx); None if singular."""
     weight = 1.0 + 1e-6 * np.arange(rows.shape[1])
     factors: Any = scipy.linalg.qr(rows * weight, mode="r", pivoting=True)
     triangle, order = factors
@@ -195,19 +195,21 @@ def _followers(rows: Vector) -> list[int] | None:
     return sorted(order[: len(rows)].tolist())
 
 
-def _turned(ports: Ports, rows: Vector, offset: Vector, followers: list[int], rates: dict[int, int]) -> Coordinates:
+def _with_angles(
+    ports: Ports, rows: Vector, offset: Vector, dependent: list[int], rates: dict[int, int]
+) -> Coordinates:
     n, nx = len(rows) // 2, len(ports)
-    moving = [rates[k] for k in followers]
-    kept = [k for k in range(nx) if k not in followers and k not in moving]
+    moving = [rates[k] for k in dependent]
+    kept = [k for k in range(nx) if k not in dependent and k not in moving]
     first = len(kept)
     c, x = ca.SX.sym("c", first + 2 * n), ca.SX.sym("x", nx)
     theta, omega = c[first : first + n], c[first + n :]
     at, turning = ca.vertcat(ca.sin(theta), -ca.cos(theta)), ca.vertcat(ca.cos(theta) * omega, ca.sin(theta) * omega)
-    inverse = np.linalg.inv(rows[:, followers])
-    free = [k for k in np.flatnonzero(rows.any(0)).tolist() if k not in followers]
+    inverse = np.linalg.inv(rows[:, dependent])
+    free = [k for k in np.flatnonzero(rows.any(0)).tolist() if k not in dependent]
     full: Any = ca.SX(nx, 1)
     full[kept] = c[:first]
-    full[followers] = ca.DM(inverse) @ (at + ca.DM(offset) - ca.DM(rows[:, free]) @ full[free])
+    full[dependent] = ca.DM(inverse) @ (at + ca.DM(offset) - ca.DM(rows[:, free]) @ full[free])
     along = [rates[k] for k in free]
     full[moving] = ca.DM(inverse) @ (turning - ca.DM(rows[:, free]) @ full[along])
     places = np.flatnonzero(rows.any(0)).tolist()

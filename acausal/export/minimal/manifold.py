@@ -1,8 +1,9 @@
-"""Minimal coordinates on stabilised constraints: as many states as the model has degrees of freedom, two for each.
+"""Minimal coordinates on stabilised constraints: two states for each degree of freedom.
 
-The constraints g(t, x, u) = 0 of all levels bind as many states as they are. Those states follow the others by the
-implicit function theorem; along such a motion the stabilisation rests, so that none of its poles is seen. Source: E.
-Hairer, G. Wanner, Solving Ordinary Differential Equations II (1996), VII.2, local state space form.
+The constraints g(t, x, u) = 0 of all levels determine as many states as there are constraints. These dependent states
+are functions of the others by the implicit function theorem; along such motions the stabilisation vanishes, so that its
+poles do not appear. Source: E. Hairer, G. Wanner, Solving Ordinary Differential Equations II (1996), VII.2, local state
+space form.
 """
 
 from __future__ import annotations
@@ -21,13 +22,13 @@ from acausal.lower.symbols import Symbols
 from acausal.simulate.start.initialize import Start
 from acausal.simulate.start.nearest import nearest_on_constraints
 
-_RANK = 1e-9  # smallest pivot that counts, by the largest
-_WORST = 100.0  # how much worse conditioned the followers of wished coordinates may be than those of the best
+_RANK = 1e-9  # smallest relative pivot that counts for the rank
+_WORST = 100.0  # allowed loss of condition for preferred coordinates, relative to the best ones
 
 
 @dataclass(frozen=True, eq=False)
 class Minimal:
-    """Places of the minimal coordinates among n states, and how all states follow them and the inputs.
+    """Indices of n minimal coordinates among the states, and the derivatives of all states by them and by inputs.
 
     `of_coordinates` has shape (nx, n), `of_inputs` (nx, nu).
     """
@@ -38,7 +39,10 @@ class Minimal:
 
 
 def minimal(compiled: CompiledModel, t: float, start: Start, u: Vector, p: Vector, m: Vector) -> Minimal:
-    """The coordinates that determine all states best at a point; all of them without stabilised constraints."""
+    """The best conditioned minimal coordinates at a point; all states without stabilised constraints.
+
+    `u`, `p`, `m`: shapes (nu,), (np,), (nm,). Raises ExportError: AC604 where the constraints are dependent.
+    """
     nx = len(start.x)
     if not compiled.solution.structure.invariants:
         return Minimal(tuple(range(nx)), np.eye(nx), np.zeros((nx, len(u))))
@@ -46,20 +50,20 @@ def minimal(compiled: CompiledModel, t: float, start: Start, u: Vector, p: Vecto
     g = compiled.constraints(*s.inputs)[0]
     slopes = ca.Function("slopes", s.inputs, [ca.densify(ca.jacobian(g, v)) for v in (s.x, s.u)])
     by_x, by_u = (np.array(v, dtype=float) for v in slopes(t, start.x, start.z, u, p, m))
-    followers = _followers(compiled, by_x * compiled.nominal_x)
+    dependent = _dependent_states(compiled, by_x * compiled.nominal_x)
     if not np.isfinite(by_x).all() or not _is_regular(by_x * compiled.nominal_x):
         raise _singular(compiled, t)
-    rest = [k for k in range(nx) if k not in followers]
-    inverse = np.linalg.pinv(by_x[:, followers] * compiled.nominal_x[followers], rcond=_RANK)
+    rest = [k for k in range(nx) if k not in dependent]
+    inverse = np.linalg.pinv(by_x[:, dependent] * compiled.nominal_x[dependent], rcond=_RANK)
     of_coordinates, of_inputs = np.zeros((nx, len(rest))), np.zeros((nx, len(u)))
     of_coordinates[rest] = np.eye(len(rest))
-    of_coordinates[followers] = -compiled.nominal_x[followers, None] * (inverse @ by_x[:, rest])
-    of_inputs[followers] = -compiled.nominal_x[followers, None] * (inverse @ by_u)
+    of_coordinates[dependent] = -compiled.nominal_x[dependent, None] * (inverse @ by_x[:, rest])
+    of_inputs[dependent] = -compiled.nominal_x[dependent, None] * (inverse @ by_u)
     return Minimal(tuple(rest), of_coordinates, of_inputs)
 
 
-def _followers(compiled: CompiledModel, slope: Vector) -> list[int]:
-    """States that the constraints determine: rather those without a fixed start, where these do nearly as well."""
+def _dependent_states(compiled: CompiledModel, slope: Vector) -> list[int]:
+    """Indices of the dependent states, preferably without a fixed start; `slope` is dg/dx scaled, shape (n_g, nx)."""
     wished = np.array([0.01 if v in compiled.start.direct else 1.0 for v in compiled.state_variables])
     best = _pivots(slope, np.ones(len(wished)))
     found = _pivots(slope, wished)
@@ -69,14 +73,14 @@ def _followers(compiled: CompiledModel, slope: Vector) -> list[int]:
 
 
 def _is_regular(slope: Vector) -> bool:
-    """Whether the constraints have the rank that they have beside the point: no singular value is merely small."""
+    """Whether the constraints have full generic rank: no singular value is small without being zero."""
     sizes = np.linalg.svd(slope, compute_uv=False)
     small = (sizes <= 1e-6 * sizes[0]) & (sizes > 1e-13 * sizes[0])
     return len(slope) <= slope.shape[1] and not small.any()
 
 
 def _pivots(slope: Vector, weight: Vector) -> list[int]:
-    """Columns of largest pivots in a QR factorisation, as many as the rank."""
+    """Columns of the largest pivots of a QR factorisation, as many as the rank."""
     *_, order = scipy.linalg.qr(slope * weight, mode="economic", pivoting=True)
     triangle, *_ = scipy.linalg.qr(slope, mode="r", pivoting=True)
     plain = np.abs(np.diag(triangle))

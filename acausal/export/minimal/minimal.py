@@ -1,9 +1,9 @@
-"""A model's functions with as many states as it has degrees of freedom, two for each.
+"""A model's functions in minimal coordinates: two states for each degree of freedom.
 
-Where every stabilised constraint keeps something on a circle, an angle replaces it (`coordinates.py`).
-Elsewhere the states that the constraints determine become algebraic variables, and the constraints the equations that
-they follow from: index 1, for the constraints of all levels bind as many states as they are. That holds as long as the
-followers chosen at the start can follow, which is up to the next singular position.
+Where every stabilised constraint keeps states on a circle, angles replace them (`coordinates.py`). Elsewhere the states
+that the constraints determine become algebraic variables, with the constraints as their equations: index 1, because the
+constraints of all levels determine as many states as there are. This is valid up to the next singular position of the
+dependent states chosen at the start.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from acausal.simulate.start.initialize import Start
 
 @dataclass(frozen=True, eq=False)
 class Form:
-    """`dae`, `init` and `invariants` of a `CasadiModel`, and its x and z; `bound` are places in p that it stands on."""
+    """`dae`, `init`, `invariants`, x and z of a `CasadiModel`; `bound` are indices in p of values fixed in it."""
 
     dae: Any
     init: Any
@@ -37,9 +37,9 @@ class Form:
 
 
 def invariants_of(compiled: CompiledModel, functions: Any) -> Any:
-    """`(t, x, z, u, p) -> (position, velocity)`: stabilised constraints as stated, and differentiated.
+    """Function `(t, x, z, u, p) -> (position, velocity)`: stabilised constraints as stated, and differentiated.
 
-    `functions` gives the symbols: the dae of the model.
+    `functions`: the dae of the model, which defines the arguments.
     """
     arguments = functions.sx_in()
     g = compiled.constraints(*arguments, compiled.all_modes(*arguments))[0]
@@ -51,7 +51,9 @@ def invariants_of(compiled: CompiledModel, functions: Any) -> Any:
 
 
 def minimal_form(compiled: CompiledModel, form: Form, point: tuple[float, Vector, Vector, Vector, Vector]) -> Form:
-    """The form in minimal coordinates; itself where no constraint is stabilised. `point` is `(t, x, z, u, p)`.
+    """The form in minimal coordinates; unchanged without stabilised constraints.
+
+    `point`: `(t, x, z, u, p)`, a time [s] and vectors of shapes (nx,), (nz,), (nu,), (np,).
 
     Raises ExportError: AC604 when the constraints depend on each other at the point.
     """
@@ -60,7 +62,7 @@ def minimal_form(compiled: CompiledModel, form: Form, point: tuple[float, Vector
     _, x, _, _, p = point
     coordinates = coordinates_of(compiled, form.x, x, p)
     if not coordinates.complete:
-        return _followed(compiled, form, point)
+        return _with_dependent_states(compiled, form, point)
     start = coordinates.of(x[:, None]).ravel()
     ports = Ports(replace(port, start=float(s)) for port, s in zip(coordinates.ports, start, strict=True))
     parameters = ca.MX.sym("p", len(p))
@@ -69,26 +71,28 @@ def minimal_form(compiled: CompiledModel, form: Form, point: tuple[float, Vector
     bound = [compiled.parameters[k] for k in sorted(coordinates.bound)]
     notes = (f"p does not hold {', '.join(bound)}: angles stand on the values given here",) if bound else ()
     dae = coordinates.equations(form.dae)
-    return Form(dae, init, _nothing(dae), ports, form.z, coordinates.bound, notes)
+    return Form(dae, init, _no_invariants(dae), ports, form.z, coordinates.bound, notes)
 
 
-def _followed(compiled: CompiledModel, form: Form, point: tuple[float, Vector, Vector, Vector, Vector]) -> Form:
-    """Followers as algebraic variables."""
+def _with_dependent_states(
+    compiled: CompiledModel, form: Form, point: tuple[float, Vector, Vector, Vector, Vector]
+) -> Form:
+    """The form with dependent states as algebraic variables."""
     t, x, z, u, p = point
     m = np.array(compiled.all_modes(t, x, z, u, p)).ravel()
     places = list(minimal(compiled, t, Start(x, z, ()), u, p, m).places)
-    followers = [k for k in range(len(x)) if k not in places]
+    dependent = [k for k in range(len(x)) if k not in places]
     names = form.dae.name_in()
     symbols = form.dae.sx_in()
     g = ca.vertcat(*form.invariants(*symbols))
     slopes = ca.Function("slopes", symbols, [ca.densify(ca.jacobian(g, symbols[1]))])
-    slope = np.array(slopes(t, x, z, u, p))[:, followers] * compiled.nominal_x[followers]
+    slope = np.array(slopes(t, x, z, u, p))[:, dependent] * compiled.nominal_x[dependent]
     *_, order = scipy.linalg.qr(slope.T, mode="economic", pivoting=True)
-    rows = sorted(order[: len(followers)].tolist())
-    c, w = ca.SX.sym("x", len(places)), ca.SX.sym("z", len(z) + len(followers))
+    rows = sorted(order[: len(dependent)].tolist())
+    c, w = ca.SX.sym("x", len(places)), ca.SX.sym("z", len(z) + len(dependent))
     own, rest = ca.vertsplit(w, [0, len(z), w.numel()])
     whole = ca.SX(len(x), 1)
-    whole[places], whole[followers] = c, rest
+    whole[places], whole[dependent] = c, rest
     ode, alg, y = form.dae(symbols[0], whole, own, *symbols[3:])
     bound = ca.vertcat(*form.invariants(symbols[0], whole, own, *symbols[3:]))[rows]
     dae = ca.Function(
@@ -100,14 +104,14 @@ def _followed(compiled: CompiledModel, form: Form, point: tuple[float, Vector, V
     )
     parameters = ca.MX.sym("p", len(p))
     x0, z0 = form.init(parameters)
-    init = ca.Function("init", [parameters], [x0[places], ca.vertcat(z0, x0[followers])], ["p"], ["x0", "z0"])
-    moved = [form.x[k].name for k in followers]
+    init = ca.Function("init", [parameters], [x0[places], ca.vertcat(z0, x0[dependent])], ["p"], ["x0", "z0"])
+    moved = [form.x[k].name for k in dependent]
     notes = (f"constraints determine {', '.join(moved)}, which are algebraic variables",)
-    x_ports, z_ports = (form.x[k] for k in places), (*form.z, *(form.x[k] for k in followers))
-    return Form(dae, init, _nothing(dae), Ports(x_ports), Ports(z_ports), notes=notes)
+    x_ports, z_ports = (form.x[k] for k in places), (*form.z, *(form.x[k] for k in dependent))
+    return Form(dae, init, _no_invariants(dae), Ports(x_ports), Ports(z_ports), notes=notes)
 
 
-def _nothing(dae: Any) -> Any:
-    """`invariants` where none is left."""
+def _no_invariants(dae: Any) -> Any:
+    """The function `invariants` without constraints."""
     arguments = dae.sx_in()
     return ca.Function("invariants", arguments, [ca.SX(0, 1), ca.SX(0, 1)], dae.name_in(), ["position", "velocity"])

@@ -1,7 +1,9 @@
-"""The linear maps of a run, stretch by stretch and event by event.
+"""Linear maps of a run, stretch by stretch and event by event, composed in forward or adjoint order.
 
-Between events steps of a method of their own are differentiated (`acausal/export/variation/`). The adjoint form is the
-transpose of the forward one, in reverse order.
+Between events, the steps of a one-step method are differentiated exactly (`acausal/export/variation/`). The adjoint
+form is the transpose of the forward one, in reverse order.
+
+The carried variables are the states, followed by the values of `pre` that differ from states: `size` of them.
 """
 
 from __future__ import annotations
@@ -19,7 +21,7 @@ from acausal.export.observed import observed_function
 from acausal.export.ports import Output
 from acausal.export.sensitivity.saltation import Saltation
 from acausal.export.sensitivity.slopes import Matrices, Slopes
-from acausal.export.variation.element import Temper, Way
+from acausal.export.variation.element import Interval, Stiffness
 from acausal.export.variation.variation import Variation
 from acausal.lower.symbols import Symbols
 from acausal.simulate.driver.hybrid import Passage
@@ -27,16 +29,16 @@ from acausal.simulate.driver.run import Run
 from acausal.simulate.equations.calls.quick import Quick
 from acausal.simulate.events.regime import Regime
 
-# Instants that are closer than this share of the time are one.
+# Relative distance below which two instants coincide.
 _APART = 1e-12
 
 
 class Chain:
-    """The linear maps of a run, stretch by stretch and event by event."""
+    """The linear maps of a run, for `count` parameters with the indices `chosen` in p."""
 
     def __init__(self, run: Run, chosen: list[int], wanted: Sequence[Output], tolerance: float) -> None:
-        assert run.hybrid is not None, "a traced run keeps its events"
-        assert run.hybrid.moment is not None, "it has begun"
+        assert run.hybrid is not None, "a traced run records its events"
+        assert run.hybrid.moment is not None, "the run has started"
         self.compiled, self.p, self.u = run.compiled, run.p, run.u
         self.chosen, self.wanted, self.tolerance = chosen, wanted, tolerance
         self.passages: list[Passage] = run.hybrid.passages
@@ -46,18 +48,18 @@ class Chain:
         first = self.passages[0].time
         self.event = Saltation(self.slopes, run.hybrid, first, self.stop - first)
         self.nx, self.count, self.size = self.slopes.nx, self.slopes.count, self.slopes.size
-        self.temper, self.native = Temper(), run.options.native
+        self.stiffness, self.native = Stiffness(), run.options.native
         self.hybrid = run.hybrid
         self.marks = self._marks(run.options.max_step)
         own = [k for k, passage in enumerate(self.passages) if not passage.edge]
         self.terminal = own[-1] if run.hybrid.terminated and own else None
-        """The event that has ended the run; final values are taken at its instant, which moves."""
+        """Index of the event that ended the run, if any; its instant, at which final values are taken, moves."""
 
     def _marks(self, longest: float | None) -> Vector:
-        """Instants between events at which a step of a variation has to end: else it passes over what is steep there.
+        """Instants [s] between events at which a step of a variation must end, so as not to step over a burst; (k,).
 
-        The states may know nothing of it, as of a burst that is multiplied by a parameter that is zero. Where no step
-        of the run may be longer than `longest`, as there are too many kinks to be watched, none of these is.
+        The states may not show the burst, if it is multiplied by a parameter that is zero. If steps of the run are
+        bounded by `longest` [s], because not all kinks are located, so are the steps of the variations.
         """
         first, hybrid = self.passages[0].time, self.hybrid
         found = [np.zeros(0) if longest is None else np.arange(first, self.stop, longest)]
@@ -72,7 +74,7 @@ class Chain:
         return np.asarray(marks[far])
 
     def forward(self) -> tuple[Vector, Vector]:
-        """(d outputs, d event times) / d parameters; states and what is remembered of them are carried along."""
+        """(d outputs / d parameters, shape (ny, count); d event times / d parameters, shape (n_events, count))."""
         x = self.start()
         of_times = np.zeros((len(self.passages), self.count))
         for k, passage in enumerate(self.passages):
@@ -88,7 +90,7 @@ class Chain:
         return np.asarray(y_x @ x + y_p, dtype=np.float64), of_times
 
     def variations(self, k: int, t: float) -> Vector:
-        """Variations of what is carried at an instant of stretch `k`."""
+        """Variations of the carried variables at an instant [s] of stretch `k`, shape (size, count)."""
         x = self.start()
         for j, passage in enumerate(self.passages[: k + 1]):
             by_x, by_p, *_ = self.event(passage)
@@ -108,8 +110,8 @@ class Chain:
     def trajectory(self, times: Vector, states: Callable[[Vector], Vector] | None = None) -> Vector:
         """d outputs / d parameters at `times`, shape (times, outputs, parameters); at events just after them.
 
-        `states` are those of the run at some instants, shape (instants, nx): where nothing varies along a stretch, no
-        step is made to know them.
+        `states` maps instants to states of the run, shape (instants, nx); it replaces steps on stretches without
+        variations.
         """
         found = np.zeros((len(times), len(self.wanted), self.count))
         x = self.start()
@@ -134,24 +136,27 @@ class Chain:
             if not len(inside):
                 continue
             place = np.searchsorted(stops, at, side="right")
-            found[inside] = self._shown(stretch, at, np.array(w)[place], np.array(there)[place])
+            found[inside] = self._output_derivatives(stretch, at, np.array(w)[place], np.array(there)[place])
         return found
 
     def is_still(self, regime: Regime, x: Vector) -> bool:
-        """Whether states without variations `x` have none from the parameters under this regime, either."""
+        """Whether variations `x`, shape (size, count), are zero and stay zero under this regime."""
         slopes = self.variation(regime).slopes
         return not x.any() and slopes.n == slopes.nx and not (slopes.columns >= slopes.n).any()
 
-    def is_quick(self) -> bool:
-        """Whether a trajectory takes compiled steps, or none: in Python it costs many runs."""
+    def is_fast(self) -> bool:
+        """Whether a trajectory needs only compiled steps, or none; in Python it would cost as much as many runs."""
         still, regimes = not self.start().any(), [passage.happened.moment.regime for passage in self.passages]
         for passage, regime in zip(self.passages, regimes, strict=True):
             _, by_p, *_ = self.event(passage)
             still = still and self.is_still(regime, by_p)
         return still or all(self.variation(regime).is_compiled(self.native) for regime in regimes)
 
-    def _shown(self, stretch: Stretch, times: Vector, w: Vector, x: Vector) -> Vector:
-        """d outputs / d parameters at k instants of one stretch; `w` are variables, `x` variations, (k, nx, count)."""
+    def _output_derivatives(self, stretch: Stretch, times: Vector, w: Vector, x: Vector) -> Vector:
+        """d outputs / d parameters at k instants of one stretch, shape (k, ny, count).
+
+        `times`: shape (k,); `w`: variables, shape (k, nx + nz); `x`: variations, shape (k, size, count).
+        """
         c, regime, k = self.compiled, stretch.regime, len(times)
         outputs = tuple(output.name for output in self.wanted)
         key = "shown", *outputs, tuple(self.chosen), regime.holds, regime.border
@@ -171,7 +176,7 @@ class Chain:
         return np.asarray(by_x @ x + by_p)
 
     def _packed(self, regime: Regime) -> Any:
-        """Derivatives of the outputs and of the algebraic equations by what is carried, chosen parameters, and z."""
+        """Function: derivatives of outputs and algebraic equations by carried variables, chosen parameters, and z."""
         s = Symbols(self.compiled)
         pieces = []
         for value in (self.observed(*s.inputs), regime.compiled.rhs(*s.inputs)[1]):
@@ -180,19 +185,19 @@ class Chain:
             pieces += [ca.horzcat(ca.jacobian(value, s.x), past), by_p, ca.jacobian(value, s.z)]
         return ca.Function("shown", s.inputs, [ca.vertcat(*(ca.vec(ca.densify(piece)) for piece in pieces))])
 
-    def _shown_by(self, regime: Regime, t: float, moment: Any) -> tuple[Vector, Vector, Vector]:
-        """Derivatives of the outputs by states, parameters and time."""
+    def _outputs_total(self, regime: Regime, t: float, moment: Any) -> tuple[Vector, Vector, Vector]:
+        """Derivatives of the outputs by carried variables (ny, size), parameters (ny, count) and time (ny,)."""
         key = "outputs", *(output.name for output in self.wanted)
         return self.slopes.total(regime, key, lambda *a: self.observed(*a), t, moment)
 
     @cached_property
     def observed(self) -> Any:
-        """The outputs, of the arguments of all functions of a model."""
+        """Function `(t, x, z, u, p, m) -> y`."""
         key = "observed", *(output.name for output in self.wanted)
         return self.slopes.kept(key, lambda: observed_function(self.compiled, self.wanted))
 
     def adjoint(self) -> tuple[Vector, Vector]:
-        """The same, from the end backwards: one sweep, in which each event time joins at its event."""
+        """The results of `forward`, by one sweep from the end backwards, to which each event adds its time as a row."""
         rows, total, y_t = self.output()
         for k in reversed(range(len(self.passages))):
             rows, by_p = self.stretch(k).adjoint(rows)
@@ -209,8 +214,8 @@ class Chain:
         count = len(self.wanted)
         return total[:count], total[count:][::-1]
 
-    def is_unseen(self, k: int) -> bool:
-        """Whether a stretch only ends there, without an event: at a kink or in the middle of a burst."""
+    def is_no_event(self, k: int) -> bool:
+        """Whether passage `k` is no event, but a located kink or the middle of a burst."""
         passage = self.passages[k]
         if passage.guard is None:
             return True
@@ -223,12 +228,12 @@ class Chain:
         return Stretch(self, moment.regime, moment.x, moment.z, moment.m, self.passages[k].time, until)
 
     def variation(self, regime: Regime) -> Variation:
-        """The equations of a regime with their slopes."""
+        """The equations of a regime with their derivatives, cached."""
         key = "variation", regime.holds, regime.border, tuple(self.chosen)
         return self.slopes.kept(key, lambda: Variation(regime.compiled, self.chosen))
 
     def start(self) -> Vector:
-        """Derivatives at the start, before its events, of the states and of what is remembered."""
+        """Derivatives of the carried variables at the start, before its events, by parameters; shape (size, count)."""
         passage = self.passages[0]
         moment, c = passage.left, self.compiled
         nothing = np.zeros((self.size - self.nx, self.count))
@@ -248,12 +253,12 @@ class Chain:
         return np.vstack([direct, nothing])
 
     def _given(self) -> Matrices:
-        """`(p) -> derivatives of the declared starts`."""
+        """Function `(p) -> d declared starts / dp`."""
         p = ca.SX.sym("p", len(self.p))
         return Matrices(ca.Function("given", [p], [ca.densify(ca.jacobian(self.compiled.guess(p)[0], p))]))
 
     def _start_slopes(self) -> Matrices:
-        """`(t, x, z, u, p, m) -> derivatives of the start conditions by x, z, m and p`."""
+        """Function `(t, x, z, u, p, m) ->` derivatives of the start conditions by x, z, m and p."""
         c, s = self.compiled, Symbols(self.compiled)
         first = c.n_timely + len(c.state_events.samples)
         held = s.m[first : first + self.size - self.nx]
@@ -262,18 +267,18 @@ class Chain:
         return Matrices(ca.Function("slopes", s.inputs, [ca.densify(ca.jacobian(r, v)) for v in (s.x, s.z, s.m, s.p)]))
 
     def output(self) -> tuple[Vector, Vector, Vector]:
-        """d output / d what is carried, / d parameters, and / d time at the end."""
-        return self._shown_by(self.last.regime, self.stop, self.last)
+        """d outputs at the end by carried variables (ny, size), parameters (ny, count), and time (ny,)."""
+        return self._outputs_total(self.last.regime, self.stop, self.last)
 
     def values(self) -> Vector:
-        """The outputs at the end."""
+        """The outputs at the end, shape (ny,)."""
         at = self.last
         return np.array(self.observed(self.stop, at.x, at.z, self.u, self.p, at.m)).ravel()
 
 
 @dataclass(frozen=True, eq=False)
 class Stretch:
-    """One stretch without events."""
+    """One stretch without events, from `start` to `end` [s], with x (nx,), z (nz,) and m (nm,) at its start."""
 
     chain: Chain
     regime: Regime
@@ -284,16 +289,20 @@ class Stretch:
     end: float
 
     def carry(self, stops: Vector, x: Vector, *, parameters: bool = True) -> Iterator[tuple[float, Vector, Vector]]:
-        """At the stops, which are in order and inside, and at the end: the time, all variables, and the variations."""
+        """Yield (time [s], variables (nx + nz,), variations (size, count)) at `stops`, ascending, and at the end.
+
+        `x`: variations at the start, shape (size, count). Without `parameters` the columns are other directions, which
+        the parameters do not change.
+        """
         c = self.chain
         if self.end <= self.start:
             return
         variation, rows = c.variation(self.regime), self._rows
         slopes = variation.slopes
         scale, variables = slopes.scale[: slopes.nx, None], [*range(c.nx), *range(slopes.nx, slopes.n)]
-        way = self._way([*stops.tolist(), self.end], variation)
+        way = self._interval([*stops.tolist(), self.end], variation)
         asked = {*stops.tolist(), self.end}
-        for t, w, there in variation.carry(way, x[rows] / scale, c.temper, c.native, parameters=parameters):
+        for t, w, there in variation.carry(way, x[rows] / scale, c.stiffness, c.native, parameters=parameters):
             if t not in asked:
                 continue
             found = x.copy()
@@ -301,14 +310,14 @@ class Stretch:
             yield t, (w * slopes.scale)[variables], found
 
     def forward(self, x: Vector) -> Vector:
-        """Variations of what is carried at the end from those at the start, and from the parameters."""
+        """Variations at the end, shape (size, count), due to `x` at the start, same shape, and to parameters."""
         found = x
         for *_, there in self.carry(np.zeros(0), x):
             found = there
         return found
 
     def parts(self, ends: Vector) -> Iterator[tuple[float, Vector]]:
-        """For each part of the stretch its end, and the map of variations over it."""
+        """Yield (end [s], linear map (size, size)) of each part of the stretch between `ends`, shape (k,)."""
         unit = np.eye(self.chain.size)
         here = self
         for end in ends.tolist():
@@ -318,27 +327,32 @@ class Stretch:
                 here = replace(here, start=t, x=w[: self.chain.nx], z=w[self.chain.nx :])
 
     def adjoint(self, rows: Vector) -> tuple[Vector, Vector]:
-        """Derivatives by what is carried at the start, and by the parameters, of what has `rows` at the end."""
+        """Pull back `rows`, shape (k, size), from the end to carried variables at the start, and to parameters.
+
+        Returns shapes (k, size) and (k, count).
+        """
         c = self.chain
         if self.end <= self.start:
             return rows, np.zeros((len(rows), c.count))
         variation, places = c.variation(self.regime), self._rows
         scale = variation.slopes.scale[: variation.slopes.nx]
         found = rows.copy()
-        back, total = variation.back(self._way([self.end], variation), rows[:, places] * scale, c.temper, c.native)
+        back, total = variation.back(
+            self._interval([self.end], variation), rows[:, places] * scale, c.stiffness, c.native
+        )
         found[:, places] = back / scale
         return found, total
 
     @cached_property
     def _rows(self) -> list[int]:
-        """Places among what is carried of what varies in the equations: the states, and what these remember."""
+        """Indices, among the carried variables, of the states and of the values of `pre` in the equations."""
         c, held = self.chain, self.chain.variation(self.regime).slopes.held
         return [*range(c.nx), *(c.nx + k - int(c.slopes.memories[0]) for k in held)]
 
-    def _way(self, ends: Sequence[float], variation: Variation) -> Way:
+    def _interval(self, ends: Sequence[float], variation: Variation) -> Interval:
         c = self.chain
         w = np.concatenate([self.x, self.m[variation.slopes.held], self.z]) / variation.slopes.scale
         marks = c.marks[(c.marks > self.start) & (c.marks < self.end)]
         nearest = np.abs(marks[:, None] - np.append(ends, self.start)).min(axis=1)
         ends = np.sort(np.append(marks[nearest > _APART * max(abs(self.start), abs(self.end))], ends)).tolist()
-        return Way(self.start, ends, w, (np.concatenate([c.u, c.p]), self.m), c.tolerance)
+        return Interval(self.start, ends, w, (np.concatenate([c.u, c.p]), self.m), c.tolerance)

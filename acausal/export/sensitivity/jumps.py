@@ -1,8 +1,8 @@
-"""Rates that jump where no event is: `no_event` says that it does no harm, and a derivative passes over it.
+"""Detection of rates that jump without an event, below `no_event`, where derivatives would be wrong.
 
-`no_event(sign(x))` is integrated by a solver whose steps become short there, and its instant moves with the parameters:
-that part of a derivative would be missing. What is only continuous there, as `x*sign(x)`, does no harm. Between two
-rows of a run in which such a relation changes the instant is looked for, and its two sides.
+A solver integrates `no_event(sign(x))` with short steps at the jump, whose instant moves with the parameters: that part
+of a derivative would be missing. A function that is continuous there, such as `x*sign(x)`, is differentiable enough.
+Between two rows of a run in which such a relation changes, the instant is located and its two sides are compared.
 """
 
 from __future__ import annotations
@@ -27,29 +27,29 @@ from acausal.simulate.events.guards import Moment
 
 _STEPS = frozenset(("sign", "floor", "ceil"))
 _HALVINGS = 60
-# Both sides are looked at so far from the instant, in distances of rows; a jump is there at both, and no rounding.
+# Distances from the instant, in row intervals, at which sides are compared; a true jump shows at both.
 _FAR, _CLOSE, _SHRINKS, _ROUNDING = 1e-6, 1e-9, 0.5, 1e-7
-# A jump by which states go elsewhere by less than this share until the next row is none.
+# Relative change of states until the next row below which a jump is ignored.
 _NOTHING = 1e-14
 _WIDTH = 60
 
 
 @dataclass(frozen=True, eq=False)
 class _Sides:
-    """Differences of the sides of relations, and arguments of steps, below `no_event`; which of these are steps."""
+    """Functions below `no_event` that may jump: differences of the sides of relations, and arguments of `steps`."""
 
     function: Narrow
     steps: NDArray[np.bool_]
     texts: tuple[str, ...]
 
     def levels(self, values: Vector) -> Vector:
-        """What changes only where something may jump; shape of the values."""
+        """Piecewise constant levels that change only at possible jumps; shape (n, k) as `values`."""
         return np.where(self.steps, np.floor(values) + np.ceil(values), np.sign(values))
 
 
 def refuse_jumps(chain: Chain) -> None:
     """Raise ExportError AC615 where a rate of the run jumps without an event."""
-    sides = chain.slopes.kept("jumps", lambda: _made(chain.compiled))
+    sides = chain.slopes.kept("jumps", lambda: _build(chain.compiled))
     if sides is None:
         return
     times, x, z, m = chain.hybrid.recorder.rows()
@@ -68,7 +68,10 @@ def refuse_jumps(chain: Chain) -> None:
 
 
 def _jump(chain: Chain, sides: _Sides, k: int, ends: tuple[float, float], x: Vector, z: Vector) -> float | None:
-    """Where rates jump between two rows as number k changes; None where they do not."""
+    """Time [s] at which rates jump between two rows, when level k changes; None if they do not.
+
+    `x`: states of both rows, shape (nx, 2); `z`: algebraic variables of the first, shape (nz,).
+    """
     start, end = ends
     gap = end - start
     stretch = next(s for s in map(chain.stretch, reversed(range(len(chain.passages)))) if s.start <= start)
@@ -94,27 +97,31 @@ def _jump(chain: Chain, sides: _Sides, k: int, ends: tuple[float, float], x: Vec
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if level(middle) == before else (low, middle)
-    apart = []
+    differences = []
     for share in (_FAR, _CLOSE):
         pair = [min(max(low + sign * share, 0.0), 1.0) for sign in (-1.0, 1.0)]
         left, right = (chain.slopes.rate(stretch.regime, start + s * gap, at(s)) for s in pair)
-        apart.append(np.abs(right - left))
+        differences.append(np.abs(right - left))
         size = np.abs(left) + np.abs(right)
     states = np.maximum(np.abs(x).max(axis=1), chain.compiled.nominal_x)
-    jumps = (apart[1] > _ROUNDING * size) & (apart[1] > _SHRINKS * apart[0]) & (gap * apart[1] > _NOTHING * states)
+    jumps = (
+        (differences[1] > _ROUNDING * size)
+        & (differences[1] > _SHRINKS * differences[0])
+        & (gap * differences[1] > _NOTHING * states)
+    )
     return start + low * gap if jumps.any() else None
 
 
-def _made(compiled: CompiledModel) -> _Sides | None:
-    """Those on which rates depend; None without any."""
+def _build(compiled: CompiledModel) -> _Sides | None:
+    """The functions that may jump on which rates depend; None without any."""
     solution = compiled.solution
     reduced = solution.structure.reduced
     pool, moving = reduced.pool, Moving(reduced.pool, discrete_variables(reduced))
     roots = [*(n for v, n in solution.definitions if v in solution.needed), *solution.residuals]
     below = [pool.nodes[n][1] for n in pool.reachable(roots) if pool.nodes[n][0] == "noevent"]
-    # a jump that a mode tells is one of the saltations
-    told = {*compiled.rewritten, *compiled.mode_nodes}
-    found = [n for n in pool.reachable(below, told) if pool.nodes[n][0] in RELATIONS | _STEPS and moving(n)]
+    # a jump with a mode is an event, and has a saltation
+    with_modes = {*compiled.rewritten, *compiled.mode_nodes}
+    found = [n for n in pool.reachable(below, with_modes) if pool.nodes[n][0] in RELATIONS | _STEPS and moving(n)]
     if not found:
         return None
     symbols = Symbols(compiled)

@@ -1,8 +1,8 @@
-"""Relations that a run has missed by no more than they can be wrong: with hardly other parameters they are events.
+"""Detection of relations that a run missed by less than their error: for slightly different parameters they are events.
 
-What is passed so barely is refused where its event is differentiated (`Saltation`); what is missed makes no event.
-Where a guard comes down to zero and goes up again within a stretch, its lowest value is looked for: among points of the
-stretch first, and then more closely around those where a parabola through three of them comes near zero.
+A relation that is barely crossed is refused where its event is differentiated (`Saltation`); one that is barely missed
+makes no event. Where a guard approaches zero and recedes within a stretch, its minimum is searched: first among points
+of the stretch, then more densely where the parabola through three of them comes close to zero.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from acausal.errors import ExportError
 from acausal.export.sensitivity.chain import Chain, Stretch
 from acausal.simulate.events.guards import Guards, Moment
 
-# Points of a stretch at least, and between two of them where a guard may be lowest.
+# Least number of points of a stretch, and number of points between two of them around a minimum.
 _FEWEST, _CLOSER = 17, 16
-# A parabola is near zero where it is lower than this share of the guard beside; a guard comes from so many times as far
-# as it can be wrong, and goes there.
+# A parabola is close to zero below this fraction of the guard beside; a guard counts as approaching if it comes from,
+# and recedes to, more than this many times its error.
 _NEAR, _AWAY = 0.1, 10.0
 
 
 def refuse_missed(chain: Chain, rows: Vector) -> None:
-    """Raise ExportError AC615 where a relation was missed by less than its error; `rows` are times of the run [s]."""
+    """Raise ExportError AC615 if a relation was missed by less than its error; `rows`: times of the run [s], (n,)."""
     guards, watched = chain.hybrid.guards, chain.compiled.state_events.watched
     for k in range(len(chain.passages)):
         stretch = chain.stretch(k)
@@ -49,7 +49,7 @@ def refuse_missed(chain: Chain, rows: Vector) -> None:
 
 
 def _along(chain: Chain, guards: Guards, stretch: Stretch, stops: Vector) -> tuple[Vector, Vector, Vector]:
-    """Times from the start of a stretch to its end, and there all variables (n, nx + nz) and guards (n, guards)."""
+    """Times (n,), variables (n, nx + nz), guards (n, n_guards) at the start, `stops` and end of a stretch."""
     nothing = np.zeros((chain.size, chain.count))
     known = [(stretch.start, np.concatenate([stretch.x, stretch.z]))]
     known += [(t, variables) for t, variables, _ in stretch.carry(stops, nothing, parameters=False)]
@@ -59,7 +59,7 @@ def _along(chain: Chain, guards: Guards, stretch: Stretch, stops: Vector) -> tup
 
 
 def _turns(times: Vector, values: Vector) -> Iterator[tuple[int, int]]:
-    """Rows and guards at which these are lowest, and where the parabola through three rows comes near zero."""
+    """(Row, guard) of minima whose parabola through three rows comes close to zero; `values`: shape (n, n_guards)."""
     before, here, behind = values[:-2], values[1:-1], values[2:]
     lowest = (here < before) & (here <= behind) & (here > 0.0)
     for i, j in zip(*np.nonzero(lowest), strict=True):
@@ -68,7 +68,7 @@ def _turns(times: Vector, values: Vector) -> Iterator[tuple[int, int]]:
 
 
 def _vertex(times: Vector, values: Vector) -> float:
-    """The lowest value of the parabola through three points, of which the middle one is the lowest."""
+    """Minimum of the parabola through three points, shapes (3,), of which the middle one is the lowest."""
     a, b, c = np.polyfit(times - times[1], values, 2)
     return float(c - b * b / (4.0 * a)) if a > 0.0 else float(values[1])
 
@@ -76,7 +76,7 @@ def _vertex(times: Vector, values: Vector) -> float:
 def _refuse(
     chain: Chain, guards: Guards, stretch: Stretch, place: int, around: tuple[float, float], beside: Vector
 ) -> None:
-    """Refuse a guard whose lowest value between two instants cannot be told from zero, as it can at these."""
+    """Raise ExportError AC615 for a guard whose minimum between two instants is within its error of zero."""
     stops = np.linspace(*around, 2 * _CLOSER + 1)[1:-1]
     times, x, values = _along(chain, guards, stretch, stops)
     near = np.flatnonzero((times > around[0]) & (times < around[1]))

@@ -1,8 +1,8 @@
-"""Runs that rest on a kink: there they have two derivatives by what moves them off it.
+"""Detection of runs that rest on a kink, where derivatives by parameters that move them off it differ on both sides.
 
-A body that nothing moves stands where its friction turns over, a reservoir is as full as its overflow is high: what is
-differentiated there is the equation of one side, or the mean of both. A kink that is only passed does no harm, so two
-rows inside of each stretch tell, and of the outputs the end.
+A body at rest stands where its friction changes sign, a reservoir is as full as its overflow is high: differentiation
+would use the equation of one side, or the mean of both. A kink that is only crossed is harmless. Therefore two rows
+inside each stretch are checked, and for the outputs the end.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ from acausal.export.sensitivity.chain import Chain
 from acausal.export.sensitivity.slopes import Slopes
 from acausal.simulate.events.guards import Moment
 
-# A guard that would move by less, as all variables move by what they are, in what it may be wrong, does not move.
+# A guard does not move if a displacement of all variables by their magnitude changes it by less than this many errors.
 _STILL = 1e3
 
 
 def refuse_resting(chain: Chain) -> None:
-    """Raise ExportError AC615 where the run has other derivatives on both sides of what it rests on."""
+    """Raise ExportError AC615 if the run rests on a kink with different derivatives on both sides."""
     times, x, z, _ = chain.hybrid.recorder.rows()
     for k in range(len(chain.passages)):
         stretch = chain.stretch(k)
         inside = np.flatnonzero((times > stretch.start) & (times < stretch.end))
         if not len(inside):
             continue
-        # two rows: one may happen to stand where a kink is passed
+        # two rows, as one may coincide with the crossing of a kink
         points = [
             _Point(chain, float(times[row]), Moment(x[:, row], z[:, row], stretch.m, stretch.regime), k, None)
             for row in (int(inside[len(inside) // 2]), int(inside[len(inside) // 3]))
@@ -47,7 +47,7 @@ def refuse_resting(chain: Chain) -> None:
 
 @dataclass(frozen=True, eq=False)
 class _Point:
-    """A point of stretch `k`, at which a function of all is looked at from both sides: the rates, or the outputs."""
+    """A point of stretch `k`, at which the rates, or `outputs`, are compared on both sides."""
 
     chain: Chain
     t: float
@@ -57,7 +57,7 @@ class _Point:
 
     @property
     def _sizes(self) -> tuple[Vector, Vector]:
-        """What states and parameters are."""
+        """Magnitudes of the states, shape (nx,), and of the chosen parameters, shape (count,)."""
         own = np.abs(self.chain.p[self.chain.chosen])
         return np.maximum(np.abs(self.moment.x), self.chain.compiled.nominal_x), np.where(own > 0.0, own, 1.0)
 
@@ -66,18 +66,18 @@ class _Point:
         return np.arange(self.chain.nx) < self.chain.nx - self.chain.compiled.discretes
 
     def is_on_a_kink(self) -> bool:
-        """Whether both sides differ along some way of all states and parameters."""
+        """Whether both sides differ along a random direction of all states and parameters."""
         rng = np.random.default_rng(0)
         dx, dp = (rng.choice([-1.0, 1.0], len(size)) * size for size in self._sizes)
         return self._differs(dx * self._moving, dp)
 
     def refuse(self) -> None:
-        """Refuse two sides along the variations of the run."""
+        """Raise ExportError AC615 if both sides differ along the variation of a parameter."""
         chain, (size_x, size_p) = self.chain, self._sizes
         variations = chain.variations(self.k, self.t)[: chain.nx]
         for j, place in enumerate(chain.chosen):
             dp = np.zeros(chain.count)
-            # as far as the largest of what moves goes by its own size
+            # scaled so that the state that moves most moves by its magnitude
             dp[j] = 1.0 / max(np.max(np.abs(variations[:, j]) / size_x, initial=0.0), 1.0 / size_p[j])
             if self._differs(dp[j] * variations[:, j] * self._moving, dp):
                 raise ExportError(
@@ -91,7 +91,7 @@ class _Point:
                 )
 
     def _differs(self, dx: Vector, dp: Vector) -> bool:
-        """Whether the function has other values or slopes on both sides along a way of states and parameters."""
+        """Whether values or slopes differ on both sides along the direction `dx`, shape (nx,), `dp`, shape (count,)."""
         chain, t, moment = self.chain, self.t, self.moment
         regime, (size_x, size_p) = moment.regime, self._sizes
         function, key, size = self.outputs, ("outputs", *(o.name for o in chain.wanted)), np.ones(len(chain.wanted))
@@ -115,7 +115,7 @@ class _Point:
         return two_sides(table) is not None
 
     def _falls(self, dx: Vector, dp: Vector) -> Vector:
-        """How the guards that rest on zero move along a way; zero for all others."""
+        """Change of guards resting on zero along `dx` (nx,), `dp` (count,); zero for others; shape (n_guards,)."""
         held = self.moment.regime.held
         if not held.owners:
             return np.zeros(0)

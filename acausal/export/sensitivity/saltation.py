@@ -1,8 +1,8 @@
-"""The linear map over one event of a run, and how its instant moves with the parameters.
+"""Linear map over one event of a run, and derivatives of its instant by parameters.
 
-At an event at t* with guard g the derivative of the time is dt* = -(g_x X + g_p) / (g_t + g_x f), and the variations of
-the states jump: with x+ = r(t, x-, p), X+ = r_x (X- + f- dt*) + r_t dt* + r_p - f+ dt* (the saltation matrix). Instants
-of time events and samples move with the parameters that they depend on.
+At an event at t* with guard g, dt* = -(g_x X + g_p) / (g_t + g_x f), and the variations of the states jump: with
+x+ = r(t, x-, p), X+ = r_x (X- + f- dt*) + r_t dt* + r_p - f+ dt* (the saltation matrix). Instants of time events and
+samples move with the parameters that they depend on.
 
 Source: W. S. Galán, P. I. Barton, W. F. Feehery, Parametric sensitivity functions for hybrid discrete/continuous
 systems, Applied Numerical Mathematics 31 (1999).
@@ -28,12 +28,12 @@ from acausal.simulate.events.guards import as_one
 from acausal.simulate.events.regime import Regime
 from acausal.simulate.events.sampling import due
 
-# How far back the rate of a guard is compared, as a share of the run and of the time in which states change.
+# Step back at which the rate of a guard is compared, relative to the run and to the time scale of the states.
 _BACK = 1e-6
 
 
 class Saltation:
-    """The maps over the events of one run from `start`, which lasts `duration` [s]."""
+    """The maps over the events of one run, from `start` [s] for `duration` [s]."""
 
     def __init__(self, slopes: Slopes, hybrid: Hybrid, start: float, duration: float) -> None:
         self.slopes, self.hybrid, self.start, self.duration = slopes, hybrid, start, duration
@@ -41,16 +41,19 @@ class Saltation:
         self.nx, self.count, self.chosen, self.size = slopes.nx, slopes.count, slopes.chosen, slopes.size
 
     def __call__(self, passage: Passage) -> tuple[Vector, Vector, Vector, Vector]:
-        """(dx+/dx-, dx+/dp, dt*/dx-, dt*/dp) of one event, at fixed time on both sides; x with what is remembered."""
+        """(dx+/dx-, dx+/dp, dt*/dx-, dt*/dp) of one event, where x are the carried variables at a fixed time.
+
+        Shapes (size, size), (size, count), (size,), (count,). Raises ExportError: AC608, AC615.
+        """
         left, right, t = passage.left, passage.happened.moment, passage.time
         time_x, time_p = self._instant(passage)
         f_left, f_right = (
             np.concatenate([self.slopes.rate(at.regime, t, at), np.zeros(self.size - self.nx)]) for at in (left, right)
         )
-        # variations by the states before, what was remembered, the parameters, and the time
+        # columns: derivatives by the carried variables before, the parameters, and the time
         x, past = np.vsplit(np.eye(self.size, self.size + self.count + 1), [self.nx])
         past = self._after(left.regime, 4, None, t, left, x, past)
-        past[:, -1] = 0.0  # what is remembered does not change until the event
+        past[:, -1] = 0.0  # values of `pre` are constant until the event
         for jump in passage.happened.jumps:
             moment = jump.moment
             x = self._set(self._assigned, self._after(moment.regime, 1, None, t, moment, x, past), x)
@@ -103,7 +106,7 @@ class Saltation:
         return -slope_x[0] / rate, -slope_p[0] / rate
 
     def _refuse_moving_edge(self, passage: Passage) -> None:
-        """Refuse what moves across the stop time: on one side of there it is none of the run."""
+        """Raise ExportError AC615 for an event that moves across the stop time, and so in or out of the run."""
         left, right = passage.left, passage.happened.moment
         changes = passage.happened.jumps or (left.m != right.m).any() or (left.x != right.x).any()
         if passage.time <= self.start or not changes:
@@ -129,10 +132,10 @@ class Saltation:
         )
 
     def _is_grazed(self, passage: Passage, place: int, rate: float) -> bool:
-        """Whether the rate at which a guard is passed would be another one, or none, within the error of the guard.
+        """Whether the error of the guard makes the rate at which it is crossed uncertain.
 
-        A guard that turns at the rate a, passed at r, is r^2/(2 a) deep behind zero at most: an error e of it changes r
-        by a e/r.
+        A guard with second derivative a, crossed at the rate r, goes at most r^2/(2 a) below zero; an error e of it
+        changes r by a e/r.
         """
         t, left, guards = passage.time, passage.left, self.hybrid.guards
         noise = float(guards.rates(t, left)[1][place])
@@ -146,13 +149,13 @@ class Saltation:
         return rate**2 <= abs(turns) * noise
 
     def _instants(self) -> Matrices:
-        """`(p) -> instants of time events, and their derivatives`."""
+        """Function `(p) -> (instants of time events, d instants / dp)`."""
         p = ca.SX.sym("p", len(self.p))
         instants = ca.densify(self.compiled.instants(p))
         return Matrices(ca.Function("instants", [p], [instants, ca.densify(ca.jacobian(instants, p))]))
 
     def _known(self, t: float) -> Vector:
-        """How an instant that is known in advance moves; refused where several meet there that move apart."""
+        """Derivative of a known instant by parameters, (count,); ExportError AC615 if several coincide and separate."""
         instants, by_p = self.slopes.kept("instants", self._instants)(self.p)
         at = [k for k, v in enumerate(instants.ravel()) if abs(v - t) <= as_one(self.duration, t)]
         ways = [*by_p[at][:, self.chosen], *self._ticks(t)]
@@ -169,7 +172,7 @@ class Saltation:
         return np.asarray(ways[0], dtype=np.float64)
 
     def _ticks(self, t: float) -> list[Vector]:
-        """How the instant of each sample that acts moves: start + k * interval, with the number k of the tick."""
+        """Derivatives, (count,) each, of the instants start + k * interval of the samples that act at `t`."""
         found = []
         for sample in np.flatnonzero(due(self.compiled, self.p, np.array([t]))[0]).tolist():
             value, slope = self.slopes.kept(("clock", sample), partial(self._clock, sample))(self.p)
@@ -178,7 +181,7 @@ class Saltation:
         return found
 
     def _clock(self, sample: int) -> Matrices:
-        """`(p) -> start and interval of a sample, and their derivatives`."""
+        """Function `(p) -> (start and interval of a sample, their derivatives by p)`."""
         pool = self.compiled.solution.structure.reduced.pool
         _, *nodes = pool.nodes[self.compiled.state_events.samples[sample]]
         p = ca.SX.sym("p", len(self.p))
@@ -187,12 +190,12 @@ class Saltation:
 
     @cached_property
     def _assigned(self) -> list[int]:
-        """Places of the variables of discrete equations."""
+        """Indices in x of the variables of discrete equations."""
         return [a.position for a in self.compiled.state_events.assignments]
 
     @cached_property
     def _places(self) -> list[int]:
-        """The state that each action sets."""
+        """Index in x of the state that each action sets."""
         return [position for clause in self.compiled.state_events.clauses for position, _ in clause.actions]
 
     @cached_property
@@ -201,7 +204,7 @@ class Saltation:
         return {k for k, _ in impulses(self.compiled)}
 
     def _struck(self, moment: Any, hits: list[int], places: list[int], t: float, x: Vector, past: Vector) -> Vector:
-        """Variations of what impulses add to the states."""
+        """Variations of the jumps of the states by impulses, shape of `x`."""
         if not hits:
             return np.zeros_like(x)
         if any(place < self.compiled.n_dynamic for place in places):
@@ -215,13 +218,13 @@ class Saltation:
                 help="let the impulse act alone, or compare two runs",
             )
         key = "struck", tuple(hits)
-        return self.slopes.carried(
+        return self.slopes.variations_of(
             moment.regime, key, lambda *a: self.compiled.events.struck(hits)(*a), t, moment, x, past
         )
 
     @staticmethod
     def _set(places: list[int], values: Vector, x: Vector) -> Vector:
-        """Variations in which some states take new ones."""
+        """Variations `x` with the rows `places` replaced by `values`."""
         if not places:
             return x
         x = x.copy()
@@ -231,17 +234,17 @@ class Saltation:
     def _after(
         self, regime: Regime, output: int, rows: list[int] | None, t: float, moment: Any, x: Vector, past: Vector
     ) -> Vector:
-        """Variations of what the model reacts with, given those of the states and of what is remembered."""
+        """Variations of `rows` of an output of `EventFunctions.reactions`, given those of states and of `pre`."""
         reactions = self.compiled.events.reactions
         count = reactions.numel_out(output) if rows is None else len(rows)
         if not count:
             return np.zeros((0, x.shape[1]))
         chosen = list(range(count)) if rows is None else rows
         key = "reactions", output, tuple(chosen)
-        return self.slopes.carried(regime, key, lambda *a: reactions(*a)[output][chosen], t, moment, x, past)
+        return self.slopes.variations_of(regime, key, lambda *a: reactions(*a)[output][chosen], t, moment, x, past)
 
     def _onto(self, regime: Regime, t: float, moment: Any) -> tuple[Vector, Vector]:
-        """Projection of a variation onto what a new hold keeps: `(by what is carried, by parameters)` to subtract."""
+        """Projection of a variation onto the condition of a new hold, to subtract: shapes (nx, size), (nx, count)."""
         value, slope, ways = regime.held.kept(t, moment.x, moment.z, self.u, self.p, moment.m)
         slope, ways = slope.reshape(len(value), -1), ways.reshape(self.nx, -1)
         inverse = ways @ np.linalg.pinv(slope @ ways)
@@ -252,7 +255,7 @@ class Saltation:
         return inverse @ np.hstack([slope, by_m[:, self.slopes.memories]]), inverse @ by_p[:, self.chosen]
 
     def _kept_slopes(self, regime: Regime) -> Matrices:
-        """`(t, x, z, u, p, m) -> derivatives by p and m of what a hold keeps`."""
+        """Function `(t, x, z, u, p, m) ->` derivatives by p and m of the quantity that a hold keeps constant."""
         s = Symbols(self.compiled)
         value = regime.held.kept_of(*s.inputs)
         return Matrices(ca.Function("kept", s.inputs, [ca.densify(ca.jacobian(value, v)) for v in (s.p, s.m)]))

@@ -1,6 +1,6 @@
 """Derivatives of final values, trajectories and event times with respect to parameters, through all events of a run.
 
-The sequence of events is that of the nominal run.
+The sequence of events is assumed to be that of the nominal run.
 """
 
 from __future__ import annotations
@@ -48,8 +48,8 @@ class Sensitivities:
     result
         The run itself.
     times, along
-        Instants that were asked for [s], and d output / d parameter at each, shape (times, outputs, parameters); at
-        an event just after it.
+        Requested instants [s], shape (times,), and d output / d parameter at each, shape (times, outputs, parameters);
+        at an event just after it.
     """
 
     parameters: tuple[str, ...]
@@ -83,18 +83,18 @@ def sensitivities(
     Parameters
     ----------
     parameters
-        Names of scalar parameters that are free (no numbers) in the compiled model.
+        Names of free scalar parameters of the compiled model.
     outputs
         Names of variables, as in a `Result`.
     values
         Values of parameters for this run, by path, in SI.
     method
-        "forward" integrates a column per parameter, "adjoint" a row per output and event backwards. The results are
-        equal, and the times nearly so: both share the steps of `acausal.export.variation`.
+        "forward" integrates a column per parameter, "adjoint" a row per output and event backwards. Results are equal,
+        and so nearly is the cost: both use the steps of `acausal.export.variation`.
     times
-        Instants at which the outputs are differentiated, too.
+        Further instants [s], shape (times,), at which the outputs are differentiated.
     native
-        Whether the run and its derivatives use compiled C, as in `simulate`; what was compiled is kept on disk.
+        Whether the run and its derivatives use compiled C, as in `simulate`; compiled code is cached on disk.
 
     Raises
     ------
@@ -102,11 +102,11 @@ def sensitivities(
         AC020 for an unknown parameter or none at all, AC010 for an unknown output, AC025 for an unknown method, AC044
         for `times` outside of the run.
     ExportError
-        AC608 where states are reset together with an impulse, AC615 where a relation is only grazed, where the run
-        rests on a kink that has two derivatives, begins on a relation that acts, or jumps without an event, and where
-        something moves across the stop time or across something else that is known in advance.
+        AC608 if states are reset together with an impulse; AC615 if a relation is only grazed, if the run rests on a
+        kink with two derivatives, begins on a relation that acts, or jumps without an event, and if an event moves
+        across the stop time or across another known instant.
     AcausalError
-        What the run itself raises.
+        Errors of the run itself.
     """
     if method not in ("forward", "adjoint"):
         raise UsageError("AC025", f"there is no method '{method}'", help="methods: forward, adjoint")
@@ -131,7 +131,7 @@ def sensitivities(
     asked = np.asarray(times, dtype=float)
     _check_times(asked, chain)
     final, of_times = chain.forward() if method == "forward" else chain.adjoint()
-    located = [k for k in range(len(chain.passages)) if not chain.is_unseen(k)]
+    located = [k for k in range(len(chain.passages)) if not chain.is_no_event(k)]
     return Sensitivities(
         tuple(parameters),
         tuple(output.name for output in wanted),
@@ -146,7 +146,7 @@ def sensitivities(
 
 
 def _check_times(asked: Vector, chain: Chain) -> None:
-    """UsageError AC044 for instants outside of the run."""
+    """Raise UsageError AC044 for instants outside the run."""
     start, stop = chain.passages[0].time, chain.stop
     if len(asked) and not (start <= asked.min() and asked.max() <= stop):
         raise UsageError(
@@ -157,7 +157,7 @@ def _check_times(asked: Vector, chain: Chain) -> None:
 
 
 def _places_of(compiled: CompiledModel, parameters: Sequence[str]) -> list[int]:
-    """Where parameters stand among those of the model; UsageError AC020 for one that is not there, or for none."""
+    """Indices in p of the named parameters; UsageError AC020 for an unknown one, or without any."""
     if not parameters:
         free = ", ".join(compiled.parameters[:6]) or "none"
         raise UsageError("AC020", "there is no parameter to differentiate for", evidence=[f"parameters: {free}"])

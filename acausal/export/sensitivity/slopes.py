@@ -1,4 +1,4 @@
-"""First derivatives of functions of a model at a point of a run, with the algebraic variables eliminated."""
+"""First derivatives of functions of a model at a point of a run, with algebraic variables eliminated."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ from acausal.simulate.equations.calls.quick import Quick
 from acausal.simulate.equations.kept import kept
 from acausal.simulate.events.regime import Regime
 
-# Models are compared by identity, and forgotten when nobody else holds them.
-_KEPT: WeakKeyDictionary[CompiledModel, dict[Any, Any]] = WeakKeyDictionary()
+# By model, compared by identity, until nobody else refers to it.
+_CACHE: WeakKeyDictionary[CompiledModel, dict[Any, Any]] = WeakKeyDictionary()
 T = TypeVar("T")
 
 
 class Matrices:
-    """A function whose outputs are matrices, called quickly."""
+    """A function with matrix outputs, evaluated with little overhead."""
 
     def __init__(self, function: Any) -> None:
         self._quick = Quick(function)
         self._shapes = [function.size_out(k) for k in range(function.n_out())]
 
     def __call__(self, *arguments: Any) -> list[Vector]:
-        """Its outputs."""
+        """The outputs as arrays of their shapes."""
         return [v.reshape(shape) for v, shape in zip(self._quick(*arguments), self._shapes, strict=True)]
 
 
 class Slopes:
-    """Derivatives by states, chosen parameters, time, and what `pre` remembers."""
+    """Derivatives by carried variables (states, then values of `pre`; `size` of them), chosen parameters, and time."""
 
     def __init__(self, compiled: CompiledModel, p: Vector, u: Vector, chosen: list[int]) -> None:
         self.compiled, self.p, self.u, self.chosen = compiled, p, u, chosen
@@ -44,8 +44,8 @@ class Slopes:
         self.size = self.nx + len(self.memories)
 
     def kept(self, key: Any, make: Callable[[], T]) -> T:
-        """What is made once for a model."""
-        own = _KEPT.setdefault(self.compiled, {})
+        """Cache of the model: the result of `make` for this key."""
+        own = _CACHE.setdefault(self.compiled, {})
         if key not in own:
             own[key] = make()
         found: T = own[key]
@@ -54,9 +54,9 @@ class Slopes:
     def total(
         self, regime: Regime, key: tuple[Any, ...], function: Any, t: float, moment: Any
     ) -> tuple[Vector, Vector, Vector]:
-        """Derivatives with respect to (carried, chosen p, t) of a function of all, algebraic variables eliminated.
+        """Total derivatives of a function by carried variables (k, size), chosen p (k, count), and t (k,).
 
-        Carried are the states, and behind them what is remembered. `key` tells the functions of a regime apart.
+        `key` identifies the function among those of a regime.
         """
         own_key = *key, regime.holds, regime.border
         slopes = self.kept(own_key, lambda: self._slopes(regime, function))
@@ -69,10 +69,10 @@ class Slopes:
             own = [a - inner @ b for a, b in zip(own, implied, strict=True)]
         return np.hstack([own[0], own[3]]), own[1][:, self.chosen], own[2].ravel()
 
-    def carried(
+    def variations_of(
         self, regime: Regime, key: tuple[Any, ...], function: Any, t: float, moment: Any, x: Vector, past: Vector
     ) -> Vector:
-        """Variations of a function of all, given those of the states and of what is remembered."""
+        """Variations of a function, shape (k, size + count + 1), given those of the states and of values of `pre`."""
         by_x, by_p, by_t = self.total(regime, key, function, t, moment)
         found = by_x @ np.vstack([x, past])
         found[:, self.size : -1] += by_p
@@ -80,7 +80,7 @@ class Slopes:
         return np.asarray(found, dtype=np.float64)
 
     def _slopes(self, regime: Regime, function: Any) -> Matrices:
-        """Derivatives of a function and of the algebraic equations by x, p, t, what is remembered, and z."""
+        """Partial derivatives of a function and of the algebraic equations by x, p, t, values of `pre`, and z."""
         s, c = Symbols(self.compiled), regime.compiled
         pieces = []
         for value in (function(*s.inputs), c.rhs(*s.inputs)[1]):
@@ -89,5 +89,5 @@ class Slopes:
         return Matrices(ca.Function("slopes", s.inputs, [ca.densify(piece) for piece in pieces]))
 
     def rate(self, regime: Regime, t: float, moment: Any) -> Vector:
-        """The rates of the states there."""
+        """The rates of the states at a point, shape (nx,)."""
         return kept(regime.compiled).rhs(t, moment.x, moment.z, self.u, self.p, moment.m)[0]

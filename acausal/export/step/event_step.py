@@ -1,9 +1,9 @@
-"""The event iteration within a step of bounded work: the compiled round, a fixed number of times.
+"""Event iteration within a step of bounded work: the compiled event round, at most a fixed number of times.
 
-A turn solves for the algebraic variables and then does one thing: it evaluates discrete equations, or flips relations
-that do not hold, or goes on with the round (`acausal.lower.events.round`), as `acausal.simulate.events.iteration` does.
-Turns follow one another as long as anything changes, which the code of the step asks before each: turns that are not
-needed cost nothing. Whether all was settled when the last one ended is handed on.
+A turn solves for the algebraic variables and then does one thing: evaluate discrete equations, or flip relations that
+do not hold, or continue the round (`acausal.lower.events.round`), as `acausal.simulate.events.iteration` does. Turns
+are repeated as long as anything changes, which the generated code tests before each turn, so that unnecessary turns
+cost nothing. Whether the last turn ended settled is returned.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from acausal.lower.events.round import Round
 from acausal.lower.symbols import Symbols
 from acausal.simulate.events.guards import LEAST
 
-# States are taken to be known to this share of their values or nominal magnitudes where relations are judged.
+# Relative error of states, in their values or nominal magnitudes, assumed when relations are evaluated.
 _KNOWN = 1e-9
 
 
@@ -34,34 +34,34 @@ class Settling:
 
     @property
     def samples(self) -> slice:
-        """Place of the samples among the modes."""
+        """Slice of the samples in the modes."""
         first = self.compiled.n_timely
         return slice(first, first + len(self.compiled.state_events.samples))
 
     @property
     def memories(self) -> slice:
-        """Place of what `pre` remembers."""
+        """Slice of the values of `pre` in the modes."""
         first = self.samples.stop
         return slice(first, first + len(self.compiled.state_events.memories))
 
     @property
     def relations(self) -> slice:
-        """Place of the relations of variables."""
+        """Slice of the relations of variables in the modes."""
         last = self.compiled.n_modes
         return slice(last - len(self.compiled.state_events.relations), last)
 
     @property
     def turns(self) -> int:
-        """How many turns there are: a few for everything that can happen at one instant."""
+        """Largest number of turns: a few for everything that can change at one instant."""
         events = self.compiled.state_events
         return 8 + 4 * (len(events.conditions) + len(events.relations) + len(events.assignments) + len(events.memories))
 
     @cached_property
     def settled(self) -> Any:
-        """`(t, x, z, u, p, m, before, samples, skip) -> (x, z, m, settled)`, from modes `m` that have changed already.
+        """MX function `(t, x, z, u, p, m, before, samples, skip) -> (x, z, m, settled)`: the event iteration.
 
-        `before` are the modes that held before the event; `samples` says which samples are true now; nothing is done
-        where `skip` says so. An MX function: its turns are a loop, of which only those that are needed are run.
+        `m` are the modes already changed, `before` those before the event; `samples` is 1 for each sample that is true
+        now; with `skip` nothing is done. The turns are a loop of which only the necessary ones are run.
         """
         s, size = Symbols(self.compiled), len(self.compiled.state_events.conditions)
         before = ca.SX.sym("before", self.compiled.n_modes)
@@ -71,31 +71,31 @@ class Settling:
         m = ca.SX(s.m)
         m[self.samples] = samples
         flips = ca.SX(len(self.compiled.state_events.relations), 1)
-        walk = ca.densify(ca.vertcat(s.x, s.z, m, was, none, 0, flips, skip, s.t, s.u, s.p))
-        first = ca.Function("first", [*s.inputs, before, samples, skip], [walk])
+        state = ca.densify(ca.vertcat(s.x, s.z, m, was, none, 0, flips, skip, s.t, s.u, s.p))
+        first = ca.Function("first", [*s.inputs, before, samples, skip], [state])
         symbols = [ca.MX.sym(first.name_in(k), first.sparsity_in(k)) for k in range(first.n_in())]
-        walked = self._turn.fold(self.turns)(first(*symbols))
-        return ca.Function("settled", symbols, self._last(walked))
+        end_state = self._turn.fold(self.turns)(first(*symbols))
+        return ca.Function("settled", symbols, self._last(end_state))
 
     @property
     def _sizes(self) -> list[int]:
-        """What a walk holds: x, z, m, was, decided, level, flips of each relation, settled, t, u, p."""
+        """Sizes of the parts of the loop state: x, z, m, was, decided, level, flips of relations, settled, t, u, p."""
         c = self.compiled
         size = len(c.state_events.conditions)
         fixed = 1, len(c.inputs), len(c.parameters)
         return [len(c.states), len(c.algebraic), c.n_modes, size, size, 1, len(c.state_events.relations), 1, *fixed]
 
-    def _parts(self, walk: Any) -> list[Any]:
+    def _parts(self, state: Any) -> list[Any]:
         ends = [0]
         for size in self._sizes:
             ends.append(ends[-1] + size)
-        return list(ca.vertsplit(walk, ends))
+        return list(ca.vertsplit(state, ends))
 
     @cached_property
     def _turn(self) -> Any:
-        """`walk -> walk`, nothing where all is settled."""
-        walk = ca.SX.sym("walk", sum(self._sizes))
-        x, z, m, was, decided, level, flips, _, t, u, p = self._parts(walk)
+        """Function `state -> state` of one turn; the identity if the state is settled."""
+        state = ca.SX.sym("walk", sum(self._sizes))
+        x, z, m, was, decided, level, flips, _, t, u, p = self._parts(state)
         z = self.method.algebraic(t, x, z, [u, p, m])
         here = [t, x, z, u, p, m]
         found = Round(*self.compiled.events.round(*here, was, decided, level))
@@ -122,28 +122,28 @@ class Settling:
                 (0, found.settled),
             )
         ]
-        go = ca.Function("go", [walk], [ca.cse(ca.densify(ca.vertcat(*after, t, u, p)))])
-        stay = ca.Function("stay", [walk], [walk])
+        go = ca.Function("go", [state], [ca.cse(ca.densify(ca.vertcat(*after, t, u, p)))])
+        stay = ca.Function("stay", [state], [state])
         choice = ca.Function.if_else("choice", stay, go)
-        held = ca.MX.sym("walk", walk.numel())
+        held = ca.MX.sym("walk", state.numel())
         return ca.Function("turn", [held], [choice(self._parts(held)[7], held)])
 
     @cached_property
     def _last(self) -> Any:
-        """`walk -> (x, z, m, settled)`: the instant is over, samples are false again, also to what remembers them."""
-        walk = ca.SX.sym("walk", sum(self._sizes))
-        x, z, m, was, decided, level, _, settled, t, u, p = self._parts(walk)
+        """Function `state -> (x, z, m, settled)` that ends the instant: samples become false, also in `pre`."""
+        state = ca.SX.sym("walk", sum(self._sizes))
+        x, z, m, was, decided, level, _, settled, t, u, p = self._parts(state)
         m = ca.SX(m)
         m[self.samples] = 0
         if self.samples.stop > self.samples.start and self.memories.stop > self.memories.start:
             found = Round(*self.compiled.events.round(t, x, z, u, p, m, was, decided, level))
             m[self.memories] = found.remembered
-        return ca.Function("last", [walk], [ca.densify(v) for v in (x, z, m, settled)])
+        return ca.Function("last", [state], [ca.densify(v) for v in (x, z, m, settled)])
 
     def _wrong(self, here: list[Any], fresh: Any, flips: Any) -> list[Any]:
-        """Relations that do not hold, or are at their guard and about not to; the latter once `pre` is up to date.
+        """Relations that do not hold, or are at their guard and about to change; the latter once `pre` is up to date.
 
-        One that stays on its guard is what its words say of sides that are equal, unless it has flipped twice.
+        A relation that stays at its guard takes its value for equal sides, unless it has flipped twice.
         """
         g = self.compiled.events.watch(*here)
         rate, noise = self.rates(*here)
@@ -158,7 +158,7 @@ class Settling:
         return found
 
     def rates(self, t: Any, x: Any, z: Any, u: Any, p: Any, m: Any) -> tuple[Any, Any]:
-        """Time derivatives of the guards along the solution, and how far these can be wrong by rounding."""
+        """(Time derivatives of the guards along the solution, their error by rounding)."""
         nominal_x, nominal_z = ca.DM(self.compiled.nominal_x), ca.DM(self.compiled.nominal_z)
         errors = [_KNOWN * (ca.fabs(v) + n) for v, n in ((x, nominal_x), (z, nominal_z))]
         own, noise, by_z, alg, alg_z = self.compiled.events.rates(t, x, z, u, p, m, *errors)

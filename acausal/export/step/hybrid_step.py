@@ -1,18 +1,17 @@
-"""One step of a model with events as expressions: bounded work, whatever happens in it.
+"""One step of a model with events as expressions, with bounded work whatever happens in it.
 
-A step goes on with the modes it begins with. Where a relation is passed, the first such instant is located (six steps
-of the false position of N. Anderson and A. Bjorck, BIT 13 (1973) 253-264, on the interpolated states), the event
-iteration runs there, and a second, shorter step goes on to the end. There the event iteration runs once more, for time
-events, samples, and relations that were passed after the first. So an event costs no order where it is the only one in
-its step (order two with implicit methods, between whose steps states are interpolated by straight lines); a second one
-is taken at the end of the step, an error of the length of the step, and a relation that is passed twice within a step,
-there and back, not at all. Both are looked for, and said by a flag: guards behind zero at the end of the second part,
-guards that fall at one end of a part and rise at the other and are below zero in between, and guards that are far from
-smooth between the ends of a part.
+A step starts with its current modes. If a relation is crossed, the first crossing is located (six steps of the regula
+falsi of N. Anderson and A. Bjorck, BIT 13 (1973) 253-264, on interpolated states), the event iteration runs there, and
+a second, shorter step goes to the end. There the event iteration runs again, for time events, samples, and relations
+crossed after the first. A single event in a step therefore does not reduce the order (order two for implicit methods,
+which interpolate linearly). A second one acts at the end of the step, an error of the order of the step, and a relation
+crossed twice within a step, there and back, is missed. Both are detected and reported by a flag: guards below zero at
+the end of the second part, guards that fall at one end of a part and rise at the other with a negative minimum in
+between, and guards that are far from smooth between the ends of a part.
 
-Impacts that follow one another within a step end at rest, as in `acausal.simulate.events.rest`, but elastic ones too:
-the state that the `when` resets, and what it drives, are put on the guard. A note says so. Both parts are computed in
-every call; that is the price of a time that does not depend on what happens.
+Impacts that follow one another within a step end at rest, as in `acausal.simulate.events.rest`, even elastic ones: the
+state that the `when` resets, and the states it drives, are put on the guard. A note says so. Both parts are computed in
+every call, the price of a computing time that does not depend on events.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ import numpy as np
 
 from acausal.arrays import Vector
 from acausal.errors import ExportError
-from acausal.export.begin import Begin, begin_of
+from acausal.export.start_point import StartPoint, start_point
 from acausal.export.step.event_step import Settling, any_of
 from acausal.export.step.methods import IMPLICIT, Method
 from acausal.export.step.timely import TICK, ticks, timely
@@ -46,15 +45,15 @@ from acausal.simulate.events.sampling import clocks, due, users
 from acausal.simulate.tolerances import Tolerances
 
 _LOCATING = 6
-# Shares of a part of a step at which guards are looked at, and how far from the cubic between its ends they are, by
-# their size, where they swing within it.
+# Relative positions inside a part of a step at which guards are evaluated, and relative deviation from the cubic
+# between its ends of a guard that oscillates within it.
 _INSIDE = (0.1813, 0.4377, 0.6481, 0.8342)
 _JAGGED = 0.1
 
 
 @dataclass(frozen=True)
 class _Impact:
-    """A relation whose `when` resets a velocity, and the symbols' functions that put states onto its guard."""
+    """A relation whose `when` resets a velocity, and a function that puts states onto its guard."""
 
     relation: int
     onto: Any
@@ -84,12 +83,12 @@ class HybridStep:
 
     @property
     def kept(self) -> list[int]:
-        """Places of the modes that are part of x: what `pre` remembers, and relations of variables."""
+        """Indices of the modes that are part of x: values of `pre`, and relations of variables."""
         s = self.settling
         return [*range(s.memories.start, s.memories.stop), *range(s.relations.start, s.relations.stop)]
 
     def ports(self, m: Vector) -> list[Port]:
-        """Descriptions of the modes in x, with their values at the start."""
+        """Ports of the modes in x, with their start values from `m`, shape (nm,)."""
         compiled, reduced = self.compiled, self.compiled.solution.structure.reduced
         place = dict(zip(compiled.mode_places, compiled.mode_nodes, strict=True))
 
@@ -103,9 +102,9 @@ class HybridStep:
             found.append(Port(text, "", doc, float(m[j])))
         return found
 
-    def begin(self) -> Begin:
+    def begin(self) -> StartPoint:
         """The start after its events."""
-        begin = begin_of(self.compiled)
+        begin = start_point(self.compiled)
         problem = Problem(self.compiled, begin.p, begin.u)
         _refuse_shares(self.compiled, begin)
         span = max(self.compiled.flat.experiment.stop_time - begin.t, self.h)
@@ -138,7 +137,7 @@ class HybridStep:
 
     @property
     def is_timed(self) -> bool:
-        """Whether a step depends on the time at which it begins."""
+        """Whether a step depends on its start time."""
         events = self.compiled.events
         places = [(self.compiled.rhs, 0), (self.compiled.rhs, 1), (events.watch, 0)]
         places += [(events.round, k) for k in range(events.round.n_out())]
@@ -147,7 +146,7 @@ class HybridStep:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """The limits of steps of this size."""
+        """Notes on the limits of steps of this size."""
         texts = self.compiled.events.texts
         return (
             f"the events of a step settle in {self.settling.turns} turns; step.unsettled in y is 1 when they did not",
@@ -165,12 +164,12 @@ class HybridStep:
         )
 
     def step(self, t: Any, x: Any, z: Any, m: Any) -> tuple[Any, Any, Any, Any, Any]:
-        """States, algebraic variables and modes at the end of a step; whether its events have settled, all located."""
+        """(x, z, m at the end of a step, whether its events have settled, whether all are located)."""
         held = [self.u, self.p]
         settled: Any = 1
         located: Any = 1
         if self.compiled.state_events.relations:
-            x1, z1, theta, at, xe, ze, flipped, marks, seen = self._reached(t, x, z, *held, m)
+            x1, z1, theta, at, xe, ze, flipped, marks, seen = self._locate_first(t, x, z, *held, m)
             nothing = ca.MX(self.settling.samples.stop - self.settling.samples.start, 1)
             xe, ze, me, settled = self.settling.settled(at, xe, ze, *held, flipped, m, nothing, theta >= 1)
             x, z, m_end, later = self._rest_of_step(t, x, z, *held, m, x1, z1, theta, at, xe, ze, me, marks)
@@ -187,13 +186,13 @@ class HybridStep:
 
     @cached_property
     def _whole(self) -> Any:
-        """`(t, x, z, u, p, m) -> (x, z)`: a step with the modes it begins with."""
+        """Function `(t, x, z, u, p, m) -> (x, z)`: a step with constant modes."""
         s = Symbols(self.compiled)
         return ca.Function("whole", s.inputs, self.method.step(s.t, self.h, s.x, s.z, [s.u, s.p, s.m]))
 
     @cached_property
     def _at_end(self) -> Any:
-        """`(t, m, p) -> m`: relations of time as they hold just after an instant."""
+        """Function `(t, m, p) -> m` that updates relations of time to just after an instant."""
         t, p, m = ca.SX.sym("t"), ca.SX.sym("p", self.p.numel()), ca.SX.sym("m", self.compiled.n_modes)
         after = ca.SX(m)
         if self.compiled.n_timely:
@@ -201,19 +200,19 @@ class HybridStep:
         return ca.Function("at_end", [t, m, p], [after])
 
     @cached_property
-    def _reached(self) -> Any:
-        """`(t, x, z, u, p, m) -> (x, z after the whole step, share, instant, x, z there, m flipped, marks, seen)`.
+    def _locate_first(self) -> Any:
+        """Function `(t, x, z, u, p, m) -> (x, z after the step, share, instant, x, z there, m flipped, marks, seen)`.
 
-        The first relation that is passed, at `share` of the step (1: none). `marks` has for each relation: whether it
-        is that one, whether it rests on its guard, its distance and its rate at the start. `seen` says that none was
-        passed there and back before, and that its instant is known: it is not of one whose sides stay equal.
+        It locates the first relation that is crossed, at the relative position `share` (1: none). For each relation,
+        `marks` tells whether it is that one, whether it rests on its guard, its distance, and its rate at the start.
+        `seen` is true if no relation was crossed there and back before, and the located one does not rest.
         """
         s, settling, watch = Symbols(self.compiled), self.settling, self.compiled.events.watch
         t, x, z, u, p, m = s.inputs
         held = [u, p, m]
         x1, z1 = self.method.step(t, self.h, x, z, held)
         g0, g1 = watch(t, x, z, *held), watch(t + self.h, x1, z1, *held)
-        # what lies on its guard and is drawn into it does not bounce again
+        # a body at rest that is pressed against its guard does not bounce again
         rate, noise = settling.rates(t, x, z, *held)
         impacts = {i.relation for i in self._impacts}
         resting = [
@@ -221,7 +220,7 @@ class HybridStep:
             for k in range(g0.numel())
         ]
         passed = [ca.logic_and(ca.logic_and(g0[k] > 0, g1[k] < 0), ca.logic_not(resting[k])) for k in range(g0.numel())]
-        theta, chosen = self._located(s, x1, z1, g0, g1, passed)
+        theta, chosen = self._crossing(s, x1, z1, g0, g1, passed)
         at = t + theta * self.h
         xe, ze = self._between(t, x, z, x1, z1, held, theta)
         flipped = ca.SX(m)
@@ -237,7 +236,7 @@ class HybridStep:
 
     @cached_property
     def _rest_of_step(self) -> Any:
-        """`(t, x, z, u, p, m, *reached with its event done) -> (x, z, m, seen)` at its end, whose own event follows."""
+        """Function of the outputs of `_locate_first` after its event: `-> (x, z, m, seen)` at the end of the step."""
         s, settling, watch = Symbols(self.compiled), self.settling, self.compiled.events.watch
         t, x, z, u, p, m = s.inputs
         held = [u, p, m]
@@ -261,7 +260,7 @@ class HybridStep:
             fired = ca.logic_and(chosen[k], away[k] >= -1e-6 * ca.fabs(rate[k]))
             rests = ca.logic_and(ca.logic_or(resting[k], fired), g < 0)
             onto, still = impact.onto(t + self.h, x, z, *held)
-            # one that comes second in its step is put back onto its guard before it bounces
+            # the second impact of a step acts at its end: put the state back onto the guard first
             second = ca.logic_and(ca.logic_and(g0[k] > 0, g < 0), ca.logic_not(chosen[k]))
             x = ca.if_else(rests, still, ca.if_else(second, onto, x))
             j = settling.relations.start + k
@@ -269,12 +268,12 @@ class HybridStep:
         return ca.Function("rest_of_step", [*s.inputs, *given], ca.cse([ca.densify(v) for v in (x, z, new, seen)]))
 
     def _dips(self, t: Any, h: Any, x: Any, z: Any, x1: Any, z1: Any, held: Sequence[Any], share: Any) -> Any:
-        """Whether a guard that is positive at both ends of a part of a step may be passed there and back up to `share`.
+        """Whether a guard that is positive at both ends of a part may be crossed there and back up to `share`.
 
-        As in `events/location/bracketing.py`, but for the points that are integrated there: the cubic through both
-        ends is looked at where its slope would vanish if that were linear, and the guard itself where the tangents at
-        both ends meet, which is where a kink is. A guard that swings several times within the step is no cubic: it is
-        looked at inside, and where it is off by more than is left of it and by a tenth of its size, it may be passed.
+        As in `events/location/bracketing.py`, without its integrated points: the cubic through both ends is evaluated
+        where its slope would vanish if that were linear, and the guard itself where the tangents at both ends meet, the
+        place of a kink. A guard that oscillates within the step is no cubic: it is evaluated inside, and may be crossed
+        if it deviates from the cubic by more than its value and by a tenth of its magnitude.
         """
         watch, rates = self.compiled.events.watch, self.settling.rates
         g0, g1 = watch(t, x, z, *held), watch(t + h, x1, z1, *held)
@@ -286,17 +285,17 @@ class HybridStep:
             rise, fall = g1[k] - g0[k], ca.if_else(turns, a - b, 1)
             meet, low = (rise - b) / fall, a / fall
             cubic = g0[k] + low * (a + low * (3 * rise - 2 * a - b + low * (a + b - 2 * rise)))
-            there = watch(t + meet * h, *self._course(t, h, x, z, x1, z1, held, meet), *held)[k]
+            there = watch(t + meet * h, *self._interpolate(t, h, x, z, x1, z1, held, meet), *held)[k]
             kink = ca.logic_and(meet <= share, there < 0)
             found.append(ca.logic_and(turns, ca.logic_or(kink, ca.logic_and(low <= share, cubic < 0))))
         for part in _INSIDE:
             s = share * part
-            inside = watch(t + s * h, *self._course(t, h, x, z, x1, z1, held, s), *held)
+            inside = watch(t + s * h, *self._interpolate(t, h, x, z, x1, z1, held, s), *held)
             for k in range(g0.numel()):
                 rise, a, b = g1[k] - g0[k], h * rate0[k], h * rate1[k]
                 smooth = g0[k] + s * (a + s * (3 * rise - 2 * a - b + s * (a + b - 2 * rise)))
                 off, least = ca.fabs(inside[k] - smooth), ca.fmin(ca.fmin(g0[k], g1[k]), inside[k])
-                if self.method.name in IMPLICIT:  # rates at its ends may belong to what dies out at once
+                if self.method.name in IMPLICIT:  # rates at the ends may be those of fast transients
                     off = ca.fmin(off, ca.fabs(inside[k] - g0[k] - s * rise))
                 size = ca.fmax(g0[k], g1[k])
                 outside = ca.logic_and(g0[k] > noise[k], g1[k] >= 0)
@@ -304,8 +303,8 @@ class HybridStep:
                 found.append(ca.logic_and(outside, ca.logic_or(inside[k] < -noise[k], jagged)))
         return any_of(found)
 
-    def _located(self, s: Symbols, x1: Any, z1: Any, g0: Any, g1: Any, passed: Sequence[Any]) -> tuple[Any, list[Any]]:
-        """The share of the step at which the first of the passed guards is reached, 1 if none; and which it is."""
+    def _crossing(self, s: Symbols, x1: Any, z1: Any, g0: Any, g1: Any, passed: Sequence[Any]) -> tuple[Any, list[Any]]:
+        """(Relative position of the first crossed guard, 1 for none; mask of that guard)."""
         first: Any = ca.SX(1)
         secants = [ca.if_else(passed[k], g0[k] / (g0[k] - g1[k]), 2) for k in range(g0.numel())]
         for secant in secants:
@@ -327,22 +326,22 @@ class HybridStep:
             less_b, less_a = (f * _weight(fc / ca.if_else(o == 0, 1, o)) for f, o in ((fb, fa), (fa, fb)))
             fa, fb = ca.if_else(before, fc, less_a), ca.if_else(before, less_b, fc)
             a, b = ca.if_else(before, c, a), ca.if_else(before, b, c)
-        # the side on which the relation has changed: on the other it would change back at once
+        # the end of the bracket where the relation has changed: at the other it would change back
         return ca.if_else(first < 1, ca.fmin(b, 1 - TICK), 1), chosen
 
     def _between(self, t: Any, x: Any, z: Any, x1: Any, z1: Any, held: Sequence[Any], share: Any) -> tuple[Any, Any]:
-        """States within a step: cubic, or straight where rates at its ends may belong to what dies out at once.
+        """States within a step: cubic, or linear for implicit methods, whose rates may be those of fast transients.
 
-        Algebraic variables follow from them: between their ends they bend, and an instant that is located on a straight
-        line is none at which the relation has changed.
+        Algebraic variables are solved for, because an instant located on their linear interpolation may not be one at
+        which the relation has changed.
         """
-        x_between, w = self._course(t, self.h, x, z, x1, z1, held, share)
+        x_between, w = self._interpolate(t, self.h, x, z, x1, z1, held, share)
         return x_between, self.method.algebraic(t + share * self.h, x_between, w, held)
 
-    def _course(
+    def _interpolate(
         self, t: Any, h: Any, x: Any, z: Any, x1: Any, z1: Any, held: Sequence[Any], share: Any
     ) -> tuple[Any, Any]:
-        """The same without algebraic equations."""
+        """As `_between`, with algebraic variables interpolated linearly."""
         x_between, w = x + share * (x1 - x), z + share * (z1 - z)
         if self.method.name not in IMPLICIT:
             f0 = self.method.rates(t, x, z, *held)[0]
@@ -357,9 +356,9 @@ class HybridStep:
 
     @cached_property
     def _impacts(self) -> list[_Impact]:
-        """Relations that alone make a `when` act which resets a state, where rest on the guard is possible."""
+        """Relations that are the only condition of a `when` with a reset, and allow rest on their guard."""
         compiled = self.compiled
-        begin = begin_of(compiled)
+        begin = start_point(compiled)
         problem = Problem(compiled, begin.p, begin.u)
         relations = compiled.state_events.relations
         m = np.zeros(compiled.n_modes)
@@ -373,12 +372,12 @@ class HybridStep:
                     continue
                 regime = Regime(problem, (Hold(k, target),))
                 if regime.held.is_possible and regime.is_solvable(begin.t, begin.x, begin.z, m):
-                    found[k] = _Impact(k, _onto(compiled, k, target))
+                    found[k] = _Impact(k, _projection(compiled, k, target))
         return list(found.values())
 
 
 def _rests(*distances: Any) -> Any:
-    """Whether a relation has equal sides at one of two points."""
+    """Whether the sides of a relation are equal at one of two points."""
     return any_of(ca.fabs(g) == AT_REST for g in distances)
 
 
@@ -386,8 +385,8 @@ def _weight(ratio: Any) -> Any:
     return ca.if_else(ratio < 1, 1 - ratio, 0.5)
 
 
-def _onto(compiled: CompiledModel, relation: int, target: int) -> Any:
-    """States moved onto a guard: along what the reset state drives, and with that state so that nothing approaches."""
+def _projection(compiled: CompiledModel, relation: int, target: int) -> Any:
+    """Function that projects states onto a guard: along the states driven by the reset one, and at rest."""
     s = Symbols(compiled)
     ode = compiled.rhs(*s.inputs)[0]
     distance = compiled.events.distances(*s.inputs)[relation]
@@ -402,10 +401,10 @@ def _onto(compiled: CompiledModel, relation: int, target: int) -> Any:
     return ca.Function("onto", s.inputs, [ca.densify(onto), ca.densify(still)])
 
 
-def _refuse_shares(compiled: CompiledModel, begin: Begin) -> None:
-    """Refuse friction that can stick more often than there are motions: a step has one set of equations for all modes.
+def _refuse_shares(compiled: CompiledModel, begin: StartPoint) -> None:
+    """Refuse more friction elements than motions that they can stop: a step has one set of equations for all modes.
 
-    What depends on what shows with all of it stuck.
+    Checked with all elements stuck. Raises ExportError: AC610.
     """
     shares = kept(compiled).shares
     if shares is None:

@@ -1,16 +1,16 @@
-"""Steps of fixed-step methods as expressions: a fixed number of operations, whatever the values are.
+"""Fixed-step methods as expressions with a fixed number of operations, whatever the values are.
 
 "rk2" (Heun) and "rk4" (classical) for models that are not stiff at the step. "rosenbrock": RODAS3, four stages, order
 3, L-stable (A. Sandu et al., Atmospheric Environment 31 (1997) 3459-3472, in the implementation form of E. Hairer and
 G. Wanner, Solving Ordinary Differential Equations II, IV.7). "sdirk": two stages, order 2, L-stable (R. Alexander, SIAM
-J. Numer. Anal. 14 (1977) 1006-1021). A Rosenbrock method knows one linearisation a step, and a stiff contact that
-closes within the step is not in it: a drill at 1 ms is thrown out of its block. Stages of "sdirk" are solved at their
-own points, so that they find the contact.
+J. Numer. Anal. 14 (1977) 1006-1021). A Rosenbrock method linearises once per step, without a stiff contact that closes
+within the step: a drill at 1 ms is thrown out of its block. Stages of "sdirk" are solved at their own points, and so
+include the contact.
 
-Algebraic variables, and stages of "sdirk", are solved for by a fixed number of full Newton steps. On ThickBlock at 1 ms
-two do for a stage, and damped ones changed nothing. What they do not solve is a kink in an algebraic equation whose
-slope differs by orders of magnitude on its two sides, as the drill's implicit contact (`explicit=False`): that needs
-smaller steps, or an explicit form.
+Algebraic variables and stages of "sdirk" are solved for by a fixed number of full Newton steps. For ThickBlock at 1 ms
+two suffice for a stage, and damping made no difference. They fail for a kink in an algebraic equation whose slopes
+differ by orders of magnitude, as in the drill's implicit contact (`explicit=False`), which needs smaller steps or an
+explicit form.
 """
 
 from __future__ import annotations
@@ -43,9 +43,10 @@ _DIAGONAL = 1.0 - sqrt(0.5)
 class Method:
     """A method for `rates`: `(t, x[nx], z[nz], *held) -> (ode, alg)`, an SX function.
 
-    `held` is what does not change in a step: inputs, parameters, modes. So are the last `constant` entries of x, the
-    discrete variables: they are no unknowns of the implicit methods, whose rounding errors would move them, and
-    `change(d)` asks whether a value is exactly what it was.
+    `held` are the arguments that are constant in a step: inputs, parameters, modes. The last `constant` entries of x,
+    the discrete variables, are constant too: as unknowns of an implicit method they would change by rounding errors,
+    and
+    `change(d)` compares values exactly.
     """
 
     name: str
@@ -54,17 +55,17 @@ class Method:
 
     @property
     def limit(self) -> float | None:
-        """The largest product of step and eigenvalue at which an explicit method is stable, on the negative real axis.
+        """Stability limit of an explicit method: the largest |step * eigenvalue| on the negative real axis.
 
         None for implicit methods. Source: E. Hairer and G. Wanner, Solving Ordinary Differential Equations II, IV.2.
         """
         return {"rk2": 2.0, "rk4": 2.785}.get(self.name)
 
     def stiffness(self, t: Any, h: Any, x: Any, z: Any, held: Sequence[Any], nominal: Any) -> Any:
-        """The product of the step and the largest eigenvalue, by the difference of two stages at one time.
+        """Estimate of step * largest eigenvalue from the difference of two stages at one time.
 
-        Source: Hairer and Wanner, IV.2, stiffness detection: |f(a) - f(b)| / |a - b| is a lower bound of it that is met
-        when the difference of the stages has had time to turn into the fastest mode.
+        Source: Hairer and Wanner, IV.2, stiffness detection: |f(a) - f(b)| / |a - b| is a lower bound, which is
+        attained when the difference of the stages is in the direction of the fastest mode.
         """
         z1 = self.algebraic(t, x, z, held)
         k1 = self.rates(t, x, z1, *held)[0]
@@ -75,7 +76,7 @@ class Method:
         b = x + h / 2 * (k1 + ka) if self.name == "rk2" else x + reach * ka
         kb = self.rates(t + reach, b, self.algebraic(t + reach, b, za, held), *held)[0]
         apart = ca.sumsqr((b - a) / nominal)
-        # differences of rounding say nothing
+        # ignore differences within rounding
         known = apart > 1e-24 * (1 + ca.sumsqr(x / nominal))
         return ca.if_else(known, h * ca.sqrt(ca.sumsqr((kb - ka) / nominal) / ca.if_else(known, apart, 1)), 0)
 
@@ -107,7 +108,7 @@ class Method:
 
     @cached_property
     def _moving(self) -> Method:
-        """The same method for the states that change between events: the others are the first of what is held."""
+        """The method for the states that change between events; the others become the first of the held arguments."""
         here = self._symbols()
         moving, still = ca.vertsplit(here[1], [0, self._nx - self.constant, self._nx])
         inner = [here[0], ca.SX.sym("x", moving.numel()), here[2], ca.SX.sym("d", still.numel()), *here[3:]]
@@ -122,7 +123,7 @@ class Method:
 
     @cached_property
     def _newton(self) -> Any:
-        """One step for the algebraic variables: `(t, x, z, *held) -> z`."""
+        """One Newton step for the algebraic variables: `(t, x, z, *held) -> z`."""
         here = self._symbols()
         alg = self.rates(*here)[1]
         return ca.Function("newton", here, [here[2] - ca.solve(ca.jacobian(alg, here[2]), alg)])
@@ -150,7 +151,7 @@ class Method:
         return new, solved(t + h, new, z4)
 
     def _rosenbrock(self, t: Any, h: Any, x: Any, z: Any, held: Sequence[Any]) -> tuple[Any, Any]:
-        """RODAS3 on the states; algebraic variables are solved for at each stage, as a step across a kink needs."""
+        """RODAS3 for the states; algebraic variables are solved for at each stage, for steps across kinks."""
         z = self.algebraic(t, x, z, held)
         slope, drift = self._total(t, x, z, *held)
         matrix = ca.sparsify(ca.SX.eye(self._nx) / (h * _GAMMA) - slope)
@@ -169,7 +170,7 @@ class Method:
 
     @cached_property
     def _total(self) -> Any:
-        """Derivatives of the rates by the states and by time, algebraic variables moving along."""
+        """Total derivatives of the rates by states and time, with algebraic variables eliminated."""
         here = self._symbols()
         ode, alg = self.rates(*here)
         independent = ca.vertcat(here[1], here[0])
@@ -183,7 +184,7 @@ class Method:
         first, z = self._stage(t + _DIAGONAL * h, _DIAGONAL * h, x, x, z, held)
         slope = (first - x) / (_DIAGONAL * h)
         base = x + (1 - _DIAGONAL) * h * slope
-        # a stage is begun where the one before it was: its own base is out there beyond a contact that has closed
+        # start at the previous stage: the base of this stage may lie beyond a contact that has closed
         return self._stage(t + h, _DIAGONAL * h, base, first, z, held)
 
     def _stage(self, t: Any, reach: Any, base: Any, x: Any, z: Any, held: Sequence[Any]) -> tuple[Any, Any]:

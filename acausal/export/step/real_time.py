@@ -1,4 +1,4 @@
-"""How fast a compiled step function is, step by step: the mean decides about throughput, the worst about real time."""
+"""Timing of compiled step functions, step by step: the mean gives the throughput, the worst the real-time limit."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ void acausal_timed(long long n, double* x, const double* u, const double* p, dou
 
 @dataclass(frozen=True)
 class RealTime:
-    """Times of the steps of one run [s], the clock's own cost among them; factors are simulated by computing time."""
+    """Computing times of steps [s], including reading the clock; factors are simulated over computing time."""
 
     method: str
     step: float
@@ -48,14 +48,16 @@ class RealTime:
     finite: bool
 
     def record(self) -> dict[str, Any]:
-        """For JSON."""
+        """The fields as a dictionary, for JSON."""
         return asdict(self)
 
 
 def real_time(
     made: StepFunction, steps: int, x: Vector | None = None, u: Vector | None = None
 ) -> tuple[RealTime, Vector]:
-    """Run compiled steps from the start (or `x`) with constant inputs, each timed; also the x they end at.
+    """Time compiled steps from the start (or `x`, shape (nx,)) with constant inputs `u`, shape (nu,).
+
+    Returns the times, and the final x, shape (nx,).
 
     Raises ExportError: AC607 without a C compiler.
     """

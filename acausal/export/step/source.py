@@ -1,4 +1,4 @@
-"""A step function and its C: CasADi's straight-line code and a wrapper with plain arrays, starts and names."""
+"""A step function and its C source: CasADi's code and a wrapper with plain arrays, start values and names."""
 
 from __future__ import annotations
 
@@ -78,12 +78,12 @@ class StepFunction:
 
 
 def identifier(name: str) -> str:
-    """The model's name as the beginning of C names."""
+    """The model's name as a prefix of C identifiers."""
     return re.sub(r"\W", "_", name).lower()
 
 
 def _source(made: StepFunction) -> str:
-    """The whole file."""
+    """The complete C file."""
     own = identifier(made.name)
     # not "step": the C library has an old function of that name, which a shared library would call instead
     arguments = [ca.MX.sym(name, made.function.sparsity_in(name)) for name in made.function.name_in()]

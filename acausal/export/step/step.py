@@ -1,11 +1,11 @@
-"""One step of a fixed-step method as a function `step(x, u, p) -> (x, y)`, for loops in real time.
+"""One step of a fixed-step method as a function `step(x, u, p) -> (x, y)`, for real-time loops.
 
-The work of a call is bounded: no step control, no iteration until convergence, no memory but the arguments. The C of
-it is straight-line code, but for the turns of an event iteration. The methods are those of `methods.py`;
-models with events go by `hybrid_step.py`, their modes being part of x. Relations of time hold from the
-first multiple of the step that is not before them: on the grid that is exact.
+The work of a call is bounded: no step control, no iteration until convergence, no memory except the arguments. Its C
+code is straight-line, except for the turns of an event iteration. The methods are those of `methods.py`; models with
+events use `hybrid_step.py`, their modes being part of x. Relations of time change at the first multiple of the step
+that is not before their instant: exact for instants on the grid.
 
-What a step of bounded work cannot promise it reports: y ends with flags, 0 as long as all is well.
+Conditions that a step of bounded work cannot guarantee are reported by flags at the end of y, 0 if all is well.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ import casadi as ca
 import numpy as np
 
 from acausal.errors import ExportError, UsageError
-from acausal.export.begin import begin_of
 from acausal.export.forms import STEP, check
 from acausal.export.observed import observed_function
 from acausal.export.ports import Output, named_outputs, output_ports, parameter_ports, variable_ports
+from acausal.export.start_point import start_point
 from acausal.export.step.hybrid_step import HybridStep
 from acausal.export.step.methods import IMPLICIT, METHODS, Method
 from acausal.export.step.source import StepFunction
@@ -29,14 +29,14 @@ from acausal.lower.casadi_model import Port, Ports
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.symbols import Symbols
 
-# Unrolled factorisations grow with the cube of this.
+# Unrolled factorisations grow with the cube of the number of unknowns.
 _MOST_UNKNOWNS = 60
 
 
 def step_function(
     compiled: CompiledModel, step: float, method: str = "rk4", outputs: Sequence[str] | None = None
 ) -> StepFunction:
-    """Make a function that computes one step of `step` [s] of the states, shape (n,), including its events.
+    """Create a function for one step of length `step` [s] of the states, shape (n,), including events.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def step_function(
     UsageError
         AC034 for an unknown method, AC030 for a step that is not positive.
     ExportError
-        AC605 for a clock that ticks more than once in a step, AC606 for more than 60 unknowns that must be solved for.
+        AC605 for a clock that ticks more than once in a step, AC606 for more than 60 simultaneous unknowns.
     """
     if method not in METHODS:
         raise UsageError("AC034", f"there is no method '{method}'", help=f"methods: {', '.join(METHODS)}")
@@ -67,18 +67,18 @@ def step_function(
             f"{_MOST_UNKNOWNS}",
             help="reduce the model, or take an explicit method" if method in IMPLICIT else "reduce the model",
         )
-    return _Made(compiled, step, method, wanted, left_out).result()
+    return _Builder(compiled, step, method, wanted, left_out).result()
 
 
-class _Made:
-    """The symbols of one step function."""
+class _Builder:
+    """Builder of one step function."""
 
     def __init__(
         self, compiled: CompiledModel, step: float, method: str, wanted: Sequence[Output], left_out: tuple[str, ...]
     ) -> None:
         self.compiled, self.h, self.wanted, self.left_out = compiled, step, wanted, left_out
         events = bool(compiled.state_events)
-        # events are settled in turns, as many as are needed: a loop, which only MX has
+        # the event iteration is a loop, which only MX supports
         self.kind: Any = ca.MX if events else ca.SX
         self.u: Any = self.kind.sym("u", len(compiled.inputs))
         self.p: Any = self.kind.sym("p", len(compiled.parameters))
@@ -95,12 +95,12 @@ class _Made:
 
     def result(self) -> StepFunction:
         compiled, hybrid = self.compiled, self.hybrid
-        begin = hybrid.begin() if hybrid else begin_of(compiled)
+        begin = hybrid.begin() if hybrid else start_point(compiled)
         modes = hybrid.ports(begin.m) if hybrid else []
         x = self.kind.sym("x", len(compiled.states) + len(compiled.algebraic) + len(modes))
         clock = self.kind.sym("time")
         x_next, y, end = self._next(x, clock, begin.t)
-        # turns carry the time along, whether or not the equations read it
+        # the event iteration needs the time even if the equations do not
         timed = hybrid.is_timed or self._shows_time if hybrid else ca.depends_on(ca.vertcat(x_next, y), clock)
         step = ca.Function("step", [x, clock, self.u, self.p], [ca.vertcat(x_next, end) if timed else x_next, y])
         whole = self.kind.sym("x", x.numel() + timed)
@@ -125,11 +125,11 @@ class _Made:
         )
 
     def _next(self, stored: Any, clock: Any, start: float) -> tuple[Any, Any, Any]:
-        """All of x but its time, y, and the time, at the end of a step from `stored`."""
+        """(x without its time, y, time) at the end of a step from `stored`."""
         compiled, hybrid, h = self.compiled, self.hybrid, self.h
         nx, nz = len(compiled.states), len(compiled.algebraic)
         x, z, kept = ca.vertsplit(stored, [0, nx, nx + nz, stored.numel()])
-        # the time is a multiple of the step: a sum of steps would have drifted off the samples after a day
+        # time as a multiple of the step, because a sum of steps would drift off the samples within a day
         turn = ca.floor((clock - start) / h + 0.5)
         on_grid = ca.fabs(start + turn * h - clock) < at_end(clock, h)
         t, end = ca.if_else(on_grid, start + turn * h, clock), ca.if_else(on_grid, start + (turn + 1) * h, clock + h)
@@ -154,12 +154,12 @@ class _Made:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """The limits of steps of this size."""
+        """Notes on the limits of steps of this size."""
         return (*(self.hybrid.notes if self.hybrid else ()), *note(self.compiled, self.h))
 
     @property
     def flags(self) -> list[Port]:
-        """Descriptions of the flags behind the outputs."""
+        """Ports of the flags after the outputs."""
         unsettled = Port("step.unsettled", "", "1 when the events of the step did not settle in its turns", 0.0)
         missed = Port("step.unlocated", "", "1 when more was passed in the step than the event it locates", 0.0)
         large = Port("step.too_large", "", "1 when the explicit method is not stable at this step", 0.0)

@@ -1,4 +1,4 @@
-"""What time does within one exported step: relations of time, and clocks.
+"""Relations of time and clocks within one exported step.
 
 A step begins with the relations as they hold just after its start, and keeps them to its end: an instant between the
 two, at which one changes or a clock ticks, is taken at the end. When that is so is known exactly, and said by a flag.
@@ -26,13 +26,13 @@ def at_end(t: Any, h: float) -> Any:
 
 
 def timely(compiled: CompiledModel, t: Any, h: float, p: Any) -> Any:
-    """Relations of time just after an instant of a grid of steps `h`."""
+    """Relations of time just after an instant `t` on a grid of steps `h` [s]."""
     found = compiled.modes(t + at_end(t, h), p)
     return ca.vertsplit(found, [0, compiled.n_timely, found.numel()])[0]
 
 
 def ticks(compiled: CompiledModel, h: float) -> Any:
-    """`(t, p) -> (due, late)` for each sample: whether its clock ticked in the step that ends at t, and not there."""
+    """Function `(t, p) -> (due, late)`: samples that tick in the step that ends at t, and those before its end."""
     pool, s = compiled.solution.structure.reduced.pool, Symbols(compiled)
     builder = s.builder(compiled)
     due, late = [], []
@@ -48,7 +48,7 @@ def ticks(compiled: CompiledModel, h: float) -> Any:
 
 
 def inside(compiled: CompiledModel, t: Any, h: float, p: Any) -> Any:
-    """Whether an instant at which a relation of time changes lies within a step from t."""
+    """Whether a relation of time changes inside the step of length `h` [s] from `t` [s]."""
     found: Any = 0
     if compiled.n_timely:
         for instant in ca.vertsplit(compiled.instants(p)):
@@ -57,7 +57,7 @@ def inside(compiled: CompiledModel, t: Any, h: float, p: Any) -> Any:
 
 
 def note(compiled: CompiledModel, h: float) -> tuple[str, ...]:
-    """The limit of steps of this size."""
+    """Note on the limit of steps of this size."""
     if not compiled.n_timely and not compiled.state_events.samples:
         return ()
     return (

@@ -1,7 +1,7 @@
-"""The linear map of a stretch of a run: variations of its end from those of its start and of parameters.
+"""Linear map of a stretch of a run: variations of its end due to those of its start and of parameters.
 
-The stretch is integrated by a one-step method with its own control of the error, and each step is differentiated
-exactly: an integrator that carries the directions in its states factorises a matrix of all of them, and needs the
-derivatives of its Jacobian. ODEs begin with explicit steps of order 8 (`explicit.py`), and go over to Radau IIA of
-order 9 (`radau.py`) where these turn out to be stiff. `steps.c` does the same in compiled code.
+The stretch is integrated again by a one-step method with error control, each step of which is differentiated exactly.
+(An integrator of the variational equations would factorise a matrix of all directions, and need derivatives of its
+Jacobian.) ODEs start with explicit steps of order 8 and switch to Radau IIA of order 9 (`radau.py`) when they turn out
+to be stiff. `steps.c` does the same in compiled code.
 """

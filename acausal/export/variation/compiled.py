@@ -1,4 +1,4 @@
-"""The same steps in compiled code, `steps.c`, for the functions of one regime."""
+"""Compiled steps, `steps.c`, for the functions of one regime, called through ctypes."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from acausal.arrays import Vector
-from acausal.export.variation.element import LEAST, Temper, Way
-from acausal.export.variation.radau import lost, tolerance_of
+from acausal.export.variation.element import LEAST, Interval, Stiffness
+from acausal.export.variation.radau import step_too_small, tolerance_of
 from acausal.export.variation.slopes import Slopes
 from acausal.export.variation.tables import STAGES, in_c
 from acausal.simulate.native import cache as libraries
@@ -22,7 +22,7 @@ from acausal.simulate.native.program import address
 
 _DONE, _FULL, _STIFF, _LOST = range(4)
 _HEAD = 3
-# Steps whose record is one array.
+# Number of steps recorded in one array.
 _MOST = 1024
 
 
@@ -44,27 +44,29 @@ class Program:
     def __init__(self, path: Path, slopes: Slopes) -> None:
         """Load the library; OSError or AttributeError when it is not one of ours."""
         library = ctypes.CDLL(str(path))
-        self._onwards, self._back = library.acausal_vary, library.acausal_vary_back
+        self._forward, self._back = library.acausal_vary, library.acausal_vary_back
         self.slopes = slopes
 
-    def carry(self, way: Way, x: Vector, parameters: bool, temper: Temper) -> Iterator[tuple[float, Vector, Vector]]:
-        """See `Variation.carry`; it ends early where steps are stiff and too many variables for compiled ones."""
-        own = self._structure(way, temper, x.shape[1], parameters)
+    def carry(
+        self, interval: Interval, x: Vector, parameters: bool, stiffness: Stiffness
+    ) -> Iterator[tuple[float, Vector, Vector]]:
+        """As `Variation.carry`, shapes as there; ends early if stiff steps have too many variables."""
+        own = self._structure(interval, stiffness, x.shape[1], parameters)
         own.x[:] = x
-        for end in way.ends:
-            if not self._to(own, end, temper):
+        for end in interval.ends:
+            if not self._step_to(own, end, stiffness):
                 return
             yield end, own.w.copy(), own.x.copy()
 
-    def back(self, way: Way, rows: Vector, temper: Temper) -> tuple[Vector, Vector] | None:
-        """See `Variation.back`; None where `carry` would end early."""
-        own = self._structure(way, temper, 0, True)
+    def back(self, interval: Interval, rows: Vector, stiffness: Stiffness) -> tuple[Vector, Vector] | None:
+        """As `Variation.back`, shapes as there; None where `carry` would end early."""
+        own = self._structure(interval, stiffness, 0, True)
         records: list[tuple[Vector, int]] = []
-        for end in way.ends:
+        for end in interval.ends:
             while own.fields.t < end:
                 record = np.empty((_MOST, _HEAD + STAGES * self.slopes.n))
                 own.fields.record, own.fields.capacity, own.fields.steps = address(record), _MOST, 0
-                if not self._to(own, end, temper):
+                if not self._step_to(own, end, stiffness):
                     return None
                 records.append((record, own.fields.steps))
         own.resize(len(rows))
@@ -72,40 +74,42 @@ class Program:
         for record, steps in reversed(records):
             own.fields.record, own.fields.steps = address(record), steps
             if self._back(ctypes.byref(own.fields)) != _DONE:
-                raise lost(way.start)
+                raise step_too_small(interval.start)
         return own.x.T.copy(), own.total.T.copy()
 
-    def _to(self, own: _Own, end: float, temper: Temper) -> bool:
-        """On to an instant, or until the record is full; whether steps are still those of compiled code."""
+    def _step_to(self, own: _Arguments, end: float, stiffness: Stiffness) -> bool:
+        """Step to an instant, or until the record is full; False if compiled code cannot continue."""
         own.fields.end = end
-        status = self._onwards(ctypes.byref(own.fields))
-        temper.stiff = bool(own.fields.stiff)
+        status = self._forward(ctypes.byref(own.fields))
+        stiffness.stiff = bool(own.fields.stiff)
         if status not in (_DONE, _FULL, _STIFF):
-            raise lost(own.fields.t)
+            raise step_too_small(own.fields.t)
         return bool(status != _STIFF)
 
-    def _structure(self, way: Way, temper: Temper, columns: int, parameters: bool) -> _Own:
-        return _Own(self.slopes, way, temper, columns, parameters)
+    def _structure(self, interval: Interval, stiffness: Stiffness, columns: int, parameters: bool) -> _Arguments:
+        return _Arguments(self.slopes, interval, stiffness, columns, parameters)
 
 
-class _Own:
-    """The structure of one stretch, and the arrays it points to."""
+class _Arguments:
+    """The C structure of one stretch, and the arrays that it points to."""
 
-    def __init__(self, slopes: Slopes, way: Way, temper: Temper, columns: int, parameters: bool) -> None:
+    def __init__(
+        self, slopes: Slopes, interval: Interval, stiffness: Stiffness, columns: int, parameters: bool
+    ) -> None:
         self.slopes = slopes
-        self.w, self.stages = way.w.copy(), np.zeros(STAGES * slopes.n)
-        self.numbers = tuple(np.ascontiguousarray(v, dtype=float) for v in way.numbers)
+        self.w, self.stages = interval.w.copy(), np.zeros(STAGES * slopes.n)
+        self.numbers = tuple(np.ascontiguousarray(v, dtype=float) for v in interval.numbers)
         self.fields = Structure(
             n=slopes.n,
             nx=slopes.nx,
             parameters=slopes.count if parameters else 0,
             entries=len(slopes.rows),
             largest=slopes.n if slopes.is_small else 0,  # stiff steps have dense matrices
-            stiff=int(temper.stiff or slopes.n > slopes.nx),
-            t=way.start,
-            tolerance=way.tolerance,
-            radau_tolerance=tolerance_of(way.tolerance),
-            least=LEAST * (way.ends[-1] - way.start),
+            stiff=int(stiffness.stiff or slopes.n > slopes.nx),
+            t=interval.start,
+            tolerance=interval.tolerance,
+            radau_tolerance=tolerance_of(interval.tolerance),
+            least=LEAST * (interval.ends[-1] - interval.start),
             starts=address(slopes.starts),
             rows=address(slopes.rows),
             constant=address(self.numbers[0]),
@@ -116,13 +120,13 @@ class _Own:
         self.resize(columns)
 
     def resize(self, columns: int) -> None:
-        """So many columns of variations, nothing in them."""
+        """Allocate this number of columns of variations, with zeros."""
         self.x, self.total = np.zeros((self.slopes.nx, columns)), np.zeros((self.slopes.count, columns))
         self.fields.columns, self.fields.x, self.fields.total = columns, address(self.x), address(self.total)
 
 
 def program(slopes: Slopes, allowed: bool) -> Program | None:
-    """The compiled steps, from disk, or made where that is allowed; None where they cannot be had."""
+    """The compiled steps from the cache, or compiled now if `allowed`; None if neither is possible."""
     if slopes.n > slopes.nx and not slopes.is_small:
         return None
     if not allowed and libraries.is_empty():

@@ -1,4 +1,4 @@
-"""One step of a variation, whatever its method."""
+"""Interface of one differentiated step, and its arguments."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from typing import Protocol
 from acausal.arrays import Vector
 
 SMALL = 1e-3
-"""Of a variable by its nominal magnitude, the size below which its error counts as absolute."""
+"""Scaled value of a variable below which its error is controlled absolutely."""
 LEAST = 1e-40
-"""The share of a stretch below which a step is none."""
+"""Smallest step, relative to the stretch."""
 
 
 class Element(Protocol):
-    """One step to the time `t`, where states and algebraic variables by their magnitudes are `w`."""
+    """One step to the time `t` [s]; `w`, shape (n,), are the scaled states and algebraic variables there."""
 
     @property
     def t(self) -> float: ...
@@ -23,19 +23,19 @@ class Element(Protocol):
     def w(self) -> Vector: ...
 
     def forward(self, x: Vector, parameters: bool = True) -> Vector:
-        """Variations at the end, shape (nx, k), from those at the start and, one in each column, from parameters."""
+        """Variations at the end, shape (nx, k), due to `x` at the start, same shape, and to a parameter per column."""
         ...
 
     def adjoint(self, rows: Vector) -> tuple[Vector, Vector]:
-        """Derivatives by the states at the start and by parameters, of what has `rows`, (k, nx), at the end."""
+        """Pull back `rows`, shape (k, nx), to states at the start, same shape, and to parameters, shape (k, count)."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
-class Way:
-    """What is stepped over: from `start`, where variables by their magnitudes are `w`, to the last of `ends`.
+class Interval:
+    """An interval from `start` [s], with scaled variables `w`, shape (n,), to the last of `ends` [s].
 
-    Steps end at each of the `ends`. `numbers` are (u, p) in one vector, and the modes.
+    Steps end at each of the `ends`. `numbers` are (u, p) as one vector, shape (nu + np,), and modes, shape (nm,).
     """
 
     start: float
@@ -46,7 +46,7 @@ class Way:
 
 
 @dataclass
-class Temper:
-    """Whether the steps of a run have turned out to be stiff; kept from stretch to stretch."""
+class Stiffness:
+    """Whether steps of a run have turned out to be stiff, remembered from stretch to stretch."""
 
     stiff: bool = False

@@ -1,7 +1,7 @@
-"""Steps of Radau IIA with their derivatives.
+"""Steps of Radau IIA (order 9, five stages) with exact derivatives.
 
-A step is an equation W == x0 + h A F(W) for its stages, whose derivative is exact and small: one matrix serves all
-directions, and, transposed, all adjoints.
+A step is an equation W == x0 + h A F(W) for its stages. One factorised matrix, its derivative, serves all directions
+and, transposed, all adjoints.
 """
 
 from __future__ import annotations
@@ -16,30 +16,30 @@ import scipy.sparse.linalg
 
 from acausal.arrays import Vector
 from acausal.errors import IntegrationError
-from acausal.export.variation.element import LEAST, SMALL, Way
+from acausal.export.variation.element import LEAST, SMALL, Interval
 from acausal.export.variation.slopes import Slopes
 from acausal.export.variation.tables import RADAU, STAGES
 
 _ITERATIONS = 8
 _NODES, _A = RADAU.nodes, RADAU.matrix
-# Of each node the differences to the others.
-_APART = np.where(np.eye(STAGES, dtype=bool), 1.0, _NODES[:, None] - _NODES[None, :]).prod(axis=1)
+# For each node, the product of its differences to the others.
+_NODE_PRODUCTS = np.where(np.eye(STAGES, dtype=bool), 1.0, _NODES[:, None] - _NODES[None, :]).prod(axis=1)
 
 
 class Matrix:
-    """The derivative of the equation of the stages, dense or sparse, to be solved with."""
+    """Derivative of the stage equation, dense or sparse, to solve linear systems with."""
 
     def __init__(self, matrix: Any) -> None:
         self._matrix = matrix if isinstance(matrix, np.ndarray) else scipy.sparse.linalg.splu(matrix)
 
     def solve(self, right: Vector) -> Vector:
-        """Solution for one right-hand side or several."""
+        """Solution for right-hand sides of shape (stages * n,) or (stages * n, k)."""
         if isinstance(self._matrix, np.ndarray):
             return np.asarray(np.linalg.solve(self._matrix, right), dtype=np.float64)
         return np.asarray(self._matrix.solve(right))
 
     def solve_transposed(self, right: Vector) -> Vector:
-        """The same with the transposed matrix."""
+        """As `solve`, shapes included, with the transposed matrix."""
         if isinstance(self._matrix, np.ndarray):
             return np.asarray(np.linalg.solve(self._matrix.T, right), dtype=np.float64)
         return np.asarray(self._matrix.solve(right, "T"))
@@ -47,8 +47,11 @@ class Matrix:
 
 @dataclass(frozen=True, eq=False)
 class RadauElement:
-    """See `Element`. `matrix` and `right`, shape (stages * n, parameters), are the derivatives of the equation of the
-    stages by these and by parameters."""
+    """A Radau step, see `Element`.
+
+    `matrix` is the derivative of the stage equation by the stages, `right`, shape (stages * n, parameters), minus that
+    by parameters.
+    """
 
     t: float
     w: Vector
@@ -71,42 +74,42 @@ class RadauElement:
         return np.asarray(sum(found[:, self._part(k)] for k in range(STAGES))), found @ self.right
 
     def _part(self, stage: int) -> slice:
-        """The states of a stage."""
+        """Slice of the states of a stage."""
         first = stage * (len(self.right) // STAGES)
         return slice(first, first + self.nx)
 
 
-def radau(slopes: Slopes, way: Way) -> Iterator[RadauElement]:
-    """The steps.
+def radau(slopes: Slopes, interval: Interval) -> Iterator[RadauElement]:
+    """Steps over an interval.
 
     Raises IntegrationError: AC408 where no step is small enough.
     """
-    return _Stepping(slopes, way).elements()
+    return _Stepping(slopes, interval).elements()
 
 
 def tolerance_of(tolerance: float) -> float:
-    """That of the embedded error, whose order is five: steps have that of nine.
+    """Tolerance of the embedded error estimate, which has order five, for steps of order nine.
 
-    A kink inside of a step is an error of the solution by the square of the step, of its derivatives by the step:
-    with a tolerance ten times as large ThickBlock was off by 2e-5 at 1e-8, where it is by 6e-8 with this one.
+    A kink inside a step causes an error of the order of the step squared in the solution, and of the step in its
+    derivatives: with ten times this tolerance, derivatives of ThickBlock at 1e-8 were off by 2e-5 instead of 6e-8.
     """
     return float(1e-3 * tolerance**0.75)
 
 
 class _Stepping:
-    def __init__(self, slopes: Slopes, way: Way) -> None:
-        self.slopes, self.way = slopes, way
+    def __init__(self, slopes: Slopes, interval: Interval) -> None:
+        self.slopes, self.interval = slopes, interval
         self.n, self.nx = slopes.n, slopes.nx
-        self.tolerance = tolerance_of(way.tolerance)
+        self.tolerance = tolerance_of(interval.tolerance)
         inside = slopes.columns < self.n
         self._inside, self._outside = np.flatnonzero(inside), np.flatnonzero(~inside)
         self._places = self._sparse_places() if not slopes.is_small else None
 
     def elements(self) -> Iterator[RadauElement]:
-        way, slopes = self.way, self.slopes
-        t, w, ends, end = way.start, way.w, iter(way.ends), way.ends[-1]
+        interval, slopes = self.interval, self.slopes
+        t, w, ends, end = interval.start, interval.w, iter(interval.ends), interval.ends[-1]
         until = next(ends)
-        value, entries = slopes.at(t, w, *way.numbers)
+        value, entries = slopes.at(t, w, *interval.numbers)
         rate = float(np.abs(value[: self.nx] / (SMALL + np.abs(w[: self.nx]))).max(initial=1e-12))
         h = min(end - t, self.tolerance ** (1 / (STAGES + 1)) / rate)
         guess = np.tile(w, (STAGES, 1))
@@ -114,29 +117,29 @@ class _Stepping:
             if t >= until:
                 until = next(ends)
             whole, h = h, until - t if t + 1.01 * h >= until else h
-            if t + h <= t or h < LEAST * (end - way.start):
-                raise lost(t)
+            if t + h <= t or h < LEAST * (end - interval.start):
+                raise step_too_small(t)
             found = self._stages(t, h, w, guess)
             if found is None:
                 h, guess = h / 4, np.tile(w, (STAGES, 1))
                 continue
             stages, matrix, right = found
             error = self._error(h, w, stages, value, entries)
-            grown = 0.9 * error ** (-1 / (STAGES + 1)) if error > 0 else 8.0
+            growth = 0.9 * error ** (-1 / (STAGES + 1)) if error > 0 else 8.0
             if error > 1:
-                h, guess = h * max(0.2, min(grown, 0.9)), np.tile(w, (STAGES, 1))
+                h, guess = h * max(0.2, min(growth, 0.9)), np.tile(w, (STAGES, 1))
                 continue
             t, before, w = until if h == until - t else t + h, h, stages[-1]
             yield RadauElement(t, w, matrix, right, self.nx)
-            value, entries = slopes.at(t, w, *way.numbers)
-            h = max(h * min(max(grown, 0.3), 8.0), whole if h < whole else 0.0)
-            guess = _extended(stages, min(h, end - t) / before)
+            value, entries = slopes.at(t, w, *interval.numbers)
+            h = max(h * min(max(growth, 0.3), 8.0), whole if h < whole else 0.0)
+            guess = _extrapolate(stages, min(h, end - t) / before)
 
     def _stages(self, t: float, h: float, w: Vector, guess: Vector) -> tuple[Vector, Matrix, Vector] | None:
-        """Values of the stages, the derivative of their equation, and minus that by parameters, if it converges."""
+        """(Stages (STAGES, n), derivative by them, minus that by parameters); None without convergence."""
         found, last = guess.ravel().copy(), np.inf
         for _ in range(_ITERATIONS):
-            values, entries = self.slopes.many(t + h * _NODES, found.reshape(STAGES, self.n), *self.way.numbers)
+            values, entries = self.slopes.many(t + h * _NODES, found.reshape(STAGES, self.n), *self.interval.numbers)
             residual = values.copy()
             residual[:, : self.nx] = found.reshape(STAGES, self.n)[:, : self.nx] - w[: self.nx]
             residual[:, : self.nx] -= h * _A @ values[:, : self.nx]
@@ -157,7 +160,7 @@ class _Stepping:
         return None
 
     def _matrix(self, h: float, entries: Vector) -> Any:
-        """The derivative of the equation of the stages."""
+        """Derivative of the stage equation by the stages, (STAGES * n, STAGES * n)."""
         n, nx = self.n, self.nx
         if self._places is not None:
             kinds, weights, source, pattern = self._places
@@ -172,8 +175,7 @@ class _Stepping:
         return matrix.reshape(STAGES * n, STAGES * n)
 
     def _sparse_places(self) -> tuple[Any, Any, Any, Any]:
-        """Of the entries of the sparse matrix what each is (0: of the unit matrix, 1: of a rate, 2: of a residual), its
-        weight, the entry of the slopes it is made of, and its place."""
+        """Entries of the sparse stage matrix: kind (0 identity, 1 rate, 2 residual), weight, source entry, place."""
         n, nx, count = self.n, self.nx, len(self.slopes.rows)
         rows, columns = self.slopes.rows[self._inside], self.slopes.columns[self._inside]
         rates, rests = self._inside[rows < nx], self._inside[rows >= nx]
@@ -190,7 +192,7 @@ class _Stepping:
         return kinds, weights, source, (row, column)
 
     def _right(self, h: float, entries: Vector) -> Vector:
-        """Minus the derivative of the equation of the stages by parameters."""
+        """Minus the derivative of the stage equation by parameters, shape (STAGES * n, count)."""
         n, nx = self.n, self.nx
         by_p = np.zeros((STAGES, n, self.slopes.count))
         own = self._outside
@@ -199,7 +201,7 @@ class _Stepping:
         return by_p.reshape(STAGES * n, self.slopes.count)
 
     def _error(self, h: float, w: Vector, stages: Vector, value: Vector, entries: Vector) -> float:
-        """The error of the step by the embedded method, in units of the tolerance."""
+        """Error of the step estimated by the embedded method, relative to the tolerance."""
         nx, n = self.nx, self.n
         right = np.zeros(n)
         right[:nx] = RADAU.weights @ (stages[:, :nx] - w[:nx]) / h + value[:nx]
@@ -220,8 +222,8 @@ class _Stepping:
         return float(np.sqrt(np.mean((found[:nx] / size) ** 2))) if nx else 0.0
 
 
-def lost(t: float) -> IntegrationError:
-    """AC408: no step is small enough."""
+def step_too_small(t: float) -> IntegrationError:
+    """IntegrationError AC408 for a step that would be too small."""
     return IntegrationError(
         "AC408",
         f"the derivatives of the run cannot be carried on from t = {t:.9g} s: no step is small enough",
@@ -230,8 +232,8 @@ def lost(t: float) -> IntegrationError:
     )
 
 
-def _extended(stages: Vector, ratio: float) -> Vector:
-    """Values of the polynomial through the stages at those of the next step, `ratio` times as long."""
+def _extrapolate(stages: Vector, ratio: float) -> Vector:
+    """Extrapolated stages of the next step, `ratio` times as long; shape (STAGES, n)."""
     apart = (1 + ratio * _NODES)[:, None] - _NODES[None, :]
     factors = np.where(np.eye(STAGES, dtype=bool)[None], 1.0, apart[:, None, :]).prod(axis=2)
-    return np.asarray(factors / _APART @ stages)
+    return np.asarray(factors / _NODE_PRODUCTS @ stages)

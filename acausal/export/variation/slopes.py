@@ -1,4 +1,4 @@
-"""The equations of one regime with their slopes, on states and algebraic variables by their nominal magnitudes."""
+"""Equations of one regime with their derivatives, for variables scaled by their nominal magnitudes."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from acausal.arrays import Vector
 from acausal.lower.compiled import CompiledModel
 from acausal.simulate.equations.calls.quick import Quick
 
-_DENSE = 30  # variables up to which small dense matrices are faster than sparse ones
+_DENSE = 30  # number of variables up to which dense matrices are faster than sparse ones
 
 
 def memories(compiled: CompiledModel) -> NDArray[np.int64]:
-    """Places among the modes of what `pre` remembers."""
+    """Indices of the values of `pre` among the modes, shape (n_memories,)."""
     events = compiled.state_events
     first = compiled.n_timely + len(events.samples)
     return np.arange(first, first + len(events.memories))
@@ -26,13 +26,13 @@ def memories(compiled: CompiledModel) -> NDArray[np.int64]:
 class Slopes:
     """`value(t, w, c, m)` and `slopes(t, w, c, m) -> (value, entries)`.
 
-    Here w are variables by their nominal magnitudes, and c is (u, p).
+    w, shape (n,), are the scaled variables, and c, shape (nu + np,), is (u, p).
 
-    The entries are those of the derivatives by w and by the chosen parameters, a matrix of n rows, column by column:
-    their places are `rows` and `columns`, and `starts` is where each column starts.
+    The entries are the nonzeros of the derivatives by w and by the chosen parameters, an (n, n + count) matrix in
+    compressed columns: `rows`, `columns`, and `starts` of each column.
 
-    What `pre` remembers, and the equations read, depends on parameters as states do: it is a state whose rate is zero,
-    behind the others. `held` are their places among the modes.
+    Values of `pre` in the equations depend on parameters as states do: they are treated as states with rate zero, after
+    the others. `held` are their indices among the modes.
     """
 
     def __init__(self, compiled: CompiledModel, chosen: list[int]) -> None:
@@ -64,16 +64,19 @@ class Slopes:
 
     @cached_property
     def quick(self) -> Quick:
-        """`value`, called quickly."""
+        """`value`, evaluated with little overhead."""
         return Quick(self.value)
 
     def at(self, t: float, w: Vector, c: Vector, m: Vector) -> tuple[Vector, Vector]:
-        """Value and entries at a point."""
+        """Value, shape (n,), and entries, shape (n_entries,), at a point; `w`, `c`, `m` as in the class."""
         value, entries = self._own(t, w, c, m)
         return value, entries
 
     def many(self, t: Vector, w: Vector, c: Vector, m: Vector) -> tuple[Vector, Vector]:
-        """Values, shape (k, n), and entries, shape (k, entries), at k points, the same few k again and again."""
+        """Values, shape (k, n), and entries, shape (k, n_entries), at k points; a function is kept for each k.
+
+        `t`: shape (k,); `w`: shape (k, n); `c` and `m` are those of all points.
+        """
         k = len(t)
         if k not in self._mapped:
             self._mapped[k] = Quick(self.slopes.map("stages", "serial", k, [2, 3], []))
@@ -81,7 +84,7 @@ class Slopes:
         return values.T, entries.reshape(-1, k).T
 
     def dense(self, entries: Vector) -> Vector:
-        """Slopes as full matrices, shape (k, n, n + parameters), from entries, shape (k, entries)."""
+        """Derivatives as full matrices, shape (k, n, n + count), from entries, shape (k, n_entries)."""
         found = np.zeros((len(entries), self.n, self.n + self.count))
         found[:, self.rows, self.columns] = entries
         return found
@@ -92,6 +95,6 @@ class Slopes:
 
     @cached_property
     def instructions(self) -> int:
-        """Of both functions."""
+        """Number of instructions of both functions."""
         own: Any = self.slopes.n_instructions() + self.value.n_instructions()
         return int(own)

@@ -1,4 +1,4 @@
-"""Coefficients of the two methods.
+"""Coefficients of DOP853 and Radau IIA.
 
 Source: E. Hairer, S. P. Nørsett, G. Wanner, Solving Ordinary Differential Equations I (1993), II.5 (DOP853); II (1996),
 IV.5 and IV.8 (Radau IIA, and its error by an embedded method).
@@ -19,9 +19,10 @@ STAGES = 5
 
 @dataclass(frozen=True, eq=False)
 class Radau:
-    """Collocation at the Radau points; `weights` are those of the stages, less the start, in the error of order STAGES.
+    """Radau IIA with s = STAGES: `nodes` (s,), `matrix` (s, s), and the error estimate of order s.
 
-    `real` is the real eigenvalue of the inverse of `matrix`.
+    `weights`, shape (s,), are those of the stages minus the start in the estimate; `real` is the real eigenvalue of the
+    inverse of `matrix`.
     """
 
     nodes: Vector
@@ -48,13 +49,13 @@ RADAU = _radau(STAGES)
 _METHOD: Any = scipy.integrate.DOP853
 EXPLICIT_STAGES = 12
 EXPLICIT_C: Vector = np.append(_METHOD.C, 1.0)
-EXPLICIT_A: Vector = np.vstack([_METHOD.A, _METHOD.B])  # the last row is the end of the step
+EXPLICIT_A: Vector = np.vstack([_METHOD.A, _METHOD.B])  # the last row gives the end of the step
 EXPLICIT_3: Vector = np.asarray(_METHOD.E3, dtype=float)
 EXPLICIT_5: Vector = np.asarray(_METHOD.E5, dtype=float)
 
 
 def in_c() -> str:
-    """The tables for `steps.c`."""
+    """The coefficients as C source for `steps.c`."""
     parts = [f"#define STAGES {STAGES}", f"#define RADAU_REAL {RADAU.real!r}"]
     vectors = ("RADAU_C", RADAU.nodes), ("RADAU_E", RADAU.weights), ("EXPLICIT_C", EXPLICIT_C)
     for name, vector in (

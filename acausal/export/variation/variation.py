@@ -1,4 +1,4 @@
-"""Variations over stretches of one regime, in compiled code where there is some."""
+"""Variations over stretches of one regime, in compiled code if available."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ import scipy.sparse
 
 from acausal.arrays import Vector
 from acausal.export.variation.compiled import Program, program
-from acausal.export.variation.element import LEAST, SMALL, Element, Temper, Way
+from acausal.export.variation.element import LEAST, SMALL, Element, Interval, Stiffness
 from acausal.export.variation.radau import radau
 from acausal.export.variation.slopes import Slopes
 from acausal.export.variation.tables import EXPLICIT_3, EXPLICIT_5, EXPLICIT_A, EXPLICIT_C, EXPLICIT_STAGES
 from acausal.lower.compiled import CompiledModel
 from acausal.simulate.native.policy import pays
 
-# A step in Python takes as long as so many evaluations of equations.
+# Cost of a step in Python, in evaluations of the equations.
 _STEP = 300.0
 
 
 class Variation:
-    """The linear maps of stretches of one regime; kept with the model."""
+    """Linear maps of stretches of one regime, cached with the model."""
 
     def __init__(self, compiled: CompiledModel, chosen: list[int]) -> None:
         self.slopes = Slopes(compiled, chosen)
@@ -32,49 +32,52 @@ class Variation:
         self._spent = 0.0
 
     def carry(
-        self, way: Way, x: Vector, temper: Temper, native: bool | None, *, parameters: bool = True
+        self, interval: Interval, x: Vector, stiffness: Stiffness, native: bool | None, *, parameters: bool = True
     ) -> Iterator[tuple[float, Vector, Vector]]:
-        """At each end of a way the time, the variables, and the variations of the states; `x` are those at its start.
+        """Yield (time [s], variables (n,), variations (nx, k)) at each end of the interval.
 
-        All are by nominal magnitudes. With `parameters` the columns are directions of the chosen parameters.
+        `x`: variations at its start, shape (nx, k). All are scaled by nominal magnitudes. With `parameters` the columns
+        are directions of the chosen parameters.
         """
         compiled = self._compiled(native)
         if compiled is not None:
-            for t, w, there in compiled.carry(way, x, parameters, temper):
-                way, x = _rest(way, t, w), there
+            for t, w, there in compiled.carry(interval, x, parameters, stiffness):
+                interval, x = _rest(interval, t, w), there
                 yield t, w, there
-        ends = set(way.ends)
-        for element in self._elements(way, temper):
+        ends = set(interval.ends)
+        for element in self._elements(interval, stiffness):
             x = element.forward(x, parameters)
             if element.t in ends:
                 yield element.t, element.w, x
 
-    def back(self, way: Way, rows: Vector, temper: Temper, native: bool | None) -> tuple[Vector, Vector]:
-        """Derivatives by the states at the start and by parameters, of what has `rows`, (k, nx), at the end."""
+    def back(
+        self, interval: Interval, rows: Vector, stiffness: Stiffness, native: bool | None
+    ) -> tuple[Vector, Vector]:
+        """Pull back `rows`, shape (k, nx), to states at the start, same shape, and to parameters, shape (k, count)."""
         compiled = self._compiled(native)
-        found = None if compiled is None else compiled.back(way, rows, temper)
+        found = None if compiled is None else compiled.back(interval, rows, stiffness)
         if found is not None:
             return found
         total = np.zeros((len(rows), self.slopes.count))
-        for element in reversed(list(self._elements(way, temper))):
+        for element in reversed(list(self._elements(interval, stiffness))):
             rows, by_p = element.adjoint(rows)
             total = total + by_p
         return rows, total
 
     def is_compiled(self, native: bool | None) -> bool:
-        """Whether steps are those of compiled code."""
+        """Whether steps are compiled."""
         return self._compiled(native) is not None
 
-    def _elements(self, way: Way, temper: Temper) -> Iterator[Element]:
-        """The steps in Python."""
+    def _elements(self, interval: Interval, stiffness: Stiffness) -> Iterator[Element]:
+        """Steps in Python."""
         slopes = self.slopes
-        if way.ends and not temper.stiff and slopes.n == slopes.nx:
-            for element in explicit(slopes, way, temper):
+        if interval.ends and not stiffness.stiff and slopes.n == slopes.nx:
+            for element in explicit(slopes, interval, stiffness):
                 self._spent += _STEP
-                way = _rest(way, element.t, element.w)
+                interval = _rest(interval, element.t, element.w)
                 yield element
-        if way.ends:
-            for step in radau(slopes, way):
+        if interval.ends:
+            for step in radau(slopes, interval):
                 self._spent += _STEP
                 yield step
 
@@ -88,9 +91,9 @@ class Variation:
         return self._program
 
 
-def _rest(way: Way, t: float, w: Vector) -> Way:
-    """What is left of a way from one of its points on."""
-    return Way(t, [end for end in way.ends if end > t], w, way.numbers, way.tolerance)
+def _rest(interval: Interval, t: float, w: Vector) -> Interval:
+    """The rest of an interval from one of its points on."""
+    return Interval(t, [end for end in interval.ends if end > t], w, interval.numbers, interval.tolerance)
 
 
 # The end of the method's region of stability on the negative axis; so many steps beyond it are stiff ones, so many on
@@ -132,11 +135,11 @@ class ExplicitElement:
         return rows + on.sum(axis=0), total
 
 
-def explicit(slopes: Slopes, way: Way, temper: Temper) -> Iterator[ExplicitElement]:
+def explicit(slopes: Slopes, interval: Interval, stiffness: Stiffness) -> Iterator[ExplicitElement]:
     """The steps, as far as they are not stiff; no more come where one fails at every length."""
-    c, m = way.numbers
-    t, w, end = way.start, way.w, way.ends[-1]
-    tolerance, ends, h = way.tolerance, iter(way.ends), 0.0
+    c, m = interval.numbers
+    t, w, end = interval.start, interval.w, interval.ends[-1]
+    tolerance, ends, h = interval.tolerance, iter(interval.ends), 0.0
     until = next(ends)
     suspects = cleared = 0
     while t < end:
@@ -146,7 +149,7 @@ def explicit(slopes: Slopes, way: Way, temper: Temper) -> Iterator[ExplicitEleme
             rate = float(np.abs(slopes.quick(t, w, c, m)[0] / (SMALL + np.abs(w))).max(initial=1e-12))
             h = tolerance ** (1 / 8) / rate
         whole, h = h, until - t if t + 1.01 * h >= until else h
-        if t + h <= t or h < LEAST * (end - way.start):
+        if t + h <= t or h < LEAST * (end - interval.start):
             return
         stages, rates = np.empty((2, EXPLICIT_STAGES + 1, len(w)))
         for i in range(EXPLICIT_STAGES + 1):
@@ -156,19 +159,19 @@ def explicit(slopes: Slopes, way: Way, temper: Temper) -> Iterator[ExplicitEleme
         if np.isfinite(error) and _is_held_back(h, stages[-1] - stages[-2], rates[-1] - rates[-2]):
             suspects, cleared = suspects + 1, 0
             if suspects >= _SUSPECTS:
-                temper.stiff = True
+                stiffness.stiff = True
                 return
         elif np.isfinite(error):
             cleared += 1
             suspects = 0 if cleared >= _CLEARED else suspects
-        grown = 0.9 * error ** (-1 / 8) if error > 0 else 8.0
+        growth = 0.9 * error ** (-1 / 8) if error > 0 else 8.0
         if not error <= 1:
-            h *= max(0.2, min(grown, 0.9)) if np.isfinite(error) else 0.25
+            h *= max(0.2, min(growth, 0.9)) if np.isfinite(error) else 0.25
             continue
         _, entries = slopes.many(t + h * EXPLICIT_C[:-1], stages[:-1], c, m)
         t, w = until if h == until - t else t + h, stages[-1].copy()
         yield ExplicitElement(t, w, h, _matrices(slopes, entries))
-        h = max(h * min(max(grown, 0.3), 8.0), whole if h < whole else 0.0)
+        h = max(h * min(max(growth, 0.3), 8.0), whole if h < whole else 0.0)
 
 
 def _is_held_back(h: float, points: Vector, rates: Vector) -> bool:

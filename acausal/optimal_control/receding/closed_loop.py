@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from acausal.arrays import Vector
-from acausal.export.begin import input_start
+from acausal.export.start_point import input_start
 from acausal.lower.chebyshev import INPUT_WIDTH
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.variants.driven import with_driven

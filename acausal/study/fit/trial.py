@@ -121,7 +121,7 @@ def trial_of(
     unknown = [n for n in dataset.sigma if n not in {s.name for s in signals}]
     if unknown:
         raise UsageError("AC055", f"sigma names {unknown[0]}, which is not measured in {name}")
-    quick = ran.flight is not None and ran.flight.is_quick
+    quick = ran.flight is not None and ran.flight.is_fast
     kept = ran if quick else Ran(ran.result, None)
     return Trial(name, started, signals, dataset.sigma, own, run, (guess, kept), tuple(wanted or ()) if quick else None)
 
@@ -153,10 +153,10 @@ class Flight:
         return found if np.isfinite(found).all() else None
 
     @property
-    def is_quick(self) -> bool:
+    def is_fast(self) -> bool:
         """Whether derivatives take compiled steps, or none."""
         try:
-            return self.chain.is_quick()
+            return self.chain.is_fast()
         except (AcausalError, RuntimeError, np.linalg.LinAlgError):
             return False
 

@@ -1,7 +1,8 @@
-"""Runs that begin exactly on a relation: moved by a parameter, what it does is done a little later, or never.
+"""Detection of runs that begin exactly on a relation, whose event a parameter moves to later, or out of the run.
 
-A force that jumps where a tip touches acts from the start on, or from an instant on that moves: final values have a
-derivative for one sign of the change, and another one, or none, for the other. What is continuous there does no harm.
+A force that jumps where a tip touches acts from the start on, or from an instant that moves: final values have a
+derivative for one sign of the change, and a different one, or none, for the other. Functions that are continuous there
+are differentiable enough.
 """
 
 from __future__ import annotations
@@ -12,12 +13,12 @@ from acausal.errors import ExportError
 from acausal.export.sensitivity.chain import Chain
 from acausal.simulate.events.guards import Moment
 
-# Rates that differ by less, as a share of what they are, do not jump; variations of a guard, in what it may be wrong.
+# Relative difference of rates that counts as none; variation of a guard, relative to its error, that counts as none.
 _SAME, _STILL = 1e-9, 1e-9
 
 
-def refuse_begun(chain: Chain) -> None:
-    """Raise ExportError AC615 where a run begins on a relation that does something and that parameters move away."""
+def refuse_start_on_relation(chain: Chain) -> None:
+    """Raise ExportError AC615 if a run begins on a relation with an effect, from which parameters move it away."""
     passage = chain.passages[0]
     t, moment = passage.time, passage.happened.moment
     owners = moment.regime.held.owners
@@ -50,7 +51,7 @@ def refuse_begun(chain: Chain) -> None:
 
 
 def _acts(chain: Chain, t: float, moment: Moment, other: Moment) -> bool:
-    """Whether rates jump across a relation, or a clause acts when it is passed on the way from the `other` side."""
+    """Whether rates jump across a relation, or a clause acts when it is crossed from the `other` side."""
     rates = [chain.slopes.rate(m.regime, t, m) for m in (moment, other)]
     if (np.abs(rates[1] - rates[0]) > _SAME * (np.abs(rates[0]) + np.abs(rates[1]))).any():
         return True

@@ -1,4 +1,4 @@
-"""Where an exported model starts: its start values as numbers, and as a function of its parameters."""
+"""Start of an exported model: its values as numbers, and as a function of the parameters."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from acausal.simulate.start.initialize import initialize
 
 
 @dataclass(frozen=True, eq=False)
-class Begin:
-    """The model's start with its declared parameters and the start values of its inputs, and the modes it is in."""
+class StartPoint:
+    """Start for the declared parameters and inputs: t [s], vectors x (nx,), z (nz,), u (nu,), p (np,), m (nm,)."""
 
     t: float
     x: Vector
@@ -29,10 +29,10 @@ class Begin:
     notes: tuple[str, ...]
 
 
-def begin_of(compiled: CompiledModel, p: Vector | None = None) -> Begin:
-    """Solve the start problem; where it has no solution (an input may have to differ from 0), take its guesses.
+def start_point(compiled: CompiledModel, p: Vector | None = None) -> StartPoint:
+    """Solve the start problem; if it has no solution (an input may have to differ from 0), return its guesses.
 
-    `p` are the parameters, shape (np,), as declared by default.
+    `p`: parameters, shape (np,); the declared ones by default.
     """
     t = compiled.flat.experiment.start_time
     p = np.array(compiled.parameter_values, dtype=float) if p is None else p
@@ -42,12 +42,12 @@ def begin_of(compiled: CompiledModel, p: Vector | None = None) -> Begin:
         start = initialize(compiled, t, p, u, m)
     except InitializationError as error:
         x, z = (np.array(v).ravel() for v in compiled.guess(p))
-        return Begin(t, x, z, u, p, m, (f"start values are guesses only: {error.fact}",))
-    return Begin(t, start.x, start.z, u, p, m, start.notes)
+        return StartPoint(t, x, z, u, p, m, (f"start values are guesses only: {error.fact}",))
+    return StartPoint(t, start.x, start.z, u, p, m, start.notes)
 
 
 def input_start(compiled: CompiledModel, scalar: int, p: Vector) -> float:
-    """Declared guess of an input, else 0."""
+    """Declared guess of the input `scalar` for parameters `p`, shape (np,); 0 without one."""
     start = compiled.flat.starts.get(scalar)
     if start is None:
         return 0.0
@@ -55,8 +55,8 @@ def input_start(compiled: CompiledModel, scalar: int, p: Vector) -> float:
     return float(values(compiled.flat.pool, [start.node], leaves)[start.node])
 
 
-def init_function(compiled: CompiledModel, begin: Begin) -> Any:
-    """`(p) -> (x0, z0)`."""
+def init_function(compiled: CompiledModel, begin: StartPoint) -> Any:
+    """Function `(p) -> (x0, z0)`: the consistent start; a rootfinder if conditions have to be solved."""
     n, nz = len(compiled.states), len(compiled.algebraic)
     given = {*compiled.start.direct, *compiled.start.defaulted}
     free = [k for k, v in enumerate(compiled.state_variables) if v not in given]
@@ -67,10 +67,10 @@ def init_function(compiled: CompiledModel, begin: Begin) -> Any:
     root = _start_root(compiled, begin, free, scale)
     parameters: Any = ca.MX.sym("p", len(compiled.parameters))
     x, z = compiled.guess(parameters)
-    # From where the declared parameters' start was found, moved as the guesses move with the parameters.
-    found = ca.DM(np.concatenate([begin.x[free], begin.z]))
-    guessed = ca.vertcat(*compiled.guess(begin.p))[free + list(range(n, n + nz))]
-    first = ca.vertcat(x, z)[free + list(range(n, n + nz))] - guessed + found
+    # Newton's method begins at the start for the declared parameters, shifted by the change of the guesses.
+    known_start = ca.DM(np.concatenate([begin.x[free], begin.z]))
+    known_guess = ca.vertcat(*compiled.guess(begin.p))[free + list(range(n, n + nz))]
+    first = ca.vertcat(x, z)[free + list(range(n, n + nz))] - known_guess + known_start
     solved: Any = root(first / ca.DM(scale), parameters) * ca.DM(scale)
     x0: Any = ca.MX(x)
     if free:
@@ -79,7 +79,7 @@ def init_function(compiled: CompiledModel, begin: Begin) -> Any:
     return ca.Function("init", [parameters], [x0, z0], ["p"], ["x0", "z0"])
 
 
-def _start_root(compiled: CompiledModel, begin: Begin, free: list[int], scale: Vector) -> Any:
+def _start_root(compiled: CompiledModel, begin: StartPoint, free: list[int], scale: Vector) -> Any:
     """Rootfinder `(y0, p) -> y` for free states and algebraic variables at the start, divided by `scale`."""
     y, p = ca.SX.sym("y", len(scale)), ca.SX.sym("p", len(compiled.parameters))
     unknown = y * ca.DM(scale)
@@ -99,5 +99,5 @@ def _start_root(compiled: CompiledModel, begin: Begin, free: list[int], scale: V
             help="give the start values of states with fixed(...)",
         )
     function = ca.Function("start", [y, p], [residual], ["z", "q"], ["r"])
-    found = ca.DM(np.concatenate([begin.x[free], begin.z]) / scale)
-    return newton("start", function, found, ca.DM(begin.p))
+    known_start = ca.DM(np.concatenate([begin.x[free], begin.z]) / scale)
+    return newton("start", function, known_start, ca.DM(begin.p))
