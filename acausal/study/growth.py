@@ -1,9 +1,9 @@
-"""By how much a run multiplies small errors that are made on the way: the variational equation along the run.
+"""Growth of small errors along a run, by the variational equation.
 
-Variations of the states are carried over the parts of a run, and through its events, by the linear maps of
-`acausal.export.sensitivity`, each part anew from the unit vectors; the growth from an instant to the end is the norm
-of the product of the maps between. Eigenvalues of frozen matrices tell nothing of the kind: along an orbit one has a
-positive real part all the time, and errors grow in proportion to time.
+Variations of the states are propagated over the parts of a run, and through its events, by the linear maps of
+`acausal.export.sensitivity`, each part starting from the unit vectors; the growth from an instant to the end is the
+norm of the product of the maps between. Eigenvalues of frozen matrices do not show it: along an orbit one has a
+positive real part all the time, while errors grow in proportion to time.
 """
 
 from __future__ import annotations
@@ -31,36 +31,36 @@ from acausal.simulate.step_limit.state_matrix import StateMatrix
 from acausal.study.stability.trajectory import points
 
 _PARTS = 40
-# Up to so many states the maps are computed whole, beyond along a few directions.
+# Up to this many states the maps are computed completely, beyond it along a few directions.
 _WHOLE, _DIRECTIONS = 24, 6
 _MOST_EVENTS = 300
-_KEPT = 30.0
-# Points at which the fastest mode is looked for, and decades between the parts that resolve it.
-_LOOKS, _RATIO = 12, 1.5
-# States smaller than this share of their nominal magnitude ask for no digits (`bench.distance`).
+_KEEPS_DIGITS = 30.0
+# Points at which the fastest mode is searched, and decades between the parts that resolve it.
+_POINTS, _RATIO = 12, 1.5
+# States smaller than this fraction of their nominal magnitude count as that size (`bench.distance`).
 _LEAST = 1e-3
 _TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True)
 class Growth:
-    """The largest growth of an error until the end of a run."""
+    """Largest growth of an error until the end of a run."""
 
-    factor: float  # with every state in units of its largest magnitude from that instant on; at least 1
-    relative: float  # with every state in units of its magnitude at the time: what happens to the number of digits
-    since: float  # the instant [s] of the error that `factor` is for
-    names: tuple[str, ...]  # states that have most of it at the end
+    factor: float  # states scaled by their largest magnitude from that instant on; at least 1
+    relative: float  # states scaled by their magnitude at the time: growth of the relative error
+    since: float  # instant [s] of the error with the growth `factor`
+    names: tuple[str, ...]  # states with the largest error at the end
 
     @property
     def text(self) -> str:
-        """What it says in one sentence without a subject."""
-        digits = f", against the solution at the time {self.relative:.2g} times" if self.kept else ""
+        """The growth as a sentence without its subject."""
+        digits = f", against the solution at the time {self.relative:.2g} times" if self.keeps_digits else ""
         return f"grow up to {self.factor:.2g} times until the end of the run{digits}"
 
     @property
-    def kept(self) -> bool:
-        """Whether the solution grows as its errors do, so that it keeps its digits."""
-        return self.factor > _KEPT * self.relative
+    def keeps_digits(self) -> bool:
+        """Whether the solution grows as its errors do, so that the relative error does not."""
+        return self.factor > _KEEPS_DIGITS * self.relative
 
     def content(self) -> dict[str, object]:
         """For JSON."""
@@ -80,10 +80,10 @@ def growth(
     Parameters
     ----------
     run_as
-        Options of `simulate`; of these the start time and the inputs count.
+        Options of `simulate`, of which the start time and the inputs are used.
 
-    Beyond 24 states errors are followed in six directions from the start on, which the fastest growth dominates after a
-    while. Delays and sliding modes that have no derivatives, and runs that fail, have no growth here.
+    Beyond 24 states errors are propagated in six random directions from the start, which soon align with the fastest
+    growth. Returns None for delays, for sliding modes without derivatives, and for runs that fail.
     """
     try:
         check(compiled, SENSITIVITIES, [])
@@ -94,7 +94,7 @@ def growth(
         if len(run.hybrid.passages) > _MOST_EVENTS:  # type: ignore[union-attr]
             return None
         chain = Chain(run, [], [], _TOLERANCE)
-        chain.temper.stiff = True  # directions off the slow solution are to be damped
+        chain.stiffness.stiff = True  # use the stiff method, which damps directions off the slow solution
         rows = np.abs([np.asarray(result[name], dtype=float) for name in compiled.states[:n]])
         least = _LEAST * compiled.nominal_x[:n]
         floor = np.clip(rows.max(axis=1), least, compiled.nominal_x[:n])
@@ -129,7 +129,7 @@ def _traced(
     run = Run(compiled, opts, p, Inputs(u), None, traced=True)
     log = logging.getLogger("acausal")
     level = log.level
-    log.setLevel(logging.ERROR)  # what happens in this run was said of the one that is studied
+    log.setLevel(logging.ERROR)  # messages of this run repeat those of the studied one
     try:
         return run, run.result()
     finally:
@@ -137,9 +137,9 @@ def _traced(
 
 
 def _maps(chain: Chain, n: int, span: float, fastest: float) -> tuple[Vector, list[Vector]]:
-    """Instants, and the maps of variations of the first n states from each to the next, the events between included.
+    """(Instants, maps of variations of the first n states from each to the next, including the events between).
 
-    Shape (n, n); beyond 24 states the variations themselves, (n, 6), at the instants after the first.
+    Maps have shape (n, n); beyond 24 states they are the variations themselves, shape (n, 6), at later instants.
     """
     whole = n <= _WHOLE
     unit = np.eye(chain.size, n)
@@ -153,32 +153,32 @@ def _maps(chain: Chain, n: int, span: float, fastest: float) -> tuple[Vector, li
             continue
         count = max(1, round(_PARTS * (stretch.end - stretch.start) / span))
         ends = np.linspace(stretch.start, stretch.end, count + 1)
-        for end, through in stretch.parts(_resolved(ends, fastest, whole)):
+        for end, through in stretch.parts(_resolve(ends, fastest, whole)):
             x = through @ x
             if end not in ends:
                 continue
             times.append(end)
             maps.append(x[:n])
-            # what the other states remember of a variation is lost here: discrete ones rule what comes after an event
+            # variations of the other states are dropped here: discrete ones change at the next event
             x = unit if whole else x
     return np.array(times), maps
 
 
 def _sizes(result: Result, rows: Vector, t: float, least: Vector) -> Vector:
-    """The largest magnitude of each state from an instant on, or from the middle of the run if that comes first.
+    """Largest magnitude of each state, shape (n,), from instant `t`, but at the latest from the middle of the run.
 
-    What a state was before says nothing of errors made since: some decay through ten decades.
+    Earlier values are no scale for later errors: some states decay through ten decades.
     """
     first, last = float(result.time[0]), float(result.time[-1])
     later = result.time >= min(t, 0.5 * (first + last))
     return np.asarray(np.maximum(rows[:, later].max(axis=1), least))
 
 
-def _resolved(ends: Vector, fastest: float, again: bool) -> Vector:
-    """Ends of parts, each begun by short ones that are as fast as the fastest mode [1/s], from the first on, or all.
+def _resolve(ends: Vector, fastest: float, again: bool) -> Vector:
+    """Ends of parts, with short parts that resolve the fastest mode [1/s] at the start of the first, or of all parts.
 
-    A unit vector points off the slow solution. A step as long as that allows would not damp it: the matrix of the
-    method at a point far off is another one.
+    A unit vector points off the slow solution, and a long step would not damp it, because the matrix of the method is a
+    different one there.
     """
     found = []
     for k, (a, b) in enumerate(pairwise(ends)):
@@ -190,17 +190,17 @@ def _resolved(ends: Vector, fastest: float, again: bool) -> Vector:
 
 
 def _fastest(run: Run, result: Result) -> float:
-    """The largest |eigenvalue| at some points of the run [1/s]."""
+    """Largest |eigenvalue| at some points of the run [1/s]."""
     c, p = run.compiled, run.p
     matrix = StateMatrix(c, p, run.u)
-    found = (matrix.eigenvalues(at.t, at.x, at.z, at.m) for at in points(c, result, p, run.u, _LOOKS))
+    found = (matrix.eigenvalues(at.t, at.x, at.z, at.m) for at in points(c, result, p, run.u, _POINTS))
     return max((float(np.abs(v).max(initial=0.0)) for v in found if v is not None), default=0.0)
 
 
 def _largest(maps: list[Vector], scales: Callable[[int], tuple[Vector, Vector]]) -> tuple[float, int, Vector]:
-    """The largest growth from an instant until the end, the place of that instant, and the error of each state then.
+    """(Largest growth from an instant to the end, index of that instant, error of each state at the end, shape (n,)).
 
-    `scales` are the units of the states at an instant and at the end, for an error made at that instant.
+    `scales(k)` returns the scales of the states, shape (n,), at instant k and at the end.
     """
     n, columns = maps[0].shape
     last = len(maps) if n == columns else len(maps) - 1

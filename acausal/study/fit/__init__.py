@@ -1,1 +1,1 @@
-"""Parameters from measurements: least squares on runs of a model."""
+"""Parameter estimation from measurements, by least squares on runs of a model."""

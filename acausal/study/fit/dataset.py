@@ -1,4 +1,4 @@
-"""Measured signals of an experiment, and what the model has to be given to run the same."""
+"""Measured signals of an experiment, and the inputs, start values and parameters under which it was made."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ class Dataset:
     ----------
     data
         Measured signals: a CSV file (`time [s], mass.s [mm], ...`), a pandas DataFrame over time, a `Result`, or a
-        mapping from names to `TimeSeries` or `(times, values)`. Columns named as an input of the model drive it, those
-        named as a variable are compared with it; each needs one or the other.
+        mapping from names to `TimeSeries` or `(times, values)`. Columns named like an input of the model drive it,
+        those named like a variable are compared with it; every column must be one or the other.
     inputs, start, parameters
-        As `simulate` takes them, for this experiment only.
+        As in `simulate`, for this experiment only.
     sigma
-        Standard deviations of the noise by name of a signal, in SI; estimated where they are not given.
+        Standard deviations of the noise by name of a signal, in SI; estimated if not given.
     name
         For messages and pictures.
     """
@@ -56,19 +56,19 @@ class Measured:
 def columns_of(dataset: Dataset) -> dict[str, TimeSeries]:
     """The columns of a data set by name.
 
-    Raises UsageError: AC014, AC044 and AC045 for data that cannot be read, AC055 for what is no data.
+    Raises UsageError: AC014, AC044 and AC045 for data that cannot be read, AC055 for an unknown type of data.
     """
     data = dataset.data
     if isinstance(data, str | Path):
         if Path(data).suffix.lower() != ".csv":
-            return _of_result(Result(**vars(read(Path(data)))))
+            return _from_result(Result(**vars(read(Path(data)))))
         return read_all(data)
     if isinstance(data, Result):
-        return _of_result(data)
+        return _from_result(data)
     if isinstance(data, Mapping):
         return {str(n): _series(str(n), v) for n, v in data.items()}
     if hasattr(data, "columns") and hasattr(data, "to_numpy"):
-        return _of_frame(data)
+        return _from_frame(data)
     raise UsageError(
         "AC055",
         f"data of type {type(data).__name__} are no measurements",
@@ -84,12 +84,12 @@ def _series(name: str, value: Any) -> TimeSeries:
     return TimeSeries(value[0], value[1], name=name)
 
 
-def _of_result(result: Result) -> dict[str, TimeSeries]:
+def _from_result(result: Result) -> dict[str, TimeSeries]:
     moving = [n for n in result.names if result.signals[n].column is not None]
     return {n: TimeSeries(result.time, result[n], unit=result.unit(n), name=n) for n in moving}
 
 
-def _of_frame(frame: Any) -> dict[str, TimeSeries]:
+def _from_frame(frame: Any) -> dict[str, TimeSeries]:
     clock = next((c for wanted in ("time", "t") for c in frame.columns if named(str(c))[0].lower() == wanted), None)
     times = np.asarray((frame.index if clock is None else frame[clock]).to_numpy(), dtype=np.float64)
     second = named(str(frame.index.name if clock is None else clock))[1]
@@ -105,13 +105,13 @@ def _of_frame(frame: Any) -> dict[str, TimeSeries]:
     return found
 
 
-def drives(columns: Mapping[str, TimeSeries], inputs: tuple[str, ...]) -> dict[str, TimeSeries]:
-    """The columns that are inputs of the model."""
+def driving_columns(columns: Mapping[str, TimeSeries], inputs: tuple[str, ...]) -> dict[str, TimeSeries]:
+    """The columns that drive inputs of the model."""
     return {name: series for name, series in columns.items() if name in inputs}
 
 
 def measured(columns: Mapping[str, TimeSeries], inputs: tuple[str, ...], run: Result) -> tuple[Measured, ...]:
-    """The columns to compare with the model, in SI; `run` is one of it and knows its signals.
+    """The columns to compare with the model, in SI; `run` is a result of it, with its signals.
 
     Raises UsageError: AC055 for a column that is no signal of the model, or no column at all to compare.
     Raises UnitError: AC151 for a unit that does not fit.

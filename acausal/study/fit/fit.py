@@ -1,11 +1,11 @@
-"""Parameters by least squares on runs, with what the data say about each of them.
+"""Least-squares estimation of parameters from runs, with confidence intervals.
 
-Gauss and Newton's method in a trust region (scipy's `least_squares`). Derivatives are those of the runs
-(`acausal/export/sensitivity/`) where compiled steps, or none, lead to them, and differences of runs elsewhere: these
-go through delays, varying inputs and contacts as the runs do. The search ends where a step would be small beside the
-confidence intervals: by the relative offset. Every signal is weighted by the standard deviation of its noise; where
-that is not known it is estimated from the residuals of a first fit, and the fit is made again (Bates and Watts,
-Nonlinear Regression Analysis and Its Applications, 1988, sections 2.2.3 and 4).
+Gauss-Newton in a trust region (scipy's `least_squares`). Derivatives are those of the runs
+(`acausal/export/sensitivity/`) if these take compiled steps or none, else finite differences of runs, which also work
+with delays, varying inputs and contacts. The search ends by the relative offset criterion, when a step would be small
+compared with the confidence intervals. Every signal is weighted by the standard deviation of its noise; if that is
+unknown it is estimated from the residuals of a first fit, and the fit is repeated (Bates and Watts, Nonlinear
+Regression Analysis and Its Applications, 1988, sections 2.2.3 and 4).
 """
 
 from __future__ import annotations
@@ -26,52 +26,52 @@ from acausal.providers import provided
 from acausal.result.result import Result
 from acausal.study.fit.dataset import Dataset
 from acausal.study.fit.judge import Judgement, Unknowns, judge
-from acausal.study.fit.trial import Ran, Trial, trial_of
+from acausal.study.fit.trial import Trial, TrialRun, trial_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-# Relative change of a parameter for a difference, and the tolerance of the runs that makes it worth 1e-4.
+# Relative step of finite differences, and tolerance of the runs at which these are accurate to 1e-4.
 _STEP = 1e-4
 _TOLERANCE = 1e-8
-# Relative change of the sum of squares, and of the parameters, at which the first fit, whose weights are guesses, is
-# good enough, and the last one: a parameter is then a few hundredths of its standard deviation from its end at most.
+# Relative change of the sum of squares and of the parameters at which the first fit, with guessed weights, ends, and
+# the last one, whose parameters are then within a few hundredths of their standard deviation.
 _ROUGH = 1e-3
 _FINE = 1e-6
 _MOST = 100
-# The part of the residuals that a step would remove, by the standard deviation: no parameter would then move by a
-# larger part of its own. For the first fit and the last one.
+# Relative offset at which the first and the last fit end: the part of the residuals that a step would remove, in
+# standard deviations, which bounds the movement of each parameter in its own.
 _OFFSET_ROUGH, _OFFSET = 0.1, 0.01
-# Columns of derivatives that agree so well are differences of rounding.
+# Columns of derivatives that agree to this relative accuracy differ by rounding only.
 _SAME = 1e-3
-# Points whose runs are kept.
-_KEPT = 4
+# Number of points whose runs are cached.
+_MOST_CACHED = 4
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """Parameters that fit the measurements best, n of them.
+    """Best fit of n parameters to measurements.
 
     Attributes
     ----------
     model
-        Its name.
+        Name of the model.
     names, units, guess, value
-        Paths of the parameters, their units, where the search began, and what it found, in SI; shape (n,).
+        Paths of the parameters, their units, start values and estimates, in SI; shape (n,).
     std, interval
         Standard deviations, shape (n,), and 95 % confidence intervals, shape (n, 2), by Student's distribution and the
-        linearised model; infinite where the data say nothing.
+        linearised model; infinite for parameters that the data do not determine.
     covariance, correlation
         Shape (n, n).
     rms, noise
-        Root mean square of the residuals by signal, in its unit, and the standard deviation they were weighted by.
+        Root mean square of the residuals by signal, in its unit, and the standard deviation used as weight.
     rows, runs, gradients
-        Number of values compared, of simulations made, and of those that were differentiated by all parameters at once.
+        Number of values compared, of simulations, and of simulations differentiated by all parameters at once.
     results
-        One run with the found parameters for each data set.
+        One run with the estimated parameters for each data set.
     notes
-        What to doubt: parameters that the data do not tell apart, residuals that are no noise, values at a limit.
+        Doubts: parameters that the data do not determine, correlated residuals, values at a limit.
     """
 
     model: str
@@ -94,11 +94,11 @@ class Fit:
 
     @property
     def parameters(self) -> dict[str, float]:
-        """What was found, as `simulate(parameters=...)` takes it."""
+        """The estimates by path, for `simulate(parameters=...)`."""
         return dict(zip(self.names, self.value.tolist(), strict=True))
 
     def plot(self, file: str | None = None) -> Figure:
-        """Measured points on simulated lines, residuals below, one column of panels per signal."""
+        """Plot measured points over simulated lines, with residuals below, one column of panels per signal."""
         drawn: Figure = provided("fit_picture")(self, file)
         return drawn
 
@@ -123,14 +123,14 @@ def fit(
     model
         A component, or a compiled model.
     data
-        A `Dataset`, or what one holds as data; a list for several experiments, which share the parameters.
+        A `Dataset`, or its `data` alone; a list for several experiments, which share the parameters.
     free
-        Paths of the parameters to find, scalar and no structural ones; as a mapping, with lower and upper limits in SI.
-        The search begins at the model's values, or at those in `parameters`.
+        Paths of the scalar, non-structural parameters to estimate; as a mapping, with lower and upper limits in SI. The
+        search starts at the model's values, or at those in `parameters`.
     parameters, inputs, start
-        As `simulate` takes them, for all experiments; those of a data set come first.
+        As in `simulate`, for all experiments; those of a data set have priority.
     tolerance
-        Tolerance of the runs; by default that of the model, but at most 1e-8, for derivatives may be differences.
+        Tolerance of the runs; by default that of the model, but at most 1e-8, because derivatives may be differences.
     progress
         Called with a sentence after each step of the search.
 
@@ -140,12 +140,12 @@ def fit(
         AC055 for data that do not fit the model, AC056 for parameters that cannot be free, AC057 for more parameters
         than values.
     AcausalError
-        Whatever the first run raises; where a later one fails, the search takes a shorter step.
+        Errors of the first run; when a later one fails, the search takes a shorter step.
     """
     compiled = model if isinstance(model, CompiledModel) else compile(model, parameters=parameters)
     values = parameters if isinstance(model, CompiledModel) else None
     sets = [d if isinstance(d, Dataset) else Dataset(d) for d in (data if isinstance(data, list | tuple) else [data])]
-    unknown = _unknowns(compiled, free, values or {})
+    unknown = _make_unknowns(compiled, free, values or {})
     wanted = {"tolerance": tolerance or min(compiled.flat.experiment.tolerance, _TOLERANCE), "solver": solver}
     wanted |= {"native": native}
     common = Dataset(None, inputs or {}, start or {}, values or {})
@@ -153,10 +153,10 @@ def fit(
     search = _Search(trials, unknown, progress)
     if search.rows <= len(unknown.names):
         raise UsageError("AC057", f"{search.rows} measured values cannot tell {len(unknown.names)} parameters")
-    return search.solved(compiled)
+    return search.solve(compiled)
 
 
-def _unknowns(
+def _make_unknowns(
     compiled: CompiledModel, free: Sequence[str] | Mapping[str, tuple[float, float]], given: Mapping[str, object]
 ) -> Unknowns:
     names = tuple(free)
@@ -191,8 +191,8 @@ def _unfit(compiled: CompiledModel, name: str, known: bool, free: list[str]) -> 
     )
 
 
-class _Arrived(Exception):
-    """The search may end at `q`."""
+class _Converged(Exception):
+    """Ends the search at `q`, shape (n,), by the relative offset criterion."""
 
     def __init__(self, q: Vector) -> None:
         super().__init__()
@@ -201,7 +201,7 @@ class _Arrived(Exception):
 
 @dataclass
 class _Search:
-    """The search while it is under way: parameters in multiples of their scale, residuals of all trials in a row."""
+    """State of the search: scaled parameters q, shape (n,), and concatenated residuals of all trials, shape (rows,)."""
 
     trials: tuple[Trial, ...]
     unknown: Unknowns
@@ -209,7 +209,7 @@ class _Search:
     runs: int = 0
     noise: Mapping[str, float] = field(default_factory=dict)
     known: dict[bytes, Vector | None] = field(default_factory=dict)
-    kept: dict[bytes, list[Ran]] = field(default_factory=dict)
+    kept: dict[bytes, list[TrialRun]] = field(default_factory=dict)
     slopes: dict[bytes, Vector] = field(default_factory=dict)
     gradients: int = 0
     is_known: bool = False
@@ -220,7 +220,7 @@ class _Search:
         return sum(len(s.values) for t in self.trials for s in t.signals)
 
     def residuals(self, q: Vector) -> Vector | None:
-        """Simulated less measured, in SI, shape (rows,); None where a run fails."""
+        """Simulated minus measured values in SI, shape (rows,); None if a run fails."""
         key = q.tobytes()
         if key not in self.known:
             runs = self._run(q)
@@ -231,17 +231,17 @@ class _Search:
             )
             if runs is not None:
                 self.kept[key] = runs
-                while len(self.kept) > _KEPT:
+                while len(self.kept) > _MOST_CACHED:
                     del self.kept[next(iter(self.kept))]
         return self.known[key]
 
-    def _run(self, q: Vector) -> list[Ran] | None:
-        """One run of each data set; None where one fails."""
+    def _run(self, q: Vector) -> list[TrialRun] | None:
+        """One run of each data set; None if one fails."""
         runs = []
         try:
             for trial in self.trials:
                 self.runs += 1
-                runs.append(trial.ran(self.values(q)))
+                runs.append(trial.trial_run(self.values(q)))
         except RunError:
             return None
         return runs
@@ -251,24 +251,24 @@ class _Search:
         return dict(zip(self.unknown.names, (q * self.unknown.scale).tolist(), strict=True))
 
     def results(self, q: Vector) -> tuple[Result, ...]:
-        """The runs with these parameters, made again where they are not kept."""
+        """The runs with these parameters, from the cache or made again."""
         runs = self.kept.get(q.tobytes()) or self._run(q) or []
         return tuple(r.result for r in runs)
 
     def derivatives(self, q: Vector) -> Vector:
-        """Of the residuals by the scaled parameters, shape (rows, n)."""
+        """Derivatives of the residuals by the scaled parameters, shape (rows, n)."""
         key = q.tobytes()
         if key not in self.slopes:
-            found = self._differentiated(q)
+            found = self._exact_derivatives(q)
             self.slopes = {key: self._differences(q) if found is None else found}
         return self.slopes[key]
 
-    def _differentiated(self, q: Vector) -> Vector | None:
-        """Derivatives of the runs, where all have some."""
+    def _exact_derivatives(self, q: Vector) -> Vector | None:
+        """Derivatives of the runs, shape (rows, n); None unless all runs have some."""
         self.residuals(q)
         parts = []
-        for trial, ran in zip(self.trials, self.kept.get(q.tobytes(), []), strict=False):
-            part = trial.derivatives(ran)
+        for trial, trial_run in zip(self.trials, self.kept.get(q.tobytes(), []), strict=False):
+            part = trial.derivatives(trial_run)
             if part is None:
                 return None
             parts.append(part)
@@ -278,7 +278,7 @@ class _Search:
         return np.asarray(np.concatenate(parts) * self.unknown.scale)
 
     def _differences(self, q: Vector) -> Vector:
-        """Differences of runs, one for each parameter."""
+        """Finite differences of runs by each parameter, shape (rows, n)."""
         here = self.residuals(q)
         columns = []
         high = self.unknown.high / self.unknown.scale
@@ -298,7 +298,10 @@ class _Search:
         return np.column_stack(columns)
 
     def offset(self, q: Vector, rest: Vector, slope: Vector) -> float:
-        """What a step would remove of the weighted residuals, by their standard deviation; inf at a limit."""
+        """Relative offset: weighted residuals removed by a Gauss-Newton step, in standard deviations; inf at a limit.
+
+        `rest`: weighted residuals, shape (rows,); `slope`: their derivatives, shape (rows, n).
+        """
         size = np.linalg.norm(slope, axis=0)
         if not size.any() or not np.isfinite(slope).all():
             return np.inf
@@ -311,13 +314,13 @@ class _Search:
         return float(np.linalg.norm(slope @ step) / np.sqrt(square)) if square > 0.0 else 0.0
 
     def weights(self) -> Vector:
-        """One over the standard deviation of each value's noise."""
+        """Reciprocal standard deviation of the noise of each value, shape (rows,)."""
         return np.concatenate(
             [np.full(len(s.values), 1.0 / self.noise[s.name]) for t in self.trials for s in t.signals]
         )
 
     def by_signal(self, values: Vector) -> dict[str, Vector]:
-        """The rows that belong to each signal, of all trials."""
+        """Split `values`, shape (rows,), by signal, over all trials."""
         found: dict[str, list[Vector]] = {}
         place = 0
         for t in self.trials:
@@ -336,18 +339,20 @@ class _Search:
             if self.progress is not None:
                 size = "a run fails" if found is None else f"rms {np.sqrt(np.mean((weights * found) ** 2)):.4g}"
                 self.progress(f"{self.runs} runs: {size}")
-            # a step that is not finite is shortened
+            # nan makes least_squares shorten the step
             return np.full(self.rows, np.nan) if found is None else weights * found
 
         def slope(q: Vector) -> Vector:
             q = np.asarray(q)
             found: Vector = weights[:, None] * self.derivatives(q)
-            if self.offset(q, weights * self._must(q), found) <= (_OFFSET_ROUGH if enough == _ROUGH else _OFFSET):
-                raise _Arrived(q.copy())
+            if self.offset(q, weights * self._residuals_of_success(q), found) <= (
+                _OFFSET_ROUGH if enough == _ROUGH else _OFFSET
+            ):
+                raise _Converged(q.copy())
             return found
 
         low, high = self.unknown.low / self.unknown.scale, self.unknown.high / self.unknown.scale
-        unasked: Any = None
+        disabled: Any = None
         jac: Any = slope
         try:
             solution = least_squares(
@@ -358,15 +363,15 @@ class _Search:
                 x_scale="jac",
                 ftol=enough if enough == _ROUGH else enough / max(1.0, self.rows / 1000.0),
                 xtol=enough,
-                gtol=unasked,
+                gtol=disabled,
                 max_nfev=_MOST,
             )
-        except _Arrived as arrived:
-            return arrived.q
+        except _Converged as converged:
+            return converged.q
         return np.asarray(solution.x)
 
-    def solved(self, compiled: CompiledModel) -> Fit:
-        """Two fits, the second with the noise that the first has found."""
+    def solve(self, compiled: CompiledModel) -> Fit:
+        """Fit twice, the second time with the noise estimated by the first."""
         q = self.unknown.guess / self.unknown.scale
         given = {name: s for t in self.trials for name, s in t.sigma.items()}
         measured = self.by_signal(np.concatenate([s.values for t in self.trials for s in t.signals]))
@@ -376,12 +381,12 @@ class _Search:
         single = len(measured) == 1 or self.is_known
         q = self.least(q, _FINE if single else _ROUGH)
         for last in () if single else (False, True):
-            rms = {n: float(np.sqrt(np.mean(r**2))) for n, r in self.by_signal(self._must(q)).items()}
+            rms = {n: float(np.sqrt(np.mean(r**2))) for n, r in self.by_signal(self._residuals_of_success(q)).items()}
             self.noise = {n: given.get(n, max(rms[n], _TOLERANCE * spread[n])) for n in measured}
             q = self.least(q, _FINE) if not last else q
-        rest = self._must(q)
+        rest = self._residuals_of_success(q)
         parts = self.by_signal(rest)
-        said: Judgement = judge(
+        judgement: Judgement = judge(
             self.weights() * rest,
             self.weights()[:, None] * self.derivatives(q),
             q,
@@ -397,10 +402,10 @@ class _Search:
             unknown.units,
             unknown.guess,
             q * unknown.scale,
-            said.std,
-            said.interval,
-            said.covariance,
-            said.correlation,
+            judgement.std,
+            judgement.interval,
+            judgement.covariance,
+            judgement.correlation,
             {n: float(np.sqrt(np.mean(r**2))) for n, r in parts.items()},
             dict(self.noise),
             self.rows,
@@ -408,11 +413,11 @@ class _Search:
             self.gradients,
             results,
             self.trials,
-            said.notes,
+            judgement.notes,
         )
 
-    def _must(self, q: Vector) -> Vector:
+    def _residuals_of_success(self, q: Vector) -> Vector:
         found = self.residuals(q)
-        if found is None:  # the first run raises what there is to say; later ones are never left where they fail
+        if found is None:  # cannot occur: the first run raises its own error, and the search never ends at a failed one
             raise AssertionError("the search ended where runs fail")
         return found

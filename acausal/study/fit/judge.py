@@ -1,4 +1,4 @@
-"""What residuals and their derivatives say about the parameters: spread, correlation, and doubts."""
+"""Statistics of a fit: standard deviations, correlations, and doubts about parameters."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from numpy.typing import NDArray
 from acausal.arrays import Vector
 
 _CONFIDENCE = 0.95
-# Derivatives are differences of runs, good to about 1e-4: columns that much smaller than others may be that error, and
-# columns that agree to ten times that are the same one.
+# Derivatives by differences of runs are accurate to about 1e-4: columns smaller than that relative to the largest may
+# be errors, and singular values below ten times that count as zero.
 _NOTHING = 1e-4
 _ALIKE = 1e-3
-# Share of a parameter in a direction that the data do not see from which it is named.
+# Component of a parameter in an undetermined direction from which it is named.
 _SHARE = 0.05
-# Correlation beyond which two parameters are said to be hardly told apart.
+# Correlation above which two parameters count as hardly distinguishable.
 _CLOSE = 0.99
-# Correlation of residuals that follow one another beyond which they are no noise: by chance it is 1/sqrt(rows).
-_COLOURED = 0.5
+# Autocorrelation of successive residuals above which they are no white noise, which has about 1/sqrt(rows).
+_AUTOCORRELATION = 0.5
 
 
 @dataclass(frozen=True, eq=False)
 class Unknowns:
-    """Parameters to find: paths, units, guesses, limits and magnitudes, each of shape (n,)."""
+    """Parameters to estimate: paths, units, guesses and limits, each of shape (n,)."""
 
     names: tuple[str, ...]
     units: tuple[str, ...]
@@ -35,19 +35,19 @@ class Unknowns:
 
     @property
     def guess_by_name(self) -> dict[str, float]:
-        """Where the search begins."""
+        """Start values by path."""
         return dict(zip(self.names, self.guess.tolist(), strict=True))
 
     @property
     def scale(self) -> Vector:
-        """What each is measured in: its guess, or the width of its limits where that is zero."""
+        """Scale of each parameter, shape (n,): its guess, or the width of its limits if that is zero."""
         width = np.where(np.isfinite(self.high - self.low), self.high - self.low, 1.0)
         return np.where(self.guess != 0.0, np.abs(self.guess), width)
 
 
 @dataclass(frozen=True, eq=False)
 class Judgement:
-    """See `Fit` for the attributes."""
+    """Statistics of a fit, with the attributes of `Fit`."""
 
     std: Vector
     interval: Vector
@@ -64,49 +64,49 @@ def judge(
     is_known: bool,
     by_signal: Mapping[str, Vector],
 ) -> Judgement:
-    """Judge a fit by its weighted residuals, shape (rows,), and their derivatives by scaled parameters, (rows, n).
+    """Statistics from weighted residuals, shape (rows,), and their derivatives by scaled parameters, shape (rows, n).
 
     The linearised model has the covariance s^2 (J'J)^-1, with s^2 from the residuals, or 1 where the noise `is_known`
-    (Bates and Watts 1988, section 2.2). Directions in which the data say nothing get an infinite spread.
+    (Bates and Watts 1988, section 2.2). Undetermined directions have an infinite standard deviation.
     """
     from scipy.stats import t as student
 
     rows, n = jacobian.shape
     square = 1.0 if is_known else float(residuals @ residuals) / (rows - n)
     norms = np.linalg.norm(jacobian, axis=0)
-    # what moves the signals by no more than the error of a difference, and by less than the noise at twice its value
-    mute = (norms <= _NOTHING * norms.max()) & (norms <= np.sqrt(square))
-    heard: NDArray[np.intp] = np.flatnonzero(~mute)
-    _, size, right = np.linalg.svd(jacobian[:, heard] / norms[heard], full_matrices=False)
-    told = size > _ALIKE
-    part = right[told].T / size[told] / norms[heard, None]
+    # parameters whose effect is within the error of differences, and below the noise even at twice their value
+    has_no_effect = (norms <= _NOTHING * norms.max()) & (norms <= np.sqrt(square))
+    effective: NDArray[np.intp] = np.flatnonzero(~has_no_effect)
+    _, size, right = np.linalg.svd(jacobian[:, effective] / norms[effective], full_matrices=False)
+    is_determined = size > _ALIKE
+    part = right[is_determined].T / size[is_determined] / norms[effective, None]
     covariance = np.zeros((n, n))
-    covariance[heard[:, None], heard] = square * part @ part.T
-    blind = mute.copy()
-    blind[heard] = (np.abs(right[~told]) > _SHARE).any(axis=0)
+    covariance[effective[:, None], effective] = square * part @ part.T
+    is_undetermined = has_no_effect.copy()
+    is_undetermined[effective] = (np.abs(right[~is_determined]) > _SHARE).any(axis=0)
     std = np.sqrt(np.diag(covariance))
     both = np.outer(std, std)
     correlation = np.where(both > 0.0, covariance / np.where(both > 0.0, both, 1.0), np.eye(n))
-    std[blind] = np.inf
-    correlation[blind, :] = correlation[:, blind] = np.nan
-    covariance[blind, :] = covariance[:, blind] = np.nan
-    covariance[blind, blind] = np.inf
-    reach = (1.96 if is_known else float(student.ppf(0.5 + 0.5 * _CONFIDENCE, rows - n))) * std * unknown.scale
+    std[is_undetermined] = np.inf
+    correlation[is_undetermined, :] = correlation[:, is_undetermined] = np.nan
+    covariance[is_undetermined, :] = covariance[:, is_undetermined] = np.nan
+    covariance[is_undetermined, is_undetermined] = np.inf
+    half_width = (1.96 if is_known else float(student.ppf(0.5 + 0.5 * _CONFIDENCE, rows - n))) * std * unknown.scale
     value = q * unknown.scale
     names = np.array(unknown.names)
     notes = [
-        *(f"{name} does not change the measured signals: what was found is arbitrary" for name in names[mute]),
-        *(_together(names[heard][np.abs(direction) > _SHARE]) for direction in right[~told]),
+        *(f"{name} does not change the measured signals: what was found is arbitrary" for name in names[has_no_effect]),
+        *(_only_combined(names[effective][np.abs(direction) > _SHARE]) for direction in right[~is_determined]),
         *_close(correlation, unknown.names),
         *_at_limit(value, unknown),
-        *_coloured(by_signal),
+        *_autocorrelated(by_signal),
     ]
     scales = np.outer(unknown.scale, unknown.scale)
-    interval = np.column_stack([value - reach, value + reach])
+    interval = np.column_stack([value - half_width, value + half_width])
     return Judgement(std * unknown.scale, interval, covariance * scales, correlation, tuple(notes))
 
 
-def _together(names: Iterable[str]) -> str:
+def _only_combined(names: Iterable[str]) -> str:
     return f"only a combination of {', '.join(names)} shows in the measured signals: give one of them its value"
 
 
@@ -129,11 +129,11 @@ def _at_limit(value: Vector, unknown: Unknowns) -> list[str]:
     ]
 
 
-def _coloured(by_signal: Mapping[str, Vector]) -> list[str]:
+def _autocorrelated(by_signal: Mapping[str, Vector]) -> list[str]:
     found = []
     for name, r in by_signal.items():
         power = float(r @ r)
-        if len(r) > 20 and power > 0.0 and float(r[1:] @ r[:-1]) / power > _COLOURED:
+        if len(r) > 20 and power > 0.0 and float(r[1:] @ r[:-1]) / power > _AUTOCORRELATION:
             found.append(
                 f"the residuals of {name} are no noise but follow one another: the model lacks something, and the "
                 "intervals are too narrow"

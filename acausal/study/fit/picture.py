@@ -1,4 +1,4 @@
-"""Picture of a fit: measured points on simulated lines, and what is left over."""
+"""Plot of a fit: measured points over simulated lines, and residuals."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One experiment as runs of the model: parameters in, residuals out."""
+"""One experiment as runs of the model: residuals, and their derivatives, as functions of parameters."""
 
 from __future__ import annotations
 
@@ -24,66 +24,68 @@ from acausal.simulate.inputs.given import given_inputs
 from acausal.simulate.interrupt import interruptible
 from acausal.simulate.options import options as run_options
 from acausal.simulate.run import simulate
-from acausal.study.fit.dataset import Dataset, Measured, columns_of, drives, measured
+from acausal.study.fit.dataset import Dataset, Measured, columns_of, driving_columns, measured
 
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """A data set that fits the model."""
+    """A data set prepared for runs of the model."""
 
     name: str
     compiled: CompiledModel
-    signals: tuple[Measured, ...]  # what is compared
-    sigma: Mapping[str, float]  # standard deviations of the noise that are known, by name, in SI
+    signals: tuple[Measured, ...]  # signals to compare
+    sigma: Mapping[str, float]  # known standard deviations of the noise, by name, in SI
     parameters: Mapping[str, object]
     options: Mapping[str, Any]
-    first: tuple[Mapping[str, float], Ran]  # the run with the guessed values
-    wanted: tuple[Output, ...] | None  # the signals, where runs are differentiated
+    first: tuple[Mapping[str, float], TrialRun]  # guessed values, and the run with them
+    wanted: tuple[Output, ...] | None  # the signals, if runs are differentiated
 
     def run(self, values: Mapping[str, float]) -> Result:
-        """The experiment with these values of the parameters that are sought."""
+        """Simulate the experiment with these values of the free parameters."""
         return simulate(self.compiled, parameters={**self.parameters, **values}, **self.options)
 
-    def ran(self, values: Mapping[str, float]) -> Ran:
-        """The same, with its derivatives where there are some; what was run first is not run again."""
+    def trial_run(self, values: Mapping[str, float]) -> TrialRun:
+        """Run with derivatives if available; the run with the guessed values is reused."""
         guess, first = self.first
-        return first if values == guess else _ran(self.compiled, self.parameters, values, self.options, self.wanted)
+        return (
+            first if values == guess else _run_trial(self.compiled, self.parameters, values, self.options, self.wanted)
+        )
 
-    def residuals(self, ran: Ran) -> Vector:
-        """Simulated less measured values of all signals, in SI."""
-        return np.concatenate([at(ran.result, s.times, s.name) - s.values for s in self.signals])
+    def residuals(self, trial_run: TrialRun) -> Vector:
+        """Simulated minus measured values of all signals in SI, shape (rows,)."""
+        return np.concatenate([at(trial_run.result, s.times, s.name) - s.values for s in self.signals])
 
-    def derivatives(self, ran: Ran) -> Vector | None:
-        """Of the residuals by the parameters that are sought, shape (rows, n); None where only differences tell."""
-        if ran.flight is None:
+    def derivatives(self, trial_run: TrialRun) -> Vector | None:
+        """Derivatives of the residuals by the free parameters, shape (rows, n); None if there are only differences."""
+        if trial_run.differentiated is None:
             return None
         times = np.unique(np.concatenate([s.times for s in self.signals]))
-        found = ran.flight.derivatives(times)
+        found = trial_run.differentiated.derivatives(times)
         if found is None:
             return None
         return np.concatenate([found[np.searchsorted(times, s.times), k] for k, s in enumerate(self.signals)])
 
 
 @dataclass(frozen=True, eq=False)
-class Ran:
-    """A run, and the same as a flight where it can be differentiated."""
+class TrialRun:
+    """A run, and its linear maps if it can be differentiated."""
 
     result: Result
-    flight: Flight | None
+    differentiated: DifferentiatedRun | None
 
 
-def _ran(
+def _run_trial(
     compiled: CompiledModel,
     parameters: Mapping[str, object],
     values: Mapping[str, float],
     options: Mapping[str, Any],
     wanted: tuple[Output, ...] | None,
-) -> Ran:
+) -> TrialRun:
     own = {**parameters, **values}
-    flight = None if wanted is None else flight_of(compiled, own, options, tuple(values), wanted)
-    if flight is not None:
-        return Ran(flight.result, flight)
-    return Ran(simulate(compiled, parameters=own, **options), None)
+    differentiated = None if wanted is None else differentiated_run(compiled, own, options, tuple(values), wanted)
+    if differentiated is not None:
+        return TrialRun(differentiated.result, differentiated)
+    return TrialRun(simulate(compiled, parameters=own, **options), None)
 
 
 def trial_of(
@@ -94,7 +96,7 @@ def trial_of(
     guess: Mapping[str, float],
     options: Mapping[str, Any],
 ) -> Trial:
-    """The data set joined with the model; one run tells whether they fit.
+    """Prepare a data set for a model, with a first run that checks that they fit.
 
     Raises UsageError: AC055 for data that do not fit, AC011 for rows before the start of a run.
     """
@@ -108,7 +110,10 @@ def trial_of(
             "AC011", f"{name} goes from {first:g} s to {last:g} s; a run of {compiled.name} starts at {begin:g} s"
         )
     run = dict(options)
-    run |= {"inputs": {**common.inputs, **drives(columns, compiled.inputs), **dataset.inputs}, "stop_time": last}
+    run |= {
+        "inputs": {**common.inputs, **driving_columns(columns, compiled.inputs), **dataset.inputs},
+        "stop_time": last,
+    }
     run["output_interval"] = _interval([c.times for n, c in columns.items() if n not in compiled.inputs], begin)
     started = with_starts(compiled, {**common.start, **dataset.start})
     own = {**common.parameters, **dataset.parameters}
@@ -116,18 +121,20 @@ def trial_of(
         if not value > 0.0:
             raise UsageError("AC055", f"sigma of {path} is {value}: a standard deviation is positive")
     wanted = signals_of(started, [n for n in columns if n not in compiled.inputs])
-    ran = _ran(started, own, guess, run, None if wanted is None else tuple(wanted))
-    signals = measured(columns, compiled.inputs, ran.result)
+    trial_run = _run_trial(started, own, guess, run, None if wanted is None else tuple(wanted))
+    signals = measured(columns, compiled.inputs, trial_run.result)
     unknown = [n for n in dataset.sigma if n not in {s.name for s in signals}]
     if unknown:
         raise UsageError("AC055", f"sigma names {unknown[0]}, which is not measured in {name}")
-    quick = ran.flight is not None and ran.flight.is_fast
-    kept = ran if quick else Ran(ran.result, None)
-    return Trial(name, started, signals, dataset.sigma, own, run, (guess, kept), tuple(wanted or ()) if quick else None)
+    is_fast = trial_run.differentiated is not None and trial_run.differentiated.is_fast
+    first_run = trial_run if is_fast else TrialRun(trial_run.result, None)
+    return Trial(
+        name, started, signals, dataset.sigma, own, run, (guess, first_run), tuple(wanted or ()) if is_fast else None
+    )
 
 
 def _interval(times: list[Vector], begin: float) -> float | None:
-    """The interval of output times that meets every row, if there is one: no value is interpolated then."""
+    """Output interval [s] that meets every row, so that nothing is interpolated; None if there is none."""
     for t in times[:1]:
         step = float(np.diff(t).min())
         places = [(u - begin) / step for u in times] if step > 0.0 else []
@@ -137,16 +144,16 @@ def _interval(times: list[Vector], begin: float) -> float | None:
 
 
 @dataclass(frozen=True, eq=False)
-class Flight:
-    """A run, and the linear maps along it."""
+class DifferentiatedRun:
+    """A run with the linear maps along it."""
 
     result: Result
     chain: Chain
 
     def derivatives(self, times: Vector) -> Vector | None:
-        """Of the signals by the parameters, shape (times, signals, parameters); None where they cannot be had."""
+        """Derivatives of the signals by the parameters, shape (times, signals, parameters); None if not available."""
         try:
-            refuse_two_sided(self.chain)  # differences of runs tell more there
+            refuse_two_sided(self.chain)  # finite differences are better there
             found = self.chain.trajectory(times, self._states)
         except (AcausalError, RuntimeError, np.linalg.LinAlgError):
             return None
@@ -154,7 +161,7 @@ class Flight:
 
     @property
     def is_fast(self) -> bool:
-        """Whether derivatives take compiled steps, or none."""
+        """Whether derivatives need only compiled steps, or none."""
         try:
             return self.chain.is_fast()
         except (AcausalError, RuntimeError, np.linalg.LinAlgError):
@@ -166,7 +173,7 @@ class Flight:
 
 
 def signals_of(compiled: CompiledModel, names: Sequence[str]) -> list[Output] | None:
-    """The signals, where derivatives of runs exist; None where only differences do."""
+    """The signals, if runs can be differentiated; None if only differences are possible."""
     try:
         wanted = named_outputs(compiled, names)
         check(compiled, SENSITIVITIES, wanted)
@@ -176,14 +183,14 @@ def signals_of(compiled: CompiledModel, names: Sequence[str]) -> list[Output] | 
 
 
 @interruptible
-def flight_of(
+def differentiated_run(
     compiled: CompiledModel,
     parameters: Mapping[str, object],
     options: Mapping[str, Any],
     names: Sequence[str],
     wanted: Sequence[Output],
-) -> Flight | None:
-    """The run with its maps; None where an input varies, or the run does not succeed as a plain one might."""
+) -> DifferentiatedRun | None:
+    """The run with its linear maps; None for varying inputs, or if this run fails, as a plain one might not."""
     own = {k: v for k, v in options.items() if k != "inputs"}
     chosen = run_options(compiled.flat.experiment, **own)
     p = parameter_vector(compiled, parameters)
@@ -198,18 +205,18 @@ def flight_of(
     except RunError:
         return None
     places = [compiled.parameters.index(name) for name in names]
-    return Flight(result, Chain(run, places, wanted, chosen.tolerance))
+    return DifferentiatedRun(result, Chain(run, places, wanted, chosen.tolerance))
 
 
 def at(result: Result, times: Vector, name: str) -> Vector:
-    """Values at times, of rows where these differ from them by rounding: to interpolate costs three runs."""
+    """Values of a signal at `times`, shape (k,); rows within rounding are reused, as interpolation costs three runs."""
     if len(result.time) < 2:
         return np.asarray(result.at(times, name))
     tiny = 1e-9 * float(np.ptp(result.time))
     right = np.clip(np.searchsorted(result.time, times), 1, len(result.time) - 1)
     nearest = np.where(times - result.time[right - 1] < result.time[right] - times, right - 1, right)
     near = np.abs(result.time[nearest] - times) <= tiny
-    # at an event two rows have one time: `at` knows which holds
+    # at an event two rows have one time: `result.at` chooses the one after it
     apart = np.diff(result.time, prepend=-np.inf, append=np.inf)
     alone = (apart[:-1] > 2 * tiny) & (apart[1:] > 2 * tiny)
     near &= alone[nearest]

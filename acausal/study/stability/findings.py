@@ -219,7 +219,7 @@ def _growing(grown: Growth | None) -> Finding | None:
     if grown is None or grown.factor < _MUCH:
         return None
     digits = math.log10(grown.factor)
-    if grown.kept:
+    if grown.keeps_digits:
         remedy = "the solution at the time does so too, and keeps its digits"
     else:
         remedy = f"ask for {digits:.0f} digits more than are wanted at the end, or shorten the run"
