@@ -1,1 +1,1 @@
-"""Speed against accuracy of any model, measured: `acausal bench`, `acausal.bench`, `simulate(accuracy=...)`."""
+"""Work-precision measurements of any model: `acausal bench`, `acausal.bench`, `simulate(accuracy=...)`."""

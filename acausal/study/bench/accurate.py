@@ -1,4 +1,4 @@
-"""`simulate(accuracy=...)`: solver and tolerance are looked for, then used."""
+"""`simulate(accuracy=...)`: find solver and tolerance by a small bench, then simulate."""
 
 from __future__ import annotations
 
@@ -29,21 +29,21 @@ def simulated_to_accuracy(
     output_interval: float | None,
     progress: Callable[[float, float], None] | None,
 ) -> Result:
-    """The result of the cheapest run whose error is at most `accuracy`; how it was found is in its `stats`.
+    """Result of the cheapest run with an error of at most `accuracy`; its `stats` tell how it was found.
 
     Parameters
     ----------
     solver
-        Given, only its tolerances are tried.
+        If given, only its tolerances are tried.
     options
-        Those of `simulate` that do not change from try to try.
+        Options of `simulate` that are common to all runs.
 
     Raises
     ------
     UsageError
-        AC041 for an accuracy that is none, AC043 when a tolerance or a step is given too.
+        AC041 for an accuracy outside (0, 1), AC043 if a tolerance or a step is given too.
     IntegrationError
-        AC410, AC411 when there is no reference, or nothing reaches the accuracy.
+        AC410 without a reference, AC411 if no run reaches the accuracy.
     """
     if not 0 < accuracy < 1:
         raise UsageError("AC041", f"accuracy {accuracy:g} is not between 0 and 1")
@@ -57,15 +57,15 @@ def simulated_to_accuracy(
 
 
 def tolerances_for(accuracy: float) -> tuple[float, ...]:
-    """Tolerances at which an accuracy is looked for: end errors lie within some decades of the tolerance."""
+    """Tolerances to try for an accuracy: errors lie within some decades of the tolerance."""
     return tuple(t for t in (accuracy * f for f in (30.0, 3.0, 0.3, 0.03, 0.003)) if 1e-13 <= t < 0.5) or (1e-12,)
 
 
 def for_accuracy(
     compiled: CompiledModel, accuracy: float, solver: str | None, options: Mapping[str, Any]
 ) -> Recommendation:
-    """What `simulate(accuracy=...)` uses: a small bench of the compiled model with its run's own options."""
-    # inside a right-hand side, algebraic variables cost a rootfinder: rarely worth a try
+    """Recommendation for an accuracy, by a small bench of the compiled model with the options of its run."""
+    # explicit solvers need a rootfinder for algebraic variables, which rarely pays
     likely = IMPLICIT if compiled.algebraic else ADAPTIVE
     made = bench_compiled(
         compiled,

@@ -1,4 +1,4 @@
-"""The bench: all cases of a model, in processes of their own, against one reference."""
+"""The bench: all cases of a model, each in its own process, compared with one reference."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from acausal.study.bench.run import Run
 Say = Callable[[str], None]
 
 _COMPILE_LIMIT = 120.0
-# Mixed errors from which on a run is a failure, not a point of a curve.
+# Mixed error from which a run counts as failed.
 _ASTRAY = 10.0
 
 
@@ -59,24 +59,24 @@ def bench(
     inputs: Mapping[str, float] | None = None,
     progress: Say | None = None,
 ) -> Bench:
-    """Measure work against precision: every solver at every tolerance and fixed step, on every form of the equations.
+    """Measure work against precision: every solver at every tolerance and fixed step, on every formulation.
 
     Parameters
     ----------
     model
         A component, or its class.
     solvers
-        Names; None takes idas, rosenbrock, cvodes and erk, and rk2, erk and rosenbrock with fixed steps.
+        Names; by default idas, rosenbrock, cvodes and erk, and rk2, erk and rosenbrock with fixed steps.
     tolerances, steps
-        None takes whole decades from 1e-3 to 1e-10, and 100, 1000 and 10 000 steps. [s]
+        Tolerances, by default whole decades from 1e-3 to 1e-10, and steps [s], by default 100, 1000 and 10 000 steps.
     formulations
-        "torn", "dae", "projected"; None takes those that differ.
+        "torn", "dae", "projected"; by default those that differ.
     reference
-        A result file, or JSON with end values; None makes one: runs that converge under refinement.
+        A result file, or JSON with end values; by default runs that converge under refinement.
     variables
-        Variables whose errors count; None takes all states.
+        Variables whose errors are measured; by default all states.
     repeat, time_limit
-        Number of runs of which the fastest counts, after one that does not count; seconds that a single run may take.
+        Number of runs, of which the fastest counts, after a warm-up run; time limit of a single run [s].
     native
         As in `simulate`.
     progress
@@ -85,9 +85,9 @@ def bench(
     Raises
     ------
     UsageError
-        AC024, AC032 for unknown names, AC041 for a number that makes no sense, and what `simulate` raises.
+        AC024, AC032 for unknown names, AC041 for an invalid number, and errors of `simulate`.
     IntegrationError
-        AC410 when no two solvers arrive at a reference.
+        AC410 if no two solvers agree on a reference.
     """
     _check(solvers, tolerances, formulations, steps, repeat, time_limit)
     say = progress or (lambda text: None)
@@ -110,17 +110,17 @@ def bench(
 
 @dataclass(frozen=True)
 class _Effort:
-    """How much is spent on a bench."""
+    """Effort of a bench."""
 
     repeat: int
     limit: float  # of a single run [s]
     enough: float = references.ENOUGH  # digits of the reference that suffice
-    patience: float | None = None  # no run is given more than so many times the best so far
+    patience: float | None = None  # time limit of a run as a multiple of the best so far
 
 
 @dataclass(frozen=True)
 class _Forms:
-    """The compiled forms of one model, why others are not there, and what is said about them."""
+    """Compiled formulations of one model, reasons why others failed, notes, and times [s]."""
 
     models: dict[str, CompiledModel]
     failures: dict[str, str]
@@ -130,7 +130,7 @@ class _Forms:
     def compile(
         self, component: Component, parameters: Mapping[str, object] | None, formulation: str, asked: bool
     ) -> None:
-        """Add one form, or the reason why it cannot be had; a form like the first only when it is asked for."""
+        """Add a formulation, or the reason why it failed; one equal to "torn" only if it was requested."""
         outcome = isolated(lambda: iter([bool(_compiled(component, parameters, formulation))]), _COMPILE_LIMIT)
         if outcome.value is None:
             self.failures[formulation] = outcome.failure
@@ -156,9 +156,9 @@ def bench_compiled(
     patience: float,
     say: Say,
 ) -> Bench:
-    """The same for one compiled model; `options` are those of `simulate` that do not vary.
+    """As `bench`, for one compiled model; `options` are those of `simulate` that are common to all runs.
 
-    `enough` digits of the reference suffice; no run is given more than `patience` times the best so far.
+    The reference needs no more than `enough` digits; `patience` limits the time of a run to a multiple of the best.
     """
     compiled = compiled.unchanging("a bench")
     forms, effort = _Forms({"torn": compiled}, {}, [], {}), _Effort(repeat, time_limit, enough, patience)
@@ -176,7 +176,7 @@ def _benched(
     reference: Path | None = None,
     names: Sequence[str] | None = None,
 ) -> Bench:
-    """All cases of the solvers, tolerances and steps that are asked for, None where the bench chooses."""
+    """Run all cases; `asked` are solvers, tolerances and steps, None for the defaults."""
     chosen = run_options(
         first.flat.experiment, start_time=options.get("start_time"), stop_time=options.get("stop_time")
     )
@@ -185,9 +185,9 @@ def _benched(
     task = Task(first, components(first, names), span, options)
     nominal = _nominal(first, task.names)
     if reference is None:
-        against = references.made(task, nominal, 2.0 * effort.limit, say, effort.enough)
+        against = references.converged_reference(task, nominal, 2.0 * effort.limit, say, effort.enough)
     else:
-        against = references.given(reference, task.names, nominal, (chosen.start_time, chosen.stop_time))
+        against = references.reference_from_file(reference, task.names, nominal, (chosen.start_time, chosen.stop_time))
     if against.trusted_digits < 3.0:
         forms.notes.append(f"the reference is trusted to {against.trusted_digits:.1f} digits only")
     lab = _Lab(task, forms, against, effort, say)
@@ -210,20 +210,20 @@ def _benched(
 
 
 class _Lab:
-    """Runs cases one by one; what a looser case of a series has shown spares the tighter ones."""
+    """Runs cases one by one; a series is abandoned when a case exceeds the time limit."""
 
     def __init__(self, task: Task, forms: _Forms, against: Reference, effort: _Effort, say: Say) -> None:
         self.task, self.forms, self.against, self.effort, self.say = task, forms, against, effort, say
-        self.hopeless: dict[str, str] = {}
+        self.abandoned: dict[str, str] = {}
         self.fastest = math.inf
 
     def run(self, case: Case) -> Run:
-        """Measure one case, or say why not."""
+        """Measure one case; a failure is part of the run."""
         forms, effort = self.forms, self.effort
         if case.formulation in forms.failures:
             return Run(case, failure=forms.failures[case.formulation])
-        if case.series in self.hopeless:
-            return Run(case, failure=f"not tried: {self.hopeless[case.series]}")
+        if case.series in self.abandoned:
+            return Run(case, failure=f"not tried: {self.abandoned[case.series]}")
         task = replace(self.task, compiled=forms.models[case.formulation])
         if f"native {case.series}" not in forms.times and task.options.get("native"):
             forms.times[f"native {case.series}"] = self._library(task, case)
@@ -234,12 +234,12 @@ class _Lab:
         outcome = measured(task, case, effort.repeat, limit)
         if outcome.value is None:
             if "no end after" in outcome.failure:
-                self.hopeless[case.series] = f"{outcome.failure} at {case.knob}"
+                self.abandoned[case.series] = f"{outcome.failure} at {case.knob}"
             return Run(case, failure=outcome.failure)
         return self._judged(case, outcome.value)
 
     def _library(self, task: Task, case: Case) -> float:
-        """Make the C library in a process of its own; seconds it took. The runs then find it on disk."""
+        """Compile the C library in a child process, so that the runs find it on disk; returns the time [s]."""
         short = {**task.options, "stop_time": self._soon()}
         task = replace(task, options=short, span=self._soon() - float(self.against.trajectory.times[0]))
 
@@ -302,7 +302,7 @@ def _cases(
     tolerances: Sequence[float],
     steps: Sequence[float],
 ) -> list[Case]:
-    """All cases; by default other forms than torn are left to the solvers that take algebraic variables."""
+    """All cases; by default formulations other than torn run with solvers for algebraic variables only."""
     found = list(cases(formulations, solvers, tolerances, steps))
     narrow = default and "torn" in formulations
     return [
@@ -311,7 +311,7 @@ def _cases(
 
 
 def _nominal(compiled: CompiledModel, names: Sequence[str]) -> Vector:
-    """Nominal magnitudes of variables by name, 1 where none is known."""
+    """Nominal magnitudes of variables, shape (len(names),), 1 where unknown."""
     known = dict(zip(compiled.states, compiled.nominal_x, strict=True))
     for variable in compiled.flat.variables:
         for suffix in suffixes(variable.declaration.shape):
@@ -358,7 +358,7 @@ def _check(
 
 
 def machine() -> dict[str, Any]:
-    """What the numbers were measured on."""
+    """Description of the machine of the measurements."""
     import casadi
 
     return {

@@ -49,12 +49,12 @@ _STYLE: dict[Any, Any] = {
 }
 # Widths of a panel and of the list beside them [in], and what a line of that holds.
 _PANEL, _LIST, _CHARACTERS = 4.3, 3.6, 62
-# Where runs without any error are drawn.
+# Abscissa of runs without any error.
 _EXACT = 1e-16
 
 
 def bench_chart(bench: Bench, file: str | Path | None = None, title: str | None = None) -> Figure:
-    """Solve time, evaluations, and phase errors or steps over the error; what failed, and why, stands beside.
+    """Draw solve time, evaluations, and phase errors or steps over the error, with a list of failures.
 
     Raises
     ------
@@ -93,7 +93,7 @@ def bench_chart(bench: Bench, file: str | Path | None = None, title: str | None 
 
 
 def _panels(bench: Bench) -> list[tuple[str, Callable[[Run], float]]]:
-    """At most three: time, evaluations, and phase errors if anything oscillates, else steps."""
+    """Up to three panels: time, evaluations, and phase errors for oscillations, else steps."""
     panels: list[tuple[str, Callable[[Run], float]]] = [
         ("Solve time [ms]", lambda r: 1e3 * r.solve_time),
         ("Evaluations of the right-hand side", _count("rhs_evaluations")),
@@ -106,7 +106,7 @@ def _panels(bench: Bench) -> list[tuple[str, Callable[[Run], float]]]:
 
 
 def _reasons_in_full(bench: Bench) -> list[str]:
-    """The failures, for the column beside the panels: number, runs, and the reason word for word."""
+    """Texts of the failures: number, runs, and the complete reason."""
     failed = bench.failures()
     if not failed:
         return []
@@ -135,11 +135,11 @@ def _title(bench: Bench) -> str:
 
 def _panel(axes: Axes, bench: Bench, label: str, value: Callable[[Run], float]) -> None:
     for name, runs in bench.series.items():
-        # no error at all has no place on a logarithmic axis: it stands at its end
+        # zero has no place on a logarithmic axis: draw it at the end
         points = [(max(r.error, _EXACT), value(r)) for r in runs if r.distance is not None]
         points = [(x, y) for x, y in points if math.isfinite(x) and math.isfinite(y) and y > 0]
         if points:
-            axes.plot(*zip(*points, strict=True), label=name, **_look(runs[0]))
+            axes.plot(*zip(*points, strict=True), label=name, **_line_style(runs[0]))
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.set_ylabel(label)
@@ -156,7 +156,7 @@ def _panel(axes: Axes, bench: Bench, label: str, value: Callable[[Run], float]) 
 
 
 def _plain_numbers(axis: Axis, low: float, high: float) -> None:
-    """Ticks at 1, 2, 5 where there are few decades, and written without powers of ten while that is short."""
+    """Ticks at 1, 2, 5 for few decades, written without powers of ten if short."""
     narrow = math.log10(high / low) < 2.0
     own = LogLocator(subs=(1.0, 2.0, 5.0) if narrow else (1.0,), numticks=12)
     axis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]) if high < 4.0 * low else own)
@@ -165,7 +165,7 @@ def _plain_numbers(axis: Axis, low: float, high: float) -> None:
         axis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}" if v < 1e5 else f"{v:.0e}".replace("e+0", "e")))
 
 
-def _look(run: Run) -> dict[str, Any]:
+def _line_style(run: Run) -> dict[str, Any]:
     fixed = run.case.step is not None
     return {
         "color": _COLORS.get(run.case.solver, "0.3"),
@@ -185,7 +185,7 @@ def _limits(axes: Axes, bench: Bench) -> None:
 
 
 def _failures(axes: Axes, bench: Bench) -> None:
-    """Crosses on the upper edge, at the tolerance asked for; fixed steps, of which nothing is known, at the left."""
+    """Crosses on the upper edge, at the requested tolerance; failed fixed steps at the left."""
     bottom, top = axes.get_ylim()
     failed = [r for r in bench.runs if r.failure]
     if not failed:

@@ -1,9 +1,9 @@
-"""Work in a process of its own, which can be ended: a solver that makes no headway, or crashes, costs no more.
+"""Work in a child process with a time limit, for solvers that may hang or crash.
 
-A solver's loop is C and cannot be stopped from outside by anything gentler than the end of its process. The child is a
-copy of this process (`fork`), so the compiled model needs no pickling; only what it measures comes back. Where there is
-no `fork` (Windows), the work is done here and the limit is not enforced. Limits are of processor time where the system
-tells it (Linux): a method is not dead because the machine is busy.
+The loop of a solver is C code and can only be stopped by ending its process. The child is a copy of this process
+(`fork`), so the compiled model needs no pickling; only measurements are sent back. Without `fork` (Windows), the work
+is done in this process and the limit is not enforced. Limits are of processor time where the system reports it (Linux),
+so that a busy machine does not fail a method.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ from acausal.errors import AcausalError
 T = TypeVar("T")
 
 _LENGTH = 8
-_LOOK = 0.05
+_POLL = 0.05
 _PATIENCE = 8.0
-"""How many times its limit work may take on the wall when it does not get the processor."""
+"""Largest ratio of elapsed time to the limit, for work that does not get the processor."""
 
 
 @dataclass(frozen=True)
 class Outcome(Generic[T]):
-    """The last thing the work has handed over, or why there is nothing, or nothing further."""
+    """Last value yielded by the work, and why there is none or no further one."""
 
     value: T | None
     failure: str = ""
@@ -40,10 +40,10 @@ class Outcome(Generic[T]):
 def isolated(work: Callable[[], Iterator[T]], limit: float) -> Outcome[T]:
     """Run `work` in a child process; each value it yields must come within `limit` seconds of the one before.
 
-    What was yielded last counts, so work that improves on a first value may be cut short.
+    The last value counts, so work that improves on a first value may be interrupted.
     """
     if not hasattr(os, "fork"):
-        return _here(work)
+        return _in_this_process(work)
     reader, writer = os.pipe()
     began = time.perf_counter()
     with warnings.catch_warnings():
@@ -54,10 +54,10 @@ def isolated(work: Callable[[], Iterator[T]], limit: float) -> Outcome[T]:
         _child(work, reader, writer)
     os.close(writer)
     try:
-        value, failure = _collected(reader, child, limit)
+        value, failure = _collect(reader, child, limit)
     finally:
         os.close(reader)
-        # Also after Ctrl-C: nothing is left behind.
+        # Also after Ctrl-C, so that no child process remains.
         os.kill(child, signal.SIGKILL)
         _, status = os.waitpid(child, 0)
     if value is None and not failure:
@@ -66,7 +66,7 @@ def isolated(work: Callable[[], Iterator[T]], limit: float) -> Outcome[T]:
     return Outcome(value, failure, time.perf_counter() - began)
 
 
-def _here(work: Callable[[], Iterator[T]]) -> Outcome[T]:
+def _in_this_process(work: Callable[[], Iterator[T]]) -> Outcome[T]:
     began, last = time.perf_counter(), None
     try:
         *_, last = work()
@@ -83,11 +83,11 @@ def reason(error: BaseException) -> str:
 
 
 def _child(work: Callable[[], Iterator[Any]], reader: int, writer: int) -> None:
-    """Do the work, send what it yields, end without any of the clean-up that belongs to the parent."""
+    """Do the work, send the values it yields, and exit without the clean-up of the parent."""
     try:
         os.close(reader)
         signal.signal(signal.SIGINT, signal.SIG_DFL)
-        # The solvers' own words about their failures.
+        # suppress messages of the solvers about failures
         null = os.open(os.devnull, os.O_WRONLY)
         os.dup2(null, 1)
         os.dup2(null, 2)
@@ -108,13 +108,13 @@ def _send(writer: int, message: tuple[str, Any]) -> None:
         view = view[os.write(writer, view) :]
 
 
-def _collected(reader: int, child: int, limit: float) -> tuple[Any, str]:
-    """The last value, and what went wrong; nothing of either when the child died silently."""
+def _collect(reader: int, child: int, limit: float) -> tuple[Any, str]:
+    """(Last value, failure); (None, "") if the child died without a message."""
     value, failure = None, ""
     while True:
         clock = _Clock(child, limit)
-        head = _exactly(reader, _LENGTH, clock)
-        body = head and _exactly(reader, int.from_bytes(head, "big"), clock)
+        head = _read_exactly(reader, _LENGTH, clock)
+        body = head and _read_exactly(reader, int.from_bytes(head, "big"), clock)
         if head is None or body is None:
             return value, "" if value is not None else f"no end after {limit:g} s"
         if not head or not body:
@@ -129,7 +129,7 @@ def _collected(reader: int, child: int, limit: float) -> tuple[Any, str]:
 
 
 class _Clock:
-    """Whether a child has used up its time since now."""
+    """Timer of a child process, in processor time where known."""
 
     def __init__(self, child: int, limit: float) -> None:
         self.child, self.limit = child, limit
@@ -146,21 +146,21 @@ class _Clock:
 
 
 def _spent(child: int) -> float | None:
-    """Processor seconds of a process, as Linux has them in /proc; None elsewhere."""
+    """Processor time of a process [s] from /proc (Linux); None elsewhere."""
     try:
         with open(f"/proc/{child}/stat", "rb") as file:
-            # behind the name, which may hold anything: utime and stime are fields 14 and 15
+            # after the name, which may contain anything: utime and stime are fields 14 and 15
             fields = file.read().rpartition(b")")[2].split()
         return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
     except (OSError, ValueError, IndexError):
         return None
 
 
-def _exactly(reader: int, count: int, clock: _Clock) -> bytes | None:
-    """`count` bytes; None when they do not come in time, empty when there are no more."""
+def _read_exactly(reader: int, count: int, clock: _Clock) -> bytes | None:
+    """Read `count` bytes; None on timeout, b"" at the end."""
     data = b""
     while len(data) < count:
-        ready, _, _ = select.select([reader], [], [], _LOOK)
+        ready, _, _ = select.select([reader], [], [], _POLL)
         if not ready:
             if clock.expired():
                 return None

@@ -1,4 +1,4 @@
-"""One case measured: in a child process, once to warm up, then several times."""
+"""Measurement of one case in a child process: a warm-up run, then several timed runs."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from acausal.study.bench.isolated import Outcome, isolated
 from acausal.study.bench.run import COUNTERS
 
 FINE = 10
-"""Points of the reference for each of the grid: phases are looked for between grid points."""
+"""Points of the reference per grid interval, because phases are searched between grid points."""
 
 
 @dataclass(frozen=True)
 class Task:
-    """A model and how it is run in every case: options of `simulate` other than solver, tolerance and step."""
+    """A model, and the options of `simulate` that are common to all cases."""
 
     compiled: CompiledModel
     names: tuple[str, ...]
@@ -44,9 +44,9 @@ class Task:
         )
 
     def points(self, case: Case) -> int:
-        """Intervals of the grid for a case: as fine as the others, unless that would cut its steps shorter.
+        """Number of grid intervals for a case: fewer than the others if these would shorten its steps.
 
-        Methods that know their solution at the ends of steps only make one for every output.
+        Methods without dense output take at least one step per output.
         """
         if case.step is None or case.solver not in ONLY_FIXED:
             return POINTS
@@ -56,7 +56,7 @@ class Task:
 
 @dataclass(frozen=True)
 class Measured:
-    """What one case has cost, in seconds and in counts, and its trajectory."""
+    """Times [s], counters, and trajectory of one case."""
 
     trajectory: Trajectory
     solve_time: float
@@ -69,14 +69,14 @@ class Measured:
 
     @property
     def finite(self) -> bool:
-        """Whether it arrived at numbers."""
+        """Whether its trajectory is finite."""
         return math.isfinite(float(abs(self.trajectory.values).max()))
 
 
 def measured(task: Task, case: Case, repeat: int, limit: float) -> Outcome[Measured]:
-    """Best of `repeat` runs after one that is not counted; a single run may not take longer than `limit` seconds.
+    """Best of `repeat` runs after a warm-up run; a single run may take at most `limit` [s].
 
-    The repetitions end early when they have taken `limit` seconds together.
+    Repetitions stop early when they have taken `limit` seconds in total.
     """
 
     def work() -> Iterator[Measured]:
@@ -92,7 +92,7 @@ def measured(task: Task, case: Case, repeat: int, limit: float) -> Outcome[Measu
             if time.process_time() > stop:
                 break
             again = _measured(task, case, task.run(case, points), points, took)
-            # the first run counts only where there is no other
+            # the warm-up run counts only if there is no other
             best = again if k == 0 or again.solve_time < best.solve_time else best
         yield best
 
@@ -100,7 +100,7 @@ def measured(task: Task, case: Case, repeat: int, limit: float) -> Outcome[Measu
 
 
 def fine(task: Task, case: Case, limit: float) -> Outcome[Trajectory]:
-    """The trajectory of one case on the fine grid."""
+    """Trajectory of one case on the fine grid."""
 
     def work() -> Iterator[Trajectory]:
         yield sampled(task.run(case, POINTS * FINE), task.names, POINTS * FINE, task.span)
@@ -109,10 +109,9 @@ def fine(task: Task, case: Case, limit: float) -> Outcome[Trajectory]:
 
 
 def processor_clock() -> None:
-    """From now on the times of runs in this process leave out waiting for the processor.
+    """Make runs of this process measure processor time instead of elapsed time.
 
-    Solvers run in one thread and wait for nothing else: on an idle machine that is the time on the wall, and on a busy
-    one what it would be.
+    Solvers run in one thread and wait for nothing else, so this is the elapsed time on an idle machine.
     """
     busy = SimpleNamespace(perf_counter=time.process_time)
     for module, name in ((run, "clock"), (base, "time")):
@@ -125,10 +124,10 @@ def _measured(task: Task, case: Case, result: Result, points: int, first_time: f
     making = float(str(stats.get("making", 0.0)))
     counters = {name: float(str(stats[name])) for name in COUNTERS if name in stats}
     if result.stats["solver"] == "rosenbrock":
-        # one Jacobian and one factorisation for each step that is tried
+        # one Jacobian and one factorisation per attempted step
         counters["factorisations"] = counters.get("steps", 0.0) + counters.get("rejected", 0.0)
     if case.step is not None and not counters.get("rhs_evaluations"):
-        # CasADi's rk and collocation count nothing: whole steps between every two outputs
+        # CasADi's rk and collocation have no counters: a whole number of steps per output interval
         interval = task.span / points
         counters = {"steps": points * max(1.0, math.ceil(interval / case.step - 1e-9))}
     drift = stats.get("drift")

@@ -1,4 +1,4 @@
-"""All runs of a bench with their errors and costs: the data behind the chart and the JSON."""
+"""Result of a bench: all runs with their errors and costs."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Bench:
 
     @property
     def series(self) -> dict[str, tuple[Run, ...]]:
-        """Runs of each line of the chart, the loosest first."""
+        """Runs of each line of the chart, the loosest first, by name."""
         found: dict[str, list[Run]] = {}
         for run in self.runs:
             found.setdefault(run.case.series, []).append(run)
@@ -53,10 +53,9 @@ class Bench:
 
     @property
     def orders(self) -> dict[str, tuple[float, int]]:
-        """Observed and classical order of each series of fixed steps whose errors tell.
+        """(Observed, classical) order of each series of fixed steps with suitable errors.
 
-        Observed where the error falls last before it meets the reference's own. A stiff problem, a kink or an event
-        takes orders away (order reduction).
+        Observed between the last two errors above that of the reference. Stiffness, kinks and events reduce it.
         """
         found = {}
         for name, runs in self.series.items():
@@ -64,14 +63,14 @@ class Bench:
             told = [run for run in runs if run.case.step is not None and floor < run.error < _ASTRAY]
             if len(told) < 2:
                 continue
-            # the steps really taken: some methods divide every output interval
+            # steps actually taken: some methods subdivide every output interval
             (a, few), (b, many) = ((run.error, run.counters.get("steps", math.nan)) for run in told[-2:])
             if many > few:
                 found[name] = math.log(a / b) / math.log(many / few), _ORDERS[told[0].case.solver]
         return found
 
     def record(self) -> dict[str, Any]:
-        """Everything, for JSON."""
+        """All results as a dictionary, for JSON."""
         return {
             "model": self.model,
             "orders": {name: {"observed": seen, "classical": own} for name, (seen, own) in self.orders.items()},
@@ -94,12 +93,12 @@ class Bench:
         }
 
     def recommend(self, accuracy: float) -> Recommendation:
-        """The cheapest run whose error is at most `accuracy`, with that of every tighter run of its solver.
+        """The cheapest run with an error of at most `accuracy`, which every tighter run of its series has too.
 
         Raises
         ------
         IntegrationError
-            AC411 when nothing reaches it, or the reference cannot tell.
+            AC411 if no run reaches it, or the reference is not accurate enough.
         """
         digits = self.reference.trusted_digits
         if self.reference.trusted_error > accuracy:
@@ -133,7 +132,7 @@ class Bench:
         return drawn
 
     def failures(self) -> dict[str, tuple[Run, ...]]:
-        """Runs that failed, those that failed alike together."""
+        """Failed runs by reason."""
         found: dict[str, list[Run]] = {}
         for run in self.runs:
             if run.failure:
@@ -141,7 +140,7 @@ class Bench:
         return {reason: tuple(runs) for reason, runs in found.items()}
 
     def lines(self) -> Iterator[str]:
-        """The report for people: the cheapest run for three accuracies, what is known of the errors, what failed."""
+        """The report as text: the cheapest run for three accuracies, the reference, and failures."""
         best = {accuracy: _cheapest(self, accuracy) for accuracy in _LEVELS}
         middle = _LEVELS[len(_LEVELS) // 2]
         yield f"verdict: {best[middle]} for an error of {middle:g}; {self.model}, {self.start_time:g} ... " + (
@@ -161,16 +160,16 @@ class Bench:
                 yield f"             {len(runs)} of {who}: {shorten(reason, _LONGEST, placeholder=' ...')}"
 
     def rows(self) -> list[tuple[str, ...]]:
-        """The table of the command line: its head, and a row per run; drift where there are constraints."""
+        """Table for the command line: header and one row per run; with drift if there are constraints."""
         drifts = any(run.constraint_drift is not None for run in self.runs)
         head = (*_HEAD, *(("drift",) if drifts else ()), *_COUNTS)
         return [head, *(_row(run, drifts) for run in self.runs)]
 
 
 _LEVELS = (1e-3, 1e-6, 1e-9)
-# What the short report shows of failures.
+# Limits of the failures in the short report.
 _MOST_REASONS, _LONGEST = 3, 90
-# Mixed errors beyond which nothing tells an order.
+# Largest mixed error from which an order can be observed.
 _ASTRAY = 0.1
 _HEAD = ("series", "tolerance or step", "error", "end error", "mescd", "phase s", "solve ms")
 _COUNTS = {"steps": "steps", "rhs": "rhs_evaluations", "jac": "jacobians", "fact": "factorisations"}

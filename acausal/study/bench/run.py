@@ -1,7 +1,4 @@
-"""One run of a bench: its errors and what it cost.
-
-What a bench recommends: the cheapest way to a wanted accuracy, out of what was measured.
-"""
+"""One run of a bench with its errors and costs, and the recommendation for an accuracy."""
 
 from __future__ import annotations
 
@@ -19,11 +16,11 @@ COUNTERS = ("steps", "rhs_evaluations", "jacobians", "factorisations", "rejected
 
 @dataclass(frozen=True)
 class Run:
-    """One case: its errors and costs, or the `failure` that took their place. Times in seconds.
+    """One case: its errors and costs, or its `failure`. Times in seconds.
 
-    `solve_time` is the best of the repetitions, without making integrators and without waiting for the processor;
-    start values and making integrators are `startup_time`. `constraint_drift` is the largest residual of stabilised
-    constraints before projection, None where the form of the equations has none.
+    `solve_time` is the best of the repetitions, in processor time, without the construction of integrators, which
+    belongs to `startup_time` with the start values. `constraint_drift` is the largest residual of stabilised
+    constraints before projection; None without such constraints.
     """
 
     case: Case
@@ -43,7 +40,7 @@ class Run:
 
     @property
     def cost(self) -> float:
-        """What one run of a compiled model takes [s]."""
+        """Total time of a run of a compiled model [s]."""
         return self.solve_time + self.startup_time
 
     def record(self) -> dict[str, Any]:
@@ -75,7 +72,7 @@ class Run:
 
 
 def generic(failure: str) -> str:
-    """A reason without the numbers that differ from run to run."""
+    """A failure without the numbers that differ from run to run."""
     text = re.sub(r"^not tried: ", "", failure)
     text = re.sub(r" at (tolerance|step) \S+( s)?$", "", text)
     text = re.sub(r": error \S+$", "", text)
@@ -84,7 +81,7 @@ def generic(failure: str) -> str:
 
 
 def monotone(runs: Sequence[Run], accuracy: float) -> list[Run]:
-    """Runs that reach an accuracy, and so does every tighter one of the same series: a lucky hit is no advice."""
+    """Runs of a series that reach an accuracy with every tighter run too, to exclude chance."""
     found = []
     for run in reversed(runs):
         if run.distance is None:
@@ -97,7 +94,7 @@ def monotone(runs: Sequence[Run], accuracy: float) -> list[Run]:
 
 @dataclass(frozen=True)
 class Recommendation:
-    """What to pass on to `simulate`; `tolerance` is None for fixed steps, `step` for adaptive ones."""
+    """Recommended options for `simulate`; `tolerance` is None for fixed steps, `step` for adaptive ones."""
 
     accuracy: float
     run: Run
@@ -106,13 +103,13 @@ class Recommendation:
 
     @property
     def options(self) -> dict[str, Any]:
-        """Keywords of `simulate`."""
+        """Keyword arguments of `simulate`."""
         case = self.run.case
         return {"solver": case.solver, "tolerance": case.tolerance, "step": case.step}
 
     @property
     def text(self) -> str:
-        """One sentence."""
+        """The recommendation as one sentence."""
         case = self.run.case
         form = "" if case.formulation == "torn" else f", formulation {case.formulation}"
         return (

@@ -1,4 +1,4 @@
-"""What kind of problem a run is, in numbers: stiff, oscillating, both, or neither."""
+"""Characterisation of a run by numbers: stiffness, oscillations, and their time scales."""
 
 from __future__ import annotations
 
@@ -14,27 +14,27 @@ from acausal.study.stability.modes.modes import Local, Mode, mode
 from acausal.study.stability.trajectory import Trajectory
 
 FAST = 30.0
-"""A mode is fast when it is so many times faster than the solution changes."""
+"""A mode is fast when it is this many times faster than the solution changes."""
 _WEAK = 0.1
 _UNDAMPED = 0.02
 
 
 @dataclass(frozen=True)
 class Character:
-    """Numbers on which the verdict rests."""
+    """Numbers on which the verdict is based."""
 
     fastest: Mode | None  # the mode of largest |eigenvalue|; None without dynamic states
-    stiffness_ratio: float  # largest over points of max|Re|/min|Re| among decaying modes; 1 where there are not two
-    stiffness: float  # median over the run of fastest decaying |eigenvalue| over the rate at which the solution changes
-    explicit_steps: float  # steps that stability alone asks of the explicit pair 5(4) over the run
+    stiffness_ratio: float  # largest max|Re|/min|Re| of decaying modes over all points; 1 with fewer than two
+    stiffness: float  # median over the run of the fastest decaying |eigenvalue| / rate of the solution
+    explicit_steps: float  # steps that stability alone requires of the explicit pair 5(4) over the run
     steps: float  # steps that the run took
-    ringing: Mode | None  # the fastest hardly damped oscillation that the solution does not follow, or None
-    oscillation: Mode | None  # the hardly damped oscillation that the solution follows for many periods, or None
+    ringing: Mode | None  # fastest weakly damped oscillation that the solution does not follow, or None
+    oscillation: Mode | None  # weakly damped oscillation that the solution follows for many periods, or None
     periods: float  # its number of periods
 
 
 def character(run: Trajectory, locals: Sequence[Local]) -> Character:
-    """Measure a run."""
+    """Compute the characteristics of a run."""
     erk = next(m for m in METHODS if m.name == "erk")
     fastest = max(
         ((local, v) for local in locals for v in local.eigenvalues[:1]), key=lambda q: abs(q[1]), default=None
@@ -47,8 +47,8 @@ def character(run: Trajectory, locals: Sequence[Local]) -> Character:
         if len(decaying := _decaying(local.eigenvalues))
     ]
     followed = [(local, FAST * max(_activity(local, quiet), quiet)) for local in locals]
-    ringing, _ = _widest(run, [(q, v) for q, f in followed for v in _weak(q, _WEAK) if abs(v) > f])
-    oscillation, periods = _widest(run, [(q, v) for q, f in followed for v in _weak(q, _UNDAMPED) if abs(v) <= f])
+    ringing, _ = _dominant(run, [(q, v) for q, f in followed for v in _weak(q, _WEAK) if abs(v) > f])
+    oscillation, periods = _dominant(run, [(q, v) for q, f in followed for v in _weak(q, _UNDAMPED) if abs(v) <= f])
     return Character(
         fastest=None if fastest is None else mode(run, *fastest),
         stiffness_ratio=max(ratios, default=1.0),
@@ -71,7 +71,7 @@ def _decaying(modes: Complex) -> Complex:
 
 def _ratio(modes: Complex) -> float:
     sizes = np.abs(_decaying(modes).real)
-    # eigenvalues that are zero but for rounding are no slow modes
+    # eigenvalues within rounding of zero are no slow modes
     sizes = sizes[sizes > 1e-14 * np.max(np.abs(modes), initial=0.0)]
     return float(sizes.max() / sizes.min()) if len(sizes) > 1 else 1.0
 
@@ -83,20 +83,20 @@ def _weak(local: Local, damping: float) -> list[complex]:
     return [complex(q) for q in v[(v.imag > 0.0) & (np.abs(v.real) < damping * size)]]
 
 
-def _widest(run: Trajectory, found: Sequence[tuple[Local, complex]]) -> tuple[Mode | None, float]:
-    """The fastest of the modes and how often they turn, if they are there for a twentieth of the run or ten periods.
+def _dominant(run: Trajectory, found: Sequence[tuple[Local, complex]]) -> tuple[Mode | None, float]:
+    """(Fastest of the modes, number of periods), if they exist for a twentieth of the run or ten periods.
 
-    The frequency changes along a run: each point counts for the time it stands for.
+    The frequency changes along a run, so each point counts for the time that it represents.
     """
     best: dict[float, tuple[Local, complex]] = {}
     for local, v in found:
         if local.point.t not in best or abs(v) > abs(best[local.point.t][1]):
             best[local.point.t] = (local, v)
-    there = sum(local.point.reach for local, _ in best.values())
-    turns = sum(local.point.reach * abs(v) / (2.0 * math.pi) for local, v in best.values())
-    if not best or (there < 0.05 * run.span and turns < 10.0) or turns < 3.0:
+    duration = sum(local.point.reach for local, _ in best.values())
+    periods_total = sum(local.point.reach * abs(v) / (2.0 * math.pi) for local, v in best.values())
+    if not best or (duration < 0.05 * run.span and periods_total < 10.0) or periods_total < 3.0:
         return None, 0.0
-    return mode(run, *max(best.values(), key=lambda q: abs(q[1]))), turns
+    return mode(run, *max(best.values(), key=lambda q: abs(q[1]))), periods_total
 
 
 def _steps(method: Method, local: Local, span: float) -> float:

@@ -1,4 +1,4 @@
-"""What else can go wrong on a run besides stability, found in the equations and along the run."""
+"""Further numerical difficulties of a run, found in the equations and along the run."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from acausal.study.stability.structure import Facts
 from acausal.study.stability.trajectory import Trajectory
 
 _LONGEST = 90
-# Growth of errors from which it is worth a word.
+# Growth of errors from which it is reported.
 _MUCH = 100.0
-# Below this size a state feels an absolute tolerance that was meant for 1.
+# Below this magnitude a state suffers from an absolute tolerance chosen for 1.
 _SMALL = 0.05
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One observation: its kind, the fact, what is or should be done; `avoid` holds (method, why) it speaks against."""
+    """One finding: its kind, the fact, the remedy, and `avoid`, (method, reason) pairs it argues against."""
 
     kind: str
     fact: str
@@ -32,14 +32,14 @@ class Finding:
     avoid: tuple[tuple[str, str], ...] = ()
 
     def content(self) -> dict[str, object]:
-        """For JSON."""
+        """The finding as a dictionary, for JSON."""
         return {"kind": self.kind, "fact": self.fact, "remedy": self.remedy}
 
 
 def findings(
     run: Trajectory, facts: Facts, grown: Growth | None, locals: Sequence[Local], undetermined: Sequence[float]
 ) -> tuple[Finding, ...]:
-    """Everything found, the most important first."""
+    """All findings, the most important first."""
     found = [
         _failed(run),
         _constraints(run, facts),
@@ -108,7 +108,7 @@ def _invariants(facts: Facts) -> Finding | None:
 
 
 def _events(run: Trajectory, facts: Facts) -> Finding | None:
-    """Relations that are events and those that are not, in one statement: a model can have both."""
+    """Located and not located relations in one finding, because a model can have both."""
     if not facts.relations and not facts.clauses:
         return _kinks(facts)
     located = "located on the solver's dense output" if facts.relations else "the run is cut there, to rounding"
@@ -232,7 +232,7 @@ def _growing(grown: Growth | None) -> Finding | None:
 
 
 def _scales(run: Trajectory) -> Finding | None:
-    """The state that one absolute tolerance for all units would serve worst."""
+    """The state for which one absolute tolerance for all units would be worst."""
     sizes = [float(np.max(np.abs(run.result[name]))) for name in run.compiled.states]
     small = [
         (size, name, float(nominal))

@@ -1,4 +1,4 @@
-"""What a stability study found, as an object, as JSON and as text."""
+"""Result of a stability study, as an object, as JSON and as text."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from acausal.study.stability.structure import Facts
 from acausal.study.stability.verdict import Verdict
 
 _MOST_EIGENVALUES = 60
-# What the short report shows.
+# Limits of the short report.
 _MOST_NOTES, _LONGEST = 3, 108
 
 
@@ -33,9 +33,9 @@ class Stability:
     limits
         Largest stable step of every fixed-step method.
     growth
-        How much the run multiplies errors; None where that cannot be measured.
+        Growth of errors along the run; None where it cannot be measured.
     bdf
-        (mode, effects of BDF of order 1 to 5) for the oscillating modes that the run follows.
+        (mode, effects of BDF of order 1 to 5) for oscillating modes.
     step
         The step [s] by which the picture scales the stability regions.
     """
@@ -72,7 +72,7 @@ class Stability:
         return next(q.largest_step for q in self.limits if method in (q.method.name, q.method.solver))
 
     def content(self) -> dict[str, object]:
-        """All numbers, for JSON."""
+        """All results as a dictionary, for JSON."""
         ch = self.character
         return {
             **{name: getattr(self, name) for name in ("model", "solver", "tolerance", "span")},
@@ -102,7 +102,7 @@ class Stability:
         }
 
     def lines(self, details: bool = False) -> Iterator[str]:
-        """The report for people: the verdict and what it rests on, in ten lines at most; `details` is everything."""
+        """The report as text: the verdict and its reasons in at most ten lines; with `details` everything."""
         judged = self.verdict
         yield f"verdict: {judged.solver} ({judged.kind}) for {self.model}, {self.span:g} s, run with {self.solver}"
         for text in judged.why if details else judged.why[:2]:
@@ -134,7 +134,7 @@ class Stability:
             yield f"  note     {counted(len(notes) - _MOST_NOTES, 'more fact')} with --details"
 
     def _numbers(self) -> Iterator[str]:
-        """What was measured along the run, and every method."""
+        """Measurements along the run, and every method."""
         ch = self.character
         size = f"{counted(len(self.states), 'state')}, {counted(len(self.locals), 'point')}"
         yield f"  linear model along the run: {size}"
@@ -165,7 +165,7 @@ def _name(limit: Limit) -> str:
 
 
 def _step(limit: Limit) -> str:
-    """The largest step in words: the stable one, for undamped modes the one that is harmless in this run."""
+    """Text of the largest stable step; for undamped modes that of the largest harmless one."""
     step = limit.largest_step or limit.usable_step
     return "any" if math.isinf(step) else f"{step:.3g} s"
 

@@ -1,4 +1,4 @@
-"""The study: run, linearise, limit, judge."""
+"""Stability study of a model: run, linearise, find the limits of methods, give a verdict."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from acausal.study.stability.verdict import verdict
 
 _OSCILLATES = 0.1
 _MOST_MODES = 8
-# Seconds that the variational equation may take.
+# Time limit [s] of the variational equation.
 _LONGEST = 20.0
 
 
@@ -50,20 +50,20 @@ def stability(
     points
         Number of points of the run at which to linearise.
     solver
-        Solver of that run; None: the model's own, when its steps are not fixed, else `rosenbrock` or `idas`.
+        Solver of that run; None: that of the model unless it has fixed steps, else `rosenbrock` or `idas`.
     step
-        The step [s] by which the picture scales the stability regions; None: the model's own, or one just stable.
+        Step [s] by which the plot scales the stability regions; None: that of the model, or one just stable.
     start_time, stop_time, tolerance, parameters, inputs
         As for `simulate`.
     check
-        Whether to try the largest steps by runs.
+        Whether to verify the largest stable steps by runs.
 
     Raises
     ------
     UsageError
         AC034 for fewer than two points.
     AcausalError
-        When no solver leaves the start.
+        If no solver gets beyond the start.
     """
     if points < 2:
         raise UsageError("AC034", f"{points} points are too few", help="points=20, or --points 20")
@@ -81,7 +81,7 @@ def stability(
     run = trajectory(compiled, points, solver, given, options)
     locals, undetermined = along(run)
     ch = character(run, locals)
-    grown = None if run.failure else _grown(run, given, options)
+    grown = None if run.failure else _growth(run, given, options)
     known = facts(compiled, run)
     bounds = limits(run, locals, check)
     wanted = float(run.result.stats["tolerance"])  # type: ignore[arg-type]
@@ -103,19 +103,19 @@ def stability(
         bdf=bdf,
         facts=known,
         verdict=judged,
-        step=own or _shown(bounds, ch),
+        step=own or _plot_step(bounds, ch),
     )
 
 
-def _grown(run: Trajectory, parameters: Mapping[str, float] | None, options: Mapping[str, Any]) -> Growth | None:
-    """The growth of errors, unless that takes too long: many states, stiff and oscillating."""
+def _growth(run: Trajectory, parameters: Mapping[str, float] | None, options: Mapping[str, Any]) -> Growth | None:
+    """Growth of errors, unless computing it takes too long, as for many stiff and oscillating states."""
     return isolated(lambda: iter([growth(run.compiled, parameters, options, run.span)]), _LONGEST).value
 
 
 def _oscillations(
     run: Trajectory, locals: Sequence[Local], ch: Character, tolerance: float
 ) -> tuple[tuple[Mode, tuple[BdfEffect, ...]], ...]:
-    """BDF's effects on the oscillating modes at the middle of the run, the one of the verdict first."""
+    """Effects of BDF on the oscillating modes at the middle of the run, that of the verdict first."""
     chosen = [m for m in (ch.oscillation, ch.ringing) if m is not None]
     if locals:
         middle = locals[len(locals) // 2]
@@ -131,8 +131,8 @@ def _main(bdf: Sequence[tuple[Mode, tuple[BdfEffect, ...]]], ch: Character) -> t
     return next((effects for m, effects in bdf if m is ch.oscillation), ())
 
 
-def _shown(bounds: Sequence[Limit], ch: Character) -> float:
-    """A step that shows something: nine tenths of what RK4 allows."""
+def _plot_step(bounds: Sequence[Limit], ch: Character) -> float:
+    """Step for the plot: nine tenths of the stability limit of RK4."""
     rk4 = next(limit.largest_step for limit in bounds if limit.method.name == "rk4")
     if 0.0 < rk4 < math.inf:
         return 0.9 * rk4

@@ -1,4 +1,4 @@
-"""What the equations themselves say before any number: constraints, events, kinks, scales."""
+"""Structural facts about a model: constraints, index, events, kinks."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ class Facts:
     """Facts about a compiled model."""
 
     constraints: tuple[str, ...]  # texts of the constraints that had to be differentiated
-    # Structural index: how often some equation has to be differentiated until all derivatives follow, those of
-    # algebraic variables too. 0 for an ODE, 1 where algebraic variables follow from equations as they are, or where a
-    # constraint is differentiated once and nothing but rates depends on that.
+    # Structural index: how often an equation must be differentiated until all derivatives are determined, including
+    # those of algebraic variables. 0 for an ODE, 1 for algebraic variables determined by undifferentiated equations, or
+    # for a constraint that is differentiated once and affects rates only.
     index: int
-    stabilised: int  # number of constraints (of position and of velocity) that are kept by stabilisation and projection
-    by_invariants: tuple[str, ...]  # variables that follow from a linear invariant instead of being integrated
+    stabilised: int  # number of constraints (position and velocity level) that are stabilised and projected
+    by_invariants: tuple[str, ...]  # variables computed from a linear invariant instead of integrated
     relations: int  # number of relations of variables that are located as events
     clauses: int  # number of `when` clauses
     kinks: int  # number of branches, signs, minima and maxima of variables that are not located
@@ -32,7 +32,7 @@ class Facts:
 
 
 def facts(compiled: CompiledModel, run: Trajectory) -> Facts:
-    """Facts about a model and the times of its run."""
+    """Structural facts about a model, and the switching times of its run."""
     structure = compiled.solution.structure
     flat = compiled.flat
     differentiated = {structure.flat_equation(e) for e in structure.integral}
@@ -54,7 +54,7 @@ def facts(compiled: CompiledModel, run: Trajectory) -> Facts:
 
 
 def _index(compiled: CompiledModel) -> int:
-    """The structural index of what is integrated.
+    """Structural index of the model.
 
     Source: J. D. Pryce, A simple structural analysis method for DAEs, BIT 41 (2001) 364: the most differentiations of
     an equation, and one more if there is a variable of which no derivative is solved for. Here that variable has to
@@ -80,7 +80,7 @@ def _index(compiled: CompiledModel) -> int:
 
 
 def _by_invariants(compiled: CompiledModel) -> tuple[str, ...]:
-    """Variables with a derivative in the equations that are not integrated, index reduction not being the reason."""
+    """Variables with a derivative in the equations that are computed from an invariant instead of integrated."""
     structure = compiled.solution.structure
     if structure.integral:
         return ()

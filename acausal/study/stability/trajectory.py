@@ -1,4 +1,4 @@
-"""A run of the model, and the points of it at which it is linearised."""
+"""A run of the model, and the points at which it is linearised."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from acausal.simulate.inputs.given import Inputs
 from acausal.simulate.options import options as run_options
 from acausal.simulate.run import simulate
 
-# Stretches between events that are looked into, and modes that are added to the points.
+# Largest number of stretches between events that get a row, and of modes added to the points.
 _MOST_STRETCHES, _MOST_MODES = 200, 20
 
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """An instant of the run: states, algebraic variables, modes, and the stretch of time [s] it stands for."""
+    """A point of the run: t [s], x (nx,), z (nz,), m (nm,), and the time [s] that it represents."""
 
     t: float
     x: Vector
@@ -40,8 +40,8 @@ class Point:
 class Trajectory:
     """A run, whole or up to where it failed.
 
-    `p` and `u` are the values of parameters and inputs; `failure` is why it ended early; `failed` are (solver, time)
-    of the solvers that were tried before and stopped there.
+    `p`, shape (np,), and `u`, shape (nu,), are parameters and inputs; `failure` is the error that ended the run early;
+    `failed` are (solver, time [s]) of solvers that were tried before and stopped there.
     """
 
     compiled: CompiledModel
@@ -54,7 +54,7 @@ class Trajectory:
 
     @property
     def span(self) -> float:
-        """Seconds covered."""
+        """Duration of the run [s]."""
         return float(self.result.time[-1] - self.result.time[0])
 
 
@@ -67,15 +67,15 @@ def trajectory(
 ) -> Trajectory:
     """Run the model and pick `count` points: half of them evenly, half denser towards the start.
 
-    Without `solver` the model's own is used when it is implicit and has no fixed steps, else `rosenbrock` and then
-    `idas`. A run that fails counts as far as it came. One whose events are closer together than its rows is made once
-    more with a row between every two of them: short contacts are what limits steps.
+    Without `solver`, that of the model is used if it is implicit and has no fixed steps, else `rosenbrock` and then
+    `idas`. A run that fails is used as far as it got. A run with events closer together than its rows is repeated with
+    a row between any two of them, because short contacts limit the steps.
 
-    Raises AcausalError when no solver leaves the start.
+    Raises AcausalError if no solver gets beyond the start.
     """
     own = compiled.flat.experiment.solver
     first = "idas" if len(compiled.states) > 200 else "rosenbrock"
-    # how many steps accuracy asks for is told by no explicit method: stability may have asked for them
+    # explicit methods do not show how many steps accuracy requires: stability may have limited theirs
     tried = [solver] if solver else [*([own] if own in ("idas", "rosenbrock", "cvodes") else []), first, "idas"]
     tried += ["erk"] if own == "erk" else []
     failure: AcausalError | None = None
@@ -102,7 +102,7 @@ def trajectory(
 
 
 def _interval(compiled: CompiledModel, options: dict[str, Any]) -> float | None:
-    """Distance of the rows [s]; no simple fraction of the run, which may be many periods of something."""
+    """Distance of the rows [s]; an irrational fraction of the run, so as not to sample an oscillation in phase."""
     own = compiled.flat.experiment
     if own.output_interval is not None:
         return own.output_interval
@@ -115,7 +115,7 @@ def _interval(compiled: CompiledModel, options: dict[str, Any]) -> float | None:
 def _run(
     compiled: CompiledModel, solver: str, parameters: Mapping[str, float] | None, options: dict[str, Any]
 ) -> tuple[Result | None, AcausalError | None]:
-    # what CasADi and SUNDIALS say of a failure is no news to whoever asked for its reason
+    # suppress the messages of CasADi and SUNDIALS about a failure, which is reported anyway
     with contextlib.redirect_stderr(io.StringIO()):
         try:
             return simulate(compiled, solver=solver, parameters=parameters, **options), None
@@ -128,7 +128,7 @@ def _run(
 
 
 def _stretches(result: Result) -> tuple[Vector, Vector]:
-    """Starts and ends of the times between events; not those that are hardly longer than the rounding of time."""
+    """(Starts, ends) of the stretches between events, shape (k,), without those within rounding of time."""
     times = result.time
     edges = np.unique([times[0], times[-1], *(e.time for e in result.events if times[0] < e.time < times[-1])])
     wide = np.diff(edges) > 1e-9 * (times[-1] - times[0])
@@ -138,7 +138,7 @@ def _stretches(result: Result) -> tuple[Vector, Vector]:
 def _closer(
     compiled: CompiledModel, result: Result, parameters: Mapping[str, float] | None, options: dict[str, Any]
 ) -> Result:
-    """The same run with a row inside of every stretch between events, if there are any without one."""
+    """The run repeated with a row inside every stretch between events, if one has none."""
     starts, ends = _stretches(result)
     inside = np.searchsorted(result.time, ends, "left") > np.searchsorted(result.time, starts, "right")
     empty = np.flatnonzero(~inside)[:_MOST_STRETCHES]
@@ -156,7 +156,7 @@ def _closer(
 
 
 def _rate(compiled: CompiledModel, result: Result, p: Vector, u: Vector) -> float:
-    """The rate of stabilised constraints as a run chooses it from its start."""
+    """Stabilisation rate [1/s] as a run chooses it at its start."""
     t = float(result.time[0])
     x, z = (np.array([float(result[name][0]) for name in names]) for names in (compiled.states, compiled.algebraic))
     m = np.array(compiled.all_modes(t, x, z, u, p)).ravel()
@@ -166,7 +166,10 @@ def _rate(compiled: CompiledModel, result: Result, p: Vector, u: Vector) -> floa
 
 
 def points(compiled: CompiledModel, result: Result, p: Vector, u: Vector, count: int) -> tuple[Point, ...]:
-    """Rows of a result as points with their modes: `count`, and one of each mode that these have missed."""
+    """`count` rows of a result as points, and one of each mode that these do not contain.
+
+    `p`: shape (np,); `u`: shape (nu,).
+    """
     rows = len(result.time)
     even = np.linspace(0, rows - 1, max(2, (count + 1) // 2))
     early = np.geomspace(1, rows, max(2, count // 2)) - 1
@@ -197,6 +200,6 @@ def points(compiled: CompiledModel, result: Result, p: Vector, u: Vector, count:
             at = point(int(row), float(b - a))
             if at.m.tobytes() not in known:
                 missed.setdefault(at.m.tobytes(), []).append(at)
-    # one of each, for all the time that is spent like that
+    # one point for each mode, which represents all the time in it
     found += [replace(several[0], reach=sum(at.reach for at in several)) for several in missed.values()]
     return tuple(sorted(found, key=lambda at: at.t))

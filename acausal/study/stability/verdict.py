@@ -1,4 +1,4 @@
-"""A plain verdict: which solver, why, and what to avoid."""
+"""Verdict of a stability study: recommended solver, reasons, and methods to avoid."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from acausal.study.stability.modes.bdf import BdfEffect
 from acausal.study.stability.modes.limits import Limit
 from acausal.study.stability.structure import Facts
 
-# Steps that stability may ask of an explicit method for each step that an implicit one takes: it saves the matrices.
+# Ratio of explicit to implicit steps up to which an explicit method is cheaper, since it needs no matrices.
 _WORTH = 4.0
-# Beyond so many states IDAS is the cheaper of the two (docs/devdocs/numerics.md).
+# From this number of states IDAS is cheaper than rosenbrock (docs/devdocs/numerics.md).
 _MANY = 100
 _PERIODS = 5.0
-# Below this the median says nothing: where all is quiet the solution changes as fast as its rounding errors.
+# Below this the median is meaningless: a solution at rest changes as fast as its rounding errors.
 _FELT = 5.0
 
 
 @dataclass(frozen=True)
 class Avoided:
-    """A method that fails or wastes on this run; `solver` where it is one of ours."""
+    """A method that fails or is inefficient on this run; `solver` if acausal has it."""
 
     method: str
     solver: str | None
@@ -37,16 +37,16 @@ class Avoided:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Which solver to take."""
+    """The recommended solver, and why."""
 
-    solver: str  # name of a solver of ours
-    # `stiff`, `ringing` (a fast mode that the solution does not follow), `oscillating`, `smooth`, `static` (no dynamics
-    # but integrals), or `singular` (solvers that should do it give up).
+    solver: str  # name of the recommended solver
+    # `stiff`, `ringing` (a fast mode that the solution does not follow), `oscillating`, `smooth`, `static` (integrals
+    # only), or `singular` (suitable solvers fail).
     kind: str
     # `why`, `avoid`: reasons, one sentence each, and methods to avoid.
     why: tuple[str, ...]
     avoid: tuple[Avoided, ...]
-    findings: tuple[Finding, ...]  # what else can go wrong on this run, and what is done about it
+    findings: tuple[Finding, ...]  # further difficulties of this run, and their remedies
 
     def content(self) -> dict[str, object]:
         """For JSON."""
@@ -83,7 +83,7 @@ def verdict(
     own_solver: str,
     failed: Sequence[tuple[str, float]] = (),
 ) -> Verdict:
-    """Decide; `own_solver` made the run, the `failed` ones (solver, time) did not come through."""
+    """Choose a solver; `own_solver` made the run, the `failed` ones (solver, time [s]) did not finish it."""
     kind = kind_of(ch)
     large = states > _MANY
     by_name = {limit.method.name: limit for limit in limits}
@@ -172,7 +172,7 @@ def _explicit(kind: str, limits: dict[str, Limit], ch: Character, span: float) -
 
 
 def _undamping(kind: str, limits: dict[str, Limit], ch: Character, span: float) -> list[Avoided]:
-    """Implicit methods that do not forget fast modes."""
+    """Implicit methods that do not damp fast modes."""
     if kind not in ("stiff", "ringing") or ch.fastest is None:
         return []
     step = span / max(ch.steps, 20.0)
@@ -191,7 +191,7 @@ def _undamping(kind: str, limits: dict[str, Limit], ch: Character, span: float) 
 
 
 def _multistep(kind: str, ch: Character, bdf: Sequence[BdfEffect]) -> list[Avoided]:
-    """IDAS and CVODES where their formulas damp, amplify or crawl."""
+    """IDAS and CVODES, where BDF damps or amplifies modes, or takes tiny steps."""
     if kind == "ringing":
         text = "BDF of order 3 to 5 is unstable near the imaginary axis: it follows the fast oscillation step by step"
         return [Avoided("BDF", "idas", text), Avoided("BDF", "cvodes", text)]

@@ -1,1 +1,1 @@
-"""How far a run is from the truth."""
+"""Errors of runs relative to a reference."""

@@ -1,4 +1,4 @@
-"""How far a run is from the reference: end error, time series error, phase, all apart.
+"""Errors of a run relative to a reference: at the end, along the run, and of the phase.
 
 Conventions of the published test sets for initial value problems (F. Mazzia, C. Magherini, Test Set for Initial Value
 Problem Solvers, release 2.4, University of Bari): scd is -log10 of the largest relative error of the end values, mescd
@@ -18,9 +18,9 @@ from acausal.arrays import Vector
 from acausal.study.bench.accuracy.trajectory import Trajectory
 
 _LEAST_FLOOR = 1e-3
-# A variable whose slope changes its sign at least so often oscillates.
+# A variable oscillates if its slope changes sign at least this often.
 _TURNS = 4
-# Share of the run, at its end, over which the phase is compared.
+# Final fraction of the run in which the phase is compared.
 _WINDOW = 0.25
 
 
@@ -45,20 +45,20 @@ class Distance:
 
 
 def floors(reference: Trajectory, nominal: Vector) -> Vector:
-    """`f` of each variable."""
+    """`f` of each variable, shape (k,), from its nominal magnitudes, shape (k,)."""
     largest = np.abs(reference.values).max(axis=0)
     return np.asarray(np.clip(largest, _LEAST_FLOOR * nominal, nominal))
 
 
 def mixed(values: Vector, reference: Vector, floor: Vector) -> Vector:
-    """Mixed errors, shape (n, k)."""
+    """Mixed errors, shape (n, k), of `values` against `reference`, shapes (n, k), with `floor`, shape (k,)."""
     return np.asarray(np.abs(values - reference) / (floor + np.abs(reference)))
 
 
 def distance(found: Trajectory, fine: Trajectory, floor: Vector, trusted: float) -> Distance:
-    """Errors of `found` against the reference `fine`, whose grid holds that of `found`.
+    """Errors of `found` relative to the reference `fine`, whose grid contains that of `found`.
 
-    Digits beyond `trusted` are not counted in scd and mescd.
+    `floor`: `f` of each variable, shape (k,). Digits beyond `trusted` do not count in scd and mescd.
     """
     stride = (len(fine.times) - 1) // (len(found.times) - 1)
     reference = fine.every(stride)
@@ -99,7 +99,7 @@ def _phase(found: Trajectory, fine: Trajectory, floor: Vector) -> tuple[float | 
     slope = curve.derivative()
 
     def gap(delay: float) -> Vector:
-        # where the reference does not reach, nothing is compared
+        # only where the shifted reference is known
         known = (times - delay <= last)[:, None]
         return np.asarray(np.where(known, y - curve(np.clip(times - delay, first, last)), 0.0) / scale)
 

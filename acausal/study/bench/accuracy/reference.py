@@ -1,4 +1,4 @@
-"""What errors are measured against: a run that converges under refinement, which another solver confirms, or a file."""
+"""Reference of a bench: a run that converges under refinement and is confirmed by another solver, or a file."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ EASY = 1e-7
 TIGHT = (1e-12, 1e-11, 1e-10, 1e-9)
 _PATIENCE = 30.0
 ENOUGH = 10.0
-"""Trusted digits after which no further solver is asked."""
+"""Trusted digits after which no further solver is run."""
 _MOST_DIGITS = 15.0
 _DECADE = 10.0
 """Factor between the tolerances of the runs that show whether a solver converges."""
@@ -40,12 +40,12 @@ _SAFETY = 1.5
 _LOCATED = 1e-11
 """The least error of a run with located events: instants are found to a resolution that no tolerance refines."""
 _WITNESS = 100.0
-"""How much larger the error of a run may be that confirms another one."""
+"""Largest ratio of the error of a confirming run to that of the confirmed one."""
 
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """A trajectory on the fine grid, where from, and how many of its digits are to be trusted.
+    """A trajectory on the fine grid, its origin, and the number of its trusted digits.
 
     `only_end` marks a reference that knows the end values alone; `growth` is what the problem makes of errors, where
     that is known.
@@ -62,21 +62,25 @@ class Reference:
 
     @property
     def trusted_error(self) -> float:
-        """The smallest error that can be told from that of the reference."""
+        """Smallest error that can be distinguished from that of the reference."""
         return float(10.0**-self.trusted_digits)
 
 
 @dataclass(frozen=True, eq=False)
 class _Refined:
-    """The tightest run of a solver, and its error as its own coarser runs tell it."""
+    """The tightest run of a solver, and its error estimated from coarser runs."""
 
     name: str
     trajectory: Trajectory
     error: float
 
 
-def made(task: Task, nominal: Vector, limit: float, say: Callable[[str], None], enough: float = ENOUGH) -> Reference:
-    """The reference that converges when its tolerance is refined, with another solver that says the same.
+def converged_reference(
+    task: Task, nominal: Vector, limit: float, say: Callable[[str], None], enough: float = ENOUGH
+) -> Reference:
+    """Compute a reference that converges under refinement and is confirmed by another solver.
+
+    `nominal`: magnitudes of the variables, shape (k,); `limit`: time limit of a run [s].
 
     Each solver runs at the tightest tolerance at which it gets through, and at ten and a hundred times that. How its
     end of the sequence moves tells its error: two solvers can share one that falls with the tolerance (methods of one
@@ -87,7 +91,7 @@ def made(task: Task, nominal: Vector, limit: float, say: Callable[[str], None], 
     """
     found: list[_Refined] = []
     notes: list[str] = []
-    # two decades more than what is asked for, where that is less than everything
+    # two decades tighter than requested, within the tightest possible
     first = max(TIGHT[0], 10.0 ** -(enough + 2.0))
     tight = (first, _DECADE * first) if enough < ENOUGH else TIGHT
     solvers = IMPLICIT if task.compiled.algebraic else SOLVERS
@@ -122,7 +126,7 @@ def made(task: Task, nominal: Vector, limit: float, say: Callable[[str], None], 
 
 
 def _own(task: Task) -> dict[str, float]:
-    """Parameters of the runs of a task."""
+    """Parameters of the runs of a task, by path."""
     return dict(task.options.get("parameters") or {})
 
 
@@ -138,7 +142,7 @@ def _suffices(found: Sequence[_Refined], nominal: Vector, enough: float) -> bool
 
 
 def _judged(found: Sequence[_Refined], nominal: Vector) -> tuple[float, _Refined, _Refined]:
-    """The error of the best run, that run, and the other one it was held against.
+    """(Error of the best run, that run, the run that it was compared with).
 
     Two that differ by no more than both admit confirm the better of them; otherwise their difference is its error.
     """
@@ -170,7 +174,7 @@ def _tightest(
     notes: list[str],
     nominal: Vector,
 ) -> _Refined | None:
-    """A solver's run at the tightest tolerance at which it arrives, with its coarser ones.
+    """Run of a solver at the tightest tolerance at which it succeeds, with coarser ones.
 
     An easy run comes first: how long it takes tells how long a tight one may take before it is stuck. Methods of order
     five pay six times as many steps for four decades.
@@ -200,7 +204,7 @@ def _tightest(
 def _run(
     task: Task, solver: str, tolerance: float, patience: float, say: Callable[[str], None], notes: list[str]
 ) -> Outcome[Trajectory]:
-    """One run; without a value where it failed, which is noted."""
+    """One run; its failure is noted."""
     name = f"{solver} at {tolerance:g}"
     say(f"reference: {name}")
     outcome = fine(task, Case(solver, "torn", tolerance=tolerance), patience)
@@ -216,9 +220,9 @@ def _coarser(task: Task, solver: str, tolerance: float) -> tuple[float, float]:
     Those of the user are no measure: the smallest ones have the same share.
     """
     method = solver_named(solver)
-    given = share_of(task.compiled, method, tolerance) * tolerance
+    own_share = share_of(task.compiled, method, tolerance) * tolerance
     share = share_of(task.compiled, method, 1.0)
-    return _DECADE * given / share, _DECADE**2 * given / share
+    return _DECADE * own_share / share, _DECADE**2 * reference_from_file / share
 
 
 def _refinement(tight: Trajectory, coarse: Trajectory, coarsest: Trajectory, nominal: Vector) -> float:
@@ -233,8 +237,10 @@ def _refinement(tight: Trajectory, coarse: Trajectory, coarsest: Trajectory, nom
     return max(last, before / _DECADE)
 
 
-def given(file: Path, names: Sequence[str], nominal: Vector, span: tuple[float, float]) -> Reference:
-    """The reference of a result file (.mat, .csv, .npz, .parquet), or end values from JSON.
+def reference_from_file(file: Path, names: Sequence[str], nominal: Vector, span: tuple[float, float]) -> Reference:
+    """Reference from a result file (.mat, .csv, .npz, .parquet), or end values from JSON.
+
+    `nominal`: magnitudes of the variables, shape (k,).
 
     JSON holds, at the top or under "reference", `values`: numbers (or decimal strings) by the paths of variables, at
     the end of the run, and if known `trusted_digits`.

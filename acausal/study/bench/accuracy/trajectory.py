@@ -1,4 +1,4 @@
-"""The numbers a run is judged by: chosen variables on a fixed grid."""
+"""Sampled trajectory of a run: chosen variables on a fixed grid."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from acausal.reduce.outputs import fitting
 from acausal.result.result import Result
 from acausal.simulate.record.record import signals
 
-# Variables that stand in for states where there are none.
+# Largest number of variables that replace states in a model without any.
 _MOST = 100
 POINTS = 200
 """Points of the grid after the start, as the conventions of the published test sets have it."""
@@ -34,7 +34,7 @@ class Trajectory:
 
 
 def components(compiled: CompiledModel, wanted: Sequence[str] | None) -> tuple[str, ...]:
-    """Names of the scalars that count: those asked for, arrays taken apart and `*` for any text, or all states.
+    """Names of the compared scalars: requested ones, with arrays expanded and `*` as wildcard, or all states.
 
     Raises UsageError: AC010 for an unknown name, AC040 when nothing is left that could be compared.
     """
@@ -48,7 +48,7 @@ def components(compiled: CompiledModel, wanted: Sequence[str] | None) -> tuple[s
     else:
         dynamic = compiled.states[: compiled.n_dynamic] or compiled.states
         moving = {name for name, signal in known.items() if signal.column is not None and not signal.parameter}
-        # without a state of the model's own, everything that moves, up to a readable number
+        # without states of the model's own, all varying variables, up to a readable number
         found = [name for name in dynamic if name in moving] or sorted(moving)[:_MOST]
     if not found:
         raise UsageError(

@@ -1,1 +1,1 @@
-"""Modes of a run, and what each method makes of them."""
+"""Modes of a run, and the stability of each method on them."""

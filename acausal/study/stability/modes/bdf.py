@@ -1,4 +1,4 @@
-"""What BDF of order 1 to 5 makes of an oscillation: damping or growth, at the steps its error control would take."""
+"""Numerical damping or growth of an oscillation by BDF of order 1 to 5, at the steps of its error control."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ ORDERS = (1, 2, 3, 4, 5)
 
 @dataclass(frozen=True)
 class BdfEffect:
-    """One order on one mode."""
+    """Effect of one order on one mode."""
 
     order: int
     step: float  # the step [s] whose local error is the tolerance
@@ -50,7 +50,7 @@ def bdf_effects(eigenvalue: complex, span: float, tolerance: float) -> tuple[Bdf
 
 
 def principal_root(order: int, z: complex) -> complex:
-    """The root of BDF's characteristic equation that stands for exp(z)."""
+    """The root of the characteristic equation of BDF that approximates exp(z)."""
     # in w = 1 - 1/q: w + w**2/2 + ... + w**k/k - z = 0, and w is small with z
     roots = np.roots([*(1.0 / j for j in range(order, 0, -1)), -z])
     wanted = 1.0 - np.exp(-z)

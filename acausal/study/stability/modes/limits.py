@@ -1,4 +1,4 @@
-"""The largest stable step of each fixed-step method on a run, checked by stepping the model itself."""
+"""Largest stable step of each fixed-step method on a run, verified by stepping the model."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from acausal.study.stability.modes.modes import Local, Mode, mode
 from acausal.study.stability.trajectory import Point, Trajectory
 
 BELOW, ABOVE = 0.9, 1.1
-"""Shares of the largest step at which it is checked."""
+"""Fractions of the largest step at which it is verified."""
 _SIZE = 1e-6
 _MOST_STEPS = 400
 
 
 @dataclass(frozen=True)
 class Check:
-    """A run of `steps` steps of size `step` [s] from the worst point, and one beside it, disturbed in the worst mode.
+    """Two runs of `steps` steps of size `step` [s] from the worst point, one of them disturbed in the worst mode.
 
     `measured` and `predicted` are the factors by which one step multiplies the disturbance (geometric mean).
     """
@@ -52,16 +52,16 @@ class Check:
 
 @dataclass(frozen=True)
 class Limit:
-    """What a method allows on this run."""
+    """Stability limits of one method on a run."""
 
     method: Method
     # Largest step [s] with |R| <= 1 for every mode at every point; inf: any; 0: none, for an undamped mode.
     largest_step: float
-    usable_step: float  # largest step [s] with which no mode grows twofold over the run beyond what it does itself
-    # `mode`, `usable_by`: the modes that limit the two; None when nothing does.
+    usable_step: float  # largest step [s] at which no mode grows more than twofold beyond its own growth
+    # `mode`, `usable_by`: the modes that limit the two; None without limit.
     mode: Mode | None
     usable_by: Mode | None
-    rings: float  # |R| for modes much faster than the step: 0 forgets them, 1 lets them ring on
+    rings: float  # |R| for modes much faster than the step: 0 damps them at once, 1 not at all
     # `below`, `above`: runs at 0.9 and 1.1 of the largest step; None where there is no such step.
     below: Check | None = None
     above: Check | None = None
@@ -93,7 +93,7 @@ class Limit:
 
 
 def limits(run: Trajectory, locals: Sequence[Local], check: bool = True) -> tuple[Limit, ...]:
-    """The limits of all methods; with `check` those of the explicit ones are tried by runs."""
+    """Stability limits of all methods; with `check` those of explicit ones are verified by runs."""
     problem = Problem(run.compiled, run.p, run.u, False)
     found = []
     for method in METHODS:
@@ -101,7 +101,7 @@ def limits(run: Trajectory, locals: Sequence[Local], check: bool = True) -> tupl
         if check and limit.mode is not None and 0.0 < limit.largest_step < math.inf:
             point = next(local.point for local in locals if local.point.t == limit.mode.t)
             tried = [
-                _checked(run, problem, method, point, limit.mode.eigenvalue, share * limit.largest_step)
+                _verify(run, problem, method, point, limit.mode.eigenvalue, share * limit.largest_step)
                 for share in (BELOW, ABOVE)
             ]
             limit = replace(limit, below=tried[0], above=tried[1])
@@ -124,10 +124,10 @@ def _limit(run: Trajectory, locals: Sequence[Local], method: Method) -> Limit:
     return Limit(method, worst, usable, found, None if at is None else mode(run, at, by), method.at_infinity)
 
 
-def _checked(
+def _verify(
     run: Trajectory, problem: Problem, method: Method, point: Point, eigenvalue: complex, step: float
 ) -> Check | None:
-    """Two runs from a point, the second disturbed in one mode: by how much do they part?"""
+    """Verify a step by two runs from a point, one of them disturbed in a mode; None if that is impossible."""
     matrix = StateMatrix(run.compiled, run.p, run.u)
     if matrix.size > LARGEST_DENSE:
         return None
@@ -136,21 +136,21 @@ def _checked(
         return None
     right, left = _vectors(found, eigenvalue)
     predicted = float(np.abs(method.amplification(step * eigenvalue)))
-    # enough steps for a factor of a hundred either way; few where that takes for ever
+    # enough steps for a factor of a hundred either way, within limits
     steps = int(np.clip(math.log(100.0) / max(abs(math.log(max(predicted, 1e-12))), 1e-12), 4, _MOST_STEPS))
     tried: list[Check] = []
     while steps >= 1:
-        measured = _parted(problem, method, point, (right, left), step, steps)
+        measured = _measured_growth(problem, method, point, (right, left), step, steps)
         if measured is not None:
             tried.append(Check(step, steps, measured, predicted))
             if abs(measured / predicted - 1.0) < 0.02:
                 break
-        # the mode changes along the run: a shorter one shows it as it is here
+        # the mode changes along the run: fewer steps show it at this point
         steps //= 4
     return min(tried, key=lambda c: abs(math.log(c.measured / c.predicted)), default=None)
 
 
-def _parted(
+def _measured_growth(
     problem: Problem,
     method: Method,
     point: Point,
@@ -158,7 +158,7 @@ def _parted(
     step: float,
     steps: int,
 ) -> float | None:
-    """Factor per step by which two runs part in a mode with the given right and left eigenvector."""
+    """Growth factor per step of the disturbance in a mode with these right and left eigenvectors; None on failure."""
     right, left = vectors
     n = problem.n_dynamic
     scale = np.abs(point.x[:n]) + problem.scale_x
@@ -179,7 +179,7 @@ def _parted(
 
 
 def _vectors(matrix: Vector, eigenvalue: complex) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-    """Right and left eigenvector of the eigenvalue next to the given one."""
+    """Right and left eigenvector, shape (n,), of the eigenvalue closest to the given one."""
     from scipy.linalg import eig
 
     found: Any = eig(matrix, left=True, right=True)
@@ -189,7 +189,7 @@ def _vectors(matrix: Vector, eigenvalue: complex) -> tuple[NDArray[np.complex128
 
 
 def _end(problem: Problem, method: Method, point: Point, step: float, steps: int) -> Vector | None:
-    """States after so many steps, by the tool's own solver where it has the method."""
+    """States, shape (nx,), after `steps` steps, by the solver of acausal if it has the method."""
     if method.solver is None:
         return _euler(problem, point, step, steps)
     segment = Segment(

@@ -1,4 +1,4 @@
-"""Eigenvalues along a run, and which states take part in which mode."""
+"""Eigenvalues along a run, and the states that participate in each mode."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from acausal.simulate.step_limit.limit import participation
 from acausal.simulate.step_limit.state_matrix import LARGEST_DENSE, StateMatrix
 from acausal.study.stability.trajectory import Point, Trajectory
 
-# Shares below this do not name a state.
+# Smallest participation for which a state is named.
 _SMALLEST_SHARE = 0.05
 
 
 @dataclass(frozen=True)
 class Mode:
-    """One eigenvalue [1/s] at an instant [s]; `states` are (name, share) of the states that take part, most first."""
+    """An eigenvalue [1/s] at a time [s]; `states` are (name, participation), the largest first."""
 
     eigenvalue: complex
     t: float
@@ -31,14 +31,14 @@ class Mode:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the states that take part."""
+        """Names of the participating states."""
         return tuple(name for name, _ in self.states)
 
     @property
     def text(self) -> str:
-        """The eigenvalue for people."""
+        """Text of the eigenvalue."""
         v = self.eigenvalue
-        # a millionth of the size is rounding
+        # parts below a millionth of the magnitude are rounding
         real = 0.0 if abs(v.real) < 1e-6 * abs(v) else v.real
         return f"{real:.4g} 1/s" if abs(v.imag) <= 1e-6 * abs(v) else f"{real:.4g} +- {abs(v.imag):.4g}i 1/s"
 
@@ -60,8 +60,7 @@ class Local:
 
     point: Point
     eigenvalues: Complex  # [1/s], the fastest first; all of them, or the fastest of a large system
-    # How fast the solution itself changes there [1/s]: the size of x'' over that of x', each state in units of how much
-    # it moves along the run; nan where nothing moves.
+    # Rate of change of the solution [1/s]: |x''| / |x'|, each state scaled by its range along the run; nan at rest.
     activity: float
     # `regularity`, `orientation`: reciprocal condition and sign of the determinant of the algebraic equations; 1
     # without any.
@@ -70,7 +69,7 @@ class Local:
 
 
 def along(run: Trajectory) -> tuple[tuple[Local, ...], tuple[float, ...]]:
-    """The linearised model at all points where there is one, and the times [s] where there is none."""
+    """(Linearised models at the points of a run, times [s] of points without one)."""
     matrix = StateMatrix(run.compiled, run.p, run.u)
     n = matrix.size
     values = np.array([point.x[:n] for point in run.points]).reshape(len(run.points), n)
@@ -92,7 +91,7 @@ def along(run: Trajectory) -> tuple[tuple[Local, ...], tuple[float, ...]]:
 
 
 def mode(run: Trajectory, local: Local, eigenvalue: complex) -> Mode:
-    """An eigenvalue with the names of its states."""
+    """The mode of an eigenvalue, with its participating states."""
     matrix = StateMatrix(run.compiled, run.p, run.u)
     point = local.point
     if matrix.size > LARGEST_DENSE:
