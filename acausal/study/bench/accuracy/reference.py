@@ -222,7 +222,7 @@ def _coarser(task: Task, solver: str, tolerance: float) -> tuple[float, float]:
     method = solver_named(solver)
     own_share = share_of(task.compiled, method, tolerance) * tolerance
     share = share_of(task.compiled, method, 1.0)
-    return _DECADE * own_share / share, _DECADE**2 * reference_from_file / share
+    return _DECADE * own_share / share, _DECADE**2 * own_share / share
 
 
 def _refinement(tight: Trajectory, coarse: Trajectory, coarsest: Trajectory, nominal: Vector) -> float:
