@@ -255,14 +255,17 @@ def ambiguous(given: str, wanted: str) -> str | None:
     """Why a value in one unit is not taken in the other though their dimensions agree; None where it is.
 
     One counts cycles and the other one measures an angle: 60 rpm are 1 Hz to whoever turns a shaft, and 6.28 1/s to the
-    SI. A rate in 1/min may be either.
+    SI. A rate in 1/min may be either, and so may a quantity in 1/s, such as the rotational speed of a drill.
     """
     (given_cycles, given_angle), (wanted_cycles, wanted_angle) = _rotation(given), _rotation(wanted)
     if (given_cycles and wanted_angle and not wanted_cycles) or (given_angle and wanted_cycles and not given_cycles):
         return "Hz counts cycles, and one cycle is 2 pi rad: 1 Hz = 1 rev/s = 60 rpm = 6.2832 rad/s"
-    source = parse(given)
-    is_rate = wanted_angle and source.dimension == parse("1/s").dimension and not given_angle
-    return f"{_quoted(given)} may count turns or radians" if is_rate and source.factor != 1.0 else None
+    rate = parse("1/s").dimension
+    if given_angle == wanted_angle or parse(given).dimension != rate or parse(wanted).dimension != rate:
+        return None
+    if parse(given).factor == 1.0 == parse(wanted).factor:  # the SI takes rad/s for 1/s, as equations do
+        return None
+    return f"{_quoted(wanted if given_angle else given)} may count turns or radians, which differ by 2 pi"
 
 
 def _rotation(unit: str) -> tuple[bool, bool]:
@@ -290,7 +293,7 @@ def _converted(digits: str, suffix: str, unit: str) -> float:
             "AC151",
             f'"{digits} {suffix}" does not fit a quantity in {_quoted(unit)}',
             evidence=[reason],
-            help="give it in Hz or 1/s" if "Hz" in unit else "give it in rad/s, rev/s, rpm or deg/s",
+            help="give it in rad/s, rev/s, rpm or deg/s" if "Hz" in suffix or "rad" in unit else f"give it in {unit}",
         )
     return _in(digits, source, target)
 

@@ -35,7 +35,7 @@ NAMES = ["m", "kg", "s", "A", "K", "mol", "cd", "N", "Pa", "V", "mm", "kN", "rad
         # SI brochure, 9th edition: table 4 (derived units), table 7 (prefixes), table 8 (accepted units).
         ("1 N/mm2", "Pa", 1e6),
         ("1 rpm", "rad/s", 2 * math.pi / 60),
-        ("1 rev/min", "1/s", 2 * math.pi / 60),
+        ("1 rev/min", "rad/s", 2 * math.pi / 60),
         ("0 degC", "K", 273.15),
         ("16mm", "m", 0.016),
         ("9 mm", "m", 0.009),
@@ -242,6 +242,8 @@ def test_the_own_table_needs_no_unit_package() -> None:
     [
         *[("60 rpm", "Hz"), ("1 rad/s", "Hz"), ("360 deg/s", "Hz"), ("1 Hz", "rad/s"), ("2 kHz", "rad/s")],
         *[("1 N.m.s/rad", "N.m/Hz"), ("3000 1/min", "rad/s"), ("3000 1/h", "rad/s")],
+        # A drill's speed n [1/s] counts turns: 560 rpm are 9.33 of them, and 58.6 rad/s.
+        *[("560 rpm", "1/s"), ("1 rev/s", "1/s"), ("360 deg/s", "1/s"), ("1 1/s", "rpm")],
     ],
 )
 def test_cycles_are_not_taken_for_radians(text: str, unit: str) -> None:
@@ -255,7 +257,7 @@ def test_cycles_are_not_taken_for_radians(text: str, unit: str) -> None:
     [
         *[("60 rpm", "rad/s", 2 * math.pi), ("1 rev/s", "rad/s", 2 * math.pi), ("3 1/s", "rad/s", 3.0)],
         *[("60 1/min", "Hz", 1.0), ("3 1/s", "Hz", 3.0), ("2 kHz", "1/s", 2000.0), ("1 V/Hz", "V.s", 1.0)],
-        *[("1 N.m/rad", "N.m", 1.0), ("1 rad/s", "1/s", 1.0)],
+        *[("1 N.m/rad", "N.m", 1.0), ("560 1/min", "1/s", 560 / 60), ("1 rad/s", "1/s", 1.0)],
     ],
 )
 def test_what_is_neither_is_taken_as_the_si_has_it(text: str, unit: str, value: float) -> None:
