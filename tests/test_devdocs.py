@@ -13,7 +13,7 @@ FOLDERS = {p.parent for p in (ROOT / "acausal").rglob("*.py")}
 def rows() -> list[tuple[tuple[Path, ...], str, str]]:
     """Folders, meaning and files of each row of the two tables of folders."""
     found = []
-    for line in PAGE.split("## What is added")[0].splitlines():
+    for line in PAGE.split("## Extension points")[0].splitlines():
         cells = [c.strip() for c in line.strip("|").split(" | ")]
         if line.startswith("| `"):
             names = re.findall(r"`([\w/]+/)`", cells[0])

@@ -37,7 +37,7 @@ class Finding:
 
 
 def doctor(as_json: options.Json = False, quiet: options.Quiet = False) -> None:
-    """Check the installation; exit 1 when something is broken; --quiet prints only what is broken.
+    """Check the installation; exits with 1 if something is broken, and --quiet prints only that.
 
     Versions, the solvers on a small model against its closed form, a C compiler, the folder of
     compiled models, optional packages.

@@ -121,10 +121,10 @@ def main(
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and exit.")
     ] = False,
     debug: Annotated[
-        bool, typer.Option("--debug", envvar="ACAUSAL_DEBUG", help="Print the traceback of errors too.")
+        bool, typer.Option("--debug", envvar="ACAUSAL_DEBUG", help="Print the traceback of an error, too.")
     ] = False,
 ) -> None:
-    """Equation-based modelling of physical systems: look at models, check them, simulate them."""
+    """Equation-based modelling of physical systems: inspect, simulate, fit, optimise and export models."""
 
 
 app.command(name="list")(list_models)

@@ -48,7 +48,7 @@ class FeedDrilling(Component):
 
     depth: Real = signal_output(unit="m", nominal=1e-3, doc="Depth of the tip behind the upper face")
     thrust: Real = signal_output(unit="N", nominal=1e3, doc="Thrust of the cut")
-    width: Real = signal_output(unit="m", nominal=1e-2, doc="Difference of the diameters between which the edges cut")
+    width: Real = signal_output(unit="m", nominal=1e-2, doc="Engaged width, outer less inner diameter")
 
     experiment: ClassVar[Experiment] = Experiment(stop_time=5.0, tolerance=1e-8)
     figure: ClassVar[tuple[Panel, ...]] = (Panel(("depth",), unit="mm"), Panel(("thrust",)))

@@ -72,6 +72,7 @@ def test_least_effort_needs_no_refinement_of_the_mesh() -> None:
     # Bending the path by more end distance: d(12 d**2)/dd = 24.
     assert best.multipliers["mass.s at the end == 1"].value == pytest.approx(24.0, rel=1e-6)
     assert best.stats["interval_error"] < 1e-8  # type: ignore[operator]
+    assert best.plot("u").get_supxlabel() == "phase 1, 0 to 1 s: nothing is at a limit"  # no key to thick lines
 
 
 def test_mesh_is_refined_until_idas_agrees() -> None:

@@ -42,7 +42,7 @@ Component = Annotated[
     str,
     _argument(
         "MODEL",
-        "A model as everywhere, or a component of the library: Resistor, electrical.Resistor, its Modelica name.",
+        "A model, or a library component: Resistor, electrical.Resistor, or its Modelica name.",
         complete_component,
     ),
 ]
@@ -50,13 +50,13 @@ Set = Annotated[
     list[str] | None,
     option(
         "--set",
-        "Value of a parameter, with or without unit, or of a structural argument of the model; repeatable.",
+        "Set a parameter, with or without a unit, or a structural argument of the model; repeatable.",
         metavar="PATH=VALUE",
         autocompletion=complete_parameter,
     ),
 ]
 Details = Annotated[
-    bool, typer.Option("--details", help="Print all that was found, not only the ten lines that matter most.")
+    bool, typer.Option("--details", help="Print the full report instead of its ten most important lines.")
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object: the report, or the error.")]
 Result = Annotated[Path, _argument("RESULT", "A .mat, .csv, .npz or .parquet file.", complete_result)]
@@ -87,26 +87,29 @@ Start = Annotated[
 ]
 Interpolation = Annotated[
     str,
-    typer.Option("--interpolation", help="Between the rows of a file: linear, hold (the last row), smooth (a spline)."),
+    typer.Option(
+        "--interpolation",
+        help="Interpolation between the rows of a file: linear, hold (the last row), smooth (a spline).",
+    ),
 ]
 StartTime = Annotated[str | None, _time("--start-time", "Start of the run")]
 StopTime = Annotated[str | None, _time("--stop-time", "End of the run")]
 OutputInterval = Annotated[str | None, _time("--output-interval", "Time between two rows of the result")]
 Step = Annotated[str | None, _time("--step", "Size of a fixed step")]
-MaxStep = Annotated[str | None, _time("--max-step", "Longest step of a solver that chooses them")]
+MaxStep = Annotated[str | None, _time("--max-step", "Longest step of a variable-step solver")]
 Solver = Annotated[
     str | None,
     option("--solver", "auto, idas, rosenbrock, cvodes, erk, collocation, rk, rk2.", autocompletion=complete_solver),
 ]
 Accuracy = Annotated[
-    float | None, option("--accuracy", "Wanted accuracy: a bench finds the cheapest solver and tolerance.")
+    float | None, option("--accuracy", "Wanted accuracy: a small bench picks the cheapest solver and tolerance.")
 ]
 Tolerance = Annotated[float | None, option("--tolerance", "Relative tolerance of the solver.")]
 Native = Annotated[
-    bool | None, typer.Option("--native/--no-native", help="Compile to C; decided by the run's length when not given.")
+    bool | None, typer.Option("--native/--no-native", help="Compile to C. Default: when the runs are long enough.")
 ]
 Quiet = Annotated[
-    bool, typer.Option("--quiet", "-q", help="Print only errors and what was asked for: no remarks, no progress.")
+    bool, typer.Option("--quiet", "-q", help="Print only errors and the requested output: no remarks, no progress.")
 ]
 Repeat = Annotated[int, typer.Option("--repeat", help="Number of runs after a warm-up; the shortest time counts.")]
 Outputs = Annotated[
@@ -125,5 +128,5 @@ Signals = Annotated[
     ),
 ]
 Plot = Annotated[bool, typer.Option("--plot", help="Draw a figure, to MODEL.png.")]
-Units = Annotated[bool, typer.Option("--units", help="Give a .csv file a second row, with the units.")]
+Units = Annotated[bool, typer.Option("--units", help="Write the units to a second row of a .csv file.")]
 PlotFile = Annotated[Path | None, option("--plot-file", "Draw it to this file: .png, .svg or .pdf.")]

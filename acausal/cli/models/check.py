@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 def check(
     model: options.Model, settings: options.Set = None, as_json: options.Json = False, quiet: options.Quiet = False
 ) -> None:
-    """Check that a model can be solved and find its start, without a run; --quiet leaves only the exit code.
+    """Compile a model and solve for its start values without a run; --quiet leaves only the exit code.
 
     Example: acausal check oscillator.py
     """

@@ -17,7 +17,7 @@ from acausal.cli.output.report import record, remark
 def diagram(
     model: options.Component,
     settings: options.Set = None,
-    depth: Annotated[int, typer.Option("--depth", min=1, help="Levels of the component hierarchy to show.")] = 1,
+    depth: Annotated[int, typer.Option("--depth", min=1, help="Number of hierarchy levels to show.")] = 1,
     opened: Annotated[
         list[str] | None, options.option("--open", "A component whose parts are shown too; repeatable.", metavar="PATH")
     ] = None,

@@ -41,7 +41,7 @@ def equations(
     as_json: options.Json = False,
     quiet: options.Quiet = False,  # nothing but the equations is printed anyway
 ) -> None:
-    """Print the equations of a model at a stage of the compiler.
+    """Print the equations of a model after a compiler stage.
 
     Example: acausal equations Pendulum --stage blt
     """

@@ -36,20 +36,20 @@ def info(
     model: options.Component,
     settings: options.Set = None,
     stats: Annotated[
-        bool, typer.Option("--stats", help="What each stage of the compiler made, and how long it took.")
+        bool, typer.Option("--stats", help="Print the counts and the time of each compiler stage.")
     ] = False,
     spy: Annotated[
         Path | None,
         typer.Option(
             "--spy",
             metavar="FILE",
-            help="Draw the incidence matrix, as composed and in block order (.png, .svg, .pdf).",
+            help="Draw the incidence matrix before and after block ordering (.png, .svg, .pdf).",
         ),
     ] = None,
     as_json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> None:
-    """Show a model: text, parameters, states, signals. A component of the library: connectors, equations, where used.
+    """Describe a model (parameters, states, signals) or a library component (connectors, equations, uses).
 
     Examples: acausal info ThickBlock; acausal info Resistor; acausal info Modelica.Electrical.Analog.Basic.Resistor
     """

@@ -30,7 +30,7 @@ def list_models(
     as_json: options.Json = False,
     quiet: options.Quiet = False,  # nothing but the list is printed anyway
 ) -> None:
-    """List the shipped models or the components of the library: name, module, what they show or are.
+    """List the shipped models or the components of the library, with module and description.
 
     Examples: acausal list; acausal list library electrical; acausal list --search clutch
     """

@@ -78,7 +78,7 @@ def new(
     as_json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> None:
-    """Write a commented model that runs, as the beginning of your own.
+    """Write a commented model that runs, as a template for your own.
 
     Example: acausal new my_model.py
     """

@@ -24,7 +24,7 @@ ShownArgument = Annotated[
     str,
     typer.Argument(
         metavar="MODEL|RESULT",
-        help="A model, which is simulated, or a result file: .mat, .csv, .npz, .parquet.",
+        help="A model to simulate, or a result file: .mat, .csv, .npz, .parquet.",
         show_default=False,
         autocompletion=complete_shown,
     ),
@@ -47,13 +47,13 @@ def animate(
     stop_time: options.StopTime = None,
     tolerance: options.Tolerance = None,
     solver: options.Solver = None,
-    poses: Annotated[int, typer.Option("--poses", min=2, help="Most poses to store of each body.")] = 2000,
+    poses: Annotated[int, typer.Option("--poses", min=2, help="Largest number of poses to store per body.")] = 2000,
     output_file: Annotated[Path | None, options.output_file(".html, .glb or .gif. Default: MODEL.html.")] = None,
-    gif: Annotated[bool, typer.Option("--gif", help="Write a moving picture, MODEL.gif, too.")] = False,
+    gif: Annotated[bool, typer.Option("--gif", help="Also write a moving picture, MODEL.gif.")] = False,
     as_json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> None:
-    """Show a run of a multibody model as a moving 3D scene, with its curves and a time slider: one HTML file.
+    """Animate a multibody model in 3D, with curves and a time slider: one HTML file.
 
     Examples: acausal animate ThickBlock; acausal animate arm.mat --model arm.py --gif; acausal animate arm.py -o a.glb
     """

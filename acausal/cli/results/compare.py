@@ -42,14 +42,14 @@ def compare(
     first: Annotated[
         Path, typer.Argument(metavar="A", help="The reference, or measurements: a .mat, .csv, .npz or .parquet file.")
     ],
-    second: Annotated[Path, typer.Argument(metavar="B", help="The result to judge.")],
+    second: Annotated[Path, typer.Argument(metavar="B", help="The result to compare with it.")],
     tolerance: Annotated[
         float, typer.Option("--tolerance", help="Accepted deviation relative to the range of a signal.")
     ] = 1e-4,
     floor: Annotated[
         float,
         typer.Option(
-            "--floor", help="Least range to divide by, so that rounding errors of a constant are no deviation."
+            "--floor", help="Smallest range to divide by, so that rounding errors of a constant do not count."
         ),
     ] = 1e-9,
     signals: options.Signals = None,
@@ -61,7 +61,7 @@ def compare(
     as_json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> None:
-    """Compare two result files, or a result with measurements; exit 3 when out of tolerance, --quiet prints no more.
+    """Compare two result files, or a result with measurements; exits with 3 if out of tolerance.
 
     Values are compared at the times of the file with fewer rows, not at events, where a rounding error in time would
     show as a jump. Units are converted.

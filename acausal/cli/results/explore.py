@@ -19,7 +19,7 @@ def explore(
         list[Path],
         typer.Argument(
             metavar="RESULT...",
-            help=".mat, .csv, .npz or .parquet files; differences are taken from the first.",
+            help=".mat, .csv, .npz or .parquet files; differences are relative to the first.",
             show_default=False,
             autocompletion=complete_result,
         ),
@@ -29,7 +29,7 @@ def explore(
     as_json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> None:
-    """Write a page to look at results: all signals with units and meanings, curves over each other, differences.
+    """Write a page to explore results: all signals with units, overlaid curves, differences.
 
     Examples: acausal explore ThickBlock.mat; acausal explore before.mat after.mat --signals mass.s
     """

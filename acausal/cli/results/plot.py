@@ -19,13 +19,15 @@ def plot(
         list[str] | None,
         typer.Argument(
             metavar="[RESULT...] VAR...",
-            help="More results to draw over the first; signals, * for any text. Without any they are listed.",
+            help="More results to overlay, and signals (* matches any text). Without signals, list them.",
             show_default=False,
             autocompletion=complete_drawn,
         ),
     ] = None,
     file: Annotated[Path | None, options.output_file(".png, .svg or .pdf. Default: RESULT.png.")] = None,
-    together: Annotated[bool, typer.Option("--together", help="One panel for all, with up to two axes.")] = False,
+    together: Annotated[
+        bool, typer.Option("--together", help="Draw all signals in one panel, with up to two axes.")
+    ] = False,
     against: Annotated[
         str | None,
         typer.Option(
@@ -38,7 +40,7 @@ def plot(
     title: Annotated[str | None, options.option("--title", "Text above the figure.")] = None,
     as_json: options.Json = False,
     quiet: options.Quiet = False,
-    window: Annotated[bool, typer.Option("--show", help="Open a window too.")] = False,
+    window: Annotated[bool, typer.Option("--show", help="Open a window, too.")] = False,
 ) -> None:
     """Draw signals of result files, one panel per unit.
 

@@ -52,7 +52,7 @@ def simulate(
     formulation: FormulationOption = "torn",
     native: options.Native = None,
     force: Annotated[
-        bool, typer.Option("--force", help="Run even where the fixed step is too large to be stable.")
+        bool, typer.Option("--force", help="Run even if the fixed step is too large to be stable.")
     ] = False,
     inputs: options.Inputs = None,
     interpolation: options.Interpolation = "linear",
@@ -64,7 +64,10 @@ def simulate(
     plot: options.Plot = False,
     plot_file: options.PlotFile = None,
     real_time_factor: Annotated[
-        bool, typer.Option("--real-time-factor", help="Report how fast the run and compiled fixed steps are.")
+        bool,
+        typer.Option(
+            "--real-time-factor", help="Report the speed of the run and of compiled fixed steps, relative to real time."
+        ),
     ] = False,
     stats: Annotated[
         bool, typer.Option("--stats", help="Print solver counters and the time of every stage, too.")

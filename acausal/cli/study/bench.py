@@ -62,9 +62,9 @@ def bench(
     reference: ReferenceOption = None,
     signals: options.Signals = None,
     repeat: options.Repeat = 5,
-    time_limit: Annotated[float, typer.Option("--time-limit", help="Seconds that a single run may take.")] = 20.0,
+    time_limit: Annotated[float, typer.Option("--time-limit", help="Time limit of a single run in seconds.")] = 20.0,
     native: Annotated[
-        bool, typer.Option("--native/--no-native", help="Compile to C where a solver can use it.")
+        bool, typer.Option("--native/--no-native", help="Compile to C where the solver supports it.")
     ] = True,
     recommend: Annotated[
         bool, typer.Option("--recommend", help="Name the cheapest solver for --accuracy, or for the model's tolerance.")
@@ -77,7 +77,7 @@ def bench(
 ) -> None:
     """Chart speed against accuracy: solvers, tolerances, forms of the equations, fixed steps.
 
-    Every case runs in a process of its own and is ended at the time limit; what fails is shown with its reason.
+    Every case runs in a process of its own, up to the time limit. The report shows failed cases with their reason.
 
     Example: acausal bench Oscillator --recommend --accuracy 1e-6
     """

@@ -120,7 +120,7 @@ def c(
     as_json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> None:
-    """Write the same functions as C: MODEL.c, MODEL.h and MODEL_main.c, which prints what they give at the start.
+    """Write the same functions as C: MODEL.c, MODEL.h and MODEL_main.c, which prints their values at the start.
 
     Example: acausal export c Pendulum -o build
     """
@@ -150,7 +150,7 @@ def step(
     as_json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> None:
-    """Write step(x, u, p) -> x, y as C for real time: no allocation, no loops, the same work in every call.
+    """Write step(x, u, p) -> x, y as C for real time: no allocation, no loops, constant work per call.
 
     Example: acausal export step Pendulum --step 1ms
     """

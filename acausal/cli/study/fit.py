@@ -58,8 +58,8 @@ def fit(
 ) -> None:
     """Fit parameters to measurements, with 95 % confidence intervals.
 
-    Columns of DATA named as inputs of the model drive it, columns named as variables are compared with it; each file is
-    an experiment. The search begins at the model's values, or those of --set.
+    A column of DATA with the name of an input drives the model; one with the name of a variable is compared with it.
+    Each file is an experiment. The search begins at the model's values, or those of --set.
 
     Example: acausal fit Oscillator swing.csv --free c,d --plot-file fit.png
     """

@@ -49,12 +49,12 @@ def reduce(
     ] = None,
     repeat: options.Repeat = 5,
     compare: Annotated[
-        bool, typer.Option("--compare/--no-compare", help="Run both models: speed gained and error caused.")
+        bool, typer.Option("--compare/--no-compare", help="Run both models to measure the speedup and the error.")
     ] = True,
     as_json: options.Json = False,
     quiet: options.Quiet = False,  # nothing but the report is printed anyway
 ) -> None:
-    """Remove what the wanted outputs do not depend on and what never moves; report what was removed and why.
+    """Remove whatever the given outputs do not depend on or never moves, and report why.
 
     Example: acausal reduce ThickBlock --outputs drill.s,drill.F_f
     """

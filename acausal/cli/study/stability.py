@@ -19,7 +19,7 @@ def stability(
     model: options.Model,
     settings: options.Set = None,
     inputs: options.Inputs = None,
-    points: Annotated[int, typer.Option("--points", help="Number of points of the run at which to linearise.")] = 20,
+    points: Annotated[int, typer.Option("--points", help="Number of points along the run at which to linearise.")] = 20,
     solver: Annotated[
         str | None,
         options.option("--solver", "Solver of the run: idas, rosenbrock, cvodes, erk.", autocompletion=complete_solver),
@@ -28,13 +28,13 @@ def stability(
     start_time: options.StartTime = None,
     stop_time: options.StopTime = None,
     step: Annotated[str | None, options.option("--step", "Fixed step to scale the picture by.", metavar="TIME")] = None,
-    check: Annotated[bool, typer.Option("--check/--no-check", help="Try the largest steps by runs.")] = True,
+    check: Annotated[bool, typer.Option("--check/--no-check", help="Verify the largest stable steps by runs.")] = True,
     output: Annotated[Path | None, options.output_file("Picture: .png, .svg or .pdf. Default: none.")] = None,
     as_json: options.Json = False,
     quiet: options.Quiet = False,
     details: options.Details = False,
 ) -> None:
-    """Recommend a solver and say what to avoid and why: from eigenvalues, largest steps, growth of errors along a run.
+    """Recommend a solver, and explain which ones to avoid, from eigenvalues and stable steps along a run.
 
     Example: acausal stability ThickBlock -o ThickBlock.png
     """

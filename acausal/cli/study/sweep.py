@@ -53,9 +53,11 @@ WorkersOption = Annotated[
     int | None, options.option("--workers", "Number of workers. Default: one for each core.", metavar="N")
 ]
 ExecutorOption = Annotated[
-    str, typer.Option("--executor", help="processes, threads, dask://HOST:PORT, or dask:// for a cluster here.")
+    str, typer.Option("--executor", help="processes, threads, dask://HOST:PORT, or dask:// for a local cluster.")
 ]
-ResumeOption = Annotated[bool, typer.Option("--resume", help="Run only what the .sweep file does not hold yet.")]
+ResumeOption = Annotated[
+    bool, typer.Option("--resume", help="Run only the members that are missing in the .sweep file.")
+]
 MembersOption = Annotated[Path | None, options.output_file("File of the finished members. Default: MODEL.sweep.")]
 TableOption = Annotated[Path | None, options.option("--table", "One table: .parquet, .nc or .csv.")]
 
@@ -90,7 +92,7 @@ def sweep(
 ) -> None:
     """Run a model with many values of its parameters.
 
-    Finished members are in the .sweep file at once, failed ones with their error: --resume goes on after a kill.
+    Each member goes to the .sweep file when it is done, with its error if it failed; --resume continues after a kill.
 
     Example: acausal sweep ThinPlate --vary v=1mm/s:2mm/s:20 --signals drill.F_f --plot
     """

@@ -45,7 +45,8 @@ def drawn(best: Optimum, names: Sequence[str], file: str | Path | None, title: s
     lines = [f"{name}, {begin:.4g} to {end:.4g} s: {_words(best, name)}" for name, begin, end in best.phases]
     width = int(drawing.get_figwidth() * _LETTERS)
     lines = [part for line in lines for part in wrap(line, width, subsequent_indent="    ")]
-    drawing.supxlabel("\n".join(["thick: at a limit", *lines]), x=0.01, ha="left", fontsize=8)
+    legend = ["thick: at a limit"] if any(best.active(name, _SHARE) for name, _, _ in best.phases) else []
+    drawing.supxlabel("\n".join([*legend, *lines]), x=0.01, ha="left", fontsize=8)
     save(drawing, file)
     return drawing
 
