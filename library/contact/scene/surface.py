@@ -33,8 +33,11 @@ from acausal.library.multibody.frames import Frame
 from acausal.library.multibody.orientation import IDENTITY, Rotation, Vector, checked_rotation
 
 Pose = tuple[Vector, Rotation]
-_LIGHT = 1e-2
-"""Normal force [N] below which bristles do not feel the whole velocity of sliding: at touch it is not to jump."""
+_LIGHT = quantity(1e-12, "m")
+"""Depth whose force is the least by which the velocities of points are averaged: that at touch is a quotient of zeros.
+
+A depth and not a force, since how much a body weighs is nobody's business here: it is far below that of any contact.
+"""
 _STILL = quantity(1e-9, "m/s")
 """Velocity below which the direction of sliding is rounded."""
 _BACK = 1e-3
@@ -110,7 +113,7 @@ class SurfaceContact(Component):
         yield b.t == -(b.R.T @ (moment + cross(origin - b.r_0, self.f_0)))
         if self.friction.has_bristle:
             carried = _total([self._slip(p) * load.pressed for p, load in zip(points, loads, strict=True)])
-            yield self.slip == carried / maximum(self.F_N, _LIGHT)
+            yield self.slip == carried / maximum(self.F_N, self.law.elastic(_LIGHT))
         if isinstance(self.friction, Hybrid):
             yield from self._modes(self.friction)
         elif isinstance(self.friction, LuGre):
