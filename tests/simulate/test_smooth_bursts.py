@@ -39,6 +39,9 @@ from acausal import (
 )
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.variants.watched import with_watched
+from acausal.simulate.driver.overlooked import Overlooked
+from acausal.simulate.equations.problem import Problem
+from acausal.simulate.solvers.segment import Piece, Segment
 from tests.marks import slow_but
 
 SOLVERS = ["idas", "cvodes", "rosenbrock", "erk"]
@@ -458,6 +461,25 @@ def test_what_wakes_shortly_before_an_event_is_kept(solver: str, w: float) -> No
     given = {"w": w}
     r = acausal.simulate(Woken(), stop_time=2.5, solver=solver, tolerance=1e-6, native=False, parameters=given)
     assert r.final("y") == pytest.approx(math.floor(2.5 * w / (2.0 * math.pi) + 0.75), abs=0.05)
+
+
+@pytest.mark.parametrize("solver", ["rosenbrock", pytest.param("erk", marks=pytest.mark.slow)])
+def test_a_flight_finds_what_wakes_between_its_steps(solver: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Crests of three speeds, each awake for a few thousandths of a turn: in compiled code, without a second search."""
+    asked: list[float] = []
+
+    def cleared(self: Overlooked, problem: Problem, segment: Segment, piece: Piece) -> bool:
+        asked.append(segment.start)
+        return clears(self, problem, segment, piece)
+
+    clears = Overlooked.clears
+    monkeypatch.setattr(Overlooked, "clears", cleared)
+    model = acausal.compile(Woken())
+    for w in (31.0, 57.88, 211.0):
+        r = acausal.simulate(model, stop_time=2.5, solver=solver, native=True, parameters={"w": w})
+        assert r.stats["native"]
+        assert r.final("y") == pytest.approx(math.floor(2.5 * w / (2.0 * math.pi) + 0.75), abs=0.05)
+    assert len(asked) <= 3  # of what ends in Python: an event at the stop
 
 
 class Joined(Beside):

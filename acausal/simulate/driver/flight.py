@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from acausal.arrays import Vector
 from acausal.simulate.driver.agenda import Place, Schedule
+from acausal.simulate.equations.arguments import arguments as steep_arguments
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.guards import Cause
 from acausal.simulate.events.rest import Bounces
@@ -117,7 +118,9 @@ class Flight:
         kept = 0 if clears is None else rows + _LOOKS * _MOST_EVENTS
         self.trail_time, self.trail_x = np.empty(kept), np.empty((kept, len(compiled.states)))
         each = min(kept, _MOST_EVENTS + 1)
-        self.trail_end, self.stretch_steps, self.stretch_events = (np.empty(each, dtype=np.int64) for _ in range(3))
+        self.trail_end, self.stretch_steps, self.stretch_events, self.stretch_doubts = (
+            np.empty(each, dtype=np.int64) for _ in range(4)
+        )
 
     @property
     def is_vain(self) -> bool:
@@ -177,6 +180,8 @@ class Flight:
                 t, x, m = float(self.row_time[row]), self.row_x[row], self.row_m[row]
             times, own = self.trail_time[first:last], self.trail_x[first:last].T
             first = last
+            if not self.stretch_doubts[k]:
+                continue
             segment = replace(self.template, start=t, times=times, x=x, p=m)
             piece = Piece(own, np.zeros((0, len(times))), {"steps": float(self.stretch_steps[k])})
             if len(times) and not self.clears(segment, piece):
@@ -238,8 +243,12 @@ class Flight:
                 name: getattr(self, name) for name in ("jump_x", "jump_m", "jump_applied", "jump_advances", "jumps_end")
             },
             **{name: getattr(self, name) for name in ("trail_time", "trail_x", "trail_end")},
-            **{name: getattr(self, name) for name in ("stretch_steps", "stretch_events")},
+            **{name: getattr(self, name) for name in ("stretch_steps", "stretch_events", "stretch_doubts")},
         }
+        known = None if self.clears is None else steep_arguments(compiled)
+        if known is not None:  # the program looks at them by itself
+            numbers |= {"columns": len(known.owners), "functions": len(known.kinds)}
+            arrays["owners"] = whole(known.owners)
         if self.bounces is not None:
             arrays |= {name: getattr(self.bounces, name) for name in ("last", "crowd", "impossible")}
         self._structure = library.run.structure(numbers, arrays)

@@ -37,6 +37,8 @@ class Arguments:
     kinds: tuple[str | float, ...]
     owners: NDArray[np.int64]
     effects: Effects
+    along: Callable[[], Any]
+    """`(t, x, z, u, p, m, v) -> (columns, their slopes, heights)` of dynamic states with the rates v; as `heights`."""
 
     def awake(self, m: Vector) -> NDArray[np.bool_]:
         """Columns of functions on which rates depend while these modes are in force; shape of the columns."""
@@ -177,5 +179,25 @@ def _made(compiled: CompiledModel) -> Arguments | None:
     nodes = *found.arguments, *(w for w, _ in found.middles)
     column = builder.column([builder.replaced(n) for n in nodes])
     owners = [*range(len(found.arguments)), *(place for _, place in found.middles)]
-    narrow = Narrow("arguments", symbols.inputs, ca.densify(column))
-    return Arguments(narrow, found.kinds, np.array(owners), Effects(compiled))
+    column = ca.densify(column)
+    narrow = Narrow("arguments", symbols.inputs, column)
+    along = partial(_along, symbols, column, found.kinds, compiled.n_dynamic)
+    return Arguments(narrow, found.kinds, np.array(owners), Effects(compiled), along)
+
+
+def _along(symbols: Symbols, column: Any, kinds: tuple[str | float, ...], n: int) -> Any:
+    """See `Arguments.along`."""
+    t, x, *_ = symbols.inputs
+    v = ca.SX.sym("v", n)
+    slopes = ca.jtimes(column, x, ca.vertcat(v, ca.SX.zeros(x.numel() - n))) + ca.jtimes(column, t, ca.SX(1))
+    heights = [h for kind, own in zip(kinds, ca.vertsplit(column), strict=False) for h in _both_ends(kind, own)]
+    outputs = [column, ca.densify(slopes), ca.densify(ca.vertcat(*heights))]
+    return ca.Function("steep", [*symbols.inputs, v], outputs)
+
+
+def _both_ends(kind: str | float, argument: Any) -> tuple[Any, Any]:
+    if kind == "tanh":
+        return 1.0 / (1.0 + ca.exp(-2.0 * argument)), 1.0 / (1.0 + ca.exp(2.0 * argument))
+    if kind == "atan":
+        return 0.5 + ca.atan(argument) / np.pi, 0.5 - ca.atan(argument) / np.pi
+    return (ca.exp(argument) if kind == "exp" else ca.fabs(argument) ** float(kind)), ca.SX(0)

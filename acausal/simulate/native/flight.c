@@ -83,6 +83,11 @@ struct flight {
   count_t trail, trail_capacity, stretches;
   double *trail_time, *trail_x;
   count_t *trail_end, *stretch_steps, *stretch_events;
+  /* steep functions of the rates, if any are to be looked at: columns of their arguments, how many they are, and which of them
+     a column belongs to. Of each stretch, how many places may have been passed over */
+  count_t columns, functions;
+  const count_t* owners;
+  count_t* stretch_doubts;
 };
 
 typedef int (*function_t)(const double**, double**, casadi_int*, double*, int);
@@ -121,6 +126,54 @@ static int called(function_t f, const struct flight* s, struct space* o, double 
   for (k = 0; k < count; ++k) o->res[k] = results[k];
   return f(o->arg, o->res, o->iw, o->w, 0);
 }
+
+#ifdef STEEP
+/* What steep.c looks at, by scaled states and rates. */
+struct looker {
+  const struct flight* s;
+  const double** arg;
+  double** res;
+  casadi_int* iw;
+  double *w, *x, *v;
+  double start;
+};
+
+static int look(void* looker, double t, const double* y, const double* rate, double* found) {
+  struct looker* l = looker;
+  const struct flight* s = l->s;
+  double at = l->start + t;
+  count_t k;
+  for (k = 0; k < s->dynamic; ++k) {
+    l->x[k] = y[k] * s->scale[k];
+    l->v[k] = rate[k] * s->scale[k];
+  }
+  memcpy(l->x + s->dynamic, s->x + s->dynamic, (size_t) (s->states - s->dynamic) * sizeof(double));
+  l->arg[0] = &at; l->arg[1] = l->x; l->arg[2] = 0; l->arg[3] = s->u; l->arg[4] = s->p; l->arg[5] = s->m; l->arg[6] = l->v;
+  l->res[0] = found; l->res[1] = found + s->columns; l->res[2] = found + 2 * s->columns;
+  return steep(l->arg, l->res, l->iw, l->w, 0);
+}
+
+/* Memory for looks of a flight; 1 where there is none. */
+static int watching(struct flight* s, struct looker* l) {
+  casadi_int sizes[4];
+  size_t each = 2 * (size_t) (s->columns + s->functions);
+  steep_work(sizes, sizes + 1, sizes + 2, sizes + 3);
+  memset(l, 0, sizeof(*l));
+  l->s = s;
+  l->arg = malloc(sizeof(double*) * (size_t) (sizes[0] + 7));
+  l->res = malloc(sizeof(double*) * (size_t) (sizes[1] + 3));
+  l->iw = malloc(sizeof(casadi_int) * (size_t) (sizes[2] + 1));
+  l->w = malloc(sizeof(double) * ((size_t) sizes[3] + 2 * (size_t) s->states + (LOOKS_OF_STEP + 2) * each + 1));
+  if (!l->arg || !l->res || !l->iw || !l->w) return 1;
+  l->x = l->w + sizes[3] + 1;
+  l->v = l->x + s->states;
+  s->run.look = look;
+  s->run.looker = l;
+  s->run.looked = l->v + s->states;
+  s->run.owners = s->owners; s->run.columns = s->columns; s->run.functions = s->functions;
+  return 0;
+}
+#endif
 
 /* One call of the round at modes `m`, from where the last one has come to. */
 static int take_round(const struct flight* s, struct space* o, double t, const double* m) {
@@ -420,6 +473,9 @@ static int advance(struct flight* s, struct space* o, const struct node* from, c
   s->run.first = s->step > 0 ? 0.0 : o->first;
   s->run.past = o->past;
   s->run.last = o->last;
+#ifdef STEEP
+  if (s->run.look) ((struct looker*) s->run.looker)->start = from->t;
+#endif
   /* arguments and results that are not asked for */
   memset(o->arg, 0, sizeof(double*) * (size_t) o->arguments);
   memset(o->res, 0, sizeof(double*) * (size_t) o->results);
@@ -607,6 +663,7 @@ static int stretch(struct flight* s, struct space* o) {
   double time;
   int changed = 0, found = 0;
   s->begun = s->steps;
+  s->run.doubts = s->run.look ? 0 : 1;
   o->step = s->first;
   if (!s->fresh)
     while (from < until && !(s->times[from] > s->here + far)) ++from;
@@ -671,6 +728,7 @@ static int stretch(struct flight* s, struct space* o) {
   if (s->trail_capacity) {
     s->trail_end[s->stretches] = s->trail;
     s->stretch_steps[s->stretches] = s->steps - steps;
+    s->stretch_doubts[s->stretches] = s->run.doubts;
     s->stretch_events[s->stretches++] = s->events;
   }
   if (!found) {
@@ -755,6 +813,12 @@ CASADI_SYMBOL_EXPORT int acausal_flight(struct flight* s) {
   o.res = malloc(sizeof(double*) * (size_t) o.results);
   o.iw = malloc(sizeof(casadi_int) * (size_t) (sizes[2] + 1));
   o.flips = malloc(sizeof(count_t) * (size_t) (s->relations + 1));
+  s->run.look = 0;
+#ifdef STEEP
+  struct looker looker;
+  memset(&looker, 0, sizeof(looker));
+  if (s->columns && s->step <= 0 && watching(s, &looker)) status = UNUSUAL;
+#endif
   if (memory && bytes && o.arg && o.res && o.iw && o.flips) {
     carved(s, &o, memory, wide);
     o.w = memory + used;
@@ -774,6 +838,10 @@ CASADI_SYMBOL_EXPORT int acausal_flight(struct flight* s) {
       }
     }
   } else status = UNUSUAL;
+#ifdef STEEP
+  free(looker.arg); free(looker.res); free(looker.iw); free(looker.w);
+  s->run.look = 0;
+#endif
   free(memory); free(bytes); free(o.arg); free(o.res); free(o.iw); free(o.flips);
   return status;
 }

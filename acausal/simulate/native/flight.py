@@ -48,6 +48,8 @@ class FlightStructure(ctypes.Structure):
         *_fields(ctypes.c_void_p, "jump_x jump_m jump_applied jump_advances jumps_end"),
         *_fields(ctypes.c_longlong, "trail trail_capacity stretches"),
         *_fields(ctypes.c_void_p, "trail_time trail_x trail_end stretch_steps stretch_events"),
+        *_fields(ctypes.c_longlong, "columns functions"),
+        *_fields(ctypes.c_void_p, "owners stretch_doubts"),
     )
 
 

@@ -76,13 +76,13 @@ class StoppingEquations:
     """What a library that passes events is made of, as CasADi functions.
 
     `dae` and `transition` as CasADi's integrators want them, `constants` as in `equations.py`; `event_functions` are
-    "watch", "rates", "event_round" and "relaxed".
+    "watch", "rates", "event_round" and "relaxed", and "steep" where there is something steep in the rates.
     """
 
     dae: Any
     transition: Any
     constants: Any
-    event_functions: tuple[Any, Any, Any, Any]
+    event_functions: tuple[Any, ...]
 
 
 @dataclass(eq=False)
@@ -161,7 +161,8 @@ class Native:
             with contextlib.redirect_stderr(io.StringIO()):  # CasADi says that events are experimental
                 whole = {**neutral, "transition": made.transition}
                 written = source.integrator(plugin, made.dae, whole, made.constants, *made.event_functions)
-            return None if written is None else written + flight_source()
+            has_steep = any(f.name() == "steep" for f in made.event_functions)
+            return None if written is None else f"{written}{'#define STEEP' if has_steep else ''}\n{flight_source()}"
 
         def load(path: Path) -> FlightProgram:
             return FlightProgram(path, nx, 0)

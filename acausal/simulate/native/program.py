@@ -43,6 +43,8 @@ class RunStructure(ctypes.Structure):
         *((name, ctypes.c_longlong) for name in ("steps", "rejected", "rhs", "jac", "reached", "second")),
         *((name, ctypes.c_void_p) for name in ("enter", "signals", "clear", "leave", "last")),
         ("last_time", ctypes.c_double),
+        *((name, ctypes.c_void_p) for name in ("look", "looker", "looked", "owners")),
+        *((name, ctypes.c_longlong) for name in ("columns", "functions", "doubts")),
     )
 
 

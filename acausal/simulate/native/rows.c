@@ -11,13 +11,19 @@
    by micro-ohms. So in each row what the defect makes of stiff components is taken away: with e for the error above and
    A = M/(h gamma) - J for the matrix, e - A^-1 M e/(h gamma), which is e where J is large and nothing where it is small. */
 
-enum { ROWS_MOST = 20000, ROWS_POINTS = 3, ROWS_LONGEST = 64 };
+enum { ROWS_MOST = 20000, ROWS_POINTS = 3, ROWS_LONGEST = 64, ROWS_AGAIN = 20 };
 /* How many tolerances such an error may be. Steps that just pass their error test have one of what is slow, which is three
    tolerances of its true error (measured). */
 #define ROWS_GOOD 2.0
 
 struct acausal_rows {
   int point;               /* of the step that is being looked at, 0 for none, ROWS_POINTS + 1 for the row */
+  int at_place;            /* whether the equations at a place (steep.c) were asked for */
+  int again;               /* how often this step was taken again up to a place */
+  int stepped;             /* whether a step was accepted that may have more places */
+  casadi_int next;         /* how the method goes on behind that */
+  casadi_real stop;        /* where it has to stop, but for places */
+  struct acausal_looks looks;
   casadi_real good;        /* start of the step that was good */
   casadi_int halting, bad; /* rows that are ends of steps without more ado, and how many it was the last time */
   casadi_real *y, *f;
@@ -84,11 +90,72 @@ static int acausal_stands(struct casadi_ivp_data* d, struct acausal_run* run) {
   return !casadi_ivp_stop(d, IVP_SUCCESS);
 }
 
+/* Take the step again, no farther than to a time inside of it. */
+static void acausal_again(struct casadi_ivp_data* d, struct acausal_rows* r, casadi_real stop) {
+  if (d->prob->ne > 0 && d->ev_fired >= 0) {
+    --d->n_events;
+    d->ev_restart = d->jump = 0;
+  }
+  casadi_copy(d->y0, d->prob->ny, d->y);
+  d->h_next = d->h;
+  r->stepped = 0;
+  r->looks.end = NAN;
+  r->good = NAN;
+  casadi_ivp_reset(d, d->t0, d->u, 0);
+  casadi_ivp_advance(d, d->t_out, stop, 0);
+}
+
+/* Ask for the equations at the next place of an accepted step; 0 where there is none. */
+static int acausal_next_place(struct casadi_ivp_data* d, struct acausal_rows* r, struct acausal_run* run) {
+  casadi_real t;
+  if (r->again > ROWS_AGAIN) return 0;
+  t = acausal_place(d, &r->looks, run, r->y, r->f);
+  if (!(t < INFINITY)) {
+    if (t != t) { ++run->doubts; r->looks.end = NAN; }
+    return 0;
+  }
+  casadi_ivp_interpolate(d, t, r->y);
+  r->at_place = 1;
+  r->next = d->next;
+  d->t_arg = t;
+  d->y_arg = r->y;
+  d->res = r->f;
+  return casadi_ivp_request(d, IVP_EVAL_RHS, IVP_DONE);
+}
+
+/* The method up to the next row, with steps that end where they would pass over what a steep function does: 1 while a task is
+   to be carried out, -1 where an event has stopped it. */
+static int acausal_method(struct casadi_ivp_data* d, METHOD_DATA* e, struct acausal_rows* r, struct acausal_run* run) {
+  if (r->at_place) {
+    int good = !d->fail && acausal_error(d, e, r) <= ROWS_GOOD;
+    ++d->n_rhs;
+    r->at_place = d->fail = 0;
+    d->next = r->next;
+    if (!good && ++r->again <= ROWS_AGAIN) acausal_again(d, r, d->t_arg);
+    else if (!good) ++run->doubts;
+  }
+  for (;;) {
+    if (r->stepped && acausal_next_place(d, r, run)) return 1;
+    r->stepped = 0;
+    if (acausal_stands(d, run)) return -1;
+    if (METHOD(d, e)) return 1;
+    if (d->status != IVP_SUCCESS || !d->pause) return 0;
+    if (d->next == IVP_DONE) {
+      casadi_ivp_output(d);
+      return 0;
+    }
+    r->stepped = 1;
+    r->looks.ready = 0;
+    if (d->t == d->t_stop && d->t_stop < r->stop) d->t_stop = r->stop;
+    else r->again = 0;
+  }
+}
+
 /* The method up to the next row, and the looks at a step with rows inside: 1 while a task is to be carried out. */
 static int acausal_going(struct casadi_ivp_data* d, METHOD_DATA* e, struct acausal_rows* r, struct acausal_run* run) {
   if (r->point == 0) {
-    if (acausal_stands(d, run)) return 0;
-    if (METHOD(d, e)) return 1;
+    int going = acausal_method(d, e, r, run);
+    if (going) return going > 0;
     if (d->status != IVP_SUCCESS || d->t == d->t_out) return 0;
     if (d->t0 == r->good) r->point = ROWS_POINTS;
     return acausal_look(d, r);
@@ -106,15 +173,9 @@ static int acausal_going(struct casadi_ivp_data* d, METHOD_DATA* e, struct acaus
   r->point = 0;
   r->bad = r->bad ? (2 * r->bad < ROWS_LONGEST ? 2 * r->bad : ROWS_LONGEST) : 1;
   r->halting = r->bad;
-  if (d->prob->ne > 0 && d->ev_fired >= 0) {
-    --d->n_events;
-    d->ev_restart = 0;
-  }
-  casadi_copy(d->y0, d->prob->ny, d->y);
-  d->h_next = d->h;
-  casadi_ivp_reset(d, d->t0, d->u, 0);
-  casadi_ivp_advance(d, d->t_out, d->t_out, 0);
-  return METHOD(d, e);
+  acausal_again(d, r, d->t_out);
+  r->stop = d->t_out;
+  return acausal_method(d, e, r, run) > 0;
 }
 
 /* Go on to row k, and no farther than there where steps end at rows. */
@@ -122,6 +183,8 @@ static void acausal_to_row(struct casadi_ivp_data* d, struct acausal_rows* r, co
   int halts = d->prob->step_size > 0 || d->prob->ny > ROWS_MOST || r->halting > 0;
   if (r->halting > 0) --r->halting;
   if (k && d->prob->step_size > 0) casadi_ivp_reset(d, run->grid[k - 1], d->u, 0);
-  casadi_ivp_advance(d, run->grid[k], run->grid[halts ? k : run->n - 1], 0);
+  r->stop = run->grid[halts ? k : run->n - 1];
+  casadi_ivp_advance(d, run->grid[k], r->stop, 0);
+  d->pause = run->look && d->prob->step_size <= 0 && d->prob->ny <= ROWS_MOST;
 }
 

@@ -27,6 +27,14 @@ struct acausal_run {
   long long steps, rejected, rhs, jac, reached, second;
   int (*enter)(void); int (*signals)(void); void (*clear)(void); void (*leave)(int);
   double *last, last_time; /* where the last step before an event began, if there is memory for its states */
+  /* looks at steep functions, where there are some: their columns, the slopes of these, and what the functions are, by
+     time, states and rates; memory for what was found; the function that each column belongs to */
+  int (*look)(void*, double, const double*, const double*, double*);
+  void* looker;
+  double* looked;
+  const long long* owners;
+  long long columns, functions;
+  long long doubts; /* places that may have been passed over */
 };
 /* Ctrl-C, looked for when the second changes: Python's handlers run only when they are asked for. */
 static int acausal_stopped(struct acausal_run* run) {
@@ -85,7 +93,8 @@ _INTEGRATOR: tuple[tuple[str, str], ...] = (
     (
         r"  casadi_ivp_setup\(&p\);\n",
         r"\g<0>  casadi_real own[2 * (p.ny > ROWS_MOST ? 0 : p.ny) + 1];\n"
-        "  struct acausal_rows rows = {0, NAN, 0, 0, own, own + (p.ny > ROWS_MOST ? 0 : p.ny)};\n",
+        "  struct acausal_rows rows = {0};\n"
+        "  rows.good = NAN; rows.y = own; rows.f = own + (p.ny > ROWS_MOST ? 0 : p.ny);\n",
     ),
     (
         r"while \(casadi_(?:rosenbrock|erk)\(&d, &e\)\) \{\n",
@@ -149,7 +158,8 @@ def integrator(plugin: str, dae: Any, settings: Mapping[str, Any], *companions: 
 def rows(plugin: str) -> str:
     """C of rows inside of steps, in front of an integrator."""
     names = f"#define METHOD casadi_{plugin}\n#define METHOD_DATA struct casadi_{plugin}_data\n"
-    return names + _METHODS[plugin] + Path(__file__).with_name("rows.c").read_text(encoding="utf-8")
+    files = (Path(__file__).with_name(name).read_text(encoding="utf-8") for name in ("steep.c", "rows.c"))
+    return "".join((names, _METHODS[plugin], *files))
 
 
 def heun(step: Any, companion: Any) -> str:

@@ -23,6 +23,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.arrays import Vector
+from acausal.simulate.equations.arguments import arguments as steep_arguments
 from acausal.simulate.equations.calls.direct import Repeated
 from acausal.simulate.equations.calls.quick import Quick
 from acausal.simulate.equations.numbered import Numbered, with_values
@@ -490,7 +491,10 @@ def stopping_equations(
     if stretched:
         p, u, speed = ca.vertcat(symbols, m, d), ca.vertcat(origin, shift, length, band), length
     dae, transition = _stopped((t, x, z, p, u), ode, guards + band, speed)
-    events = regime.held.watch, regime.held.rates.function, compiled.events.round, regime.held.relaxed
+    events = (regime.held.watch, regime.held.rates.function, compiled.events.round, regime.held.relaxed)
+    known = None if stretched else steep_arguments(compiled)
+    if known is not None:
+        events = *events, known.along()
     return StoppingEquations(dae, transition, constants, events)
 
 

@@ -1,0 +1,147 @@
+/* Places inside of a step at which something steep may come and go.
+
+   The law is that of driver/overlooked.py: what a steep function does between two looks shows at them, but where its argument
+   turns, and where a step, or what an argument is even in, is in its middle. There the step has to satisfy the equations. Here
+   the solution between looks is the polynomial of the step, and its rates are known: an argument turns where its slope changes
+   its sign. */
+
+enum { LOOKS_OF_STEP = 2, STEEP_TURNS = 30, STEEP_PLACES = 3 };
+/* As in overlooked.py: an instant is found where a value is this share of what it is at both ends; a function rests that is the
+   same to this share, or differs by nothing; places are ends of a step that are closer to them than this share of it. */
+#define STEEP_ZERO 1e-12
+#define STEEP_QUIET 1e-3
+#define STEEP_NOTHING 1e-14
+#define STEEP_NEAR 1e-6
+
+struct acausal_looks {
+  int ready;              /* whether the looks at this step are taken */
+  casadi_int look, column; /* where the search has come to: columns, then their middles */
+  casadi_int count;       /* places that were found there and not yet taken */
+  casadi_real places[STEEP_PLACES];
+  casadi_real end;        /* of the step of which the last look is known */
+};
+
+/* The rates of the polynomial of a step. */
+static void acausal_rate(struct casadi_ivp_data* d, casadi_real t, casadi_real* rate) {
+  const struct casadi_ivp_prob* p = d->prob;
+  casadi_real theta = (t - d->t0) / d->h, scale = 1. / d->h;
+  casadi_int k;
+  casadi_clear(d->w_dense, p->n_stages);
+  for (k = 0; k < p->n_dense; ++k) {
+    casadi_axpy(p->n_stages, (k + 1) * scale, p->m_dense + k * p->n_stages, d->w_dense);
+    scale *= theta;
+  }
+  casadi_clear(rate, p->ny);
+  casadi_mv_dense(d->U, p->ny, p->n_stages, d->w_dense, rate, 0);
+}
+
+/* Columns, slopes and functions at a time of the step; `y` and `f` are memory for states and rates. */
+static int acausal_look_at(struct casadi_ivp_data* d, struct acausal_run* run, casadi_real t, casadi_real* y, casadi_real* f,
+                           casadi_real* found) {
+  casadi_int k;
+  casadi_ivp_interpolate(d, t, y);
+  acausal_rate(d, t, f);
+  if (run->look(run->looker, t, y, f, found)) return 1;
+  for (k = 0; k < 2 * run->columns; ++k)
+    if (!casadi_ivp_isfinite(found[k])) return 1;
+  return 0;
+}
+
+static casadi_int acausal_look_size(const struct acausal_run* run) { return 2 * (run->columns + run->functions); }
+
+/* What was found at a look of the step; the one behind the last is that of a place. */
+static casadi_real* acausal_found(const struct acausal_run* run, casadi_int look) {
+  return run->looked + look * acausal_look_size(run);
+}
+
+static casadi_real acausal_look_time(const struct casadi_ivp_data* d, casadi_int look) {
+  return look == LOOKS_OF_STEP ? d->t : d->t0 + look * (d->t - d->t0) / LOOKS_OF_STEP;
+}
+
+/* The looks at a step; 1 where they cannot be taken. */
+static int acausal_looks(struct casadi_ivp_data* d, struct acausal_looks* l, struct acausal_run* run, casadi_real* y,
+                         casadi_real* f) {
+  casadi_int k = 0;
+  if (l->end == d->t0) { /* the last look of the step before */
+    casadi_copy(acausal_found(run, LOOKS_OF_STEP), acausal_look_size(run), acausal_found(run, 0));
+    k = 1;
+  }
+  l->look = l->column = l->count = 0;
+  l->end = NAN;
+  for (; k <= LOOKS_OF_STEP; ++k)
+    if (acausal_look_at(d, run, acausal_look_time(d, k), y, f, acausal_found(run, k))) return 1;
+  l->end = d->t;
+  return 0;
+}
+
+/* Where entry `at` of what is found at a look is zero between two times, at which it is `ga` and `gb` of other signs. */
+static casadi_real acausal_zero(struct casadi_ivp_data* d, struct acausal_run* run, casadi_int at, casadi_real a,
+                                casadi_real ga, casadi_real b, casadi_real gb, casadi_real* y, casadi_real* f) {
+  casadi_real small = STEEP_ZERO * fmax(fabs(ga), fabs(gb)), t = a, g, *found = acausal_found(run, LOOKS_OF_STEP + 1);
+  int turn, before = 2;
+  for (turn = 0; turn < STEEP_TURNS; ++turn) {
+    int same;
+    t = ga == gb ? a : a + (b - a) * ga / (ga - gb);
+    if (acausal_look_at(d, run, t, y, f, found)) return NAN;
+    g = found[at];
+    if (fabs(g) <= small || b - a <= STEEP_ZERO * fabs(d->h)) break;
+    same = (g < 0) == (ga < 0);
+    if (same) { a = t; ga = g; if (before == 1) gb *= 0.5; } /* what stays for a second time counts half (Illinois) */
+    else { b = t; gb = g; if (before == 0) ga *= 0.5; }
+    before = same;
+  }
+  return t;
+}
+
+/* Whether the function of a column is another at the place that was looked at last than at the looks around. */
+static int acausal_moves(const struct acausal_run* run, casadi_int look, casadi_int column) {
+  casadi_int first = 2 * run->columns + 2 * run->owners[column], k, side;
+  const casadi_real* there = acausal_found(run, LOOKS_OF_STEP + 1) + first;
+  for (side = 0; side < 2; ++side) {
+    const casadi_real* around = acausal_found(run, look + side) + first;
+    for (k = 0; k < 2; ++k)
+      if (!(fabs(around[k] - there[k]) <= STEEP_QUIET * fabs(there[k]) + STEEP_NOTHING)) return 1;
+  }
+  return 0;
+}
+
+/* Keep a zero between two times as a place, if something may come and go there; 1 where it is not known. */
+static int acausal_keep(struct casadi_ivp_data* d, struct acausal_looks* l, struct acausal_run* run, casadi_int column,
+                        casadi_real t) {
+  casadi_real near = STEEP_NEAR * (d->t - d->t0);
+  if (!casadi_ivp_isfinite(t)) return 1;
+  if (t - d->t0 > near && d->t - t > near && acausal_moves(run, l->look, column)) l->places[l->count++] = t;
+  return 0;
+}
+
+/* Search the next column between two looks; 1 where that fails. */
+static int acausal_search(struct casadi_ivp_data* d, struct acausal_looks* l, struct acausal_run* run, casadi_real* y,
+                          casadi_real* f) {
+  casadi_int n = run->columns, j = l->column++, column = j < n ? j : j - n, at = j < n ? n + j : column;
+  const casadi_real *left = acausal_found(run, l->look), *right = acausal_found(run, l->look + 1);
+  casadi_real a, b, t, top;
+  if ((left[at] < 0) == (right[at] < 0) || (j >= n && column < run->functions && run->owners[column] == column)) return 0;
+  a = acausal_look_time(d, l->look); b = acausal_look_time(d, l->look + 1);
+  t = acausal_zero(d, run, at, a, left[at], b, right[at], y, f);
+  if (acausal_keep(d, l, run, column, t)) return 1;
+  top = acausal_found(run, LOOKS_OF_STEP + 1)[column];
+  if (j >= n || column < run->functions || !(top * left[column] < 0 && top * right[column] < 0)) return 0;
+  /* a middle that turns beyond zero is zero on both sides of this */
+  if (acausal_keep(d, l, run, column, acausal_zero(d, run, column, a, left[column], t, top, y, f))) return 1;
+  return acausal_keep(d, l, run, column, acausal_zero(d, run, column, t, top, b, right[column], y, f));
+}
+
+/* The next place in a step, INFINITY where there is none any more, NAN where that is not known. */
+static casadi_real acausal_place(struct casadi_ivp_data* d, struct acausal_looks* l, struct acausal_run* run, casadi_real* y,
+                                 casadi_real* f) {
+  if (!l->ready) {
+    if (acausal_looks(d, l, run, y, f)) return NAN;
+    l->ready = 1;
+  }
+  while (!l->count) {
+    if (l->column == 2 * run->columns) { l->column = 0; ++l->look; }
+    if (l->look == LOOKS_OF_STEP) return INFINITY;
+    if (acausal_search(d, l, run, y, f)) return NAN;
+  }
+  return l->places[--l->count];
+}
