@@ -491,11 +491,10 @@ def stopping_equations(
     if stretched:
         p, u, speed = ca.vertcat(symbols, m, d), ca.vertcat(origin, shift, length, band), length
     dae, transition = _stopped((t, x, z, p, u), ode, guards + band, speed)
-    events = (regime.held.watch, regime.held.rates.function, compiled.events.round, regime.held.relaxed)
+    events = regime.held.watch, regime.held.rates.function, compiled.events.round, regime.held.relaxed
     known = None if stretched else steep_arguments(compiled)
-    if known is not None:
-        events = *events, known.along()
-    return StoppingEquations(dae, transition, constants, events)
+    looks = () if known is None else (known.along(),)
+    return StoppingEquations(dae, transition, constants, (*events, *looks))
 
 
 def _stopped(inputs: tuple[Any, ...], ode: Any, zero: Any, speed: Any) -> tuple[Any, Any]:
