@@ -34,14 +34,12 @@ from acausal.library.blocks.tables import Points, table
 class Surfaces(NamedTuple):
     """Two surfaces on each other: forces are in N, or torques in N.m where the speed is in rad/s.
 
-    `small` is a speed beyond which sliding turns round without sticking, `begin` the force at speed zero when sliding
-    forward begins, `most` the largest while stuck.
+    `small` is a speed beyond which sliding turns round without sticking, `most` the largest force while stuck.
     """
 
     speed: Expr
     acceleration: Expr
     small: Expr
-    begin: Expr
     most: Expr
 
 
@@ -80,8 +78,10 @@ class DryFriction(Component):
         # What does not count in a mode is kept away from its guard there: a stuck element whose speed is zero up to
         # rounding would make events for nothing, and so would the force on the path of a sliding one.
         path = where(stuck, sa, 0.0)
-        breaks_forward = (path > on.most) | (pre(self.startForward) & (path > on.begin))
-        breaks_backward = (path < -on.most) | (pre(self.startBackward) & (path < -on.begin))
+        # Of what begins to slide, the path is beyond `most` while it accelerates, and at it while others hold it. The
+        # friction of sliding at speed zero is no bound for it, as in Modelica: an element with a peak would go on to
+        # drag backward what the others move forward.
+        breaks_forward, breaks_backward = path > on.most, path < -on.most
         positive = where(forward | idle | self.startForward | initial(), on.speed, -on.small) > 0.0
         negative = where(backward | idle | self.startBackward | initial(), on.speed, on.small) < 0.0
         yield self.startForward == (

@@ -43,7 +43,7 @@ class PartialFriction(DryFriction):
     tau0_max: Real = variable(unit="N.m", doc="Largest friction torque at w_relfric = 0, stuck")
 
     def surfaces(self) -> Surfaces:
-        return Surfaces(self.w_relfric, self.a_relfric, self.w_small, self.tau0, self.tau0_max)
+        return Surfaces(self.w_relfric, self.a_relfric, self.w_small, self.tau0_max)
 
 
 class PartialNormalForce(PartialFriction):
@@ -175,11 +175,11 @@ class OneWayClutch(PartialCompliantWithRelativeStates):
         # above zero without a normal force too, so that the freewheel alone lets go by a margin
         least, peak = _HYSTERESIS * mu0 * self.cgeo * self.fn_max, maximum(self.peak, 1.0 + _HYSTERESIS)
         yield self.tau0_max == where(self.free, least, peak * self.tau0)
-        lets_go = (sa > self.tau0_max) | (pre(self.startForward) & (sa > self.tau0)) | (w_rel > self.w_small)
+        lets_go = (sa > self.tau0_max) | (w_rel > self.w_small)
         yield self.startForward == (pre(self.stuck) & lets_go | initial() & (w_rel > 0.0))
         yield self.locked == (pre(self.stuck) & ~self.startForward)
         yield self.mu == table(self.mu_pos, w_rel, located=False)
-        yield self.a_rel == where(self.locked, infinitesimal() * sa, sa - unitless(self.tau0))
+        yield self.a_rel == where(self.locked, infinitesimal() * sa, sa - unitless(self.tau0_max))
         yield self.tau == where(self.locked, sa, where(self.free, 0.0, self.mu * self.cgeo * self.fn))
         yield self.stuck == (self.locked | (w_rel <= 0.0))
         yield self.loss_power == where(self.stuck, 0.0, self.tau * w_rel)

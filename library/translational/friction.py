@@ -44,7 +44,7 @@ class PartialFriction(DryFriction):
     f0_max: Real = variable(unit="N", doc="Largest friction force at v_relfric = 0, stuck")
 
     def surfaces(self) -> Surfaces:
-        return Surfaces(self.v_relfric, self.a_relfric, self.v_small, self.f0, self.f0_max)
+        return Surfaces(self.v_relfric, self.a_relfric, self.v_small, self.f0_max)
 
 
 class PartialGuided(PartialRigid):

@@ -94,6 +94,83 @@ def test_how_the_end_depends_on_a_limit_of_one_of_them() -> None:
     assert moved == pytest.approx([0.5], abs=1e-6)
 
 
+class Swinging(Component):
+    """An inertia at rest under 0.76 to 3.06 N.m, and two brakes whose normal forces swing, each in its own time."""
+
+    brakes: list[rotational.Brake] = part()
+    inertia: rotational.Inertia = part()
+    torque: rotational.Torque = part()
+
+    def build(self) -> None:
+        self.inertia = rotational.Inertia(J=2.0, phi=fixed(0.0), w=fixed(0.0))
+        self.torque = rotational.Torque(u=1.15 * sin(2.97 * time - 0.213) - 1.91)
+        self.brakes = [
+            rotational.Brake(fn_max=20.0, f_normalized=0.6 + 0.5 * sin(5.4 * time)),
+            rotational.Brake(fn_max=12.0, f_normalized=0.6 + 0.5 * sin(3.65 * time), peak=1.2),
+        ]
+
+    def equations(self) -> Equations:
+        yield connect(self.torque.flange, self.inertia.flange_a)
+        for brake in self.brakes:
+            yield connect(self.inertia.flange_b, brake.flange_a)
+
+
+@pytest.mark.parametrize("solver", ["rosenbrock", "idas"])
+def test_friction_moves_nothing(solver: str) -> None:
+    """The limits of sliding carry 2.7 N.m more than the load at any time, so that nothing ever moves.
+
+    The second gives way at its peak and is held by the first; it went on to push as its normal force grew, up to where
+    the first gave way the other way round, and they turned the inertia with 0.07 rad/s.
+    """
+    t = np.linspace(0.0, 3.0, 3001)
+    carried = 10 * (0.6 + 0.5 * np.sin(5.4 * t)) + 6 * (0.6 + 0.5 * np.sin(3.65 * t))
+    assert (carried - np.abs(1.15 * np.sin(2.97 * t - 0.213) - 1.91)).min() > 2.7
+    r = acausal.simulate(Swinging(), stop_time=3.0, tolerance=1e-8, solver=solver)
+    assert np.abs(r["inertia.w"]).max() < 1e-11
+
+
+class HeldAcross(Component):
+    """Inertias at rest with a one-way clutch between them, a bearing on the left, a brake and a torque on the right.
+
+    Largest torques: 3 N.m of the bearing, 1 of the clutch, 4 of the brake.
+    """
+
+    left: rotational.Inertia = part()
+    right: rotational.Inertia = part()
+    bearing: rotational.BearingFriction = part()
+    clutch: rotational.OneWayClutch = part()
+    brake: rotational.Brake = part()
+    torque: rotational.Torque = part()
+
+    def build(self) -> None:
+        self.left = rotational.Inertia(J=1.0, phi=fixed(0.0), w=fixed(0.0))
+        self.right = rotational.Inertia(J=1.0, phi=fixed(0.0), w=fixed(0.0))
+        self.bearing = rotational.BearingFriction(tau_pos=((0.0, 3.0),))
+        self.clutch = rotational.OneWayClutch(fn_max=2.0, f_normalized=1.0)
+        self.brake = rotational.Brake(fn_max=8.0, f_normalized=1.0)
+        self.torque = rotational.Torque(u=1.0 * time)
+
+    def equations(self) -> Equations:
+        yield connect(self.left.flange_a, self.bearing.flange_a)
+        yield connect(self.left.flange_b, self.clutch.flange_a)
+        yield connect(self.clutch.flange_b, self.right.flange_a)
+        yield connect(self.right.flange_b, self.brake.flange_a, self.torque.flange)
+
+
+@pytest.mark.parametrize("solver", ["rosenbrock", "idas"])
+def test_a_one_way_clutch_hands_over_what_it_cannot_carry(solver: str) -> None:
+    """Under a torque t the clutch carries t/3 up to its 1, then the brake t - 1 up to its 4; then w' = t - 5, at 7: 2.
+
+    t/3 are least squares: x + y = t with x**2 + 2*y**2 least, as the bearing carries the clutch's load y on.
+    """
+    r = acausal.simulate(HeldAcross(), stop_time=7.0, tolerance=1e-8, solver=solver)
+    assert r.at(1.5, "clutch.tau") == pytest.approx(0.5, abs=1e-9)
+    assert r.at(3.5, "clutch.tau") == pytest.approx(1.0, abs=1e-9)
+    assert r.at(3.5, "brake.tau") == pytest.approx(2.5, abs=1e-9)
+    assert r.final("right.w") == pytest.approx(2.0, abs=1e-6)
+    assert np.abs(r["left.w"]).max() < 1e-9
+
+
 class GearedBearings(Component):
     """A gear with an inertia and a bearing on each side."""
 
