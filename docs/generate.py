@@ -39,15 +39,15 @@ _MARKS = {
 
 # What each group of codes is about, by their first digit.
 GROUPS = {
-    "0": "How something was asked for",
-    "1": "What a model says",
-    "2": "The structure of its equations",
-    "3": "Its start",
+    "0": "Usage",
+    "1": "Models: declarations, units, connections",
+    "2": "Structure of the equations",
+    "3": "Start values",
     "4": "Integration",
     "5": "Events",
     "6": "Export",
     "7": "Optimal control",
-    "9": "Defects of acausal",
+    "9": "Defects of acausal and limits of the machine",
 }
 
 
@@ -64,6 +64,9 @@ def main() -> None:
 
 def _family(family: str) -> Iterator[str]:
     yield f"# Library: {family}"
+    yield ""
+    yield f"The components of `acausal.library.{family}`, in the order of their names."
+    yield f"`acausal info {family}.NAME` prints the same in a terminal."
     yield ""
     for part in library_parts():
         if part.family != family:
@@ -158,6 +161,8 @@ def _table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> Iterator[str]:
 def _commands() -> Iterator[str]:
     yield "# Commands"
     yield ""
+    yield "Every command and its options, as `acausal VERB --help` prints them."
+    yield ""
     group: Any = typer.main.get_command(app)
     yield from _command("acausal", group)
 
@@ -184,6 +189,8 @@ def _python() -> Iterator[str]:
     """Every public name by its own docstring."""
     yield "# Python"
     yield ""
+    yield "Every public name of the package `acausal`, with its docstring."
+    yield ""
     names = [n for n in dir(acausal) if not n.startswith("_")] + list(acausal._LAZY)
     for name in sorted(set(names), key=str.lower):
         value = getattr(acausal, name)
@@ -208,7 +215,8 @@ def _errors() -> Iterator[str]:
     """Every code with the words of all places that raise it, and the remedies they name."""
     yield "# Error codes"
     yield ""
-    yield "What stands in braces is filled in: a name, a value, a place. Several lines are several places."
+    yield "Every error has a code. Below it stand its messages, one for each place that raises it, with the remedy."
+    yield "Braces mark the names, values and places that a message fills in."
     yield ""
     found: dict[str, list[tuple[str, str]]] = {}
     for path in sorted(p for folder in ("acausal", "library") for p in (ROOT / folder).rglob("*.py")):

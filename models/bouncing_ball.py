@@ -22,7 +22,7 @@ from acausal import (
 
 
 class BouncingBall(Component):
-    """Free fall on a floor that gives back the share `e` of the velocity.
+    """A ball that falls on a floor and bounces with the coefficient of restitution `e`.
 
     Flights last 2*v/g, each shorter than the one before: they accumulate at t = sqrt(2*h0/g)*(1 + e)/(1 - e), 2.56 s
     with the values below, and from then on the ball lies on the floor.

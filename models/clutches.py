@@ -10,7 +10,7 @@ from acausal.library.rotational import Clutch, Inertia, Torque
 
 
 class ThreeClutchDrive(Component):
-    """Four inertias in a row, joined by three clutches that are engaged one after the other.
+    """Four inertias in a row, coupled by three clutches that engage one after the other.
 
     Modelica.Mechanics.Rotational.Examples.CoupledClutches: the first clutch is pressed in a slow wave, the second from
     0.4 s, the third from 0.9 s on, while a torque of 5 Hz drives the first inertia.
@@ -60,7 +60,7 @@ class ThreeClutchDrive(Component):
 
 
 class ClutchChain(Component):
-    """`n` clutches, always pressed, between `n + 1` inertias at rest; a torque that swings pulls at the first.
+    """`n` engaged clutches between `n + 1` inertias at rest; a sinusoidal torque acts on the first.
 
     Each clutch is pressed less than the one before, so that it cannot hold what the inertias behind it need: they break
     loose one after the other, from the far end on, and stick again when the torque turns round.

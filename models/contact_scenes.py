@@ -32,7 +32,7 @@ UP = (0.0, 0.0, 1.0)
 
 
 class BoxStack(Component):
-    """Boxes on top of each other on the ground, each a little turned and shifted, let go 1 mm above one another.
+    """A stack of slightly rotated and shifted boxes, released 1 mm above one another.
 
     Nobody says which box touches which. They settle within half a second, and stand.
     """
@@ -101,7 +101,7 @@ def _total(terms: list[Expr]) -> Expr:
 
 
 class StackedPlates(Component):
-    """A drill pressed through two plates with a gap between them, the lower one on a spring.
+    """A drill goes through two plates with a gap between them, the lower one on a spring.
 
     The feed is a constant force against a damper, which caps the surge when the drill breaks through. All that the
     sources give is cut, damped or stored: `balance.residual`. The bench is in the scene, but out of reach.
@@ -193,7 +193,7 @@ class StackedPlates(Component):
 
 
 class HolesSideBySide(Component):
-    """A drill on a gantry: a hole, a second one beside it, and back into the first to make it deeper.
+    """A drill on a gantry drills a hole, a second one beside it, and then deepens the first.
 
     The feed is a given motion, so the force follows. Nobody says which of the plates is drilled, nor where: there are
     `n` of them, and only those that the drill is near are in the equations. The balance leaves out the kinetic energy:

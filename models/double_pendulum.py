@@ -9,7 +9,7 @@ from acausal.library.multibody import BodyBox, Revolute, World
 
 
 class DoublePendulum(Component):
-    """Two steel bars of square section, hinged to each other, released from the horizontal."""
+    """Two hinged steel bars of square section, released from the horizontal."""
 
     length: Real = parameter(default=0.5, unit="m", min=0.0, doc="Length of each bar")
     width: Real = parameter(default=0.06, unit="m", min=0.0, doc="Side of the section")

@@ -86,7 +86,7 @@ class ConstantForceDrilling(Component):
 
 
 class BreakthroughSurge(Component):
-    """The same drill twice, pressed with the same force: `free`, and `capped` to a feed rate.
+    """Two equal drills under the same force break through: `free`, and `capped` to a feed rate.
 
     As the cone leaves the plate, the same force presses on less and less width. The free drill surges, held by its
     inertia alone, until it hits the depth stop.

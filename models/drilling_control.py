@@ -37,7 +37,7 @@ SIN_KAPPA = math.sin(math.radians(59.0))
 
 
 class ForceControlledDrilling(Component):
-    """A hole through two plates with a gap in between, at a thrust that is held from the entry to the exit.
+    """A controller drills through two plates with a gap between them at constant thrust.
 
     The controller feels its way to the first plate, holds the thrust, notices that the drill is through when the
     thrust breaks down although the feed is at its cap, goes on until the full diameter is through and retracts. A

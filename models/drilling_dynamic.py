@@ -40,7 +40,7 @@ SPEED: Points = (
 
 
 class ThickBlock(Component):
-    """A drill pressed and turned into a block of steel: first without rotation, then drilling, then at rest again.
+    """A drill in a steel block under given force and speed: pressed without rotation, drilling, at rest again.
 
     Composed as Figure 5 of the founding paper, section 3.2: a force and an angular velocity source move the drill on
     a prismatic and a revolute joint; the drilling force acts between the drill and the block. The paper prints

@@ -13,7 +13,7 @@ from acausal.library.translational import Speed as TranslationalSpeed
 
 
 class ThinPlate(Component):
-    """A drill of 16 mm that goes through a plate thinner than its cone, as fast as it is driven.
+    """A 16 mm drill with prescribed feed goes through a plate thinner than its cone.
 
     Section 3.1 of the founding paper: n = 9.28 1/s, v = 1.672 mm/s, 34CrMo4. The first touch is at time 0. While
     both ends of the cone's engaged part move, the forces stay constant although the diameters grow.

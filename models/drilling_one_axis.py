@@ -34,7 +34,7 @@ from acausal.models.drilling_dynamic import FORCE, SPEED, Points
 
 
 class OneAxisDrilling(Component):
-    """A drill of one degree of freedom against a block: depth, speed and ground of the hole as three states.
+    """A drill with one degree of freedom in a block; the states are depth, speed and ground of the hole.
 
     The equations of `ThickBlock`, docs/drilling.md, for a motion along the drill axis, with its numbers: no frames, no
     bodies, no angle of the spindle.

@@ -11,7 +11,7 @@ from acausal.library.multibody import Body, Prismatic, Revolute, World
 
 
 class SpindleStall(Component):
-    """A drill fed at a constant rate by a motor that is too weak for the full diameter.
+    """A drill at constant feed stalls, because the motor is too weak for the full diameter.
 
     While the cone enters, the torque grows with the square of the diameter. Once the motor is at its limit the
     spindle slows down; the same feed rate then means more feed per revolution, thicker chips and more torque, so that

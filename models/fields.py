@@ -35,7 +35,7 @@ class HeatedBar(Component):
 
 
 class FisherFront(Component):
-    """A front of logistic growth that runs into an empty channel at 2*sqrt(k*D), 20 mm/s."""
+    """A front of logistic growth that enters an empty channel at 2*sqrt(k*D), 20 mm/s."""
 
     n: int = structural(default=200, doc="Number of cells")
     full: FixedConcentration = FixedConcentration(c=1.0)
@@ -54,7 +54,7 @@ class FisherFront(Component):
 
 
 class CableReflection(Component):
-    """A voltage that is switched on to 10 m of cable: the load sees it 50 ns later, the source what comes back."""
+    """A voltage step on 10 m of cable: it reaches the load after 50 ns and is reflected to the source."""
 
     R_load: Real = parameter(default=150.0, unit="Ohm", min=0.0, doc="Load; the line has 50 Ohm")
     source: RampVoltage = RampVoltage(V=1.0, duration=5e-9, start_time=1e-8)

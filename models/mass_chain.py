@@ -9,7 +9,7 @@ from acausal.library.translational import Fixed, Mass, SpringDamper
 
 
 class MassSpringDamperChain(Component):
-    """`n` equal masses, each tied to the one before it, the first to a wall; the first one starts off its place.
+    """`n` equal masses in a chain of springs and dampers from a wall; the first one starts displaced.
 
     Reduced it has 2*n states: m*a[k] = c*(s[k-1] - 2*s[k] + s[k+1]) + d*(v[k-1] - 2*v[k] + v[k+1]).
     """

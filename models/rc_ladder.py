@@ -10,7 +10,7 @@ from acausal.library.electrical import Capacitor, ConstantVoltage, Ground, Resis
 
 
 class RCLadder(Component):
-    """Chain of `n` resistors, each with a capacitor to ground behind it, switched on a constant voltage.
+    """Chain of `n` resistors, each followed by a capacitor to ground, switched to a constant voltage.
 
     Reduced it is C*dv[k]/dt = (v[k-1] - 2*v[k] + v[k+1])/R: diffusion along a line, n states.
     """

@@ -10,7 +10,7 @@ from acausal.library.rotational import Inertia, LinearSpeedDependentTorque, Spee
 
 
 class SampledSpeedControl(Component):
-    """Motor and load on a stiff shaft, their speed held by a PI controller that samples at 1 kHz.
+    """A PI controller sampled at 1 kHz holds the speed of a motor and a load on a stiff shaft.
 
     The shaft rings at 14 kHz and dies out within microseconds of each step of the torque: the clock, not the shaft, is
     to decide how many steps a solver takes.

@@ -9,7 +9,7 @@ from acausal.library.translational import Fixed, Flange, Mass, SpringDamper
 
 
 class RegenerativeCut(Component):
-    """Force on a tool whose chip is as thick as the feed and what the tool has moved within one turn.
+    """Cutting force of a tool; its chip thickness is the feed plus the tool's displacement within one turn.
 
     Linear: the tool stays in the cut. Positive positions are deeper in the workpiece.
 
@@ -31,7 +31,7 @@ class RegenerativeCut(Component):
 
 
 class RegenerativeTurning(Component):
-    """A tool of one natural frequency, 250 Hz, at a spindle speed of 3000 1/min.
+    """Regenerative chatter of a tool with a natural frequency of 250 Hz at a spindle speed of 3000 1/min.
 
     With `zeta` the damping ratio of the tool and c its stiffness, no speed is unstable below the width of cut
     2 c zeta (1 + zeta) / K, 0.076 mm here; above it speeds are stable in pockets, the lobes of the stability chart. At

@@ -1,8 +1,11 @@
-"""The map of the code in docs/devdocs/README.md: all that it names is there, and it names every folder."""
+"""What pages name exists; the map of the code in docs/devdocs/README.md names every folder."""
 
 from __future__ import annotations
 
+import importlib
 import re
+from collections.abc import Iterator
+from operator import attrgetter
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -46,3 +49,44 @@ def test_every_folder_is_named() -> None:
 def test_every_page_is_listed() -> None:
     pages = {p.name for p in (ROOT / "docs/devdocs").glob("*.md")} - {"README.md"}
     assert pages <= set(re.findall(r"\]\(([\w-]+\.md)\)", PAGE))
+
+
+PAGES = [ROOT / "README.md", ROOT / "benchmarks/README.md", *sorted((ROOT / "docs").glob("**/*.md"))]
+
+
+def unknown(page: Path) -> Iterator[str]:
+    """Links, files and dotted names of a page that lead nowhere."""
+    text = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
+    spans = re.findall(r"`([^`]+)`", text)
+    for link in re.findall(r"\]\((?!https?:|mailto:|#)([^)#\s]+)", re.sub(r"`[^`]+`", "", text)):
+        if not (page.parent / link).exists():
+            yield link
+    for span in spans:
+        if (
+            re.fullmatch(r"(acausal|library|models|tests|benchmarks|docs)/[\w/.-]+", span)
+            and not (ROOT / span).exists()
+        ):
+            yield span
+        elif (name := re.match(r"acausal(\.\w+)+", span)) and not resolves(name[0]):
+            yield name[0]
+
+
+def resolves(name: str) -> bool:
+    """Whether a dotted name is a module of the package or something in one."""
+    module, _, rest = name.rpartition(".")
+    try:
+        importlib.import_module(name)
+    except ImportError:
+        try:
+            attrgetter(rest)(importlib.import_module(module))
+        except ImportError:  # an attribute of a class
+            return bool(module) and resolves(module)
+        except AttributeError:
+            return False
+    return True
+
+
+def test_pages_name_what_exists() -> None:
+    # What a run caches on disk is in a folder of the user.
+    wrong = {f"{page.relative_to(ROOT)}: {name}" for page in PAGES for name in unknown(page)}
+    assert wrong <= {"docs/devdocs/native.md: acausal/native"}

@@ -62,9 +62,9 @@ def check(compiled: CompiledModel, form: Form, outputs: Sequence[Output]) -> tup
         events, name = compiled.state_events, form.name
         ends = (c for c in events.clauses if c.terminate is not None)
         notes += [f"{name} does not end the run: {c.text} ({c.where})" for c in ends]
-        notes += [f"{name} does not look at the assertion: {a.message} ({a.where})" for a in events.asserts]
+        notes += [f"{name} does not check the assertion: {a.message} ({a.where})" for a in events.asserts]
         led = (compiled.solution.structure.reduced.name(v) for v in switched_dependents(compiled.solution))
-        notes += [f"{name} does not look whether {v} jumps, whose constraint changes at events (AC507)" for v in led]
+        notes += [f"{name} does not check for jumps of {v}, whose constraint changes at events (AC507)" for v in led]
     return tuple(notes)
 
 

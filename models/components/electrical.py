@@ -41,7 +41,7 @@ from acausal.library.translational import Fixed, Mass, SpringDamper
 
 
 class CurrentSources(Component):
-    """Five sources of current on one capacitor that leaks, whose voltage is what they bring together."""
+    """Five current sources charge one leaky capacitor."""
 
     constant: ConstantCurrent = ConstantCurrent(I=0.2)
     step: StepCurrent = StepCurrent(I=0.5, start_time=1.0)
@@ -72,7 +72,7 @@ class CurrentSources(Component):
 
 
 class TransformerOnLine(Component):
-    """A voltage by signal, an ideal transformer from 10 to 1, and a load behind it."""
+    """A signal voltage feeds a load through an ideal 10:1 transformer."""
 
     control: Sine = Sine(amplitude=325.0, f=50.0)
     source: SignalVoltage = SignalVoltage()
@@ -99,7 +99,7 @@ class TransformerOnLine(Component):
 
 
 class SaturatedCoil(Component):
-    """A coil whose iron saturates: its current has peaks where a linear one (`coil`) has a sine."""
+    """A coil with saturating iron: its current has peaks where that of a linear one (`coil`) is a sine."""
 
     source: SineVoltage = SineVoltage(V=2.0, f=0.2)
     resistor1: Resistor = Resistor(R=0.1)
@@ -122,7 +122,7 @@ class SaturatedCoil(Component):
 
 
 class HeatedCircuit(Component):
-    """A resistor and a diode that heat a common body, beside a diode that stays at its temperature."""
+    """A resistor and a diode heat a common body; another diode keeps its temperature."""
 
     source: ConstantVoltage = ConstantVoltage(V=5.0)
     hot_resistor: HeatingResistor = HeatingResistor(R_ref=10.0, alpha=4e-3)
@@ -151,7 +151,7 @@ class HeatedCircuit(Component):
 
 
 class SwitchedCoils(Component):
-    """Three switches open in front of a coil: two draw an arc, across an ideal one the voltage has no limit."""
+    """Three switches interrupt the current of a coil: two with an arc, an ideal one with unlimited voltage."""
 
     opening: BooleanStep = BooleanStep(start_time=0.012)
     closing: Not = Not()
@@ -187,7 +187,7 @@ class SwitchedCoils(Component):
 
 
 class ChoppedHalfWave(Component):
-    """A thyristor that can be turned off: it conducts in the first half of each positive half wave."""
+    """A gate turn-off thyristor that conducts in the first half of each positive half wave."""
 
     source: SineVoltage = SineVoltage(V=325.0, f=50.0)
     fire: BooleanPulse = BooleanPulse(period=0.02, width=0.25)
@@ -209,7 +209,7 @@ class ChoppedHalfWave(Component):
 
 
 class MotorStart(Component):
-    """A motor of direct current on a constant voltage, and a fan as its load."""
+    """A DC motor starts on a constant voltage and drives a fan."""
 
     source: ConstantVoltage = ConstantVoltage(V=24.0)
     resistor: Resistor = Resistor(R=0.5)
@@ -235,7 +235,7 @@ class MotorStart(Component):
 
 
 class VoiceCoil(Component):
-    """The coil of a loudspeaker in its magnet: a tone near the resonance of its membrane."""
+    """A loudspeaker coil in its magnet, driven by a tone near the resonance of the membrane."""
 
     source: SineVoltage = SineVoltage(V=2.0, f=60.0)
     resistor: Resistor = Resistor(R=6.0)

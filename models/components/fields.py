@@ -9,7 +9,7 @@ from acausal.library.fields import Channel, ConcentrationExchange, FixedMolarFlo
 
 
 class FedChannel(Component):
-    """A tracer is fed into a channel at a constant rate, spreads with the flow, and leaves by exchange at its end."""
+    """A tracer enters a channel at a constant rate, spreads with the flow, and leaves at the end."""
 
     feed: FixedMolarFlow = FixedMolarFlow(n_flow=1e-6)
     channel: Channel = Channel(n=40, length=1.0, A=1e-4, D=1e-4, v=1e-2)

@@ -41,7 +41,7 @@ from acausal.library.blocks import (
 
 
 class Gates(Component):
-    """Two signals through all gates."""
+    """Two Boolean signals through all logic gates."""
 
     a: BooleanTable = BooleanTable(table=(1.0, 3.0, 5.0, 7.0))
     b: BooleanTable = BooleanTable(table=(2.0, 4.0, 5.5, 6.5))
@@ -71,7 +71,7 @@ class Gates(Component):
 
 
 class Memories(Component):
-    """Edges of a signal read the clock, a flip-flop keeps which came last, a loop through `Pre` latches."""
+    """Edges sample the clock, a flip-flop remembers the last one, and a loop through `Pre` latches."""
 
     signal: BooleanTable = BooleanTable(table=(1.0, 2.0, 4.0, 6.0))
     later: BooleanStep = BooleanStep(start_time=5.0)
@@ -114,7 +114,7 @@ class Memories(Component):
 
 
 class Comparisons(Component):
-    """A sine against a line and against thresholds."""
+    """A sine compared with a ramp and with thresholds."""
 
     sine: Sine = Sine(f=0.5)
     line: ContinuousClock = ContinuousClock(offset=-1.0)

@@ -48,7 +48,7 @@ _TURNING = fixed((1.0, 2.0, 3.0))
 
 
 class MassesOnSprings(Component):
-    """Three point masses hang on springs: with a damper beside it, with damping inside, and on a heavy spring."""
+    """Three point masses on springs: with a damper in parallel, with internal damping, and on a heavy spring."""
 
     world: World = World()
     spring: Spring = Spring(c=100.0, s_unstretched=0.3)
@@ -77,7 +77,7 @@ class MassesOnSprings(Component):
 
 
 class TurnedByThrusters(Component):
-    """A cylinder in free space under a force and a torque that turn with it, and others that keep their direction."""
+    """A cylinder in free space under a body-fixed force and torque, and under space-fixed ones."""
 
     world: World = World(g=0.0)
     motion: FreeMotion = FreeMotion(r_rel_a=_REST, v_rel_a=_REST, w_rel_b=_REST, Q=_UPRIGHT)
@@ -102,7 +102,7 @@ class TurnedByThrusters(Component):
 
 
 class MeasuredPendulum(Component):
-    """A pendulum on a slanted bracket; what its joint carries is measured, and where its end is."""
+    """A pendulum on a slanted bracket, with sensors for the load of its joint and the position of its end."""
 
     world: World = World()
     bracket: FixedRotation = FixedRotation(r=(0.2, 0.0, 0.0), R_rel=axis_rotation((1.0, 0.0, 0.0), math.radians(20.0)))
@@ -129,7 +129,7 @@ class MeasuredPendulum(Component):
 
 
 class BallAndCardan(Component):
-    """Two bars swing in space, one on a ball joint, one on a universal joint, which does not let it spin."""
+    """Two bars swing in space: one on a ball joint, one on a universal joint, which prevents its spin."""
 
     world: World = World()
     ball: Spherical = Spherical()
@@ -156,7 +156,7 @@ class BallAndCardan(Component):
 
 
 class FourBar(Component):
-    """A planar loop of four revolute joints, one of which states only what the plane leaves open."""
+    """A planar four-bar linkage of revolute joints, one of them a planar loop constraint."""
 
     world: World = World()
     pivot: Fixed = Fixed(r=(0.4, 0.0, 0.0))
@@ -186,7 +186,7 @@ class FourBar(Component):
 
 
 class ConstrainedBodies(Component):
-    """Free bodies that constraints hold: one on an axis, beside the same with a joint, one on a straight line."""
+    """Free bodies under constraints: one on an axis, next to the same with a joint, and one on a straight line."""
 
     world: World = World()
     hinge: RevoluteConstraint = RevoluteConstraint()
@@ -223,7 +223,7 @@ class ConstrainedBodies(Component):
 
 
 class GearInSpace(Component):
-    """Two shafts in a bearing, coupled 10 to 1; a torque that swings drives the fast one."""
+    """Two shafts in a common bearing, geared 10 to 1; a sinusoidal torque drives the fast one."""
 
     world: World = World()
     gear: GearConstraint = GearConstraint(ratio=10.0, r_a=(0.0, 0.2, 0.0))
@@ -248,7 +248,7 @@ class GearInSpace(Component):
 
 
 class RollingDisk(Component):
-    """A disk that rolls on the ground, pushed off with some lean: it comes around in a curve."""
+    """A leaning disk rolls on the ground along a curve."""
 
     world: World = World(n=(0.0, 0.0, -1.0))
     wheel: RollingWheel = RollingWheel(radius=0.3, n=(0.0, 0.0, 1.0))
@@ -277,7 +277,7 @@ class RollingDisk(Component):
 
 
 class PushingBodies(Component):
-    """Two bodies on one rail: a force and a torque act between them, so that neither goes away with momentum."""
+    """Two bodies on one rail with a force and a torque between them; their total momentum stays zero."""
 
     world: World = World()
     rail1: Prismatic = Prismatic(s=fixed(0.0), v=fixed(0.0))

@@ -39,7 +39,7 @@ from acausal.library.translational import Mass
 
 
 class BrakedShaft(Component):
-    """A shaft at constant torque that a brake stops twice; sensors for angle, acceleration, torque and power."""
+    """A brake stops a shaft under constant torque twice; sensors for angle, acceleration, torque and power."""
 
     drive: ConstantTorque = ConstantTorque(tau_constant=2.0)
     rotor: Inertia = Inertia(J=0.1, phi=fixed(0.0), w=fixed(0.0))
@@ -67,7 +67,7 @@ class BrakedShaft(Component):
 
 
 class StickingBearing(Component):
-    """A torque that swings turns a shaft against the friction of its bearing: it sticks at each return."""
+    """A sinusoidal torque turns a shaft against bearing friction; the shaft sticks at each reversal."""
 
     control: Sine = Sine(amplitude=5.0, f=0.5)
     torque: Torque = Torque()
@@ -91,7 +91,7 @@ class StickingBearing(Component):
 
 
 class GearTrain(Component):
-    """A motor drives through a gear without losses, one with losses, and one whose housing rests on a spring."""
+    """A motor drives a lossless gear, a lossy gear, and a gear with its housing on a spring."""
 
     drive: ConstantTorque = ConstantTorque(tau_constant=1.0)
     motor: Inertia = Inertia(J=0.01, phi=fixed(0.0), w=fixed(0.0))
@@ -123,7 +123,7 @@ class GearTrain(Component):
 
 
 class WheelAndRack(Component):
-    """A wheel that rolls pulls one mass, a pinion on a rack another; the fan on the shaft limits the speed."""
+    """A rolling wheel and a rack and pinion pull one mass each; a fan on the shaft limits the speed."""
 
     drive: ConstantTorque = ConstantTorque(tau_constant=20.0)
     rotor: Inertia = Inertia(J=0.5, phi=fixed(0.0), w=fixed(0.0))
@@ -147,7 +147,7 @@ class WheelAndRack(Component):
 
 
 class Freewheel(Component):
-    """A torque that swings moves a shaft through a freewheel, one way only."""
+    """A sinusoidal torque drives a shaft through a freewheel, in one direction only."""
 
     control: Sine = Sine(amplitude=10.0, f=1.0)
     torque: Torque = Torque()
@@ -175,7 +175,7 @@ class Freewheel(Component):
 
 
 class Backlash(Component):
-    """A shaft whose angle is prescribed moves another one through a play of 0.1 rad."""
+    """A shaft with prescribed angle moves another one through a backlash of 0.1 rad."""
 
     angle: Sine = Sine(amplitude=0.2, f=1.0)
     prescribed: Position = Position()
@@ -201,7 +201,7 @@ class Backlash(Component):
 
 
 class EddyBrake(Component):
-    """A disk that is brought to speed, and let go in front of a magnet that brakes and warms it."""
+    """A spinning disk in front of a magnet, which brakes and heats it."""
 
     drive: ConstantTorque = ConstantTorque(tau_constant=0.5)
     disk: Inertia = Inertia(J=0.2, phi=fixed(0.0), w=fixed(50.0))
@@ -224,7 +224,7 @@ class EddyBrake(Component):
 
 
 class ReactingTorque(Component):
-    """A torque between two shafts, one of which is accelerated as a signal says."""
+    """A torque between two shafts; a signal prescribes the acceleration of one of them."""
 
     acceleration: Sine = Sine(amplitude=10.0, f=0.5)
     prescribed: Accelerate = Accelerate(phi=fixed(0.0), w=fixed(0.0))

@@ -67,7 +67,7 @@ class Arithmetic(Component):
 
 
 class Limits(Component):
-    """A sine through what limits, ignores, switches and bends it."""
+    """A sine through a limiter, a dead zone, switches and a table."""
 
     sine: Sine = Sine(amplitude=2.0, f=1.0)
     limiter: Limiter = Limiter(u_max=1.5)
@@ -89,7 +89,7 @@ class Limits(Component):
 
 
 class Responses(Component):
-    """A row of pulses through a lag of second order, and its derivatives, exact and approximate."""
+    """Pulses through two lags; the output is differentiated exactly and approximately."""
 
     pulse: Pulse = Pulse(period=4.0)
     lag: FirstOrder = FirstOrder(T=0.1, y=fixed(0.0))
@@ -110,7 +110,7 @@ class Responses(Component):
 
 
 class Delays(Component):
-    """A ramp as it was half a second ago, the same by a transfer function, and by a delay that grows."""
+    """A ramp delayed by half a second, by a Pade approximation of that delay, and by a growing delay."""
 
     ramp: Ramp = Ramp(height=1.0, start_time=1.0, duration=1.0)
     fixed_delay: FixedDelay = FixedDelay(delay_time=0.5)
@@ -130,7 +130,7 @@ class Delays(Component):
 
 
 class NoisySignals(Component):
-    """Two kinds of random numbers, the same in every run, and the second one behind a lag."""
+    """Two reproducible noise signals, the second one behind a lag."""
 
     uniform: UniformNoise = UniformNoise(sample_period=0.05, y_min=-1.0)
     normal: NormalNoise = NormalNoise(sample_period=0.05, sigma=0.5, seed=2)
@@ -147,7 +147,7 @@ class NoisySignals(Component):
 
 
 class MeansOfSine(Component):
-    """Mean, mean of the size and root of the mean square of a sine above zero, period by period."""
+    """Mean, rectified mean and root mean square of a sine with offset, period by period."""
 
     sine: Sine = Sine(offset=0.5, amplitude=1.0, f=1.0)
     mean: Mean = Mean(f=1.0)
@@ -164,7 +164,7 @@ class MeansOfSine(Component):
 
 
 class TwoControllers(Component):
-    """A PID controller with limits and a plain PI controller, each on a plant with two lags."""
+    """A PID controller with limits and a PI controller, each with a plant of two lags."""
 
     set_point: Pulse = Pulse(period=20.0)
     pid: LimPID = LimPID(k=4.0, Ti=2.0, Td=0.3, y_max=2.0, I=fixed(0.0), x_D=fixed(0.0))

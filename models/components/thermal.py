@@ -21,7 +21,7 @@ from acausal.library.thermal import (
 
 
 class HeatedRoom(Component):
-    """A night with a radiator that a thermostat switches; it gives its heat to the room by air and by radiation."""
+    """A thermostat switches a radiator for a night; it heats the room by convection and radiation."""
 
     set_point: Constant = Constant(k=293.15)
     thermostat: OnOffController = OnOffController(bandwidth=1.0)

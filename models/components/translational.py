@@ -34,7 +34,7 @@ from acausal.library.translational import (
 
 
 class CoastDown(Component):
-    """Two carts roll out: one against the air, with the square of its speed, one in oil, in proportion to it."""
+    """Two carts coast to rest: one against quadratic air drag, one against linear drag in oil."""
 
     in_air: Mass = Mass(m=10.0, s=fixed(0.0), v=fixed(20.0))
     air: QuadraticSpeedDependentForce = QuadraticSpeedDependentForce(f_nominal=-40.0, v_nominal=20.0)
@@ -57,7 +57,7 @@ class CoastDown(Component):
 
 
 class StopsAndFriction(Component):
-    """Masses pushed to and fro: one between hard stops, one in a guide that rubs, one that a brake holds."""
+    """Masses pushed back and forth: one between hard stops, one in a guide with friction, one with a brake."""
 
     push: Sine = Sine(amplitude=25.0, f=0.5)
     force1: Force = Force()
@@ -89,7 +89,7 @@ class StopsAndFriction(Component):
 
 
 class BufferAndPlay(Component):
-    """A mass runs against a buffer, another one is pulled through a play by the ground that shakes."""
+    """A mass runs against a buffer; shaking ground pulls another one through a backlash."""
 
     thrown: Mass = Mass(m=1.0, L=0.1, s=fixed(0.0), v=fixed(1.0))
     rod: Rod = Rod(L=0.2)
@@ -119,7 +119,7 @@ class BufferAndPlay(Component):
 
 
 class BallOnFloor(Component):
-    """A mass bounces off an obstacle against which a spring and its weight pull it."""
+    """A spring and its weight pull a mass against an obstacle, off which it bounces."""
 
     floor: Fixed = Fixed()
     spring: Spring = Spring(c=20.0, s_rel0=-0.2)
@@ -138,7 +138,7 @@ class BallOnFloor(Component):
 
 
 class PushedApart(Component):
-    """A force between two masses pushes them apart, a spring and a damper bring them back; its power is measured."""
+    """A force pushes two masses apart, a spring and a damper pull them back; a sensor measures the power."""
 
     push: Pulse = Pulse(period=2.0, amplitude=10.0, width=0.25)
     left: Mass = Mass(m=1.0, s=fixed(0.0), v=fixed(0.0))

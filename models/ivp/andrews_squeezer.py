@@ -35,7 +35,7 @@ ANGLES = (
 
 
 class AndrewsSqueezer(Component):
-    """M(q)*der(v) = f(q, v) - G(q)'*lambda, 0 = g(q): a DAE of index 3, as it leaves the paper.
+    """M(q)*der(v) = f(q, v) - G(q)'*lambda, 0 = g(q): a DAE of index 3, as published.
 
     Source: W. Giles (1978), W. Schiehlen (ed.), Multibody Systems Handbook (1990); E. Hairer, G. Wanner, Solving
     Ordinary Differential Equations II, section VII.7; problem `andrews` of the test set. Names as there.

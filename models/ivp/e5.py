@@ -8,7 +8,7 @@ from acausal import Component, Equations, Experiment, Panel, Real, der, fixed, p
 
 
 class E5(Component):
-    """Four species; the sum of three balances says that y2 - y3 - y4 is constant.
+    """Four chemical species; the sum of three balances keeps y2 - y3 - y4 constant.
 
     Source: W. H. Enright, T. E. Hull, B. Lindberg, BIT 15 (1975), problem E5; problem `E5` of the test set. Integrating
     all four balances loses y2 - y3 to rounding; the invariant has to be used by whoever integrates them.

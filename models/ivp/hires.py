@@ -8,7 +8,7 @@ from acausal import Component, Equations, Experiment, Panel, Real, der, fixed, v
 
 
 class Hires(Component):
-    """A stiff chain of reactions whose end lies just behind a sharp fall.
+    """A stiff reaction chain that ends just after a sharp drop.
 
     Source: E. Schaefer, J. Math. Biology 2 (1975); problem `hires` of the test set.
     """

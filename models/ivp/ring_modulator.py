@@ -9,7 +9,7 @@ from acausal import Component, Equations, Experiment, Expr, Panel, Real, der, ex
 
 
 class RingModulator(Component):
-    """Mixes a signal of 1 kHz with a carrier of 10 kHz; capacitances of 2 pF make it ring at 1e9 rad/s.
+    """Mixes a 1 kHz signal with a 10 kHz carrier; capacitances of 2 pF make it ring at 1e9 rad/s.
 
     Source: E. H. Horneber (1976); problem `ringmod` of the test set. y1 ... y7 are voltages, y8 ... y15 currents.
     """

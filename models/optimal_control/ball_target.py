@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 class ThrownBall(Component):
-    """A ball in a plane above a floor that gives back the share `e` of the vertical speed."""
+    """A ball in a plane that bounces off the floor with the coefficient of restitution `e`."""
 
     e: Real = parameter(default=0.7, unit="1", min=0.0, max=1.0, doc="Coefficient of restitution")
     g: Real = parameter(default=9.81, unit="m/s2", doc="Gravity")

@@ -31,7 +31,7 @@ STIFFNESS, SIGMA = 1e8, math.radians(118.0)
 
 
 class FeedDrilling(Component):
-    """A drill at constant speed that a feed drive presses into a thick block; the wanted feed rate is free."""
+    """A feed drive presses a drill at constant speed into a thick block; the feed rate is the input."""
 
     v_ref: Real = signal_input(unit="m/s", min=0.0, max=5e-3, nominal=1e-3, default=1e-3, doc="Wanted feed rate")
     k_c11: Real = parameter(default=2240e6, unit="Pa", min=0.0, doc="Specific cutting force of the block")

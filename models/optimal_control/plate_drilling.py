@@ -34,7 +34,7 @@ CONE = DIAMETER / (2 * math.tan(KAPPA))
 
 
 class PlateDrilling(Component):
-    """A drill pressed and turned through a plate of steel; force and rotational speed are free.
+    """A drill goes through a steel plate; force and rotational speed are inputs.
 
     The feed axis has a mass, the spindle follows its speed with a lag.
     """

@@ -35,7 +35,7 @@ LIMITS = (1200.0, 2000.0, 1000.0, 300.0, 250.0, 200.0)
 
 
 class RobotArm(Component):
-    """An arm of one to six joints with a load, each joint with a motor, which gives no torque.
+    """A loaded arm of one to six joints; each joint has a motor without torque, to be freed.
 
     Geometry and masses are those of the robot of the Modelica Standard Library; its motors, gears and controllers are
     rotors without friction.

@@ -28,7 +28,7 @@ _UNIT = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 class GimbalAngles(Component):
-    """Scene `gimbal` as it fails: x-y-z angles at a constant body rate pi*(1, 0, 1)/sqrt(2); 90 degrees at t = 1."""
+    """Scene `gimbal`, as it fails: x-y-z angles at a constant body rate pi*(1, 0, 1)/sqrt(2); 90 degrees at t = 1."""
 
     rate: Real = parameter(default=_RATE, doc="Body rate about x and about z")
     a: Real = variable(default=fixed(0.0), doc="About x")
@@ -46,7 +46,7 @@ class GimbalAngles(Component):
 
 
 class GimbalMatrix(Component):
-    """Scene `gimbal` as frames do it: the rotation matrix is integrated; R(2) is the identity."""
+    """Scene `gimbal`, the form of frames: the rotation matrix is integrated; R(2) is the identity."""
 
     rate: Real = parameter(default=_RATE, doc="Body rate about x and about z")
     R: Real = variable(default=fixed(_UNIT), shape=(3, 3))

@@ -29,7 +29,7 @@ class ExplicitPenalty(Component):
 
 
 class PartialImpact(Component):
-    """A free body that meets a wall at s = 0 with speed `v0`; subclasses give the force of the wall."""
+    """A free body hits a wall at s = 0 with speed `v0`; subclasses state the force of the wall."""
 
     m: Real = parameter(default=1.0, unit="kg", min=0.0, doc="Mass")
     k: Real = parameter(default=1e5, unit="N/m", min=0.0, doc="Stiffness")

@@ -121,7 +121,7 @@ class DrillDynamic(PartialCompliantDrill):
 
 
 class WindUp(PartialCompliantDrill):
-    """Scene `wind-up`: the drill comes through free air at 50 mm/s, drills, and is pulled back.
+    """Scene `wind-up`: the drill approaches in free air at 50 mm/s, drills, and retracts.
 
     The damper alone would feed the target depth by 0.22 mm/s in the air.
     """

@@ -41,7 +41,7 @@ class DiodeStart(Component):
 
 
 class ChangePoint(Component):
-    """Scene `change-point`: a parallelogram driven through the position in which it could fold over.
+    """Scene `change-point`: a parallelogram linkage driven through the position in which it can fold.
 
     p = 0 and q = th for all th; the other branch is the antiparallelogram.
     """

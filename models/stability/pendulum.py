@@ -63,13 +63,13 @@ class PendulumStaticState(PartialPendulum):
 
 
 class PendulumDirect(PartialFromHorizontal):
-    """Scene `index3-direct`: one period; handed to BDF as it is written, every tolerance fails."""
+    """Scene `index3-direct`: one period; BDF on the equations as written fails at every tolerance."""
 
     experiment: ClassVar[Experiment] = Experiment(stop_time=2.0, tolerance=1e-8, solver="rosenbrock")
 
 
 class PendulumInconsistent(PartialPendulum):
-    """Scene `inconsistent`, part (a): started at (1.01, 0), which is not on the circle; refused by name."""
+    """Scene `inconsistent`, part (a): a start at (1.01, 0), off the circle, is refused."""
 
     x0: Real = parameter(default=1.01, doc="Start, horizontally")
     vx0: Real = parameter(default=0.0, doc="Speed at the start, along the rod")

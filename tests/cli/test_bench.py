@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from acausal.lower.compile import compile as compile_model
+from acausal.models.bouncing_ball import BouncingBall
 from acausal.simulate.native import cache
 from tests.cli.running import run
 
@@ -123,6 +125,12 @@ def test_a_model_without_compiled_steps_says_why() -> None:
 def test_a_step_function_is_exported(folder: Path) -> None:
     assert run("export", "step", "Pendulum", "--step", "2ms", "--method", "rosenbrock").code == 0
     assert "pendulum_step(" in (folder / "Pendulum_step.c").read_text()
+
+
+def test_operations_of_a_step_with_events_are_those_of_what_it_calls() -> None:
+    """A step evaluates the rates four times at least (RK4), so it takes more operations than a handful of calls."""
+    found = run("export", "step", "BouncingBall", "--json").json
+    assert found["operations"] > 4 * compile_model(BouncingBall()).rhs.n_instructions()
 
 
 @pytest.mark.parametrize(

@@ -372,7 +372,7 @@ def test_instants_within_a_step_are_said(h: float, at: float, first: float, expe
     assert said == expected
     if not expected:
         assert float(x[step.x.position("y")]) == pytest.approx(4e-3, rel=1e-6)
-    assert any("instants of relations of time" in note for note in step.notes)
+    assert any("time events and clock ticks" in note for note in step.notes)
 
 
 class Switched(Component):

@@ -149,16 +149,16 @@ class HybridStep:
         """Notes on the limits of steps of this size."""
         texts = self.compiled.events.texts
         return (
-            f"the events of a step settle in {self.settling.turns} turns; step.unsettled in y is 1 when they did not",
+            f"the event iteration of a step has {self.settling.turns} turns; step.unsettled in y is 1 if they did not "
+            "suffice",
             *[
-                f"one event is located in a step of {self.h:g} s; step.unlocated in y is 1 when another relation was "
-                "passed behind it, or one there and back, or its sides stay equal: take a smaller step. Relations are "
-                "looked at in four points inside, so that a bell such as exp(-(x/w)**2) > 0.5 that is passed in less "
-                "than a tenth of a step is not seen"
+                f"a step of {self.h:g} s locates one event; step.unlocated in y is 1 if another relation changes after "
+                "it, if one changes twice, or if its sides stay equal: choose a smaller step. Relations are evaluated "
+                "at four points of a step, so a pulse such as exp(-(x/w)**2) > 0.5 shorter than a tenth of a step is "
+                "missed"
             ][: len(self.compiled.state_events.relations)],
             *(
-                f"impacts of {texts[i.relation]} that follow one another within a step of {self.h:g} s end at rest, "
-                "elastic ones too"
+                f"repeated impacts of {texts[i.relation]} within a step of {self.h:g} s end at rest, elastic ones, too"
                 for i in self._impacts
             ),
         )

@@ -160,9 +160,9 @@ class _Builder:
     @property
     def flags(self) -> list[Port]:
         """Ports of the flags after the outputs."""
-        unsettled = Port("step.unsettled", "", "1 when the events of the step did not settle in its turns", 0.0)
-        missed = Port("step.unlocated", "", "1 when more was passed in the step than the event it locates", 0.0)
-        large = Port("step.too_large", "", "1 when the explicit method is not stable at this step", 0.0)
+        unsettled = Port("step.unsettled", "", "1 if the event iteration of the step did not end", 0.0)
+        missed = Port("step.unlocated", "", "1 if the step missed an event besides the one it located", 0.0)
+        large = Port("step.too_large", "", "1 if the explicit method is unstable at this step", 0.0)
         events = [unsettled, missed] if self.hybrid else [missed] * bool(self.compiled.n_timely)
         return events + [large] * (self.method.limit is not None)
 

@@ -61,6 +61,6 @@ def note(compiled: CompiledModel, h: float) -> tuple[str, ...]:
     if not compiled.n_timely and not compiled.state_events.samples:
         return ()
     return (
-        f"instants of relations of time and of clocks within a step of {h:g} s are taken at its end; step.unlocated in "
-        "y is 1 then: let them be multiples of the step",
+        f"time events and clock ticks inside a step of {h:g} s act at its end, and step.unlocated in y is 1: make them "
+        "multiples of the step",
     )
