@@ -8,13 +8,16 @@ import signal
 import subprocess
 import sys
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
+import typer.testing
 from typer.testing import CliRunner
 
 ROOT = Path(__file__).resolve().parents[2]
+# The command is made once: its parser takes 40 ms, most of the time of a short command.
+typer.testing._get_command = cache(typer.testing._get_command)  # type: ignore[attr-defined]
 _PROGRAM = "from acausal_command import run; run()"
 
 

@@ -42,14 +42,14 @@ def test_bristles_hold_without_creep() -> None:
     """LuGre at rest: z = q / s_0 for the share q of the normal force, and no velocity."""
     r = acausal.simulate(
         OnGround(friction=LuGre(mu=0.5, mu_s=0.6)),
-        stop_time=100.0,
-        tolerance=1e-8,
+        stop_time=20.0,
+        tolerance=1e-7,
         solver="rosenbrock",
         parameters={"sideways": 0.2},
     )
     assert np.abs(r.final("body.v_0[0]")) < 1e-9
     assert r.final("contact.bristle[0]") == pytest.approx(0.2 / 1e5, rel=1e-3)
-    assert np.ptp(np.asarray(r.at([50.0, 100.0], "body.r_0[0]"))) < 1e-8
+    assert np.ptp(np.asarray(r.at([10.0, 20.0], "body.r_0[0]"))) < 1e-8
 
 
 @pytest.mark.parametrize(
@@ -60,8 +60,8 @@ def test_a_box_slides_as_far_as_friction_lets_it(friction: Coulomb) -> None:
     """From v_0 it stops after v_0 / (mu g), v_0**2 / (2 mu g) away; the start is at rest on its corners."""
     r = acausal.simulate(
         OnGround(friction=friction),
-        stop_time=1.0,
-        tolerance=1e-8,
+        stop_time=0.7,
+        tolerance=1e-7,
         solver="rosenbrock",
         parameters={"v_x": 1.0, "height": 0.05 - G / 4e5},
     )

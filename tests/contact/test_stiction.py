@@ -38,9 +38,9 @@ def test_below_the_angle_of_friction_nothing_creeps(share: float) -> None:
 def test_above_it_slides_with_the_difference(mu: float, slope: float) -> None:
     """g (sin - mu cos), here with gravity's normal part as g cos."""
     start = {"sideways": slope, "height": REST}
-    r = acausal.simulate(OnGround(friction=Hybrid(mu=mu)), stop_time=1.5, parameters=start, **STICKS)
-    v = np.asarray(r.at([0.8, 1.5], "body.v_0[0]"))
-    assert (v[1] - v[0]) / 0.7 == pytest.approx((slope - mu) * G, rel=1e-6)
+    r = acausal.simulate(OnGround(friction=Hybrid(mu=mu)), stop_time=1.2, parameters=start, **STICKS)
+    v = np.asarray(r.at([0.8, 1.2], "body.v_0[0]"))
+    assert (v[1] - v[0]) / 0.4 == pytest.approx((slope - mu) * G, rel=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -49,14 +49,14 @@ def test_above_it_slides_with_the_difference(mu: float, slope: float) -> None:
 )
 def test_a_push_that_grows_breaks_it_away_at_the_limit(mu: float, mu_s: float | None, solver: str) -> None:
     """A push of 0.1 m g a second reaches mu_s m g at t = 10 mu_s; before, the friction is the push."""
+    limit = mu if mu_s is None else mu_s
     r = acausal.simulate(
         OnGround(friction=Hybrid(mu=mu, mu_s=mu_s)),
-        stop_time=6.0,
+        stop_time=10 * limit + 0.5,
         parameters={"ramp": 0.1, "height": REST},
         tolerance=1e-8,
         solver=solver,
     )
-    limit = mu if mu_s is None else mu_s
     first = float(r.time[np.argmax(r["contact.mode"] > 0)])
     assert first == pytest.approx(10 * limit, abs=1e-6)
     assert r.at(0.9 * first, "contact.f_0[0]") == pytest.approx(0.9 * limit * G, rel=1e-5)

@@ -105,9 +105,9 @@ def test_a_copy_runs_as_the_original(name: str) -> None:
     model: Component = MODELS[name]()
     compiled = acausal.compile(model)
     fresh = copy_of(compiled)
-    result = acausal.simulate(compiled, stop_time=0.2)
+    result = acausal.simulate(compiled, stop_time=0.05)
     for other in (fresh, copy_of(compiled), copy_of(model)):
-        copied = acausal.simulate(other, stop_time=0.2)
+        copied = acausal.simulate(other, stop_time=0.05)
         assert copied.names == result.names
         np.testing.assert_allclose(copied.matrix, result.matrix, rtol=1e-9, atol=1e-12)
     kept = copy_of(result)

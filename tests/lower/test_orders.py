@@ -62,8 +62,8 @@ def rates(compiled: Any, x: Vector) -> Vector:
 
 @pytest.mark.parametrize(
     "model",
-    [Tree(n=9, springs=2), Tree(n=9, arms=1), Tree(n=12, arms=3), Tree(n=13, arms=1, springs=1), Balls(n=3)],
-    ids=["tree with springs", "chain", "three arms", "long chain", "ball joints"],
+    [Tree(n=9, springs=2), Tree(n=9, arms=1), Tree(n=12, arms=3), Balls(n=3)],
+    ids=["tree with springs", "chain", "three arms", "ball joints"],
 )
 def test_accelerations_are_those_of_the_whole_system(model: Component) -> None:
     """Against the same equations with no block solved, as one dense linear system."""

@@ -12,13 +12,17 @@ from tests.matrix.verbs import SOLVERS, VERBS
 # What compiles no C, steps no thousand times and runs no bench.
 SLOW = (*(f"{solver} native" for solver in SOLVERS), "accuracy", "bench", "rk fixed step", "rk2 fixed step")
 
+# What runs a model several times is left to the slow part where once takes its time.
+SEVERAL = ("stability", "threads", "twice")
+
 
 def cells() -> list[ParameterSet]:
     """Pairs of a feature and a verb; those outside the quick part are marked."""
     found: list[ParameterSet] = []
     for feature in FEATURES:
         for verb in VERBS:
-            marks = (pytest.mark.slow,) if verb in SLOW or feature.cost > 2.0 else ()
+            costs = feature.cost > 2.0 or (feature.cost > 1.0 and verb in SEVERAL)
+            marks = (pytest.mark.slow,) if verb in SLOW or costs else ()
             found.append(pytest.param(feature, verb, id=f"{feature.name}, {verb}", marks=marks))
     return found
 

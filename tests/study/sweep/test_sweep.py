@@ -196,24 +196,23 @@ def test_a_compiled_model_is_not_compiled_again() -> None:
         acausal.sweep(compiled, {"k": [1.0]}, parameters={"a": 2.0})
 
 
-def test_an_interrupted_sweep_goes_on_where_it_was(tmp_path: Path) -> None:
+def test_an_interrupted_sweep_goes_on_where_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("acausal.study.sweep.crew._CHUNK", 1e-9)  # one member in each
     file = tmp_path / "x.sweep"
 
     def stop(progress: Progress) -> None:
         if progress.done == 3:
             raise KeyboardInterrupt
 
-    vary = {"k": np.linspace(0.5, 2.0, 8)}
+    vary, options = {"k": np.linspace(0.5, 2.0, 8)}, {"stop_time": 0.5, "tolerance": 1e-4}
     with pytest.raises(KeyboardInterrupt):
-        # one member in a chunk: the first two run before there are chunks
-        decays(vary, file=file, progress=stop, output_interval=1e-6, stop_time=0.5, tolerance=1e-4)
+        decays(vary, file=file, progress=stop, **options)  # the first two run before there are chunks
     partial = acausal.load_sweep(file)
     assert partial.status.count("ok") >= 3
     assert "missing" in partial.status
     with pytest.raises(UsageError, match="AC062"):
-        decays(vary, file=file, output_interval=1e-6, stop_time=0.5, tolerance=1e-4)
+        decays(vary, file=file, **options)
     seen: list[Progress] = []
-    options: Any = {"output_interval": 1e-6, "stop_time": 0.5, "tolerance": 1e-4}
     whole = decays(vary, file=file, resume=True, progress=seen.append, **options)
     assert seen[0].done == partial.status.count("ok") + 1
     assert whole.status == ("ok",) * 8
