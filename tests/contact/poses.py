@@ -20,6 +20,7 @@ from acausal.library.contact.collide.shapes import (
     Shape,
     Sphere,
 )
+from tests.marks import slow_but
 
 Vector = NDArray[np.float64]
 Pose = tuple[Vector, Vector]
@@ -34,6 +35,8 @@ SHAPES: dict[str, Shape] = {
     "hull": ConvexHull(np.random.default_rng(1).standard_normal((14, 3)) * 0.4),
 }
 PAIRS = [(a, b) for i, a in enumerate(SHAPES) for b in list(SHAPES)[i:]]
+# Each pair has a function of its own, which takes a third of a second to make: the quick tests share some of them.
+PAIR_CASES = slow_but(PAIRS, *PAIRS[::3])
 
 
 def contact(a: Shape, pose_a: Pose, b: Shape, pose_b: Pose) -> tuple[float, Vector, Vector, Vector]:

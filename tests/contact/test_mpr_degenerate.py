@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from acausal.library.contact.collide.shapes import Box, Capsule, Cone, Cylinder, Shape, Sphere
-from tests.contact.poses import PAIRS, SHAPES, contact, plane_heights, pose
+from tests.contact.poses import PAIR_CASES, SHAPES, contact, plane_heights, pose
 
 HERE = pose((0.0, 0.0, 0.0))
 ACROSS = (math.pi / 2, 0.0, 0.0)
@@ -36,7 +36,7 @@ def test_depth_is_exact(a: Shape, b: Shape, place: tuple[float, ...], turn: tupl
     assert float(plane_heights(a, HERE, b, pose(place, turn), n[None])[0]) == pytest.approx(d, abs=1e-9)
 
 
-@pytest.mark.parametrize(("a", "b"), PAIRS)
+@pytest.mark.parametrize(("a", "b"), PAIR_CASES)
 def test_no_pose_is_without_an_answer(a: str, b: str) -> None:
     """Axes along and across each other, at several places on and beside them."""
     for place in ((0, 0, 0), (0, 0, 0.4), (0.3, 0, 0), (0.5, 0.35, 0)):

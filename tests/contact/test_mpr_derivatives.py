@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from acausal.library.contact.collide.penetration import collision_function
-from tests.contact.poses import PAIRS, SHAPES, Pose, Vector, contact, placed
+from tests.contact.poses import PAIR_CASES, PAIRS, SHAPES, Pose, Vector, contact, placed
 
 STEP = 1e-5
 
@@ -44,7 +44,7 @@ def envelope(poses: tuple[Pose, Pose], n: Vector, p: Vector, q: Vector) -> Vecto
     return np.concatenate([n, R_a.T @ np.cross(p - r_a, n), -n, -R_b.T @ np.cross(q - r_b, n)])
 
 
-@pytest.mark.parametrize(("a", "b"), PAIRS)
+@pytest.mark.parametrize(("a", "b"), PAIR_CASES)
 def test_first_derivatives(a: str, b: str) -> None:
     """Against differences; the depth's is that of the witnesses along the normal (envelope theorem), to rounding."""
     inputs, y, J = along_twist(a, b)

@@ -9,6 +9,7 @@ import pytest
 
 from acausal.library.contact.collide.shapes import Box, Capsule, Cone, Cylinder, Shape, Sphere
 from tests.contact.poses import PAIRS, SHAPES, Pose, Vector, contact, placed, plane_heights
+from tests.marks import slow_but
 
 # Their cones point to +z and are centred.
 TURNED = np.diag([1.0, -1.0, -1.0])
@@ -51,7 +52,7 @@ def coal_answer(a: Shape, pose_a: Pose, b: Shape, pose_b: Pose) -> tuple[float, 
     return -float(coal.distance(*arguments, request, result)), np.asarray(result.normal).ravel()
 
 
-@pytest.mark.parametrize(("a", "b"), KNOWN)
+@pytest.mark.parametrize(("a", "b"), slow_but(KNOWN, *KNOWN[::3]))
 def test_coal_finds_the_same(a: str, b: str) -> None:
     """Depth to 1e-9 for all pairs; the normal to 1e-9 where coal does not end at the square root of its tolerance.
 

@@ -11,6 +11,7 @@ from acausal import Component, Equations, Real, as_expr, der, dot, fixed, identi
 from acausal.export.casadi.functions import casadi_model
 from acausal.library.contact.collide.penetration import penetration
 from acausal.library.contact.collide.shapes import Box, Sphere
+from acausal.lower.compiled import CompiledModel
 
 BALL_ON_PLATE = penetration(Sphere(0.1), Box((2.0, 2.0, 1.0)))
 
@@ -46,10 +47,15 @@ class PrescribedDepth(Component):
         yield self.v == der(self.z)
 
 
+@pytest.fixture(scope="module")
+def pressed() -> CompiledModel:
+    return acausal.compile(PressedBall())
+
+
 @pytest.mark.parametrize("solver", ["idas", "rosenbrock", "erk", "cvodes"])
-def test_every_solver(solver: str) -> None:
+def test_every_solver(solver: str, pressed: CompiledModel) -> None:
     """depth = F/k (1 - exp(-k t/d)) from first touch at t = 0."""
-    result = acausal.simulate(PressedBall(), stop_time=0.3, solver=solver, tolerance=1e-9)
+    result = acausal.simulate(pressed, stop_time=0.3, solver=solver, tolerance=1e-9)
     expected = 0.01 * (1 - np.exp(-10.0 * result.time))
     assert result["depth"] == pytest.approx(expected, abs=1e-8)
     assert result["speed"] == pytest.approx(0.1 * np.exp(-10.0 * result.time), abs=1e-6)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,7 @@ from acausal.models.bouncing_ball import BouncingBall
 from acausal.models.clutches import ThreeClutchDrive
 from acausal.models.rectifier import BridgeRectifier
 from acausal.models.switched_converter import BuckConverter
+from tests.marks import slow_but
 
 
 class Pulse(Component):
@@ -274,8 +276,16 @@ def test_a_late_crossing_is_found_once(solver: str, tolerance: float) -> None:
     assert [e.time for e in r.events] == pytest.approx([t], abs=3e5 * tolerance)
 
 
-@pytest.mark.parametrize("solver", ["idas", "cvodes"])
-@pytest.mark.parametrize("model", [BouncingBall, ThreeClutchDrive, BridgeRectifier, BuckConverter])
+@pytest.mark.parametrize(
+    ("model", "solver"),
+    slow_but(
+        product([BouncingBall, ThreeClutchDrive, BridgeRectifier, BuckConverter], ["idas", "cvodes"]),
+        (BouncingBall, "cvodes"),
+        (ThreeClutchDrive, "idas"),
+        (BridgeRectifier, "cvodes"),
+        (BuckConverter, "idas"),
+    ),
+)
 def test_events_depend_on_neither_outputs_nor_stop_time(model: type[Component], solver: str) -> None:
     """The same events to the last digit whatever is put out; from another stop time to the accuracy of the run."""
     compiled = acausal.compile(model())
