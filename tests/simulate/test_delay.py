@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from functools import cache
 from math import exp, factorial, pi, sin
+from typing import Any
 
 import numpy as np
 import pytest
@@ -61,10 +63,28 @@ def test_between_the_outputs_the_result_knows_the_past_too() -> None:
     assert r.at(1.0, "x") == pytest.approx(0.0, abs=1e-8)
 
 
+# Exact solutions of the models, each made once.
+
+
+@cache
+def mackey_glass() -> Any:
+    return by_steps(lambda t, x, d: [float(v) for v in 0.2 * d / (1 + d**10) - 0.1 * x], [1.2], 17.0, 100.0)
+
+
+@cache
+def dead_time() -> Any:
+    return by_steps(lambda t, x, d: [1.2 * (1 - d[0]) + 0.8 * x[1] - x[0], 1 - d[0]], [0.0, 0.0], 0.4, 8.0)
+
+
+@cache
+def regenerative() -> Any:
+    return by_steps(lambda t, x, d: [x[1], -0.06 * x[1] - x[0] - 0.06 * (x[0] - d[0])], [0.0, 1.0], 3.0, 60.0)
+
+
 @pytest.mark.parametrize("solver", ADAPTIVE)
 @pytest.mark.parametrize("tolerance", [1e-4, 1e-6, 1e-9])
 def test_mackey_glass(solver: str, tolerance: float) -> None:
-    exact = by_steps(lambda t, x, d: [float(v) for v in 0.2 * d / (1 + d**10) - 0.1 * x], [1.2], 17.0, 100.0)
+    exact = mackey_glass()
     r = acausal.simulate(MackeyGlass(), stop_time=100.0, tolerance=tolerance, solver=solver, output_interval=1.0)
     assert max(abs(x - exact(t)[0]) for t, x in zip(r.time, r["x"], strict=True)) < 10 * tolerance
 
@@ -72,7 +92,7 @@ def test_mackey_glass(solver: str, tolerance: float) -> None:
 @pytest.mark.parametrize("solver", ADAPTIVE)
 @pytest.mark.parametrize("tolerance", [1e-4, 1e-9])
 def test_a_control_loop_with_dead_time(solver: str, tolerance: float) -> None:
-    exact = by_steps(lambda t, x, d: [1.2 * (1 - d[0]) + 0.8 * x[1] - x[0], 1 - d[0]], [0.0, 0.0], 0.4, 8.0)
+    exact = dead_time()
     r = acausal.simulate(DeadTime(), stop_time=8.0, tolerance=tolerance, solver=solver, output_interval=0.1)
     assert max(abs(x - exact(t)[0]) for t, x in zip(r.time, r["x"], strict=True)) < 10 * tolerance
 
@@ -80,7 +100,7 @@ def test_a_control_loop_with_dead_time(solver: str, tolerance: float) -> None:
 @pytest.mark.parametrize("solver", ["auto", "idas", "cvodes"])
 @pytest.mark.parametrize("tolerance", [1e-4, 1e-6, 1e-9])
 def test_regenerative_chatter(tolerance: float, solver: str) -> None:
-    exact = by_steps(lambda t, x, d: [x[1], -0.06 * x[1] - x[0] - 0.06 * (x[0] - d[0])], [0.0, 1.0], 3.0, 60.0)
+    exact = regenerative()
     r = acausal.simulate(Regenerative(), stop_time=60.0, tolerance=tolerance, solver=solver, output_interval=0.5)
     assert r.stats["solver"] == ("rosenbrock" if solver == "auto" else solver)
     assert max(abs(x - exact(t)[0]) for t, x in zip(r.time, r["x"], strict=True)) < 10 * tolerance
