@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from acausal.models.drilling_breakthrough import BreakthroughSurge
 from acausal.models.drilling_control import ForceControlledDrilling
 from acausal.models.drilling_spindle import SpindleStall
 from acausal.result.result import Result
+from tests.marks import slow_but
 
 D = 0.016
 SIN_KAPPA = math.sin(math.radians(59.0))
@@ -32,30 +34,42 @@ def at_full_diameter(r: Result) -> Any:
     return drilling & (r["engaged"] > D * (1 - 1e-9))
 
 
-@pytest.fixture(scope="module")
+@cache
 def compiled() -> Any:
     return acausal.compile(ForceControlledDrilling())
 
 
+@cache
+def drilled(stop: float, **values: float) -> Result:
+    """A run with these parameters; tests share those with the same ones."""
+    return acausal.simulate(compiled(), parameters=values, stop_time=stop)
+
+
 @pytest.mark.parametrize(
-    ("values", "stop"),
-    [
-        ({}, 28.0),
-        ({"plate_gap": 0.0}, 28.0),
-        ({"plate_gap": 8e-3}, 32.0),
-        ({"F_set": 5000.0}, 20.0),
-        ({"F_set": 1500.0}, 65.0),
-        ({"n": 15.0}, 20.0),
-        ({"t_1": 6e-3, "t_2": 15e-3}, 30.0),
-        ({"F_set": 2200.0, "t_1": 6e-3, "t_2": 12e-3, "k_c11": 1500e6, "z": 0.3}, 35.0),
-        ({"F_set": 1000.0, "n": 40.0, "k_c11": 700e6, "z": 0.25, "plate_gap": 3e-3}, 15.0),
-    ],
+    ("stop", "values"),
+    slow_but(
+        [
+            (28.0, {}),
+            (28.0, {"plate_gap": 0.0}),
+            (32.0, {"plate_gap": 8e-3}),
+            (20.0, {"F_set": 5000.0}),
+            (65.0, {"F_set": 1500.0}),
+            (20.0, {"n": 15.0}),
+            (30.0, {"t_1": 6e-3, "t_2": 15e-3}),
+            (35.0, {"F_set": 2200.0, "t_1": 6e-3, "t_2": 12e-3, "k_c11": 1500e6, "z": 0.3}),
+            (15.0, {"F_set": 1000.0, "n": 40.0, "k_c11": 700e6, "z": 0.25, "plate_gap": 3e-3}),
+        ],
+        (28.0, {}),
+        (28.0, {"plate_gap": 0.0}),
+        (32.0, {"plate_gap": 8e-3}),
+        (15.0, {"F_set": 1000.0, "n": 40.0, "k_c11": 700e6, "z": 0.25, "plate_gap": 3e-3}),
+    ),
     ids=str,
 )
 def test_thrust_is_held_the_breakthrough_detected_and_the_drill_retracted(
-    compiled: Any, values: dict[str, float], stop: float
+    stop: float, values: dict[str, float]
 ) -> None:
-    r = acausal.simulate(compiled, parameters=values, stop_time=stop)
+    r = drilled(stop, **values)
     full = at_full_diameter(r)
     held = r["thrust"][full] / values.get("F_set", 3000.0)
     assert np.abs(held - 1.0).max() < 0.02
@@ -75,8 +89,8 @@ def test_thrust_is_held_the_breakthrough_detected_and_the_drill_retracted(
     assert 0.0 < float(r.final("process_time")) < stop
 
 
-def test_feed_rate_and_time_of_the_process(compiled: Any) -> None:
-    r = acausal.simulate(compiled)
+def test_feed_rate_and_time_of_the_process() -> None:
+    r = drilled(28.0)
     expected = steady_feed_rate(3000.0, 9.28)
     assert r.at(7.0, "feed.v") == pytest.approx(expected, rel=1e-3)
     assert r.final("control.v_nominal") == pytest.approx(expected, rel=1e-12)
@@ -86,15 +100,13 @@ def test_feed_rate_and_time_of_the_process(compiled: Any) -> None:
     assert r.final("process_time") == pytest.approx(back, abs=1e-9)
 
 
-def test_a_gap_wider_than_the_cone_is_noticed_as_a_breakthrough_of_its_own(compiled: Any) -> None:
-    r = acausal.simulate(compiled, parameters={"plate_gap": 8e-3}, stop_time=32.0)
-    assert r.final("control.breakthroughs") == 2.0
-    r = acausal.simulate(compiled, parameters={"plate_gap": 0.0})
-    assert r.final("control.breakthroughs") == 1.0
+def test_a_gap_wider_than_the_cone_is_noticed_as_a_breakthrough_of_its_own() -> None:
+    assert drilled(32.0, plate_gap=8e-3).final("control.breakthroughs") == 2.0
+    assert drilled(28.0, plate_gap=0.0).final("control.breakthroughs") == 1.0
 
 
-def test_the_feed_cap_of_the_controller_holds_at_the_exit(compiled: Any) -> None:
-    r = acausal.simulate(compiled)
+def test_the_feed_cap_of_the_controller_holds_at_the_exit() -> None:
+    r = drilled(28.0)
     after_entry = r.time > 2.0
     assert r["feed.v"][after_entry].max() < 1.3 * 4 * steady_feed_rate(3000.0, 9.28)
 
