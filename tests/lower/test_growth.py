@@ -22,10 +22,10 @@ def calls(n: int) -> int:
 
 def test_calls_grow_with_the_model() -> None:
     """Twice as many sections more, of ten equations each, take twice as many calls more, to the power of 1.05."""
-    calls(150)  # what is made once
-    few, some, many = (calls(n) for n in (150, 300, 600))  # above a hundred equal parts, where patterns begin
+    calls(120)  # what is made once
+    few, some, many = (calls(n) for n in (120, 240, 480))  # above a hundred equal parts, where patterns begin
     assert (many - some) / (some - few) < 2.0**1.05
-    assert (many - some) / 300 < 3700  # 3520 when this was written, 3970 before
+    assert (many - some) / 240 < 3700  # 3520 when this was written, 3970 before
 
 
 def test_what_was_made_is_old() -> None:
