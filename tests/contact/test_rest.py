@@ -111,7 +111,7 @@ def test_the_energy_of_a_tumbling_box_is_accounted_for(law: HuntCrossley, fricti
     """Work of gravity = friction + damping + stored + kinetic, to 1e-6 of the work."""
     r = acausal.simulate(
         OnGround(law=law, friction=friction),
-        stop_time=0.4,
+        stop_time=0.25,
         tolerance=1e-9,
         solver="rosenbrock",
         parameters={"height": 0.12, "v_x": 0.5, "w_y": 6.0},
