@@ -46,6 +46,7 @@ class LossyGear(PartialTwoFlanges):
     BACKWARD: ClassVar[int] = -1
     STUCK: ClassVar[int] = 0
     FORWARD: ClassVar[int] = 1
+    UNKNOWN: ClassVar[int] = 3
 
     ratio: Real = parameter(unit="1", doc="Speed of flange_a over that of flange_b")
     lossTable: Losses = structural(
@@ -63,7 +64,7 @@ class LossyGear(PartialTwoFlanges):
     startForward: Real = boolean(doc="w_a = 0, and forward motion begins")
     startBackward: Real = boolean(doc="w_a = 0, and backward motion begins")
     locked: Real = boolean(doc="w_a = 0, and nothing moves")
-    mode: Real = integer(default=0, doc="-1 backward, 0 stuck, 1 forward")
+    mode: Real = integer(default=3, doc="-1 backward, 0 stuck, 1 forward, 3 not known yet")
 
     def build(self) -> None:
         for row in self.lossTable:

@@ -97,3 +97,45 @@ def test_lifting_holding_and_letting_down(tau: float, acceleration: float) -> No
 def test_tables_that_are_none(losses: Losses) -> None:
     with pytest.raises(DeclarationError, match="lossTable"):
         LossyGear(ratio=1.0, lossTable=losses)
+
+
+class Braked(Component):
+    """A gear between two inertias that turn, with a torque on the first and a spring behind the second."""
+
+    u: Real = parameter(unit="N.m", doc="Torque")
+    w_0: Real = parameter(unit="rad/s", doc="Speed at the start")
+    one: rotational.Inertia = part()
+    gear: LossyGear = part()
+    two: rotational.Inertia = part()
+    spring: rotational.Spring = part()
+    wall: rotational.Fixed = part()
+    torque: rotational.Torque = part()
+
+    def build(self) -> None:
+        self.one = rotational.Inertia(J=0.4, phi=fixed(0.0), w=fixed(self.w_0))
+        self.gear = LossyGear(ratio=2.0, lossTable=((0.0, 0.9, 0.8, 1.9, 1.9),))
+        self.two = rotational.Inertia(J=0.5)
+        self.spring = rotational.Spring(c=2.7)
+        self.wall = rotational.Fixed()
+        self.torque = rotational.Torque(u=self.u)
+
+    def equations(self) -> Equations:
+        yield connect(self.torque.flange, self.one.flange_a)
+        yield connect(self.one.flange_b, self.gear.flange_a)
+        yield connect(self.gear.flange_b, self.two.flange_a)
+        yield connect(self.two.flange_b, self.spring.flange_a)
+        yield connect(self.spring.flange_b, self.wall.flange)
+
+
+def test_a_gear_that_turns_backward_starts_as_one_that_turns_forward() -> None:
+    """At the start the second inertia drives the gear, x < 0 in `one.a*0.4 == u - x`, and is stopped by its losses.
+
+    With 0.5/4 kg.m2 seen at the first flange, (u - x)/0.4 == (0.9*x + 1.9)/0.125. Mirrored, the events of the start did
+    not settle: a gear of unknown mode was taken for one at rest that its deceleration sets going the other way.
+    """
+    x = (0.82 * 0.125 / 0.4 - 1.9) / (0.9 + 0.125 / 0.4)
+    model = acausal.compile(Braked(u=0.82, w_0=-0.15))
+    for way in (1.0, -1.0):
+        run = acausal.simulate(model, parameters={"u": way * 0.82, "w_0": -way * 0.15}, stop_time=1.0, tolerance=1e-8)
+        assert way * run["one.a"][0] == pytest.approx((0.82 - x) / 0.4, rel=1e-9)
+        assert run.final("one.w") == pytest.approx(0.0, abs=1e-9)
