@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from acausal import Equations, Real, connect, maximum, parameter, part, signal_input, signal_output
+from acausal import Equations, Real, assert_, connect, maximum, parameter, part, quantity, signal_input, signal_output
 from acausal.library.drilling.cutting import PartialCuttingForce
 from acausal.library.drilling.interfaces import PartialDrillingForce
 
@@ -24,7 +24,8 @@ class KinematicDrillingForce(PartialDrillingForce):
     """Drilling force of a prescribed motion: DrillGeometry -> KinematicCuttingForce.
 
     It measures feed rate and rotation at its frames, so whatever moves these prescribes them; the forces act on both
-    frames and appear as reactions in the drives.
+    frames and appear as reactions in the drives. Nothing is kept of the hole: a drill that is drawn back and comes in
+    again cuts once more what is gone, which the run notes (AC193). `DrillingForce` knows the ground of the hole.
     """
 
     force: KinematicCuttingForce = part()
@@ -50,3 +51,14 @@ class KinematicDrillingForce(PartialDrillingForce):
             self.power_cutting
             == self.force.thrust_on_axis() * self.v_axial + self.force.braking() * self.geometry.omega
         )
+        # At the retreat and not at the return: that would take a state, and events of every drill.
+        yield assert_(
+            (self.geometry.s <= 0) | (self.geometry.v >= -_STILL),
+            f"AC193: the drill is drawn back in {self.level.name}, and a kinematic force keeps nothing of the hole: if "
+            "it comes in again, it cuts once more what is gone; use DrillingForce for pecks",
+            level="warning",
+        )
+
+
+_STILL = quantity(1e-9, "m/s")
+"""Velocity below which the feed stands still but for rounding."""

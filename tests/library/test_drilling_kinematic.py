@@ -1,0 +1,55 @@
+"""A drill of given motion has no memory of its hole: the run says so where it is drawn back."""
+
+from __future__ import annotations
+
+import pytest
+
+import acausal
+from acausal import Component, Equations, connect, fixed, part, quantity, sin, structural, time
+from acausal.library.drilling import KinematicDrillingForce, Workpiece
+from acausal.library.multibody import Prismatic, Revolute, World
+from acausal.library.rotational import Speed as TurningSpeed
+from acausal.library.translational import Speed
+
+AXIS = (0.0, 0.0, 1.0)
+
+
+class Given(Component):
+    """A drill that turns and moves 2 mm/s into a plate, steadily or to and fro with 1 rad/s."""
+
+    returns: bool = structural()
+    world: World = part()
+    slide: Prismatic = part()
+    spindle: Revolute = part()
+    drill: KinematicDrillingForce = part()
+    workpiece: Workpiece = part()
+    feed: Speed = part()
+    turning: TurningSpeed = part()
+
+    def build(self) -> None:
+        rate = quantity(2e-3, "m/s")
+        self.world = World(g=0.0)
+        self.slide = Prismatic(n=AXIS, s=fixed(-1e-3))
+        self.spindle = Revolute(n=AXIS, phi=fixed(0.0))
+        self.workpiece = Workpiece(t=0.05)
+        self.drill = KinematicDrillingForce(t=self.workpiece.t)
+        self.feed = Speed(v_ref=rate * sin(quantity(1.0, "1/s") * time) if self.returns else rate * 1.0)
+        self.turning = TurningSpeed(w_ref=60.0)
+
+    def equations(self) -> Equations:
+        yield connect(self.world.frame_b, self.slide.frame_a, self.workpiece.frame_a)
+        yield connect(self.slide.frame_b, self.spindle.frame_a)
+        yield connect(self.spindle.frame_b, self.drill.frame_a)
+        yield connect(self.workpiece.frame_b, self.drill.frame_w)
+        yield connect(self.feed.flange, self.slide.axis)
+        yield connect(self.turning.flange, self.spindle.axis)
+
+
+def test_a_retreat_is_noted_and_a_steady_feed_is_not() -> None:
+    """v = 2 mm/s sin(t) turns back at pi."""
+    run = acausal.simulate(Given(returns=True), stop_time=4.0)
+    (note,) = [n for n in run.stats["notes"] if "AC193" in n]  # type: ignore[attr-defined]
+    assert note.startswith("t = 3.14159")
+    assert float(note.split()[2]) == pytest.approx(3.1415927, abs=1e-5)
+    run = acausal.simulate(Given(returns=False), stop_time=4.0)
+    assert not [n for n in run.stats.get("notes", ()) if "AC193" in n]  # type: ignore[attr-defined]
