@@ -29,6 +29,7 @@ from acausal.language.component import Component
 from acausal.lower.build import Builder
 from acausal.lower.cache.cache import recall, remember, signature
 from acausal.lower.compiled import CompiledModel, _column
+from acausal.lower.deferred import DeferredModel
 from acausal.lower.events.functions import just_after
 from acausal.lower.events.impulses import impulses_of
 from acausal.lower.lowered import Recipe
@@ -80,7 +81,8 @@ def compile(
         measures.
     choices
         Structure of each component that can have several, by path, as in `acausal.flatten`. Without it the model has
-        all contacts that are possible at any time; `simulate` then switches between them during the run.
+        all contacts that are possible at any time. They are compiled when the model is first looked at; `simulate` does
+        not need them, and switches between structures during the run.
 
     Raises
     ------
@@ -94,9 +96,12 @@ def compile(
         raise UsageError("AC024", f"there is no formulation '{formulation}'", help="formulations: torn, dae, projected")
     frozen, quasi = tuple(_names("freeze", freeze)), tuple(_names("quasi_static", quasi_static))
     recipe = Recipe(model, dict(parameters or {}), formulation, frozen, quasi, cache)
-    compiled = _compile(recipe, outputs, choices)
-    is_changing = choices is None and outputs is None and bool(changing(model))
-    return replace(compiled, recipe=recipe) if is_changing else compiled
+    parts = changing(model) if choices is None and outputs is None else {}
+    if not parts:
+        return _compile(recipe, outputs, choices)
+    # the structure with which a run begins: errors of the model are raised here, and the run finds it in the cache
+    _compile(recipe, None, {path: part.least(False) for path, part in parts.items()})
+    return DeferredModel.of(recipe, lambda: _compile(recipe, None, None))
 
 
 def _compile(recipe: Recipe, outputs: Sequence[str] | None, choices: Mapping[str, Choice] | None) -> CompiledModel:

@@ -173,7 +173,8 @@ def _recipe(model: Component | CompiledModel, parameters: Mapping[str, object] |
     if isinstance(model, CompiledModel):
         if model.recipe is None:
             return None
-        parameter_vector(model, parameters or {})  # refuses what is wrong with them
+        if parameters:
+            parameter_vector(model, parameters)  # refuses what is wrong with them
         return replace(model.recipe, parameters={**model.recipe.parameters, **(parameters or {})})
     return Recipe(model, dict(parameters or {})) if changing(model) else None
 

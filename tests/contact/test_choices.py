@@ -12,6 +12,7 @@ import acausal
 from acausal.errors import AcausalError, UsageError
 from acausal.flatten.instances.instances import instances
 from acausal.library.contact import ContactBody, ContactScene, HalfSpace, HuntCrossley, Sphere, Surfaces
+from acausal.lower.deferred import DeferredModel
 from acausal.models.contact_scenes import HolesSideBySide
 from tests.contact.test_scene import ThrownBall
 
@@ -58,6 +59,16 @@ def test_the_second_run_and_a_compiled_one_are_as_the_first() -> None:
     for m in (model, compiled):
         moved = acausal.simulate(m, stop_time=0.15, solver="rosenbrock", parameters={"v": 0.5})
         assert moved.final("ball.r_0[0]") < runs[0].final("ball.r_0[0]") - 0.05
+
+
+def test_pairs_that_nobody_asks_for_are_not_compiled() -> None:
+    """A run has those that are near, and only who looks at a compiled model has all."""
+    compiled = acausal.compile(ThrownBall(n=1, keep=0))
+    acausal.simulate(compiled, stop_time=0.01, solver="rosenbrock")
+    assert isinstance(compiled, DeferredModel)
+    assert not compiled.is_made
+    assert "ball.v_0[0]" in compiled.states
+    assert compiled.is_made
 
 
 @pytest.mark.slow

@@ -482,6 +482,28 @@ def test_a_flight_finds_what_wakes_between_its_steps(solver: str, monkeypatch: p
     assert len(asked) <= 3  # of what ends in Python: an event at the stop
 
 
+class Peaks(Component):
+    """y' = |sin(t)|**k, beside a relation, with k a parameter: the same equations whatever it is."""
+
+    k: Real = parameter(default=2.0)
+    y: Real = variable(default=fixed(0.0))
+    x: Real = variable(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        yield der(self.y) == (0.5 + 0.5 * sin(time)) ** self.k
+        yield der(self.x) == where(self.y > 1.0, 1.0, 0.0)
+
+
+@pytest.mark.slow
+def test_libraries_know_which_functions_are_steep() -> None:
+    """An exponent of 2 is not steep and one of 40 is; a turn of ((1 + sin t)/2)**n is 2 pi C(2n, n)/4**n."""
+    for n in (2, 40, 3):
+        r = acausal.simulate(
+            Peaks(k=float(n)), stop_time=4.0 * math.pi, solver="rosenbrock", native=True, tolerance=1e-8
+        )
+        assert r.final("y") == pytest.approx(4.0 * math.pi * math.comb(2 * n, n) / 4.0**n, rel=1e-6)
+
+
 class Joined(Beside):
     """The same, as one system: the ball would stop at a y that is never reached."""
 

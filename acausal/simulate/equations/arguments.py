@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -181,7 +181,7 @@ def _made(compiled: CompiledModel) -> Arguments | None:
     owners = [*range(len(found.arguments)), *(place for _, place in found.middles)]
     column = ca.densify(column)
     narrow = Narrow("arguments", symbols.inputs, column)
-    along = partial(_along, symbols, column, found.kinds, compiled.n_dynamic)
+    along = cache(partial(_along, symbols, column, found.kinds, compiled.n_dynamic))
     return Arguments(narrow, found.kinds, np.array(owners), Effects(compiled), along)
 
 

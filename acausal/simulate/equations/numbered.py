@@ -19,6 +19,7 @@ import numpy as np
 
 from acausal.arrays import Vector
 from acausal.lower.compiled import CompiledModel
+from acausal.simulate.equations.calls.in_columns import InColumns, in_columns
 from acausal.simulate.equations.calls.quick import Quick
 from acausal.simulate.equations.calls.reused import Reused, pays
 from acausal.simulate.equations.factorisation import FEW, Factorisation, factorisation
@@ -69,6 +70,7 @@ class Numbered:
         self._integrators: OrderedDict[tuple[Any, ...], Any] = OrderedDict()
         self._derived: OrderedDict[tuple[str, int, int], tuple[Any, dict[str, Any]]] = OrderedDict()
         self._reused: dict[tuple[str, int, int], tuple[Any, Reused]] = {}
+        self._in_columns: dict[tuple[str, int, int], tuple[Any, InColumns | None]] = {}
         self._slowed: dict[tuple[int, float], Any] = {}
         self._measured: dict[int, Any] = {}
         self._stretched: dict[int, Any] = {}
@@ -250,19 +252,23 @@ class Numbered:
             self._stretched[key] = stretched(dae)
         return self._stretched[key]
 
-    def integrator(self, plugin: str, dae: Any, grid: Vector, settings: dict[str, Any]) -> Any:
+    def integrator(
+        self, plugin: str, dae: Any, grid: Vector, settings: dict[str, Any], by_columns: bool = False
+    ) -> Any:
         """An integrator of `dae`, one of these equations in some form, from 0 over the times of `grid`.
 
-        For one call: what is kept for its steps is forgotten here.
+        For one call: what is kept for its steps is forgotten here. `by_columns`: a multistep method gets its rates from
+        equal parts at once, if there are enough of them.
         """
+        by_columns = by_columns and plugin in _MULTISTEP
         reused = self.reused(plugin, dae)
         if reused is not None:
             reused.begin()
         # a function has one memory that is its own: no two threads may share it
-        key = plugin, dae.__hash__(), grid.tobytes(), repr(sorted(settings.items())), threading.get_ident()
+        key = plugin, dae.__hash__(), grid.tobytes(), repr(sorted(settings.items())), by_columns, threading.get_ident()
         found = self._integrators.pop(key, None)
         if found is None:
-            found = self._made(plugin, dae, grid, settings)
+            found = self._made(plugin, dae, grid, settings, by_columns)
         self._integrators[key] = found
         if len(self._integrators) > min(_INTEGRATORS, max(_UNKNOWNS // (self.n + self.nz), 1)):
             self._integrators.popitem(last=False)
@@ -273,7 +279,7 @@ class Numbered:
         found = self._reused.get((plugin, int(dae.__hash__()), threading.get_ident()))
         return found and found[1]
 
-    def _made(self, plugin: str, dae: Any, grid: Vector, settings: dict[str, Any]) -> Any:
+    def _made(self, plugin: str, dae: Any, grid: Vector, settings: dict[str, Any], by_columns: bool) -> Any:
         """A new integrator, with the equations and Jacobians that another one of this thread has derived.
 
         To derive and order the Jacobian is nearly all of what an integrator of many equations costs.
@@ -281,7 +287,7 @@ class Numbered:
         key = plugin, int(dae.__hash__()), threading.get_ident()
         _, shared = self._derived.pop(key, (dae, {}))
         # what is not finite is named by `failure.py`, once, and a step that leads there is tried again, shorter
-        options = {**settings, "show_eval_warnings": False, "cache": shared}
+        options = {**settings, "show_eval_warnings": False, "cache": self._by_columns(key, dae, shared, by_columns)}
         found = ca.integrator("segment", plugin, dae, 0.0, grid.tolist(), options)
         # rootfinders inside of MX have a memory of their own
         if not shared and (self.nz == 0 or dae.is_a("SXFunction")):
@@ -289,11 +295,22 @@ class Numbered:
             if plugin in _MULTISTEP and self.nz == 0 and pays(dae, shared["jacF"]):
                 # one for all that call it, and held as long as they may be
                 _, shared["jacF"] = self._reused.setdefault(key, (dae, Reused(shared["jacF"])))
-                found = ca.integrator("segment", plugin, dae, 0.0, grid.tolist(), {**options, "cache": shared})
+            changed = self._by_columns(key, dae, shared, by_columns)
+            if changed is not shared or key in self._reused:
+                found = ca.integrator("segment", plugin, dae, 0.0, grid.tolist(), {**options, "cache": changed})
         self._derived[key] = dae, shared  # a function that is held has its hash for itself
         if len(self._derived) > _FORMS:
             self._derived.popitem(last=False)
         return found
+
+    def _by_columns(self, key: tuple[str, int, int], dae: Any, shared: dict[str, Any], wanted: bool) -> dict[str, Any]:
+        """What integrators share, with the rates by columns where these are wanted, and pay."""
+        if not wanted or "daeF" not in shared:
+            return shared
+        if key not in self._in_columns:
+            self._in_columns[key] = dae, in_columns(shared["daeF"])  # a function that is held has its hash for itself
+        rates = self._in_columns[key][1]
+        return shared if rates is None else {**shared, "daeF": rates}
 
 
 def stretched(dae: Any) -> Any:

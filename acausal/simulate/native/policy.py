@@ -45,6 +45,8 @@ _START, _COMPILED_INSTRUCTION = 0.5, 3e-4
 # Instructions from which on a multistep method is slower with compiled equations: interpreted ones have the parameters
 # as numbers, and their Jacobian is then partly constant.
 _LARGEST_ORACLE = 2000
+# Evaluations that repay writing the equations as a program of columns: 4 us an instruction, of which 3 ns are saved.
+_REPAID = 1500.0
 # Interpreted, operations on columns take this part of the time of their instances (docs/devdocs/mapped.md).
 COLUMNS = 8
 
@@ -141,14 +143,14 @@ class Native:
         plugin: str,
         settings: Mapping[str, Any],
         equations: Callable[[], StoppingEquations],
-        watch: Any,
+        made_from: Callable[[], tuple[Any, ...]],
         nx: int,
         instructions: Callable[[], int],
     ) -> Library[FlightProgram] | None:
         """A whole integrator that stops at events (`simulate/events/location/stopping.py`).
 
-        `equations` makes what it integrates, `nx` states, up to where a guard of `watch` is reached; `instructions` is
-        the size of its event functions.
+        `equations` makes what it integrates, `nx` states; with the rates and rounds of the model all of it follows from
+        what it is `made_from`. `instructions` is the size of its event functions.
         """
         if self.wanted is False:  # asked for at every event
             return None
@@ -171,8 +173,10 @@ class Native:
             # the derivatives that locate events are twice as much again as the event functions
             return pays(self._spent(kind), self._size, 4 * self._size + 3 * instructions())
 
-        made_from = self.compiled.events.round, watch
-        return self._library(kind, repr(sorted(neutral.items())), pays_now, text, load, made_from)
+        def whole() -> tuple[Any, ...]:
+            return self.compiled.events.round, *made_from()
+
+        return self._library(kind, repr(sorted(neutral.items())), pays_now, text, load, whole)
 
     def oracle(
         self, plugin: str, settings: Mapping[str, Any], change: Callable[[Any], Any] | None = None
@@ -208,6 +212,10 @@ class Native:
 
         expected = self._spent("heun") + evaluations
         return self._library("heun", "", lambda: self._pays(expected), text, lambda path: HeunProgram(path, self._nx))
+
+    def by_columns(self, plugin: str) -> bool:
+        """Whether the equations of a multistep method are evaluated by columns, where they have any."""
+        return self.wanted is not False and (self.wanted is True or self._spent(plugin) >= _REPAID)
 
     def notes(self, solver: str) -> tuple[str, ...]:
         """What a run has to say that asked for compiled code and got none."""
@@ -255,7 +263,7 @@ class Native:
         is_worth_it: Callable[[], bool],
         text: Callable[[], str | None],
         load: Callable[[Path], T],
-        made_from: tuple[Any, ...] = (),
+        made_from: Callable[[], tuple[Any, ...]] = tuple,
     ) -> Library[T] | None:
         """The library of this kind and these `details`: of the rates, and other functions it is `made_from`."""
         memory = self.memory
@@ -280,7 +288,7 @@ class Native:
         self,
         kind: str,
         details: str,
-        made_from: tuple[Any, ...],
+        made_from: Callable[[], tuple[Any, ...]],
         text: Callable[[], str | None] | None,
         load: Callable[[Path], T],
     ) -> Library[T] | None:
@@ -289,6 +297,6 @@ class Native:
         compiled = self.compiled
         scales = compiled.quadratures, compiled.discretes, compiled.nominal_x.tolist(), compiled.nominal_z.tolist()
         # What the equations are made from rather than they: a hit needs nothing that is symbolic.
-        functions = (f.serialize() for f in (compiled.rhs, *made_from))
+        functions = (f.serialize() for f in (compiled.rhs, *made_from()))
         key = cache.key(kind, details, flight_source(), source.rows("rosenbrock"), *functions, repr(scales))
         return made(key, text, lambda path: Library(load(path), Quick(ca.external(CONSTANTS, str(path)))))

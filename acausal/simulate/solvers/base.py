@@ -179,7 +179,8 @@ class CasadiSolver:
             if library is None and (self.algebraic or not problem.compiled.algebraic):
                 order, dae = numbered.factorisation, numbered.reordered(dae)
             settings, (x0, z0) = order.settings(settings), order.there(x0, z0)
-        integrator = numbered.integrator(self.plugin, dae, grid, settings)
+        by_columns = library is None and native.by_columns(self.plugin)
+        integrator = numbered.integrator(self.plugin, dae, grid, settings, by_columns=by_columns)
         making = time.perf_counter() - began
         arguments = {"x0": x0, "z0": z0, "p": p} if self.algebraic else {"x0": x0, "p": np.concatenate([p, z0])}
         if segment.shares is not None:

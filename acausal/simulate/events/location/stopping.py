@@ -402,10 +402,16 @@ def compiled_program(regime: Regime, segment: Segment, plugin: str) -> Library[F
         plugin,
         _settings(segment),
         lambda: stopping_equations(regime, problem.native.zeros),
-        regime.held.watch,
+        lambda: (regime.held.watch, *_looks(regime)),
         problem.n_dynamic + 2,
         instructions,
     )
+
+
+def _looks(regime: Regime) -> tuple[Any, ...]:
+    """What flights look at between the ends of steps, where there is something steep."""
+    known = steep_arguments(regime.compiled)
+    return () if known is None else (known.along(),)
 
 
 def _settings(segment: Segment) -> dict[str, Any]:
@@ -492,9 +498,7 @@ def stopping_equations(
         p, u, speed = ca.vertcat(symbols, m, d), ca.vertcat(origin, shift, length, band), length
     dae, transition = _stopped((t, x, z, p, u), ode, guards + band, speed)
     events = regime.held.watch, regime.held.rates.function, compiled.events.round, regime.held.relaxed
-    known = None if stretched else steep_arguments(compiled)
-    looks = () if known is None else (known.along(),)
-    return StoppingEquations(dae, transition, constants, (*events, *looks))
+    return StoppingEquations(dae, transition, constants, events if stretched else (*events, *_looks(regime)))
 
 
 def _stopped(inputs: tuple[Any, ...], ode: Any, zero: Any, speed: Any) -> tuple[Any, Any]:

@@ -1,0 +1,97 @@
+/* Instructions of a function, each for all of its equal parts at once.
+
+   A program lists columns: an operation, how many entries it has, where they go, and where the operands are: side by side, in a
+   list of places, or one for all. One library serves all programs: what is compiled knows nothing of a model. */
+
+#include <math.h>
+#include <string.h>
+
+typedef long long count_t;
+
+/* Operations, in the order of columns.py. */
+enum { NEG, EXP, LOG, SQRT, SQ, TWICE, SIN, COS, TAN, ASIN, ACOS, ATAN, NOT, FLOOR, CEIL, FABS, SIGN, INV, SINH, COSH, TANH, COPY,
+       ADD, SUB, MUL, DIV, POW, LT, LE, EQ, NE, AND, OR, FMOD, COPYSIGN, IF, FMIN, FMAX, ATAN2, HYPOT };
+
+/* `Program` of columns.py, field by field. */
+struct program {
+  count_t columns, loads, stores;
+  const int *op, *size, *to, *a, *b; /* of each column; an operand is where it begins, or -1 - where its places begin */
+  const int* places;                 /* lists: entries of the values */
+  const int *load_argument, *load_entry, *load_to;
+  const int *store_result, *store_entry, *store_from;
+  double* values;                    /* constants are there already */
+  double *left, *right;              /* for operands that are not side by side */
+};
+
+static const double* operand(const struct program* p, int at, int n, double* memory) {
+  const int* places;
+  int k;
+  if (at >= 0) return p->values + at;
+  places = p->places - 1 - at;
+  for (k = 0; k < n; ++k) memory[k] = p->values[places[k]];
+  return memory;
+}
+
+#define EACH(value) for (k = 0; k < n; ++k) to[k] = value; break
+
+int acausal_columns(const struct program* p, const double** arg, double** res) {
+  count_t c;
+  for (c = 0; c < p->loads; ++c) {
+    const double* from = arg[p->load_argument[c]];
+    p->values[p->load_to[c]] = from ? from[p->load_entry[c]] : 0.0;
+  }
+  for (c = 0; c < p->columns; ++c) {
+    int n = p->size[c], k;
+    double* restrict to = p->values + p->to[c];
+    const double* x = operand(p, p->a[c], n, p->left);
+    const double* y = operand(p, p->b[c], n, p->right);
+    switch (p->op[c]) {
+      case ADD: EACH(x[k] + y[k]);
+      case SUB: EACH(x[k] - y[k]);
+      case MUL: EACH(x[k] * y[k]);
+      case DIV: EACH(x[k] / y[k]);
+      case NEG: EACH(-x[k]);
+      case EXP: EACH(exp(x[k]));
+      case LOG: EACH(log(x[k]));
+      case POW: EACH(pow(x[k], y[k]));
+      case SQRT: EACH(sqrt(x[k]));
+      case SQ: EACH(x[k] * x[k]);
+      case TWICE: EACH(2.0 * x[k]);
+      case SIN: EACH(sin(x[k]));
+      case COS: EACH(cos(x[k]));
+      case TAN: EACH(tan(x[k]));
+      case ASIN: EACH(asin(x[k]));
+      case ACOS: EACH(acos(x[k]));
+      case ATAN: EACH(atan(x[k]));
+      case LT: EACH(x[k] < y[k]);
+      case LE: EACH(x[k] <= y[k]);
+      case EQ: EACH(x[k] == y[k]);
+      case NE: EACH(x[k] != y[k]);
+      case NOT: EACH(x[k] == 0.0);
+      case AND: EACH((x[k] != 0.0) & (y[k] != 0.0));
+      case OR: EACH((x[k] != 0.0) | (y[k] != 0.0));
+      case FLOOR: EACH(floor(x[k]));
+      case CEIL: EACH(ceil(x[k]));
+      case FMOD: EACH(fmod(x[k], y[k]));
+      case FABS: EACH(fabs(x[k]));
+      case SIGN: EACH(x[k] < 0.0 ? -1.0 : x[k] > 0.0 ? 1.0 : x[k]);
+      case COPYSIGN: EACH(copysign(x[k], y[k]));
+      case IF: EACH(x[k] != 0.0 ? y[k] : 0.0);
+      case FMIN: EACH(fmin(x[k], y[k]));
+      case FMAX: EACH(fmax(x[k], y[k]));
+      case INV: EACH(1.0 / x[k]);
+      case SINH: EACH(sinh(x[k]));
+      case COSH: EACH(cosh(x[k]));
+      case TANH: EACH(tanh(x[k]));
+      case ATAN2: EACH(atan2(x[k], y[k]));
+      case HYPOT: EACH(hypot(x[k], y[k]));
+      case COPY: EACH(x[k]);
+      default: return 1;
+    }
+  }
+  for (c = 0; c < p->stores; ++c) {
+    double* into = res[p->store_result[c]];
+    if (into) into[p->store_entry[c]] = p->values[p->store_from[c]];
+  }
+  return 0;
+}
