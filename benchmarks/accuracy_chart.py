@@ -57,7 +57,7 @@ def draw(page: Path, output: Path = PICTURE) -> None:
                 color=COLOURS.get(name, "black"),
                 alpha=0.6,
                 edgecolors="none",
-                label=("taken by auto" if name == "default" else name) if k == 0 else None,
+                label=("selected by auto" if name == "default" else name) if k == 0 else None,
             )
             if ended:
                 axes.annotate(str(ended), (place, MOST * 2), ha="center", color=COLOURS.get(name, "black"))
@@ -70,7 +70,10 @@ def draw(page: Path, output: Path = PICTURE) -> None:
         xlabel="tolerance",
         ylabel="error at the end / tolerance",
     )
-    axes.set_title("A dot for each problem; figures at the top: runs without a result", fontsize=10)
+    axes.set_yticks(
+        [LEAST, *10.0 ** np.arange(-1, 6)], ["≤ 0.01", *(f"$10^{{{k}}}$" for k in range(-1, 5)), "≥ $10^5$"]
+    )
+    axes.set_title("One dot per problem; numbers at the top: runs without a result", fontsize=10)
     axes.grid(axis="y", alpha=0.3)
     figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=len(names), frameon=False)
     figure.savefig(output, dpi=110)

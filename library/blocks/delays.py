@@ -9,7 +9,7 @@ from acausal.library.blocks.interfaces import PartialSISO
 
 
 class FixedDelay(PartialSISO):
-    """The input as it was `delay_time` ago; up to then, as it was at the start."""
+    """The input delayed by `delay_time`; before that, its value at the start."""
 
     delay_time: Real = parameter(unit="s", min=0.0, doc="Delay of the output behind the input")
 
@@ -18,7 +18,7 @@ class FixedDelay(PartialSISO):
 
 
 class VariableDelay(PartialSISO):
-    """The input as it was as long ago as another input says, at most `delay_max`."""
+    """The input delayed by the value of another input, at most `delay_max`."""
 
     delay_max: Real = parameter(unit="s", min=0.0, doc="Longest delay")
     delay_time: Real = signal_input(unit="s", doc="Delay of the output behind the input")
@@ -34,7 +34,7 @@ class PadeStage(Component):
 
 
 class PadeDelay(PartialSISO):
-    """A rational approximation of a delay: a transfer function, for what a true delay cannot be put into.
+    """Rational approximation of a delay: a transfer function, for uses that refuse a true delay.
 
     Of order n in the denominator and m in the numerator, exact to the order n + m in frequency times delay. It starts
     at rest. With m = n the input goes straight through to the output in part.

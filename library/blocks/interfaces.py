@@ -6,7 +6,7 @@ from acausal import Component, Real, parameter, signal_input, signal_output
 
 
 class PartialSource(Component):
-    """Block with one output. Signals carry no unit of their own: they adapt to what they are connected to."""
+    """Block with one output. Signals have no unit of their own: they take that of their connection."""
 
     y: Real = signal_output(doc="Output signal")
 

@@ -47,7 +47,7 @@ class PartialDiscreteSISO(PartialDiscrete, PartialSISO):
 
 
 class Sampler(PartialDiscreteSISO):
-    """The input at the last tick; before the first one 0."""
+    """The input at the last tick; 0 before the first tick."""
 
     held: Real = discrete(doc="Input at the last tick")
 
@@ -57,7 +57,7 @@ class Sampler(PartialDiscreteSISO):
 
 
 class ZeroOrderHold(PartialDiscreteSISO):
-    """The input at the last tick, held; before the first one 0."""
+    """The input at the last tick, held; 0 before the first tick."""
 
     y_sample: Real = discrete(doc="Input at the last tick")
 

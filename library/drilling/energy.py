@@ -6,7 +6,7 @@ from acausal import Component, Equations, Real, der, signal_input, signal_output
 
 
 class EnergyBalance(Component):
-    """Work of the sources against what was cut, rubbed, damped and stored.
+    """Work of the sources, less the work of cutting, friction and damping and the stored energy.
 
     A scene binds sums of its powers and energies to the inputs: `EnergyBalance(P_source=self.spindle.power +
     self.feed.power, P_cutting=self.drill.power_cutting, ...)`. What a mechanism conserves leaves `residual` at the

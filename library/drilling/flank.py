@@ -32,7 +32,7 @@ from acausal.library.multibody.frames import Frame
 
 
 class FlankContact(Component):
-    """The wall of the hole pushes back a drill that leaves the axis of its hole, sideways or by tilting.
+    """Lateral contact: the wall of the hole resists a drill that leaves its axis, sideways or by tilting.
 
     The hole is where the drill enters: its axis follows that of the drill as long as the tip is free, and stays while
     the tip is behind the surface. The engaged length of the flank rests on two springs, at its lower end and at the

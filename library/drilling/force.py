@@ -22,7 +22,7 @@ from acausal.library.drilling.cutting import PartialCuttingForce
 
 
 class DrillContactForce(PartialCuttingForce):
-    """Spring and damper in series with the cut: the feed is what the contact force can press through.
+    """Spring and damper in series with the cut: the contact force determines the feed.
 
     The ground of the hole recedes with the target feed rate `v_tar = z_E n f_z`. Two forms of the contact force:
 

@@ -7,7 +7,7 @@ from acausal.library.multibody.parts import FixedRotation
 
 
 class Workpiece(FixedRotation):
-    """Plate without mass, fixed to whatever `frame_a` is connected to: the world, a table, a moving body.
+    """Massless plate, fixed to the connection of `frame_a`: the world, a table, a moving body.
 
     `frame_b` is the entry face: its origin is the centre of the face, at `r` in frame_a; its z axis points into the
     plate, turned by `R_rel` against frame_a; `width` and `height` extend along its x and y axes. A plate with mass

@@ -33,7 +33,7 @@ ELEMENTARY_CHARGE = 1.602176634e-19
 
 
 class HeatingDiode(PartialOnePort):
-    """Exponential diode whose current depends on the temperature of its heat port, into which it gives its losses.
+    """Exponential diode with a heat port: its current depends on the temperature, and its losses heat the port.
 
     `i = Ids*(exp(v/(N*vt)) - 1)*(T/TNOM)^(XTI/N)*exp((T/TNOM - 1)*EG/(N*vt)) + v/R` with `vt = k*T/q`, continued by its
     tangent as in `Diode`.

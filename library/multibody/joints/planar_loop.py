@@ -9,7 +9,7 @@ from acausal.library.multibody.rotations import relative_rotation
 
 
 class RevolutePlanarLoopConstraint(PartialTwoFrames):
-    """Revolute joint about `n` that states only what a planar loop leaves open: two positions in the plane.
+    """Revolute joint about `n` that closes a planar loop: it states two conditions on positions in the plane.
 
     In a planar loop of revolute and prismatic joints, three of the five conditions of the closing joint are met by
     the others already; stated twice, their forces could not be determined. Use this joint once per planar loop.
