@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 
 from acausal.errors import DeclarationError
@@ -110,7 +111,9 @@ def check_assigned(
 
 def _refuse_repeated(w: FlatWhen) -> None:
     scalars_ = [scalar for scalar, _ in w.actions]
-    names = [str(a.target) for k, a in enumerate(w.source.actions) if scalars_.count(scalars_[k]) > 1]
+    targets = [a.target if a.by is None else a.by for a in w.source.actions]
+    each = [str(target) for target in targets for _ in range(math.prod(target.shape))]
+    names = [name for name, scalar in zip(each, scalars_, strict=True) if scalars_.count(scalar) > 1]
     if names:
         raise DeclarationError(
             "AC145",

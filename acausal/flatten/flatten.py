@@ -260,20 +260,20 @@ class _Builder:
             earlier: tuple[int, ...] = ()
             for branch in (item, *item.branches):
                 conditions = tuple(scalars(self.pool, c, self.resolve, done)[0] for c in branch.conditions)
-                actions = tuple(self.action(a, done) for a in branch.actions)
+                actions = tuple(pair for a in branch.actions for pair in self.action(a, done))
                 source = replace(branch, branches=())
                 clauses.append(FlatWhen(conditions, earlier, actions, origin, instance.path, source, branch.terminate))
                 earlier += conditions
         return clauses
 
-    def action(self, reset: Reset, done: dict[int, Scalars]) -> tuple[int, int]:
-        """(Scalar that a `reset` sets, node of its value); for an impulse the force, and a node of both velocities."""
-        value = scalars(self.pool, reset.value, self.resolve, done)[0]
+    def action(self, reset: Reset, done: dict[int, Scalars]) -> list[tuple[int, int]]:
+        """(Scalar that a `reset` sets, node of its value) of each entry; of an impulse the force, both velocities."""
+        values = scalars(self.pool, reset.value, self.resolve, done)
+        targets = scalars(self.pool, reset.target, self.resolve, done)
         if reset.by is not None:
-            velocity = scalars(self.pool, reset.target, self.resolve, done)[0]
-            value = self.pool.make(IMPULSE, velocity, value)
-        target = scalars(self.pool, reset.target if reset.by is None else reset.by, self.resolve, done)[0]
-        return int(self.pool.nodes[target][1]), value
+            values = tuple(self.pool.make(IMPULSE, *pair) for pair in zip(targets, values, strict=True))
+            targets = scalars(self.pool, reset.by, self.resolve, done)
+        return [(int(self.pool.nodes[t][1]), value) for t, value in zip(targets, values, strict=True)]
 
     def leaf_equations(self, leaves: _LeafStatements) -> list[FlatEquation]:
         """Equations of leaf components, replayed from a template where one exists."""

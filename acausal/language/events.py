@@ -11,7 +11,16 @@ from dataclasses import dataclass
 
 from acausal.errors import DeclarationError
 from acausal.language.declarations.declare import check_discrete
-from acausal.language.expressions.expression import Expr, Operand, Symbol, as_expr, checked_condition, is_discrete
+from acausal.language.expressions.arrays import fill
+from acausal.language.expressions.expression import (
+    Expr,
+    Operand,
+    Symbol,
+    as_expr,
+    checked_condition,
+    is_discrete,
+    shape_text,
+)
 from acausal.language.statement import Statement, made, used
 
 
@@ -139,7 +148,9 @@ def reset(x: Expr, value: Operand, *, by: Expr | None = None) -> Reset:
     Parameters
     ----------
     x
-        A declared scalar variable; with `by`, any scalar expression of velocities.
+        A declared variable, an element or a slice of one; with `by`, any scalar expression of velocities.
+    value
+        Of the shape of `x`, or one number for all of a vector.
     by
         A discrete variable that acts as a force in the equations. Its impulse gives `x` the new value: all velocities
         that the force acts on jump, as determined by the masses of the model, and constraints continue to hold. The
@@ -148,24 +159,30 @@ def reset(x: Expr, value: Operand, *, by: Expr | None = None) -> Reset:
     Raises
     ------
     DeclarationError
-        AC105 when the value is no scalar; AC141 when `x` is not a declared scalar variable, or `by` no discrete one;
-        AC147 when a boolean or an integer cannot have the value.
+        AC105 when the value has another shape; AC141 when `x` is not a declared variable or a part of one, or `by` no
+        discrete one; AC147 when a boolean or an integer cannot have the value.
     """
+    declared = x.args[0] if isinstance(x, Expr) and x.op in ("index", "slice") else x
     if by is not None:
         _check_force(x, by)
-    elif not isinstance(x, Symbol) or x.shape:
-        raise DeclarationError("AC141", f"`{x}` cannot be reset", help="reset takes one declared scalar variable")
-    elif x.declaration.kind.value in ("parameter", "input"):
+    elif not isinstance(declared, Symbol):
+        raise DeclarationError("AC141", f"`{x}` cannot be reset", help="reset takes one declared variable")
+    elif declared.declaration.kind.value in ("parameter", "input"):
+        kind = "an input" if declared.declaration.kind.value == "input" else "a parameter"
         raise DeclarationError(
             "AC141",
-            f"`{x}` cannot be reset: it is {'an input' if x.declaration.kind.value == 'input' else 'a parameter'}",
+            f"`{x}` cannot be reset: it is {kind}",
             help="declare what changes at events with discrete(), boolean() or integer()",
         )
     new = as_expr(value)
-    if new.shape:
-        raise DeclarationError("AC105", f"`{x}` is a scalar, its new value `{new}` has shape {new.shape}")
-    if isinstance(x, Symbol):
-        check_discrete(f"`{x}`", x.declaration, new)
+    if len(x.shape) == 1 and not new.shape:
+        new = fill(new, *x.shape)
+    if new.shape != x.shape:
+        raise DeclarationError(
+            "AC105", f"`{x}` is {shape_text(x.shape)}, its new value `{new}` {shape_text(new.shape)}"
+        )
+    if isinstance(declared, Symbol):
+        check_discrete(f"`{x}`", declared.declaration, new)
     return Reset(x, new, by)
 
 
