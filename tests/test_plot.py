@@ -317,3 +317,10 @@ def test_differences_are_those_of_one_unit(result: Result) -> None:
     upper, lower = compared(measured, result, ["drill.s"]).axes
     assert np.asarray(lines(upper)["Drill"])[-1] == pytest.approx(16.0)
     assert np.asarray(lower.get_lines()[0].get_ydata()) == pytest.approx([-1.0] * 3)
+
+
+@pytest.mark.parametrize("title", [r"$\frac{1}$", "$5 and $x_$", "costs $"])
+def test_dollar_signs_around_no_formula_stay(result: Result, title: str, tmp_path: Path) -> None:
+    """A title is what the user typed; matplotlib cannot read these as formulas."""
+    plot(result, "body.v", title=title, file=tmp_path / "h.png")
+    assert (tmp_path / "h.png").stat().st_size > 0

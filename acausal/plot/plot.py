@@ -16,6 +16,8 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.mathtext import MathTextParser
+from matplotlib.text import Text
 from matplotlib.transforms import Transform, offset_copy
 
 from acausal.errors import UnitError, UsageError
@@ -376,8 +378,20 @@ def check_picture(file: str | Path | None) -> None:
         check_suffix(Path(file), FORMATS, "picture format")
 
 
+def _as_written(drawing: Figure) -> None:
+    """Show texts as they are where dollar signs enclose what is no formula."""
+    parser = MathTextParser("path")
+    for text in drawing.findobj(Text):
+        if isinstance(text, Text) and "$" in text.get_text():
+            try:
+                parser.parse(text.get_text())
+            except ValueError:
+                text.set_parse_math(False)
+
+
 def save(drawing: Figure, file: str | Path | None) -> None:
     """Write a figure to a file, if one is given, completely or not at all; equal figures give equal files."""
+    _as_written(drawing)
     if file is None:
         return
     suffix = Path(file).suffix.lower()
