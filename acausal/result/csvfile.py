@@ -17,7 +17,8 @@ from typing import BinaryIO
 
 import numpy as np
 
-from acausal.errors import AcausalError, UsageError
+from acausal.errors import AcausalError, UnitError, UsageError
+from acausal.result.seconds import seconds
 from acausal.result.signals import Array, Signal, Table, events_at_repeated_times
 from acausal.units import in_si, parse
 
@@ -66,8 +67,10 @@ class Sheet:
 
     def seconds(self, times: Array) -> Array:
         """Values of the column of times, shape (n,), converted to seconds."""
-        unit = self.units[self.clock] or "s"
-        return times if unit == "s" else _as_si(times, unit)
+        try:
+            return seconds(times, self.units[self.clock])
+        except UnitError as error:
+            raise UsageError(error.code, f"{self.path}: {error.fact}", help=error.help) from None
 
 
 def read_sheet(path: Path) -> Sheet:

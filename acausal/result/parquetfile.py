@@ -12,8 +12,8 @@ import numpy as np
 
 from acausal.errors import UsageError
 from acausal.result.csvfile import named
-from acausal.result.signals import Signal, Table, events_at_repeated_times
-from acausal.units import in_si
+from acausal.result.seconds import seconds
+from acausal.result.signals import Array, Signal, Table, events_at_repeated_times
 
 # Where pandas keeps `DataFrame.attrs`.
 _ATTRS = b"PANDAS_ATTRS"
@@ -58,12 +58,12 @@ def read_parquet(path: Path) -> Table:
         column = table.column(k)
         if column.null_count:
             raise ValueError(f"column '{label}' has {column.null_count} empty cells: leave out rows without a value")
-        values = np.asarray(column.to_numpy(), dtype=float)
         metadata = table.schema.field(k).metadata or {}
         unit = unit_in_name or metadata.get(b"unit", b"").decode() or str(units.get(label, ""))
         if k == clock:
-            time = values * in_si(1.0, unit) if unit else values
+            time = _times(column, unit)
             continue
+        values = np.asarray(column.to_numpy(), dtype=float)
         if name in signals:
             raise ValueError(f"two columns are named '{name}'")
         signals[name] = Signal(name, unit, metadata.get(b"doc", b"").decode(), len(columns))
@@ -71,6 +71,13 @@ def read_parquet(path: Path) -> Table:
     model = file_metadata.get(b"model", path.stem.encode()).decode()
     matrix = np.column_stack(columns) if columns else np.empty((len(time), 0))
     return Table(model, time, matrix, signals, events_at_repeated_times(time))
+
+
+def _times(column: Any, unit: str) -> Array:
+    try:
+        return seconds(column.to_numpy(), unit)
+    except TypeError as error:
+        raise ValueError(f"its times are none: {error}") from None
 
 
 def _pyarrow() -> tuple[Any, Any]:

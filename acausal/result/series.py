@@ -13,6 +13,7 @@ from acausal.errors import UsageError, nearest
 from acausal.result.csvfile import Sheet, read_sheet
 from acausal.result.files import read
 from acausal.result.result import Result
+from acausal.result.seconds import seconds
 
 INTERPOLATIONS = ("linear", "hold", "smooth")
 
@@ -24,8 +25,8 @@ class TimeSeries:
     Attributes
     ----------
     time, value
-        Times [s], ascending, and values, both of shape (n,), n >= 2. Two equal times are a jump: the values before and
-        after it.
+        Times [s], or durations, ascending, and values, both of shape (n,), n >= 2. Two equal times are a jump: the
+        values before and after it.
     interpolation
         "linear"; "hold": each value lasts to the next time; "smooth": a cubic spline with two continuous
         derivatives between jumps.
@@ -48,7 +49,7 @@ class TimeSeries:
 
     def __post_init__(self) -> None:
         try:
-            time, value = (np.array(v, dtype=np.float64) for v in (self.time, self.value))
+            time, value = np.array(seconds(self.time)), np.array(self.value, dtype=np.float64)
         except (TypeError, ValueError) as error:
             raise UsageError("AC044", f"{self.name} does not consist of numbers: {error}") from None
         object.__setattr__(self, "time", time)

@@ -78,10 +78,10 @@ def simulate(
     parameters
         Values by path, numbers in SI or texts with a unit ("1 N/cm"); they never recompile a compiled model.
     inputs
-        The model's own inputs by name, and those that `free` has made. A number is constant. A function of time in s, a
-        `TimeSeries`, `(times, values)`, rows `(time, value)`, "file.csv:column", a pandas Series and a `Result` (its
-        signal of that name, or `(result, name)`) are followed within a tenth of the tolerance, relative to the mean
-        size of their variation (docs/inputs.md). Inputs with a default may be left out.
+        The model's own inputs by name, and those that `free` has made. A number, with or without unit ("20 degC"), is
+        constant. A function of time in s, a `TimeSeries`, `(times, values)`, rows `(time, value)`, "file.csv:column", a
+        pandas Series and a `Result` (its signal of that name, or `(result, name)`) are followed within a tenth of the
+        tolerance, relative to the mean size of their variation (docs/inputs.md). Inputs with a default may be left out.
     start
         Start values of variables by path, in SI or with a unit, instead of the declared ones: they hold as `fixed`
         does.

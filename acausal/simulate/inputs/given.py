@@ -11,18 +11,20 @@ from typing import Any
 import numpy as np
 
 from acausal.arrays import Vector
-from acausal.errors import AcausalError, UsageError
+from acausal.errors import AcausalError, UnitError, UsageError
 from acausal.flatten.parameters import check_limit
 from acausal.language.declarations.declaration import Declaration
 from acausal.lower.chebyshev import INPUT_WIDTH
 from acausal.lower.compiled import CompiledModel
 from acausal.numeric.stretches import variation
+from acausal.result.files import READERS
 from acausal.result.result import Result
+from acausal.result.seconds import seconds
 from acausal.result.series import TimeSeries, read_series
 from acausal.simulate.arguments import input_vector
 from acausal.simulate.inputs.pieces import Pieces, held, sampled, straight
 from acausal.simulate.tolerances import Tolerances
-from acausal.units import ambiguous, format_dimension, in_si, parse
+from acausal.units import ambiguous, convert, format_dimension, in_si, parse
 
 # Share of the tolerance by which an input may be off, by the size of its variation.
 _SHARE = 0.1
@@ -68,6 +70,7 @@ def given_inputs(compiled: CompiledModel, given: Any, start: float, stop: float,
     """
     if not isinstance(given, Mapping):
         return Inputs(input_vector(compiled, given))
+    given = {n: _number(compiled, n, v) for n, v in given.items()}
     varying = {n: v for n, v in given.items() if n in compiled.inputs and not isinstance(v, Number)}
     varying = {n: v for n, v in varying.items() if np.ndim(v) > 0 or callable(v) or _is_data(v)}
     u = input_vector(compiled, {n: 0.0 if n in varying else v for n, v in given.items()}, unchecked=varying)
@@ -79,6 +82,24 @@ def given_inputs(compiled: CompiledModel, given: Any, start: float, stop: float,
         name, declared = compiled.inputs[k], compiled.flat.declaration(compiled.flat.inputs[k])
         pieces.append(_pieces(name, declared, varying[name], start, stop, tolerances.scaled(_SHARE).relative))
     return Inputs(u, places, tuple(pieces))
+
+
+def _number(compiled: CompiledModel, name: str, value: Any) -> Any:
+    """A constant with a unit, such as "20 degC", as a number; all else as it is."""
+    if (
+        not isinstance(value, str)
+        or name not in compiled.inputs
+        or ":" in value
+        or Path(value).suffix.lower() in READERS
+    ):
+        return value
+    unit = compiled.flat.declaration(compiled.flat.inputs[compiled.inputs.index(name)]).unit
+    try:
+        return convert(value, unit)
+    except UnitError as error:
+        if error.code == "AC152":  # no number at all
+            return value
+        raise UsageError(error.code, f"input {name}: {error.fact}", evidence=error.evidence, help=error.help) from None
 
 
 def _is_data(value: Any) -> bool:
@@ -155,7 +176,7 @@ def series_of(name: str, value: Any) -> tuple[TimeSeries, Callable[[Vector], Vec
         return _of_pandas(name, value), None
     try:
         if isinstance(value, tuple) and len(value) == 2:
-            time, values = (np.asarray(v, dtype=np.float64) for v in value)
+            time, values = seconds(value[0]), np.asarray(value[1], dtype=np.float64)
         else:
             rows = np.asarray(value, dtype=np.float64)
             if rows.ndim != 2 or rows.shape[1] != 2:
@@ -203,10 +224,10 @@ def _of_pandas(name: str, value: Any) -> TimeSeries:
     unit, second = (text.partition(" [")[2].rstrip("] ") for text in (label, head))
     unit = unit or str(getattr(column, "attrs", {}).get("units", ""))
     try:
-        seconds = np.asarray(time, dtype=np.float64) * (in_si(1.0, second) if second else 1.0)
-    except (TypeError, ValueError) as error:
+        times = seconds(time, second)
+    except (TypeError, ValueError, UnitError) as error:
         raise UsageError("AC044", f"the index of the data for input {name} is no time in s: {error}") from None
-    return TimeSeries(seconds, column.to_numpy(dtype=np.float64), "linear", unit, f"input {name}")
+    return TimeSeries(times, column.to_numpy(dtype=np.float64), "linear", unit, f"input {name}")
 
 
 def _in_unit(name: str, declared: Declaration, series: TimeSeries) -> TimeSeries:
@@ -242,11 +263,13 @@ def _covering(name: str, series: TimeSeries, start: float, stop: float) -> tuple
     times, values = series.times, series.values
     slack = 1e-9 * (stop - start)
     if times[0] > start + slack or times[-1] < stop - slack:
+        both = max(times[0], start), min(times[-1], stop)
+        first, last = both if both[0] < both[1] else (times[0], times[-1])
         raise UsageError(
             "AC044",
             f"{series.name} goes from {times[0]:.9g} s to {times[-1]:.9g} s, the run from {start:.9g} to {stop:.9g} s",
             cause="what an input is where it was not measured is not known",
-            help=f"simulate from start_time={max(times[0], start):.9g} to stop_time={min(times[-1], stop):.9g}, "
+            help=f"simulate from start_time={first:.12g} to stop_time={last:.12g}, "
             f"or give input {name} rows up to the end",
         )
     first = max(int(np.searchsorted(times, start, side="right")) - 1, 0)

@@ -14,6 +14,7 @@ from acausal.errors import UsageError, meant
 from acausal.result.csvfile import named
 from acausal.result.files import read
 from acausal.result.result import Result
+from acausal.result.seconds import seconds
 from acausal.result.series import TimeSeries, read_all
 from acausal.units import ambiguous, format_dimension, in_si, parse
 
@@ -91,9 +92,11 @@ def _from_result(result: Result) -> dict[str, TimeSeries]:
 
 def _from_frame(frame: Any) -> dict[str, TimeSeries]:
     clock = next((c for wanted in ("time", "t") for c in frame.columns if named(str(c))[0].lower() == wanted), None)
-    times = np.asarray((frame.index if clock is None else frame[clock]).to_numpy(), dtype=np.float64)
     second = named(str(frame.index.name if clock is None else clock))[1]
-    times = times * in_si(1.0, second) if second else times
+    try:
+        times = seconds(frame.index if clock is None else frame[clock], second)
+    except (TypeError, ValueError) as error:
+        raise UsageError("AC055", f"the measurements are not over time in s: {error}") from None
     units = frame.attrs.get("units", {})
     found = {}
     for column in frame.columns:
