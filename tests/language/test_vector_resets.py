@@ -50,8 +50,8 @@ class ShiftRegister(Component):
 def test_a_shift_register() -> None:
     r = acausal.simulate(ShiftRegister(), stop_time=0.55)
     assert r.final("held") == pytest.approx([0.5, 0.4, 0.3, 0.2], abs=1e-12)
-    assert r.final("count").tolist() == [5, 5]
-    assert r.final("late").tolist() == [1, 1, 1, 0]
+    assert r.final("count") == pytest.approx([5, 5])
+    assert r.final("late") == pytest.approx([1, 1, 1, 0])
 
 
 class Saws(Component):
@@ -86,14 +86,16 @@ class Wrong(Component):
 
     def equations(self) -> Equations:
         yield der(self.x) == fill(1.0, 3)
-        actions = {
-            "longer": lambda: (reset(self.x, concatenate(self.x, 1.0)),),
-            "a vector for an element": lambda: (reset(self.x[0], self.x),),
-            "a parameter": lambda: (reset(self.k[0], 1.0),),
-            "no variable": lambda: (reset((2.0 * self.x)[0], 1.0),),
-            "twice": lambda: (reset(self.x, 0.0), reset(self.x[1], 1.0)),
-        }
-        yield when(time > 0.5, *actions[self.way]())
+        if self.way == "longer":
+            yield when(time > 0.5, reset(self.x, concatenate(self.x, 1.0)))
+        elif self.way == "a vector for an element":
+            yield when(time > 0.5, reset(self.x[0], self.x))
+        elif self.way == "a parameter":
+            yield when(time > 0.5, reset(self.k[0], 1.0))
+        elif self.way == "no variable":
+            yield when(time > 0.5, reset((2.0 * self.x)[0], 1.0))
+        else:
+            yield when(time > 0.5, reset(self.x, 0.0), reset(self.x[1], 1.0))
 
 
 @pytest.mark.parametrize(

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import os
 import sys
 import time
@@ -19,19 +17,19 @@ import numpy as np
 from acausal.arrays import Vector
 from acausal.errors import DeclarationError, UsageError
 from acausal.language.component import Component
+from acausal.language.declarations.declaration import Kind
 from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
 from acausal.reduce.outputs import fitting
 from acausal.result.result import Result
 from acausal.result.signals import Signal
 from acausal.simulate.arguments import parameter_vector
-from acausal.simulate.events.sampling import clocks
 from acausal.simulate.native.policy import expect
-from acausal.simulate.options import options as run_options
 from acausal.simulate.record.record import Described
 from acausal.study.sweep.cluster import cluster
 from acausal.study.sweep.crew import Crew, Foreign, Here, Processes, carried_out
 from acausal.study.sweep.family import Progress, Report, Sweep, gathered
+from acausal.study.sweep.identity import as_text, driven, fingerprint, run_times
 from acausal.study.sweep.member import Outcome, Task, run_member
 from acausal.study.sweep.store import Definition, Store
 from acausal.study.sweep.vary import design
@@ -124,9 +122,11 @@ def sweep(
         raise UsageError("AC060", f"{workers} workers do nothing", help="workers=2")
     compiled, component = _compiled(model, dict(parameters or {}), names, values)
     task, kept = _task(compiled, component, dict(parameters or {}), names, signals, dict(options), values)
-    setting = {"options": _text(options), "parameters": _text(parameters or {})}
+    setting = {"parameters": as_text(parameters or {})}
     if file is not None:
-        setting["model"] = _fingerprint(compiled)
+        setting["options"] = as_text({k: v for k, v in options.items() if k != "inputs"})
+        setting["inputs"] = driven(compiled, dict(options))
+        setting["model"] = fingerprint(compiled)
     definition = Definition(compiled.name, _varied(compiled, names), values, kept, task.grid, setting)
     # Before anything runs or is written: a sweep of few members would never ask who runs the others.
     with _pool(executor, workers, len(values)) as pool:
@@ -210,10 +210,15 @@ def _compiled(
     for name in names:
         declaration = type(model)._declarations.get(name)
         if declaration is not None and name not in declared and name not in compiled.parameters:
+            structural = declaration.kind is Kind.STRUCTURAL
             raise UsageError(
                 "AC061",
-                f"{name} of {compiled.name} decides its structure and cannot be varied",
-                help="make a sweep for each of its values",
+                f"{name} of {compiled.name} "
+                + ("decides its structure" if structural else "is no parameter")
+                + " and cannot be varied",
+                help="make a sweep for each of its values"
+                if structural
+                else "to vary a start value declare a parameter, and give the variable fixed() of it in build",
             )
     _check_names(compiled, names, values)
     return compiled, model
@@ -235,8 +240,7 @@ def _task(
     values: Vector,
 ) -> tuple[Task, tuple[Signal, ...]]:
     """What all members share, and the signals that are kept."""
-    plain = {k: v for k, v in options.items() if k not in ("inputs", "start", "force")}
-    grid = run_options(compiled.flat.experiment, **plain).grid()
+    grid = run_times(compiled, options).grid()
     if signals is None:
         if len(compiled.continuous) > _MOST_SIGNALS:
             raise UsageError(
@@ -263,36 +267,6 @@ def _without_rows(compiled: CompiledModel) -> Result:
 def _varied(compiled: CompiledModel, names: tuple[str, ...]) -> tuple[Signal, ...]:
     known = _without_rows(compiled).signals
     return tuple(known[name] if name in known else Signal(name) for name in names)
-
-
-def _fingerprint(compiled: CompiledModel) -> str:
-    """A hash of the equations and the parameters: members of another model do not belong into the same table."""
-    parts = [compiled.rhs.serialize(), compiled.modes.serialize(), compiled.instants.serialize()]
-    parts += [compiled.observe.serialize(), compiled.guess.serialize(), compiled.conditions.serialize()]
-    parts += [f.serialize() for f in (compiled.events.round, compiled.events.watch) if compiled.state_events]
-    parts += [compiled.delay_signals.serialize()] if compiled.delays else []
-    values = np.array(compiled.parameter_values, dtype=float)
-    named = compiled.parameters, compiled.parameter_values, compiled.states, compiled.inputs
-    parts.append(json.dumps([*named, clocks(compiled, values)]))
-    return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:16]
-
-
-def _text(options: Mapping[str, Any]) -> str:
-    """Options as text that is the same in another process."""
-    return json.dumps({k: _plain(v) for k, v in sorted(options.items()) if v is not None})
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {k: _plain(v) for k, v in sorted(value.items())}
-    if isinstance(value, str | int | float | bool | None):
-        return value
-    if hasattr(value, "__array__") or isinstance(value, tuple | list):
-        with suppress(TypeError, ValueError):
-            data = np.asarray(value, dtype=float)
-            return [list(data.shape), hashlib.sha256(data.tobytes()).hexdigest()[:16]]
-    # of a function, or data of another kind, the kind is all that can be compared
-    return f"{type(value).__module__}.{type(value).__qualname__}"
 
 
 def _opened(file: Path | None, definition: Definition, resume: bool) -> Store:

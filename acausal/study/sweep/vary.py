@@ -119,7 +119,11 @@ def _numbers(name: str, given: Any) -> Vector:
     try:
         values = np.asarray(given, dtype=float)
     except (TypeError, ValueError) as error:
-        raise UsageError("AC060", f"the values of {name} are not numbers: {given!r}") from error
+        raise UsageError(
+            "AC060",
+            f"the values of {name} are not numbers: {given!r}",
+            help="numbers in SI here; with units on the command line: --vary T=20degC,40degC",
+        ) from error
     if values.ndim != 1 or not values.size or not np.isfinite(values).all():
         raise UsageError("AC060", f"the values of {name} are not a row of finite numbers")
     return values

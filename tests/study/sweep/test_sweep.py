@@ -240,7 +240,7 @@ def test_another_sweep_does_not_go_on_in_the_file(tmp_path: Path, vary: Any, opt
     assert len(acausal.load_sweep(file)) == 2
 
 
-@pytest.mark.parametrize("number", ["power", "level", "interval", "delay"])
+@pytest.mark.parametrize("number", ["power", "level", "interval", "delay", "limit"])
 def test_a_changed_model_does_not_go_on_in_the_file(tmp_path: Path, number: str) -> None:
     file = tmp_path / "x.sweep"
     acausal.sweep(_written()(), {"k": [1.0]}, file=file, workers=1)
@@ -248,7 +248,9 @@ def test_a_changed_model_does_not_go_on_in_the_file(tmp_path: Path, number: str)
         acausal.sweep(_written(**{number: 3.0})(), {"k": [1.0]}, file=file, workers=1, resume=True)
 
 
-def _written(power: float = 2.0, level: float = 0.5, interval: float = 0.5, delay: float = 0.1) -> Any:
+def _written(
+    power: float = 2.0, level: float = 0.5, interval: float = 0.5, delay: float = 0.1, limit: float = 9.0
+) -> Any:
     class Model(acausal.Component):
         k: acausal.Real = acausal.parameter(default=1.0)
         x: acausal.Real = acausal.variable(default=acausal.fixed(1.0))
@@ -259,8 +261,53 @@ def _written(power: float = 2.0, level: float = 0.5, interval: float = 0.5, dela
             yield acausal.der(self.x) == -self.k * self.x * power
             yield acausal.der(self.y) == acausal.where(self.x > level, acausal.delay(self.x, delay), 0.0)
             yield acausal.when(acausal.sample(0.0, interval), acausal.reset(self.d, self.x))
+            yield demand(self.k < limit, "k is too large")
 
     return Model
+
+
+demand = acausal.assert_  # which ruff takes for one of unittest
+
+
+class _Driven(acausal.Component):
+    """The integral of an input."""
+
+    k: acausal.Real = acausal.parameter(default=1.0)
+    u: acausal.Real = acausal.signal_input()
+    x: acausal.Real = acausal.variable(default=acausal.fixed(0.0))
+
+    def equations(self) -> acausal.Equations:
+        yield acausal.der(self.x) == self.k * self.u
+
+
+def test_another_input_does_not_go_on_in_the_file(tmp_path: Path) -> None:
+    """Functions, series and the content of files are compared by what a run has of them, not by their kind."""
+    file, data = tmp_path / "x.sweep", tmp_path / "u.csv"
+
+    def swept(u: Any, **options: Any) -> Any:
+        return acausal.sweep(_Driven(), {"k": [1.0]}, inputs={"u": u}, file=file, workers=1, stop_time=1.0, **options)
+
+    def written(last: float) -> str:
+        data.write_text(f"time,u\n0,0\n1,{last}\n")
+        return str(data)
+
+    series = acausal.TimeSeries([0.0, 1.0], [0.0, 1.0])
+    for one, other in (
+        (np.sin, lambda: np.cos),
+        (series, lambda: acausal.TimeSeries([0.0, 1.0], [0.0, 2.0])),
+        (series, lambda: acausal.TimeSeries([0.0, 1.0], [0.0, 1.0], "hold")),
+        (written(1.0), lambda: written(2.0)),
+        (1.0, lambda: 2.0),
+    ):
+        swept(one)
+        assert swept(one, resume=True).status == ("ok",)
+        with pytest.raises(UsageError, match="other inputs"):
+            swept(other(), resume=True)
+
+
+def test_a_variable_is_no_parameter() -> None:
+    with pytest.raises(UsageError, match=r"AC061.*x of _Driven is no parameter"):
+        acausal.sweep(_Driven(), {"x": [1.0]}, inputs={"u": 0.0})
 
 
 def test_a_file_that_is_no_sweep_is_left_alone(tmp_path: Path) -> None:

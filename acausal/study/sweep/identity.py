@@ -1,0 +1,77 @@
+"""What tells one sweep from another: members of another model, or of other inputs, do not go into the same table."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from contextlib import suppress
+from typing import Any
+
+import numpy as np
+
+from acausal.flatten.pool import LEAVES
+from acausal.lower.compiled import CompiledModel
+from acausal.simulate.events.sampling import clocks
+from acausal.simulate.inputs.given import given_inputs
+from acausal.simulate.options import Options
+from acausal.simulate.options import options as run_options
+
+
+def fingerprint(compiled: CompiledModel) -> str:
+    """A hash of the equations and the parameters: members of another model do not belong into the same table."""
+    parts = [compiled.rhs.serialize(), compiled.modes.serialize(), compiled.instants.serialize()]
+    parts += [compiled.observe.serialize(), compiled.guess.serialize(), compiled.conditions.serialize()]
+    events = compiled.events
+    if compiled.state_events:
+        parts += [f.serialize() for f in (events.round, events.watch, events.reactions)]
+    parts += [compiled.delay_signals.serialize()] if compiled.delays else []
+    values = np.array(compiled.parameter_values, dtype=float)
+    named = compiled.parameters, compiled.parameter_values, compiled.states, compiled.inputs
+    demanded = _demands(compiled)
+    parts.append(json.dumps([*named, clocks(compiled, values), demanded]))
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:16]
+
+
+def _demands(compiled: CompiledModel) -> list[Any]:
+    """What must hold in a run, and of its parameters: a member may fail because of it."""
+    flat = compiled.flat
+    texts: dict[int, str] = {}
+    for n in flat.pool.reachable([a.condition for a in flat.demands]):
+        op, *below = flat.pool.nodes[n]
+        texts[n] = hashlib.sha256(repr((op, below if op in LEAVES else [texts[k] for k in below])).encode()).hexdigest()
+    said = [(a.message, a.level) for a in compiled.state_events.asserts]
+    limits = [(f.declaration.min, f.declaration.max) for f in flat.parameters]
+    return [said, [(texts[a.condition], a.message, a.level) for a in flat.demands], limits]
+
+
+def driven(compiled: CompiledModel, options: Mapping[str, Any]) -> str:
+    """A hash of what the inputs of a run are over its time: functions and files have no name that tells them apart."""
+    times = run_times(compiled, options)
+    given = given_inputs(compiled, options.get("inputs") or {}, times.start_time, times.stop_time, times.tolerances)
+    parts = [given.u, np.array(given.places), *(part for p in given.pieces for part in (p.breaks, p.numbers))]
+    return hashlib.sha256(b"".join(part.tobytes() for part in parts)).hexdigest()[:16]
+
+
+def as_text(options: Mapping[str, Any]) -> str:
+    """Options as text that is the same in another process."""
+    return json.dumps({k: _plain(v) for k, v in sorted(options.items()) if v is not None})
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {k: _plain(v) for k, v in sorted(value.items())}
+    if isinstance(value, str | int | float | bool | None):
+        return value
+    if hasattr(value, "__array__") or isinstance(value, tuple | list):
+        with suppress(TypeError, ValueError):
+            data = np.asarray(value, dtype=float)
+            return [list(data.shape), hashlib.sha256(data.tobytes()).hexdigest()[:16]]
+    # of a function, or data of another kind, the kind is all that can be compared
+    return f"{type(value).__module__}.{type(value).__qualname__}"
+
+
+def run_times(compiled: CompiledModel, options: Mapping[str, Any]) -> Options:
+    """Times, tolerances and solver of all members."""
+    plain = {k: v for k, v in options.items() if k not in ("inputs", "start", "force")}
+    return run_options(compiled.flat.experiment, **plain)
