@@ -16,10 +16,12 @@ from acausal import (
     Equations,
     Real,
     TimeSeries,
+    boolean,
     connect,
     der,
     discrete,
     fixed,
+    integer,
     part,
     pre,
     reset,
@@ -322,6 +324,25 @@ class Bound(Component):
     def equations(self) -> Equations:
         yield der(self.a) == -self.a
         yield self.b == self.a + 1.0
+
+
+class Counted(Component):
+    """A number of ticks, and whether it is odd."""
+
+    n: Real = integer()
+    odd: Real = boolean()
+
+    def equations(self) -> Equations:
+        yield when(sample(0.5, 0.5), reset(self.n, pre(self.n) + 1), reset(self.odd, ~pre(self.odd)))
+
+
+def test_start_values_are_of_their_kind() -> None:
+    """An integer that began at 1.5 would go on in halves, and a boolean at 0.7 be neither."""
+    result = acausal.simulate(Counted(), start={"n": 7, "odd": True}, stop_time=1.7)
+    assert (result.final("n"), result.final("odd")) == (10, 0)
+    for wrong in ({"n": 1.5}, {"odd": 0.7}):
+        with pytest.raises(AcausalError, match="AC046"):
+            acausal.simulate(Counted(), start=wrong, stop_time=1.7)
 
 
 def test_start_values_must_agree_with_the_declared_ones() -> None:

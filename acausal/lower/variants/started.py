@@ -12,6 +12,7 @@ from acausal.errors import UsageError, nearest
 from acausal.flatten.flat import FlatStart, suffixes
 from acausal.flatten.parameters import entries
 from acausal.flatten.reduced import ReducedSystem
+from acausal.language.declarations.declaration import Declaration
 from acausal.lower.cache.cache import replaced
 from acausal.lower.compiled import CompiledModel
 
@@ -57,18 +58,18 @@ def _values(compiled: CompiledModel, given: Mapping[str, object]) -> dict[int, f
     if not isinstance(given, Mapping):
         raise UsageError("AC046", f"start is a {type(given).__name__}", help="a dictionary: start={'mass.s': 0.1}")
     reduced = compiled.solution.structure.reduced
-    variables: dict[str, tuple[tuple[int, ...], int, str]] = {}
+    variables: dict[str, tuple[tuple[int, ...], int, Declaration]] = {}
     for v in compiled.flat.variables:
         shape = v.declaration.shape
-        variables[v.path] = shape, v.first, v.declaration.unit
+        variables[v.path] = shape, v.first, v.declaration
         if shape:
-            variables |= {v.path + e: ((), v.first + k, v.declaration.unit) for k, e in enumerate(suffixes(shape))}
+            variables |= {v.path + e: ((), v.first + k, v.declaration) for k, e in enumerate(suffixes(shape))}
     start_values: dict[int, float] = {}
     for path, value in given.items():
         if path not in variables:
             raise _unknown(compiled, path, variables)
-        shape, first, unit = variables[path]
-        for k, number in enumerate(entries(path, shape, value, unit)):
+        shape, first, declared = variables[path]
+        for k, number in enumerate(entries(path, shape, value, declared.unit)):
             scalar = first + k
             image = reduced.image[scalar]
             if scalar in reduced.left_out or not reduced.pool.variables_in(image):
@@ -79,6 +80,10 @@ def _values(compiled: CompiledModel, given: Mapping[str, object]) -> dict[int, f
                 )
             if number != number or abs(number) == float("inf"):
                 raise UsageError("AC046", f"start of {path} = {number} is not finite")
+            if declared.boolean and number not in (0.0, 1.0):
+                raise UsageError("AC046", f"{path} is true or false, its start {number:g} is neither", help="0 or 1")
+            if declared.integer and number != round(number):
+                raise UsageError("AC046", f"{path} is an integer, its start {number:g} is not")
             if scalar in start_values and start_values[scalar] != number:
                 raise UsageError("AC046", f"{path} is given two start values: {start_values[scalar]:g} and {number:g}")
             start_values[scalar] = number
