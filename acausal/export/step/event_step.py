@@ -74,7 +74,10 @@ class Settling:
         state = ca.densify(ca.vertcat(s.x, s.z, m, was, none, 0, flips, skip, s.t, s.u, s.p))
         first = ca.Function("first", [*s.inputs, before, samples, skip], [state])
         symbols = [ca.MX.sym(first.name_in(k), first.sparsity_in(k)) for k in range(first.n_in())]
-        end_state = self._turn.fold(self.turns)(first(*symbols))
+        turns = self._turn.fold(self.turns)
+        end_state = turns(first(*symbols))
+        if samples.numel() and self.compiled.state_events.assignments:
+            end_state = turns(self._over(end_state))
         return ca.Function("settled", symbols, self._last(end_state))
 
     @property
@@ -127,6 +130,25 @@ class Settling:
         choice = ca.Function.if_else("choice", stay, go)
         held = ca.MX.sym("walk", state.numel())
         return ca.Function("turn", [held], [choice(self._parts(held)[7], held)])
+
+    @cached_property
+    def _over(self) -> Any:
+        """Function `state -> state` after samples have become false: discrete equations that read them are to be settled."""
+        state = ca.SX.sym("walk", sum(self._sizes))
+        x, z, m, was, decided, level, flips, settled, *held = self._parts(state)
+        m = ca.SX(m)
+        last = Round(*self.compiled.events.round(held[0], x, z, *held[1:], m, was, decided, level))
+        m[self.samples] = 0
+        found = Round(*self.compiled.events.round(held[0], x, z, *held[1:], m, was, decided, level))
+        places = [a.position for a in self.compiled.state_events.assignments]
+        stale = any_of(found.assigned[k] != x[place] for k, place in enumerate(places))
+        # what has not settled goes on as it is, and says so if turns do not suffice
+        more = ca.logic_and(stale, settled)
+        m[self.memories] = ca.if_else(more, found.remembered, m[self.memories])
+        anew = [ca.if_else(more, a, b) for a, b in ((last.conditions, was), (0, decided), (0, level), (0, flips))]
+        over = ca.if_else(more, m, self._parts(state)[2])
+        parts = [x, z, over, *anew, ca.if_else(more, 0, settled), *held]
+        return ca.Function("over", [state], [ca.cse(ca.densify(ca.vertcat(*parts)))])
 
     @cached_property
     def _last(self) -> Any:

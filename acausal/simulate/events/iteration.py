@@ -139,11 +139,14 @@ class Iteration:
         try:
             held = 1.0 - self.opening if flag == "initial" and self.opening.any() else None
             moment, last = self._rounds(t, Moment(moment.x, moment.z, m, moment.regime), was, held, story)
+            moment, over = self._over(t, moment, last)
+            if flag != "terminal" and not (over.assigned == moment.x[self.assigned]).all():
+                held = np.ones(self.conditions) if flag == "initial" else None
+                moment, last = self._rounds(t, moment, last.conditions, held, story)
         except InitializationError as error:
             if flag == "initial" or error.code not in ("AC301", "AC304"):
                 raise
             raise undetermined(t, error) from error
-        moment = self._over(t, moment)
         self._shared(t, moment, story.notes)
         states = self.problem.compiled.states
         changed = tuple(states[k] for k in np.flatnonzero(moment.x != x_before).tolist())
@@ -263,15 +266,22 @@ class Iteration:
         striking = [actions[a][0] for a, _ in impulses(compiled) if acting[a]]
         return vain(compiled.name, t, striking or [c for c, _ in setters.values()])
 
-    def _over(self, t: float, moment: Moment) -> Moment:
-        """The moment after the instant: samples and flags are false again, also to what remembers them."""
+    def _over(self, t: float, moment: Moment, last: Round) -> tuple[Moment, Round]:
+        """The moment after the instant, when samples and flags are false again, also to what remembers them.
+
+        A discrete equation may read them, as that of a trigger, `y == sample(0, 1)`, does: it is evaluated again, in
+        rounds of its own, since what it assigns has changed and a `when` may act because of that.
+        """
         m = moment.m.copy()
         m[self.samples] = 0.0
         m[self.flags] = 0.0
-        if len(self.events.memories) and not np.array_equal(m, moment.m):
-            none = np.zeros(self.conditions)
-            m[self.memories] = self._round(t, replace(moment, m=m), none, none, 0.0).remembered
-        return Moment(moment.x, moment.z, m, moment.regime)
+        moment, is_over = Moment(moment.x, moment.z, m, moment.regime), np.array_equal(m, moment.m)
+        if is_over or not (len(self.events.memories) or len(self.assigned)):
+            return moment, last
+        none = np.zeros(self.conditions)
+        found = self._round(t, moment, none, none, 0.0)
+        m[self.memories] = found.remembered
+        return moment, found
 
     def decide(
         self, t: float, moment: Moment, notes: list[str], walk: _Walk, progress: tuple[Vector, Vector, float]

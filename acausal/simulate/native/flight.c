@@ -352,8 +352,10 @@ static int settle(struct flight* s, struct space* o, double t, const double* bef
     ticked |= s->m[s->timely + k] != 0.0;
     s->m[s->timely + k] = 0.0;
   }
-  if (ticked && s->memories) { /* samples are false again, also to what remembers them */
+  if (ticked && (s->memories || s->assigned)) { /* samples are false again, also to what remembers them */
     if (take_round(s, o, t, s->m)) return UNUSUAL;
+    for (k = 0; k < s->assigned; ++k)
+      if (o->assigned[k] != s->x[s->assigned_at[k]]) return UNUSUAL; /* a discrete equation reads them: more rounds */
     for (k = 0; k < s->memories; ++k) s->m[first_memory(s) + k] = o->remembered[k];
   }
   for (k = 0; k < s->states; ++k)
