@@ -34,7 +34,7 @@ from acausal import (
     where,
 )
 from acausal.export.step.step import step_function
-from acausal.library.blocks import SampleTrigger, Sine, TriggeredSampler
+from acausal.library.blocks import BooleanStep, SampleTrigger, Sine, TriggeredSampler, Xor
 
 RUNS = [("rosenbrock", False), ("rosenbrock", True), ("idas", False), ("erk", True)]
 
@@ -159,3 +159,60 @@ def test_derivatives_see_every_tick() -> None:
     """x(0.55) = a^5 e^-0.55."""
     found = acausal.sensitivities(Dosed(), ["a"], ["x"], stop_time=0.55, tolerance=1e-9)
     assert np.asarray(found.final).ravel()[0] == pytest.approx(5 * 1.3**4 * np.exp(-0.55), rel=1e-6)
+
+
+class Counter(Component):
+    """Counts the edges of its input."""
+
+    u: Real = boolean_input()
+    n: Real = integer()
+
+    def equations(self) -> Equations:
+        yield when(edge(self.u), reset(self.n, pre(self.n) + 1))
+
+
+class Coinciding(Component):
+    """A step and a trigger at 1.75 s: exactly one of them is true from then on, but not at that instant."""
+
+    step: BooleanStep = BooleanStep(start_time=1.75)
+    trigger: SampleTrigger = SampleTrigger(period=1.0, start_time=1.75)
+    either: Xor = Xor()
+    counters: list[Counter] = part()
+
+    experiment: ClassVar[Experiment] = Experiment(stop_time=2.0)
+
+    def build(self) -> None:
+        self.counters = [Counter() for _ in range(3)]
+
+    def equations(self) -> Equations:
+        yield connect(self.step.y, self.either.u1, self.counters[0].u)
+        yield connect(self.trigger.y, self.either.u2, self.counters[1].u)
+        yield connect(self.either.y, self.counters[2].u)
+
+
+class CoincidingBesideAState(Coinciding):
+    """The same with something to integrate."""
+
+    x: Real = variable(default=fixed(1.0))
+
+    def equations(self) -> Equations:
+        yield der(self.x) == -self.x
+
+
+COUNTS = [f"counters[{k}].n" for k in range(3)]
+
+
+@pytest.mark.parametrize("model", [Coinciding, CoincidingBesideAState])
+@pytest.mark.parametrize(("solver", "native"), RUNS)
+def test_a_relation_of_time_and_a_tick_at_one_instant_are_seen_together(model: Any, solver: str, native: bool) -> None:
+    """A step that came a round behind the tick would have let the other one become true twice."""
+    r = acausal.simulate(model(), solver=solver, native=native)
+    assert [r.final(name) for name in COUNTS] == [1, 1, 1]
+
+
+def test_exported_steps_see_them_together() -> None:
+    step = step_function(acausal.compile(CoincidingBesideAState()), 0.05, "rk4", COUNTS)
+    row, y = np.array(step.x.start), np.zeros(0)
+    for _ in range(40):
+        row, y = (np.array(v).ravel() for v in step.function(row, [], step.p.start))
+    assert y[:3].tolist() == [1, 1, 1]

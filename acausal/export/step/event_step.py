@@ -169,10 +169,11 @@ class Settling:
         """
         g = self.compiled.events.watch(*here)
         rate, noise = self.rates(*here)
-        ties, modes = self.compiled.events.ties, here[5][self.relations]
+        ties, modes, timed = self.compiled.events.ties, here[5][self.relations], self.compiled.events.timed
         found = []
         for k in range(g.numel()):
-            leaves = ca.logic_and(fresh, ca.logic_and(g[k] <= noise[k], rate[k] < -noise[k]))
+            leaves = ca.logic_and(g[k] <= noise[k], rate[k] < -noise[k])
+            leaves = leaves if timed[k] else ca.logic_and(fresh, leaves)
             found.append(ca.logic_or(g[k] < -2 * noise[k], leaves))
             if ties[k] >= 0:
                 stays = ca.logic_and(ca.logic_and(g[k] == 0, rate[k] == 0), flips[k] < 2)

@@ -109,6 +109,12 @@ class EventFunctions:
         return tuple(-1 if k in events.watched else int(holds) for k, holds in enumerate(kinds))
 
     @cached_property
+    def timed(self) -> tuple[bool, ...]:
+        """Whether each relation depends on time and parameters alone."""
+        moved = {k for i in (1, 2, 3, 5) for k in self.distances.jac_sparsity(0, i).get_triplet()[0]}
+        return tuple(k not in moved for k in range(len(self.compiled.state_events.relations)))
+
+    @cached_property
     def twins(self) -> tuple[tuple[int, ...], ...]:
         """For each relation, those that differ from it only where the sides are equal: `x >= 0` for `x > 0`."""
         nodes = [self._pool.nodes[n] for n in self.compiled.state_events.relations]

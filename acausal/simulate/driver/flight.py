@@ -227,6 +227,7 @@ class Flight:
             "assigned_at": whole([a.position for a in events.assignments]),
             "ends": whole([c.terminate is not None for c in events.clauses]),
             "ties": whole(compiled.events.ties),
+            "timed": whole(compiled.events.timed),
             "scale": real(problem.scale_x),
             "nominal": real(compiled.nominal_x),
             "constant": real(constants),

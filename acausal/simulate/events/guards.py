@@ -76,6 +76,11 @@ class Guards:
         self.first = compiled.n_modes - len(compiled.state_events.relations)
 
     @cached_property
+    def timed(self) -> Truth:
+        """See `EventFunctions.timed`."""
+        return np.array(self.problem.compiled.events.timed, dtype=bool)
+
+    @cached_property
     def texts(self) -> tuple[str, ...]:
         """The relations as the user reads them."""
         return self.problem.compiled.events.texts

@@ -71,6 +71,8 @@ class _Walk:
     flips: NDArray[np.int_]
     doubt: Vector
     turn: int = 0
+    is_timed: bool = True
+    """Whether relations of time alone change before anything acts; not while `initial()` holds others back."""
 
 
 @dataclass
@@ -139,8 +141,8 @@ class Iteration:
         try:
             held = 1.0 - self.opening if flag == "initial" and self.opening.any() else None
             moment, last = self._rounds(t, Moment(moment.x, moment.z, m, moment.regime), was, held, story)
-            moment, over = self._over(t, moment, last)
-            if flag != "terminal" and not (over.assigned == moment.x[self.assigned]).all():
+            moment, over = self._over(t, moment, last, flag)
+            if not (over.assigned == moment.x[self.assigned]).all():
                 held = np.ones(self.conditions) if flag == "initial" else None
                 moment, last = self._rounds(t, moment, last.conditions, held, story)
         except InitializationError as error:
@@ -166,6 +168,7 @@ class Iteration:
         walk = _Walk(np.zeros(count, dtype=int), np.zeros(count))
         for _ in range(self.most_rounds):
             was = was if held is None else np.maximum(was, held)
+            walk.is_timed = held is None
             moment, found = self.decide(t, moment, story.notes, walk, (was, decided, level))
             advances, m = found.level == 0.0, found.m
             if found.clash:
@@ -266,15 +269,18 @@ class Iteration:
         striking = [actions[a][0] for a, _ in impulses(compiled) if acting[a]]
         return vain(compiled.name, t, striking or [c for c, _ in setters.values()])
 
-    def _over(self, t: float, moment: Moment, last: Round) -> tuple[Moment, Round]:
+    def _over(self, t: float, moment: Moment, last: Round, flag: str | None) -> tuple[Moment, Round]:
         """The moment after the instant, when samples and flags are false again, also to what remembers them.
+
+        Nothing follows what is terminal: that remains true.
 
         A discrete equation may read them, as that of a trigger, `y == sample(0, 1)`, does: it is evaluated again, in
         rounds of its own, since what it assigns has changed and a `when` may act because of that.
         """
         m = moment.m.copy()
         m[self.samples] = 0.0
-        m[self.flags] = 0.0
+        if flag != "terminal":
+            m[self.flags] = 0.0
         moment, is_over = Moment(moment.x, moment.z, m, moment.regime), np.array_equal(m, moment.m)
         if is_over or not (len(self.events.memories) or len(self.assigned)):
             return moment, last
@@ -397,7 +403,8 @@ class Iteration:
         wrong |= free & (g == 0.0) & (rate == 0.0) & (walk.flips[own] < _TWICE) & self._untied(moment, own)
         # or it begins or ends to rest here, and rounding alone says on which side of that it is
         wrong &= ~((g == -AT_REST) & self.guards.rests[own] & (walk.flips[own] > _TWICE))
-        found = np.asarray(wrong | leaves & ~early if leaving else wrong)
+        # of time alone nothing that is remembered can be behind
+        found = np.asarray(wrong | leaves & ~early & (leaving | (walk.is_timed & free & self.guards.timed[own])))
         if early.any() and not found.any():
             self._stay(t, [moment.regime.held.owners[k][0] for k in np.flatnonzero(early)])
         return found

@@ -54,7 +54,7 @@ struct flight {
   count_t constants, boundaries;
   /* what does not change in a run */
   double span, relative, absolute, step;
-  const count_t *assigned_at, *ends, *ties, *impossible;
+  const count_t *assigned_at, *ends, *ties, *timed, *impossible;
   const double *scale, *nominal, *constant, *u, *p;
   const double *boundary, *timely_modes, *due, *times;
   const count_t *times_end;
@@ -285,7 +285,7 @@ static int decide(struct flight* s, struct space* o, double t, count_t* turn) {
       double near = most(LOCATED * noise, fabs(o->rate[k]) * as_one(s, t));
       double* mode = s->m + first_relation(s) + k;
       int untied = o->g[k] == 0.0 && o->rate[k] == 0.0 && o->flips[k] < TWICE && s->ties[k] >= 0 && *mode != (double) s->ties[k];
-      if (o->g[k] < -2 * noise || untied || (leaving && o->g[k] <= near && o->rate[k] < -noise)) {
+      if (o->g[k] < -2 * noise || untied || ((leaving || s->timed[k]) && o->g[k] <= near && o->rate[k] < -noise)) {
         *mode = 1.0 - *mode;
         if (++o->flips[k] >= CHATTER) return UNUSUAL;
         wrong = 1;

@@ -33,7 +33,7 @@ class FlightStructure(ctypes.Structure):
         *_fields(ctypes.c_longlong, "states dynamic discretes modes timely samples memories flags relations assigned"),
         *_fields(ctypes.c_longlong, "conditions clauses actions asserts constants boundaries"),
         *_fields(ctypes.c_double, "span relative absolute step"),
-        *_fields(ctypes.c_void_p, "assigned_at ends ties impossible"),
+        *_fields(ctypes.c_void_p, "assigned_at ends ties timed impossible"),
         *_fields(ctypes.c_void_p, "scale nominal constant u p boundary timely_modes due times times_end"),
         *_fields(ctypes.c_longlong, "segment entered fresh"),
         *_fields(ctypes.c_double, "here first"),
