@@ -133,7 +133,7 @@ class Settling:
 
     @cached_property
     def _over(self) -> Any:
-        """Function `state -> state` after samples have become false: discrete equations that read them are to be settled."""
+        """Function `state -> state`: samples become false, and discrete equations that read them are to be settled."""
         state = ca.SX.sym("walk", sum(self._sizes))
         x, z, m, was, decided, level, flips, settled, *held = self._parts(state)
         m = ca.SX(m)
