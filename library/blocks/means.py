@@ -17,17 +17,13 @@ from acausal import (
     part,
     pre,
     reset,
-    sample,
     signal_input,
     signal_output,
     sqrt,
     time,
     variable,
     when,
-    where,
 )
-
-_ROUNDING = 1e-9
 
 
 class Mean(Component):
@@ -44,10 +40,10 @@ class Mean(Component):
         yield der(self.x) == self.u
         yield self.y == self.held
         period = 1.0 / self.f
-        is_full = no_event(time - pre(self.since) > (1.0 - _ROUNDING) * period)  # not where the run began within it
+        # not a clock: its ticks would begin at zero, and a run may begin at any time, before zero too
         yield when(
-            sample(period, period),
-            reset(self.held, where(is_full, self.f * pre(self.x), 0.0)),
+            time >= pre(self.since) + period,
+            reset(self.held, self.f * pre(self.x)),
             reset(self.x, 0.0),
             reset(self.since, time),
         ).elsewhen(initial(), reset(self.since, time))
