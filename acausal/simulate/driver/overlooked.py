@@ -39,6 +39,8 @@ _SHARE = 0.2
 _KINKS = 0.1
 # How far the equations may not be satisfied, and two solutions may be apart, in tolerances of the solver.
 _DEFECT, _SAME = 1.0, 10.0
+# Share of the tolerance at which two solutions that are apart are told from each other.
+_STRICTER = 1e-2
 # A rate that is another by more than this share was not seen at all.
 _LARGE = 0.5
 _NODES = 8
@@ -192,15 +194,23 @@ class _Search:
         return np.asarray(at[:, :-1][changes & (at[:, :-1] > low) & (at[:, :-1] < high)])
 
     def _is_found_again(self, segment: Segment, piece: Piece) -> bool:
-        """Whether a solution with more rows leads to the same end, and has passed over nothing."""
+        """Whether a solution with more rows leads to the same end, and has passed over nothing.
+
+        Where it leads elsewhere it may be worse than the one that was found, which begins at a kink: a finer one tells.
+        """
         # as many as would tell most functions between them: fewer would only be followed by more
         count = max(_FEWEST, min(2 * int(piece.counters.get("steps", 0.0)), self._most))
         wide = _finer(replace(segment, shares=None, partial=False, patience=None, first=0.0), count)
-        try:
-            again, done = self._part(wide, np.inf)
-        except RuntimeError:
-            return False
-        return done is None and not again.stopped and self._is_same(segment, again.x[:, -1], piece.x[:, -1])
+        for share in (1.0, _STRICTER):
+            try:
+                again, done = self._part(replace(wide, tolerances=segment.tolerances.scaled(share, least=_ONE)), np.inf)
+            except RuntimeError:
+                return False
+            if done is not None or again.stopped:
+                return False
+            if self._is_same(segment, again.x[:, -1], piece.x[:, -1]):
+                return True
+        return False
 
     def _part(self, segment: Segment, reach: float) -> tuple[Piece, tuple[float, Vector, Vector, float] | None]:
         """Rows of a segment up to the first that may be wrong, or up to `reach`; where it goes on, and how far."""

@@ -52,8 +52,9 @@ static double drop_of(const struct cubic* c) {
   return 0.5 * (low + high);
 }
 
-/* First time between two nodes at which a guard may be passed; INFINITY where none is in doubt. */
-static double doubt_of(long long relations, const struct node* left, const struct node* right, int is_there) {
+/* First time between two nodes at which a guard may be passed; INFINITY where none is in doubt. Where cubics have been of
+   no use, those that are passed are looked for where their tangents at the right are zero. */
+static double doubt_of(long long relations, const struct node* left, const struct node* right, int is_there, int by_tangent) {
   double width = right->t - left->t, found = INFINITY;
   long long k;
   for (k = 0; k < relations; ++k) {
@@ -62,8 +63,11 @@ static double doubt_of(long long relations, const struct node* left, const struc
     struct cubic c;
     if (q < 0) {
       if (is_there) continue;
-      c = cubic_of(p, a, q, b);
-      at = drop_of(&c);
+      if (by_tangent && b < 0 && 1 - q / b > LOW) at = 1 - q / b;
+      else {
+        c = cubic_of(p, a, q, b);
+        at = drop_of(&c);
+      }
     } else {
       if (a < 0 && b > 0) { /* the tangents meet near zero: a kink */
         double where = (q - p - b) / (a - b), low = p + a * where;

@@ -15,7 +15,7 @@
 enum { DONE = 0, FULL = 1, UNUSUAL = 2, INTERRUPTED = 100 };
 enum { LOOKS = 64, FEWEST_LOOKS = 4, AT_ONCE = 12, CHATTER = 3, TWICE = 2, MOST_ROUNDS = 400, ENDLESS = 40, NEARLY = 16 };
 enum { ROW = 1, LOOK = 2 }; /* what an instant is asked for */
-enum { DEEPEST = 60, MOST_POINTS = 400, HALVE = 4, MOST_STOPS = 20 };
+enum { DEEPEST = 60, MOST_POINTS = 400, MOST_STOPS = 20 };
 #define INSTANT 1e-12 /* instants are told apart by this share of the run, or of the time: guards.py */
 #define ROUNDINGS 2e-14
 #define LOCATED 1e-2
@@ -538,12 +538,13 @@ static int stopped(struct flight* s, struct space* o, double begin, double end, 
 static int search(struct flight* s, struct space* o, double instant, int* found) {
   struct node* left = o->node;
   count_t top = 1, count, k;
+  double widths[2] = {INFINITY, INFINITY}; /* of the intervals that got the last two points */
   int moved = 0;
   *found = 0;
   for (count = 0; count < MOST_POINTS; ++count) {
     struct node* right = o->node + top;
     int passed = 0, here = 0, far = 0, wide, is_there, status;
-    double trial;
+    double trial, width = right->t - left->t;
     for (k = 0; k < s->relations; ++k) {
       if (!(right->above[k] < 0)) continue;
       passed = 1;
@@ -551,10 +552,10 @@ static int search(struct flight* s, struct space* o, double instant, int* found)
       far |= right->above[k] < -right->near[k];
     }
     if (here) { *found = 1; return 0; }
-    wide = right->t - left->t > instant;
+    wide = width > instant;
     is_there = passed && (!wide || !far);
     /* others may have been passed there and back before one is reached */
-    trial = wide ? doubt_of(s->relations, left, right, is_there) : INFINITY;
+    trial = wide ? doubt_of(s->relations, left, right, is_there, width > 0.5 * widths[1]) : INFINITY;
     if (!isfinite(trial)) {
       copied(s->states, s->relations, right, left);
       moved = 1;
@@ -562,7 +563,8 @@ static int search(struct flight* s, struct space* o, double instant, int* found)
       if (--top == 0) return 0;
       continue;
     }
-    if (count % HALVE == HALVE - 1) trial = 0.5 * (left->t + right->t);
+    if (width > 0.5 * widths[0]) trial = 0.5 * (left->t + right->t);
+    widths[0] = widths[1]; widths[1] = width;
     if (trial - left->t <= instant) {
       if (passed && !is_there) { *found = 1; return 0; }
       trial = left->t + instant;
@@ -571,6 +573,11 @@ static int search(struct flight* s, struct space* o, double instant, int* found)
     if (top == DEEPEST) return UNUSUAL;
     status = exactly(s, o, left, trial, o->node + ++top);
     if (status) return status;
+    for (k = 0; k < s->relations && top > 1; ++k)
+      if (o->node[top].above[k] < 0) { /* the first event is before it */
+        copied(s->states, s->relations, o->node + top, o->node + 1);
+        top = 1;
+      }
   }
   return UNUSUAL;
 }
@@ -604,7 +611,7 @@ static int integrate(struct flight* s, struct space* o, count_t* k, count_t last
   count_t j;
   while (*k <= last) {
     count_t first = *k;
-    double instant = most(LOCATED * INSTANT * s->span, 0.05 * ROUNDINGS * fabs(o->wide[last])), begin = o->node[0].t, stop, t;
+    double instant = most(LOCATED * INSTANT * s->span, 0.05 * ROUNDINGS * fabs(o->wide[last])), begin = o->node[0].t, stop, t, beyond;
     status = advance(s, o, o->node, o->wide + first, last - first + 1, o->band, &stop);
     if (status) return status;
     /* search integrates on its own: what is ahead has to be kept */
@@ -620,18 +627,27 @@ static int integrate(struct flight* s, struct space* o, count_t* k, count_t last
       stops = 0;
     }
     if (*k > last) return 0;
-    /* something was reached on dense output: whether it is, a step that ends there shows */
+    /* something was reached on dense output: whether it is, a step that ends there shows, else one that ends where the
+       integrator's did, at which a guard is passed by its own account */
     ++stops;
     t = stop - o->node[0].t > instant && stops < MOST_STOPS ? stop : o->wide[*k];
+    beyond = t == stop ? begin + s->run.last_end : t;
     status = t == stop ? stopped(s, o, begin, t, o->node + 1) : exactly(s, o, o->node, t, o->node + 1);
     if (!status) status = search(s, o, instant, found);
     if (status || *found) return status;
+    for (j = 0; t < o->wide[*k] && j < s->relations; ++j)
+      *found |= o->node->above[j] <= o->node->near[j] && o->node->rate[j] < 0;
+    if (*found) return 0;
+    if (beyond > t + instant && t < o->wide[*k]) {
+      t = beyond < o->wide[*k] ? beyond : o->wide[*k];
+      status = exactly(s, o, o->node, t, o->node + 1);
+      if (!status) status = search(s, o, instant, found);
+      if (status || *found) return status;
+    }
     if (t == o->wide[*k]) {
       reached(s, o, k);
       stops = 0;
-    } else
-      for (j = 0; j < s->relations; ++j) *found |= o->node->above[j] <= o->node->near[j] && o->node->rate[j] < 0;
-    if (*found) return 0;
+    }
   }
   return 0;
 }

@@ -43,6 +43,7 @@ class RunStructure(ctypes.Structure):
         *((name, ctypes.c_longlong) for name in ("steps", "rejected", "rhs", "jac", "reached", "second")),
         *((name, ctypes.c_void_p) for name in ("enter", "signals", "clear", "leave", "last")),
         ("last_time", ctypes.c_double),
+        ("last_end", ctypes.c_double),
         *((name, ctypes.c_void_p) for name in ("look", "looker", "looked", "owners")),
         *((name, ctypes.c_longlong) for name in ("columns", "functions", "doubts")),
     )
@@ -71,7 +72,8 @@ class Program:
     ) -> tuple[Vector, Vector, dict[str, float]]:
         """States, shape (n, nx), and algebraic variables, shape (n, nz), on the grid, which counts from 0; statistics.
 
-        `first` is the length of the first step, 0 to have it estimated; "next" in the statistics is that of another.
+        `first` is the length of the first step, 0 to have it estimated; "next" in the statistics is that of another,
+        "end" where the step would have ended that an event has stopped.
 
         Raises RuntimeError: the integrator cannot go on; the text says why.
         Raises Interrupted: Ctrl-C was pressed; it has the rows that were reached.
@@ -87,8 +89,8 @@ class Program:
         if status == INTERRUPTED:
             raise Interrupted(x[: run.reached], z[: run.reached])
         _check(status)
-        stats = {"n_steps": run.steps, "n_rhs": run.rhs, "n_jac": run.jac, "n_reject": run.rejected, "next": run.first}
-        return x, z, {name: float(count) for name, count in stats.items()}
+        stats = {"n_steps": run.steps, "n_rhs": run.rhs, "n_jac": run.jac, "n_reject": run.rejected}
+        return x, z, {name: float(n) for name, n in stats.items()} | {"next": run.first, "end": run.last_end}
 
 
 class HeunProgram:

@@ -86,6 +86,7 @@ static int acausal_stands(struct casadi_ivp_data* d, struct acausal_run* run) {
   if (d->prob->ne == 0 || !d->jump || d->t >= d->t_out) return 0;
   if (run->last) casadi_copy(d->y0, d->prob->ny, run->last);
   run->last_time = d->t0;
+  run->last_end = d->t0 + d->h;
   casadi_copy(d->y, d->prob->ny, d->y_out);
   return !casadi_ivp_stop(d, IVP_SUCCESS);
 }

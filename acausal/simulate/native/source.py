@@ -27,6 +27,7 @@ struct acausal_run {
   long long steps, rejected, rhs, jac, reached, second;
   int (*enter)(void); int (*signals)(void); void (*clear)(void); void (*leave)(int);
   double *last, last_time; /* where the last step before an event began, if there is memory for its states */
+  double last_end;         /* where it would have ended, had nothing stopped it */
   /* looks at steep functions, where there are some: their columns, the slopes of these, and what the functions are, by
      time, states and rates; memory for what was found; the function that each column belongs to */
   int (*look)(void*, double, const double*, const double*, double*);

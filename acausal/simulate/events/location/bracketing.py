@@ -3,7 +3,10 @@
 At a point the distances of the guards and their rates are known. Between two points a guard is passed where its sign
 changes; it may be passed there and back where the tangents at both ends meet near zero (a kink, `abs(x) < 1e-3`), or
 where the cubic through both goes below zero. Such an interval gets another point, where the cubic says that the
-crossing is or where the dip is lowest, until nothing is left to doubt. The new point is integrated, not interpolated:
+crossing is or where the dip is lowest, until nothing is left to doubt. Where a guard has a kink, `maximum(u, 1e-9)`, cubics
+may close in by a thousandth a point for ever: where one has not halved its interval, the next point is where the tangent
+at the right is zero, and the one after that the middle (R. P. Brent, Algorithms for Minimization without Derivatives,
+1973, chapter 4). The new point is integrated, not interpolated:
 dense output of stiff components is thousands of tolerances off. `native/bracketing.c` and `flight.c` do the same.
 """
 
@@ -20,8 +23,6 @@ from acausal.arrays import Vector
 
 # A dip is looked into when its tangents meet below this share of what they fall and rise.
 _LOW = 0.05
-# Every so many points one is put in the middle of its interval, so that each interval shrinks.
-_HALVE = 4
 _MOST_POINTS = 400
 
 
@@ -45,15 +46,18 @@ def first_crossing(left: Node, right: Node, instant: float, integrate: Callable[
     `integrate`: The node at a time after another node.
     """
     start, pending = left, [right]
-    for count in range(_MOST_POINTS):
+    earlier, last = np.inf, np.inf  # widths of the intervals that got the last two points
+    for _ in range(_MOST_POINTS):
         right = pending[-1]
         passed = right.above < 0.0
         if (passed & (left.above <= left.near) & (left.rate < 0.0)).any() and left is not start:
             return left
-        wide = right.t - left.t > instant
+        width = right.t - left.t
+        wide = width > instant
         is_there = bool(passed.any()) and (not wide or bool((right.above >= -right.near)[passed].all()))
         # others may have been passed there and back before one is reached
-        trial = min(_doubts(left, right, passed, is_there), default=None) if wide else None
+        doubts = _doubts(left, right, passed, is_there, by_tangent=width > 0.5 * last) if wide else iter(())
+        trial = min(doubts, default=None)
         if trial is None:
             if is_there:
                 return right
@@ -61,13 +65,15 @@ def first_crossing(left: Node, right: Node, instant: float, integrate: Callable[
             if not pending:
                 return None
             continue
-        if count % _HALVE == _HALVE - 1:
+        if width > 0.5 * earlier:
             trial = 0.5 * (left.t + right.t)
+        earlier, last = last, width
         if trial - left.t <= instant:
             if passed.any() and not is_there:
                 return left
             trial = left.t + instant
-        pending.append(integrate(left, min(trial, right.t - 0.5 * instant)))
+        found = integrate(left, min(trial, right.t - 0.5 * instant))
+        pending = [found] if (found.above < 0.0).any() else [*pending, found]  # the first event is before it
     raise RuntimeError("no first crossing was found")
 
 
@@ -84,13 +90,17 @@ def is_clear(
     return np.asarray(~asked.any(axis=1))
 
 
-def _doubts(left: Node, right: Node, passed: NDArray[np.bool_], is_there: bool) -> Iterator[float]:
-    """Times in an interval at which a guard may be passed; those that are `passed` at its end may just be reached."""
+def _doubts(left: Node, right: Node, passed: NDArray[np.bool_], is_there: bool, *, by_tangent: bool) -> Iterator[float]:
+    """Times in an interval at which a guard may be passed; those that are `passed` at its end may just be reached.
+
+    Those are looked for where cubics fall below zero or, `by_tangent`, where their tangents at the end are zero.
+    """
     width = right.t - left.t
     near = np.maximum(left.near, right.near)
     p0, p1, a, b = left.above, right.above, left.rate * width, right.rate * width
     for k in np.flatnonzero(passed).tolist() if not is_there else ():
-        yield left.t + width * _drop(*_numbers(p0, a, p1, b, k))
+        meets = 1.0 - p1[k] / b[k] if by_tangent and b[k] < 0.0 else 0.0
+        yield left.t + width * (float(meets) if meets > _LOW else _drop(*_numbers(p0, a, p1, b, k)))
     if not ((p0 + a / 3 < -near) | (p1 - b / 3 < -near) | ((a < 0.0) & (b > 0.0)))[~passed].any():
         return
     turning = ~passed & (a < 0.0) & (b > 0.0)

@@ -221,6 +221,9 @@ def integrate_to_event(guards: Guards, moment: Moment, segment: Segment, plugin:
                 event = None if is_quiet else first_crossing(here, there, instant, exactly)
                 if event is None and there.t < end and ((there.above <= there.near) & (there.rate < 0.0)).any():
                     event = there
+                if event is None and reached is None and there.t < min(step.end, end):  # at its end it says so, too
+                    here, there = there, exactly(there, min(step.end, end))
+                    event = first_crossing(here, there, instant, exactly)
                 here = there if event is None else event
             if event is not None and end == segment.times[-1] and end - event.t <= instant / LOCATED:
                 # it belongs to the event at the end, or is found where the next stretch starts
@@ -287,6 +290,9 @@ class Stepper:
         self.regime, self.segment, self.plugin = regime, segment, plugin
         self.library = compiled_program(regime, segment, plugin)
         self.first = segment.first
+        self.end = math.inf
+        """Where the step ends in which dense output has passed a guard; a guess in interpreted runs, which do not say."""
+        self._stops = 0
         self.counters: dict[str, float] = {}
         # but for the time at which an interval begins, which comes last
         self._numbers = regime.problem.numbers(segment.p, segment.x, segment.start)
@@ -323,7 +329,7 @@ class Stepper:
             first = 0.0 if segment.step else self.first
             sizes = segment.tolerances.relative, segment.tolerances.absolute, segment.step or 0.0
             rows, _, stats = self.library.run(x0, np.zeros(0), p, np.array([length]), *sizes, first)
-            following = stats["next"]
+            following, self.end = stats["next"], after.t + stats["end"]
         else:
             rows, stats = self._interpreted(x0, np.array([after.t, *ends]), bands)
             steps = float(stats["n_steps"])
@@ -338,8 +344,11 @@ class Stepper:
             start = ends[k - 1] if k else after.t
             passed = float(rows[k, n] - rows[k - 1, n]) if k else float(rows[k, n])
             stop = min(max(start + passed, start), ends[k])
+            if self.library is None:
+                self.end = stop + (4.0**self._stops - 1.0) * (stop - start)
+                self._stops += 1
             return [*zip(ends[:k], states[:k], strict=True), (stop, states[k])]
-        self.first = following
+        self.first, self._stops = following, 0
         return list(zip(ends, states, strict=True))
 
     def _interpreted(self, x0: Vector, times: Vector, bands: Vector) -> tuple[Vector, dict[str, Any]]:
