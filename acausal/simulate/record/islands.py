@@ -21,7 +21,8 @@ _SERIES = np.linalg.inv(chebyshev.chebvander(_POINTS, _ORDER)).T
 """Values at the points, as a row, times this are the coefficients of the series."""
 _INTEGRAL = chebyshev.chebint(np.eye(_ORDER + 1), lbnd=-1, axis=1)
 """Coefficients times this are those of the integral from the left end."""
-_DEGREES = np.arange(_ORDER + 2)
+_ROUNDING = 1e-17
+"""Coefficients of this share of the largest one add nothing to a sum of them."""
 _SMALLEST = 1e-12
 """Width of a panel, relative to the whole, below which a jump of the rate is left as it is."""
 
@@ -78,8 +79,20 @@ def integrals(
         left, right, inside, panels, before = _assembled(found, len(starts), times, stretches)
     width = (right - left)[inside]  # 0 where an event is found at the very start of its stretch
     at = 2.0 * (times - left[inside]) / np.where(width > 0.0, width, 1.0) - 1.0
-    rising = np.cos(np.arccos(np.clip(at, -1.0, 1.0))[:, None] * _DEGREES)
-    return np.asarray(before + np.einsum("qkc,kc->qk", panels[:, inside], rising))
+    return np.asarray(before + _sums(panels, inside, np.clip(at, -1.0, 1.0)))
+
+
+def _sums(panels: Vector, inside: Indices, at: Vector) -> Vector:
+    """Chebyshev series, shape (nq, panels, degrees), of the panels `inside` at n places from -1 to 1; shape (nq, n).
+
+    By Clenshaw's recurrence: a cosine for each degree and place takes ten times as long.
+    """
+    sizes = np.abs(panels).max(axis=(0, 1), initial=0.0)
+    degree = int(np.flatnonzero(sizes > _ROUNDING * sizes.max(initial=0.0)).max(initial=0))
+    later = last = np.zeros((len(panels), len(at)))
+    for k in range(degree, 0, -1):
+        last, later = panels[:, inside, k] + 2.0 * at * last - later, last
+    return np.asarray(panels[:, inside, 0] + at * last - later)
 
 
 def _broken(a: Vector, b: Vector, breaks: Vector) -> tuple[Vector, Vector, Indices]:
