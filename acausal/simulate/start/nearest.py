@@ -29,6 +29,7 @@ _CONVERGED, _SATISFIED = 1e-12, 1e-10
 _RANK = 1e-10  # smallest singular value that counts, by the largest
 _OFF = 1e-6  # what a condition is off by, relative to its terms, that no rounding explains
 _SHORTEST = 1e-4  # share of a step that is still tried
+_STILL, _MOST_STILL = 1e-3, 10  # what a step must take off at least, and how many in a row may not: no root is near
 _REACH = 3.0  # longest step, by the largest of the values: an angle is not turned round and round on the way
 
 
@@ -120,6 +121,7 @@ def shortest(conditions: Conditions, x: Vector, free: list[int], scale: Vector) 
     """
     x = x.copy()
     values, slope = _at(conditions, x, free, scale)
+    still = 0
     for _ in range(_MOST if free else 0):
         if not (np.isfinite(values).all() and np.isfinite(slope).all()):
             return None
@@ -134,6 +136,9 @@ def shortest(conditions: Conditions, x: Vector, free: list[int], scale: Vector) 
             if not length or np.linalg.norm(values) < (1.0 - 0.1 * size) * length or size < _SHORTEST * first:
                 break
             size /= 2
+        still = still + 1 if np.linalg.norm(values) > (1.0 - _STILL) * length > _OFF else 0
+        if still == _MOST_STILL:
+            return None
         largest = float(np.abs(x[free] / scale).max(initial=0.0))
         if float(np.abs(step).max(initial=0.0)) <= _CONVERGED * (1.0 + largest):
             break
