@@ -1,4 +1,4 @@
-"""The first crossing of guards with kinks, found with few points of the solution; expected instants are closed forms."""
+"""The first crossing of guards with kinks, found with few points of the solution; instants are closed forms."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from acausal.simulate.native import cache
 
 
 def _crossed(guard: np.poly1d, kink: float, floor: float) -> tuple[float, int]:
-    """Where `floor` until a kink, and `floor + guard(t - kink)` behind it, falls below zero; how many points it took."""
+    """Where `floor` up to a kink, `floor + guard(t - kink)` behind it, falls below zero; how many points that took."""
     points = 0
 
     def at(t: float) -> Node:

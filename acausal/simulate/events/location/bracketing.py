@@ -3,11 +3,11 @@
 At a point the distances of the guards and their rates are known. Between two points a guard is passed where its sign
 changes; it may be passed there and back where the tangents at both ends meet near zero (a kink, `abs(x) < 1e-3`), or
 where the cubic through both goes below zero. Such an interval gets another point, where the cubic says that the
-crossing is or where the dip is lowest, until nothing is left to doubt. Where a guard has a kink, `maximum(u, 1e-9)`, cubics
-may close in by a thousandth a point for ever: where one has not halved its interval, the next point is where the tangent
-at the right is zero, and the one after that the middle (R. P. Brent, Algorithms for Minimization without Derivatives,
-1973, chapter 4). The new point is integrated, not interpolated:
-dense output of stiff components is thousands of tolerances off. `native/bracketing.c` and `flight.c` do the same.
+crossing is or where the dip is lowest, until nothing is left to doubt. Where a guard has a kink, `maximum(u, 1e-9)`,
+cubics may close in by a thousandth a point for ever: where one has not halved its interval, the next point is where the
+tangent at the right is zero, and the one after that the middle (R. P. Brent, Algorithms for Minimization without
+Derivatives, 1973, chapter 4). The new point is integrated, not interpolated: dense output of stiff components is
+thousands of tolerances off. `native/bracketing.c` and `flight.c` do the same.
 """
 
 from __future__ import annotations

@@ -291,7 +291,7 @@ class Stepper:
         self.library = compiled_program(regime, segment, plugin)
         self.first = segment.first
         self.end = math.inf
-        """Where the step ends in which dense output has passed a guard; a guess in interpreted runs, which do not say."""
+        """Where the step ends in which dense output has passed a guard; a guess in interpreted runs."""
         self._stops = 0
         self.counters: dict[str, float] = {}
         # but for the time at which an interval begins, which comes last
