@@ -54,14 +54,12 @@ def _equations(component: Component) -> list[Equation]:
     ]
 
 
-@pytest.mark.parametrize("cls", _leaves())
-def test_dimensions_agree_in_every_equation(cls: type[Component]) -> None:
+def check_dimensions_of_equations(cls: type[Component]) -> None:
     for equation in _equations(_made(cls)):
         check_dimensions(equation, ())
 
 
-@pytest.mark.parametrize("cls", _leaves())
-def test_as_many_equations_as_own_unknowns_and_flows(cls: type[Component]) -> None:
+def check_as_many_equations_as_own_unknowns_and_flows(cls: type[Component]) -> None:
     """Local balance, Modelica specification 3.6 section 4.8: connections bring one equation for each potential.
 
     Discrete variables are apart: they have an equation each at most, and `when`s may reset the others.
@@ -85,14 +83,20 @@ def test_as_many_equations_as_own_unknowns_and_flows(cls: type[Component]) -> No
     assert len(names) == len(set(names))
 
 
-@pytest.mark.parametrize("cls", _leaves())
-def test_every_declaration_says_what_it_is(cls: type[Component]) -> None:
+def check_every_declaration_says_what_it_is(cls: type[Component]) -> None:
     assert cls.__doc__
     physical = cls.__module__.split(".")[2] != "blocks"
     for name, declaration in cls._declarations.items():
         assert declaration.doc, name
         if physical and declaration.kind not in (Kind.STRUCTURAL, Kind.PART) and not declaration.discrete:
             assert declaration.unit, name
+
+
+@pytest.mark.parametrize("cls", _leaves())
+def test_a_component_is_declared_balanced_and_right_in_its_dimensions(cls: type[Component]) -> None:
+    check_every_declaration_says_what_it_is(cls)
+    check_as_many_equations_as_own_unknowns_and_flows(cls)
+    check_dimensions_of_equations(cls)
 
 
 def test_hints_tell_what_may_be_missing() -> None:
