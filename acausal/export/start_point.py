@@ -60,6 +60,8 @@ def init_function(compiled: CompiledModel, begin: StartPoint) -> Any:
     n, nz = len(compiled.states), len(compiled.algebraic)
     given = {*compiled.start.direct, *compiled.start.defaulted}
     free = [k for k, v in enumerate(compiled.state_variables) if v not in given]
+    if free and n + nz <= _MOST_BY_VALUES:  # which states keep their guesses is decided by values, too
+        free = [k for k, v in enumerate(compiled.state_variables) if v not in compiled.start.direct]
     if not free and not nz:
         p = ca.SX.sym("p", len(compiled.parameters))
         return ca.Function("init", [p], list(compiled.guess(p)), ["p"], ["x0", "z0"])
@@ -71,7 +73,8 @@ def init_function(compiled: CompiledModel, begin: StartPoint) -> Any:
     known_start = ca.DM(np.concatenate([begin.x[free], begin.z]))
     known_guess = ca.vertcat(*compiled.guess(begin.p))[free + list(range(n, n + nz))]
     first = ca.vertcat(x, z)[free + list(range(n, n + nz))] - known_guess + known_start
-    solved: Any = root(first / ca.DM(scale), parameters) * ca.DM(scale)
+    guessed = first / ca.DM(scale)
+    solved: Any = root(guessed, ca.vertcat(parameters, guessed)) * ca.DM(scale)
     x0: Any = ca.MX(x)
     if free:
         x0[free] = solved[: len(free)]
@@ -80,8 +83,9 @@ def init_function(compiled: CompiledModel, begin: StartPoint) -> Any:
 
 
 def _start_root(compiled: CompiledModel, begin: StartPoint, free: list[int], scale: Vector) -> Any:
-    """Rootfinder `(y0, p) -> y` for free states and algebraic variables at the start, divided by `scale`."""
+    """Rootfinder `(y0, [p, y0]) -> y` for free states and algebraic variables at the start, divided by `scale`."""
     y, p = ca.SX.sym("y", len(scale)), ca.SX.sym("p", len(compiled.parameters))
+    guessed = ca.SX.sym("guessed", len(scale))
     unknown = y * ca.DM(scale)
     x = compiled.guess(p)[0]
     for k, i in enumerate(free):
@@ -91,6 +95,9 @@ def _start_root(compiled: CompiledModel, begin: StartPoint, free: list[int], sca
     residual = compiled.rhs(*arguments)[1]
     if free:
         residual = ca.vertcat(compiled.conditions(*arguments)[0], residual)
+    known_start = np.concatenate([begin.x[free], begin.z]) / scale
+    if free and len(compiled.states) + len(compiled.algebraic) <= _MOST_BY_VALUES:
+        residual = _determined(residual, y, p, guessed, known_start, begin.p)
     if residual.numel() != len(scale):
         raise ExportError(
             "AC603",
@@ -98,6 +105,30 @@ def _start_root(compiled: CompiledModel, begin: StartPoint, free: list[int], sca
             evidence=[c.text for c in compiled.start.conditions[:6]],
             help="give the start values of states with fixed(...)",
         )
-    function = ca.Function("start", [y, p], [residual], ["z", "q"], ["r"])
-    known_start = ca.DM(np.concatenate([begin.x[free], begin.z]) / scale)
-    return newton("start", function, known_start, ca.DM(begin.p))
+    function = ca.Function("start", [y, ca.vertcat(p, guessed)], [residual], ["z", "q"], ["r"])
+    return newton("start", function, ca.DM(known_start), ca.DM(np.concatenate([begin.p, known_start])))
+
+
+def _determined(residual: Any, y: Any, p: Any, guessed: Any, at: Vector, known: Vector) -> Any:
+    """As many conditions as unknowns, by their slope at the start `at`, shape (ny,), for parameters `known`, (np,).
+
+    A loop may state one condition twice and leave a state open elsewhere. Of the conditions those combinations are
+    left that say something; what they leave open is nearest to the guesses, as in a run (initialisation.md).
+    """
+    slope = np.array(ca.Function("slope", [y, p], [ca.jacobian(residual, y)])(at, known), dtype=float)
+    rows, columns = slope.shape
+    if not np.isfinite(slope).all():
+        return residual
+    sizes = np.maximum(np.abs(slope).max(axis=1, initial=0.0), 1e-300)
+    left, values, right = np.linalg.svd(slope / sizes[:, None])
+    rank = int(np.count_nonzero(values > _SINGULAR * values[0])) if len(values) else 0
+    if rank == rows == columns:
+        return residual
+    said = residual if rank == rows else ca.DM(left[:, :rank].T / sizes) @ residual
+    return ca.vertcat(said, ca.DM(right[rank:]) @ (y - guessed))
+
+
+_SINGULAR = 1e-10
+"""Singular values, by the largest one, that are zero."""
+_MOST_BY_VALUES = 400
+"""Unknowns up to which values decide what is missing or said twice, as in a run."""
