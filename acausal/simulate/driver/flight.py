@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -100,6 +101,7 @@ class Flight:
         self.span, self.bounces, self.explain, self.trace, self.clears = span, bounces, explain, trace, clears
         compiled = problem.compiled
         self._vain = 0
+        self._library: Library[FlightProgram] | None = None
         self._states = compiled.states
         self._known: dict[tuple[bytes, tuple[int, ...], bytes], tuple[tuple[Cause, ...], tuple[str, ...]]] = {}
         self._structure: FlightStructure | None = None
@@ -126,6 +128,16 @@ class Flight:
     def is_vain(self) -> bool:
         """Whether flights have not got anywhere for so long that no more should be tried."""
         return self._vain >= _VAIN
+
+    def over(self, schedule: Schedule) -> Flight | None:
+        """The same for another schedule of its run; None where its memory is too short for that."""
+        if int(np.max(np.diff(schedule.ends, prepend=0))) + _MOST_EVENTS > len(self.row_time):
+            return None
+        self.schedule, self._vain = schedule, 0
+        if self._structure is not None:
+            self._structure.timely = schedule.modes.shape[1]
+            self._structure.put(_of(schedule))
+        return self
 
     def go(self, library: Library[FlightProgram], start: Landing, segments: int | None = None) -> Landing | None:
         """Where a flight comes to, over so many segments at most; None when it does not get anywhere."""
@@ -190,7 +202,7 @@ class Flight:
 
     def _prepared(self, library: Library[FlightProgram]) -> FlightStructure:
         """What the program has to know of the run; made once."""
-        if self._structure is not None:
+        if self._structure is not None and self._library is library:
             return self._structure
         problem, schedule, compiled = self.problem, self.schedule, self.problem.compiled
         events = compiled.state_events
@@ -233,11 +245,7 @@ class Flight:
             "constant": real(constants),
             "u": real(problem.u),
             "p": real(problem.p),
-            "boundary": real(schedule.instants),
-            "timely_modes": real(schedule.modes),
-            "due": real(schedule.samples),
-            "times": real(schedule.times),
-            "times_end": schedule.ends,
+            **_of(schedule),
             **{name: getattr(self, name) for name in ("x", "m", "row_time", "row_x", "row_m", "event_time")},
             **{name: getattr(self, name) for name in ("event_row", "acts_end", "act", "fired")},
             **{
@@ -252,7 +260,7 @@ class Flight:
             arrays["owners"] = whole(known.owners)
         if self.bounces is not None:
             arrays |= {name: getattr(self.bounces, name) for name in ("last", "crowd", "impossible")}
-        self._structure = library.run.structure(numbers, arrays)
+        self._structure, self._library = library.run.structure(numbers, arrays), library
         return self._structure
 
     def _record(self, flight: FlightStructure, start: float, x_start: Vector, m_start: Vector) -> None:
@@ -314,3 +322,15 @@ class Flight:
         reached = x_start[own, None] + np.cumsum(total, axis=1)
         x[own] = reached[:, owner] + grown
         self.x[own] = reached[:, -1]
+
+
+def _of(schedule: Schedule) -> dict[str, NDArray[Any]]:
+    """The arrays of a schedule, by the names that the program has for them."""
+    numbers = {
+        "boundary": schedule.instants,
+        "timely_modes": schedule.modes,
+        "due": schedule.samples,
+        "times": schedule.times,
+    }
+    found: dict[str, NDArray[Any]] = {k: np.ascontiguousarray(v, dtype=np.float64) for k, v in numbers.items()}
+    return found | {"times_end": schedule.ends}

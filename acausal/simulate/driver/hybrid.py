@@ -95,6 +95,7 @@ class Hybrid:
     _vague: dict[int, int] = field(default_factory=dict)
     _small: dict[int, list[float]] = field(default_factory=dict)
     _vain: dict[bytes, int] = field(default_factory=dict)
+    _flight: Flight | None = None
 
     def __post_init__(self) -> None:
         self.guards = Guards(self.problem, self.tolerances, self.span)
@@ -143,9 +144,12 @@ class Hybrid:
         """How compiled code passes stretches and ordinary events of this run, if it can."""
         if not self.single_step or not can_fly(self.problem, self.solver):
             return None
+        if self._flight is not None and self._flight.over(schedule) is not None:
+            return self._flight
         parts = self.problem, self.recorder, schedule, self.template, self.span, self.bounces, self._explained
         clears = None if self.overlooked is None else self._clears
-        return Flight(*parts, self._trace if self.traced else None, clears)
+        self._flight = Flight(*parts, self._trace if self.traced else None, clears)
+        return self._flight
 
     def _trace(self, passed: Passed) -> None:
         """Keep an event of a flight."""

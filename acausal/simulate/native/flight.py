@@ -52,6 +52,15 @@ class FlightStructure(ctypes.Structure):
         *_fields(ctypes.c_void_p, "owners stretch_doubts"),
     )
 
+    kept: dict[str, NDArray[Any]]
+    """The arrays that its fields point to."""
+
+    def put(self, arrays: Mapping[str, NDArray[Any]]) -> None:
+        """Other arrays in some of its fields; it keeps them alive."""
+        for name, array in arrays.items():
+            setattr(self, name, address(array))
+        self.kept = {**self.kept, **arrays}
+
 
 class FlightProgram(Program):
     """A compiled integrator that can pass segments and ordinary events by itself."""
@@ -64,7 +73,7 @@ class FlightProgram(Program):
     def structure(self, numbers: Mapping[str, float], arrays: Mapping[str, NDArray[Any]]) -> FlightStructure:
         """The structure with these fields; it keeps the arrays alive."""
         flight = FlightStructure(**numbers, **{name: address(a) for name, a in arrays.items()})
-        flight.kept = arrays
+        flight.kept = dict(arrays)
         prepare(flight.run)
         return flight
 
