@@ -4,17 +4,8 @@ from __future__ import annotations
 
 import gc
 import os
-import sys
 import tempfile
 from pathlib import Path
-
-# Bytecode that may not lie beside its sources lies elsewhere: every command that a test starts would compile the
-# package anew, half of its time, and every worker all tests.
-if sys.dont_write_bytecode:
-    sys.pycache_prefix = str(Path(tempfile.gettempdir()) / "acausal-tests" / "bytecode")
-    sys.dont_write_bytecode = False
-    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
-    os.environ["PYTHONPYCACHEPREFIX"] = sys.pycache_prefix
 
 import pytest
 from hypothesis import settings
