@@ -23,6 +23,7 @@ from acausal.simulate.equations.calls.in_columns import InColumns, in_columns
 from acausal.simulate.equations.calls.quick import Quick
 from acausal.simulate.equations.calls.reused import Reused, pays
 from acausal.simulate.equations.factorisation import FEW, Factorisation, factorisation
+from acausal.simulate.native.columns import is_long
 from acausal.simulate.native.equations import equations
 
 _DAE_IN = ["t", "x", "z", "p", "u"]
@@ -260,7 +261,7 @@ class Numbered:
         For one call: what is kept for its steps is forgotten here. `by_columns`: a multistep method gets its rates from
         equal parts at once, if there are enough of them.
         """
-        by_columns = by_columns and plugin in _MULTISTEP
+        by_columns = by_columns and self._has_columns(plugin, dae)
         reused = self.reused(plugin, dae)
         if reused is not None:
             reused.begin()
@@ -302,6 +303,13 @@ class Numbered:
         if len(self._derived) > _FORMS:
             self._derived.popitem(last=False)
         return found
+
+    def _has_columns(self, plugin: str, dae: Any) -> bool:
+        """Whether rates may be evaluated by columns; else no integrator is made anew for them."""
+        if plugin not in _MULTISTEP or not is_long(dae):
+            return False
+        tried = self._in_columns.get((plugin, int(dae.__hash__()), threading.get_ident()))
+        return tried is None or tried[1] is not None
 
     def _by_columns(self, key: tuple[str, int, int], dae: Any, shared: dict[str, Any], wanted: bool) -> dict[str, Any]:
         """What integrators share, with the rates by columns where these are wanted, and pay."""

@@ -71,9 +71,14 @@ class _Instructions:
     constants: Sequence[tuple[int, float]]
 
 
+def is_long(function: Any) -> bool:
+    """Whether a function is in SX, and has so many instructions that its columns are looked for."""
+    return bool(function.is_a("SXFunction") and function.n_instructions() >= _LEAST)
+
+
 def program(function: Any) -> Program | None:
     """The program of an SX function; None where its columns would be too short, or it does what columns.c does not."""
-    if not function.is_a("SXFunction") or function.n_instructions() < _LEAST:
+    if not is_long(function):
         return None
     read = _read(function)
     return None if read is None else _laid_out(read)
