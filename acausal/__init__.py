@@ -160,7 +160,7 @@ _METHODS = {
     "save_casadi": "acausal.export.casadi.casadi_file",
     "simulated_to_accuracy": "acausal.study.bench.accurate",
     "bench_chart": "acausal.study.bench.chart",
-    "drawn": "acausal.optimal_control.optimum.drawing",
+    "draw_optimum": "acausal.optimal_control.optimum.drawing",
     "fit_picture": "acausal.study.fit.picture",
     "stability_picture": "acausal.study.stability.picture",
     "sweep_picture": "acausal.study.sweep.picture",

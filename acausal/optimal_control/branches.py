@@ -1,9 +1,9 @@
-"""Branches that a phase takes throughout, put in place of `if_else`, minima, maxima, absolute values and relations.
+"""Piecewise operations (`if_else`, minima, maxima, absolute values, relations) per phase: fixed, smoothed or relaxed.
 
-Phases end where branches change. Within one, what such a branch computes is smooth, and an interior-point method meets
-no kink. Only branches that differ between phases are put in place: all others stay as the model has them, or are
-rounded where that is asked for, or freed: their answer becomes a number between 0 and 1 that the program chooses, bound
-to what decides it by complementarity.
+Phases end where branches change, so within a phase each branch is fixed, and the equations are smooth, as an
+interior-point method needs. Only branches that differ between phases are fixed. Others stay as the model has them, are
+smoothed on request, or are relaxed: a selector in [0, 1] becomes an unknown of the program, coupled by complementarity
+to the quantity whose sign decides the branch.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ import numpy as np
 
 from acausal.arrays import Truth, Vector
 
-# For each operation the question that decides it, by its operands.
-_QUESTIONS: Mapping[int, Callable[..., Any]] = {
+# The condition on the operands that decides each operation.
+_CONDITIONS: Mapping[int, Callable[..., Any]] = {
     ca.OP_FMIN: lambda a, b: a <= b,
     ca.OP_FMAX: lambda a, b: a >= b,
     ca.OP_FABS: lambda a: a >= 0,
@@ -28,14 +28,14 @@ _QUESTIONS: Mapping[int, Callable[..., Any]] = {
     ca.OP_EQ: lambda a, b: a == b,
     ca.OP_NE: lambda a, b: a != b,
 }
-# What is zero where the answer changes.
+# The quantity that is zero where the branch changes.
 _DIFFERENCES: Mapping[int, Callable[..., Any]] = {
-    **{op: (lambda a, b: a - b) for op in _QUESTIONS},
+    **{op: (lambda a, b: a - b) for op in _CONDITIONS},
     ca.OP_FABS: lambda a: a,
     ca.OP_SIGN: lambda a: a,
 }
-# What it is when the answer is yes, and when it is no.
-_ANSWERS: Mapping[int, tuple[Callable[..., Any], Callable[..., Any]]] = {
+# Values of each operation: (if the condition holds, otherwise).
+_VALUES: Mapping[int, tuple[Callable[..., Any], Callable[..., Any]]] = {
     ca.OP_FMIN: (lambda a, b: a, lambda a, b: b),
     ca.OP_FMAX: (lambda a, b: a, lambda a, b: b),
     ca.OP_FABS: (lambda a: a, lambda a: -a),
@@ -45,8 +45,8 @@ _ANSWERS: Mapping[int, tuple[Callable[..., Any], Callable[..., Any]]] = {
 
 
 _CHOICE = ca.OP_IF_ELSE_ZERO
-# Rounded forms of a width e: hyperbolas, and a step between 0 and 1 of an exponential tail.
-_ROUNDED: Mapping[int, Callable[..., Any]] = {
+# Smooth approximations of width e: hyperbolas for kinks, tanh for steps.
+_SMOOTHED: Mapping[int, Callable[..., Any]] = {
     ca.OP_FMIN: lambda a, b, e: (a + b - ca.sqrt((a - b) ** 2 + e**2)) / 2,
     ca.OP_FMAX: lambda a, b, e: (a + b + ca.sqrt((a - b) ** 2 + e**2)) / 2,
     ca.OP_FABS: lambda a, e: ca.sqrt(a**2 + e**2),
@@ -54,15 +54,15 @@ _ROUNDED: Mapping[int, Callable[..., Any]] = {
     ca.OP_LT: lambda a, b, e: (1 + ca.tanh((b - a) / e)) / 2,
     ca.OP_LE: lambda a, b, e: (1 + ca.tanh((b - a) / e)) / 2,
 }
-# What is made of truths between 0 and 1.
-_SOFT: Mapping[int, Callable[..., Any]] = {
+# Boolean operations continued to truth values in [0, 1].
+_RELAXED_LOGIC: Mapping[int, Callable[..., Any]] = {
     ca.OP_NOT: lambda a: 1 - a,
     ca.OP_AND: lambda a, b: a * b,
     ca.OP_OR: lambda a, b: a + b - a * b,
     _CHOICE: lambda a, b: a * b,
 }
-# A freed branch by its answer, 1 where its difference is positive.
-_FREED: Mapping[int, Callable[..., Any]] = {
+# Each operation with a selector y, which is 1 where the difference is positive.
+_BY_SELECTOR: Mapping[int, Callable[..., Any]] = {
     ca.OP_FMIN: lambda a, b, y: b + y * (a - b),
     ca.OP_FMAX: lambda a, b, y: b + y * (a - b),
     ca.OP_FABS: lambda a, y: (2 * y - 1) * a,
@@ -70,83 +70,86 @@ _FREED: Mapping[int, Callable[..., Any]] = {
     ca.OP_LT: lambda a, b, y: y,
     ca.OP_LE: lambda a, b, y: y,
 }
-# By what sign of the difference of the operands the answer is yes.
-_SENSE: Mapping[int, int] = {ca.OP_FMIN: -1, ca.OP_LT: -1, ca.OP_LE: -1}
-# Share of the instants of a guess that a branch must be off for to be rounded: what is beside an end is not.
+# Sign of the difference for which the condition holds, where it is not +1.
+_SIGNS: Mapping[int, int] = {ca.OP_FMIN: -1, ca.OP_LT: -1, ca.OP_LE: -1}
+# A branch is smoothed if this share of the instants of a guess lies on each side: fewer belong to the ends of a phase.
 _OFTEN = 0.1
 
 Widths = Mapping[int, float]
 
 
-def branched(
+def specialize_branches(
     function: Any,
     points: Sequence[Sequence[Vector]],
     beyond: Sequence[Sequence[Vector]] = (),
     widths: Sequence[Widths] = (),
 ) -> list[Any]:
-    """An SX function once for each phase, with the branches that differ between phases as they are there.
+    """The SX function specialised for each phase: branches that differ between phases are fixed.
 
-    `points`: For each phase the arguments at n instants inside of it, each of shape (rows, n).
-    `beyond`: The same of what comes behind the last phase, where the run behind the guess goes on.
-    `widths`: For each phase, of the branches that are rounded the width by number; 0 leaves one as the model has it.
+    `points`: For each phase the arguments at n instants inside it, each of shape (rows, n).
+    `beyond`: The same for the run of the guess after the last phase.
+    `widths`: For each phase the widths of smoothed branches, by their numbers; 0 leaves a branch as the model has it.
     """
-    listed = _Listed.of(function)
-    questions = None if listed is None else _questions(listed, _QUESTIONS)
-    if listed is None or questions is None or (len(points) + len(beyond) < 2 and not any(widths)):
+    source = _Operations.of(function)
+    conditions = None if source is None else _branch_function(source, _CONDITIONS)
+    if source is None or conditions is None or (len(points) + len(beyond) < 2 and not any(widths)):
         return [function for _ in points]
-    answers = [_evaluated(questions, columns) > 0.5 for columns in (*points, *beyond)]
-    uniform = np.array([a.all(axis=1) | ~a.any(axis=1) for a in answers])
-    first = np.array([a[:, 0] for a in answers])
+    truths = [_evaluated(conditions, columns) > 0.5 for columns in (*points, *beyond)]
+    uniform = np.array([a.all(axis=1) | ~a.any(axis=1) for a in truths])
+    first = np.array([a[:, 0] for a in truths])
     decided = uniform & (first != first[0]).any(axis=0)
-    own = [*widths, *({} for _ in range(len(points) - len(widths)))]
-    return [_with(listed, decided[k], first[k], own[k]) for k in range(len(points))]
+    phase_widths = [*widths, *({} for _ in range(len(points) - len(widths)))]
+    return [_specialize(source, decided[k], first[k], phase_widths[k]) for k in range(len(points))]
 
 
-def freed(function: Any, points: Sequence[Sequence[Vector]], number: int, sizes: Widths) -> Any:
-    """The function of phase `number` with the answers of some branches as a further argument, a column.
+def relax_branches(function: Any, points: Sequence[Sequence[Vector]], number: int, sizes: Widths) -> Any:
+    """The function of phase `number` with the selectors of some branches as a further argument, a column.
 
-    A further result is what decides each of them, divided by its size and positive where the answer is yes. Branches
-    that differ between phases are put in place as by `branched`.
+    A further result holds the quantities that decide these branches, scaled, and positive where the condition holds.
+    Branches that differ between phases are fixed as in `specialize_branches`.
+
+    `points`: For each phase the arguments at n instants inside it, each of shape (rows, n).
+    `sizes`: Magnitudes of the deciding quantities, by the numbers of their branches; 0 leaves a branch as it is.
     """
-    listed = _Listed.of(function)
-    assert listed is not None, "branches were found in it"
-    questions = _questions(listed, _QUESTIONS)
-    answers = [_evaluated(questions, columns) > 0.5 for columns in points]
-    uniform = np.array([a.all(axis=1) | ~a.any(axis=1) for a in answers])
-    first = np.array([a[:, 0] for a in answers])
+    source = _Operations.of(function)
+    assert source is not None, "branches were found in it"
+    conditions = _branch_function(source, _CONDITIONS)
+    truths = [_evaluated(conditions, columns) > 0.5 for columns in points]
+    uniform = np.array([a.all(axis=1) | ~a.any(axis=1) for a in truths])
+    first = np.array([a[:, 0] for a in truths])
     decided = uniform & (first != first[0]).any(axis=0)
     chosen = {k: size for k, size in sizes.items() if size > 0.0}
-    free: list[Any] = []
+    selectors: list[Any] = []
     deciding: list[Any] = []
 
-    def instead(k: int, op: int, operands: list[Any]) -> Any:
-        if op not in _FREED:
+    def replacement(k: int, op: int, operands: list[Any]) -> Any:
+        if op not in _BY_SELECTOR:
             return None
-        difference = _SENSE.get(op, 1) * _DIFFERENCES[op](*operands)
+        difference = _SIGNS.get(op, 1) * _DIFFERENCES[op](*operands)
         deciding.append(difference / chosen[k])
-        free.append(ca.SX.sym("y"))
-        return _FREED[op](*operands, free[-1])
+        selectors.append(ca.SX.sym("y"))
+        return _BY_SELECTOR[op](*operands, selectors[-1])
 
-    arguments, outputs = _rebuilt(listed, decided[number], first[number], chosen, instead)
+    arguments, outputs = _replace_branches(source, decided[number], first[number], chosen, replacement)
     names = [*function.name_in(), "answers"], [*function.name_out(), "deciding"]
-    columns = (ca.vertcat(ca.SX(0, 1), *v) for v in (free, deciding))
+    columns = (ca.vertcat(ca.SX(0, 1), *v) for v in (selectors, deciding))
     return ca.Function(function.name(), [*arguments, next(columns)], [*outputs, next(columns)], *names)
 
 
-def crossed(function: Any, points: Sequence[Vector], smooth: float, often: bool = False) -> dict[int, float]:
-    """Branches that go both ways at n instants, by number, with the widths to round them.
+def switching_branches(function: Any, points: Sequence[Vector], smooth: float, often: bool = False) -> dict[int, float]:
+    """Smoothing widths of the branches taken both ways at n instants, by their numbers.
 
     `points`: Arguments of the function, each of shape (rows, n).
-    `smooth`: Widths by the largest magnitude of what changes its sign there.
-    `often`: Whether those do not count that differ at few instants only.
+    `smooth`: Width relative to the largest magnitude of the quantity that decides the branch.
+    `often`: Whether to ignore branches that differ at few instants only.
     """
-    listed = _Listed.of(function)
-    differences = None if listed is None else _questions(listed, _DIFFERENCES)
+    source = _Operations.of(function)
+    differences = None if source is None else _branch_function(source, _DIFFERENCES)
     if differences is None:
         return {}
     values = _evaluated(differences, points)
     size = np.nanmax(np.abs(values), axis=1, initial=0.0)
-    # what is left of rounding has no sign
+    # the sign of rounding errors is meaningless
     sides = [(side * values > 1e-9 * size[:, None]).mean(axis=1) for side in (1.0, -1.0)]
     both = np.minimum(*sides) > (_OFTEN if often else 0.0)
     return {int(k): float(smooth * size[k]) for k in np.flatnonzero(both)}
@@ -160,22 +163,22 @@ def _evaluated(function: Any, columns: Sequence[Vector]) -> Vector:
 
 
 @dataclass(frozen=True, eq=False)
-class _Listed:
-    """An SX function and its operations, `(operation, inputs, outputs)`, asked for once."""
+class _Operations:
+    """An SX function and its operations `(operation, inputs, outputs)`, read once because access is slow."""
 
     function: Any
     operations: list[tuple[int, list[int], list[int]]]
 
     @classmethod
-    def of(cls, function: Any) -> _Listed | None:
-        """None for functions with calls of others, which cannot be built anew: their kinks stay."""
+    def of(cls, function: Any) -> _Operations | None:
+        """None for a function that calls others, because it cannot be rebuilt from its operations: its kinks stay."""
         n = range(function.n_instructions())
         found = [(function.instruction_id(k), function.instruction_input(k), function.instruction_output(k)) for k in n]
         return None if any(op == ca.OP_CALL for op, *_ in found) else cls(function, found)
 
 
-def _questions(listed: _Listed, forms: Mapping[int, Callable[..., Any]]) -> Any:
-    """The function that gives these forms of the operands of each branch; None where there is none."""
+def _branch_function(source: _Operations, forms: Mapping[int, Callable[..., Any]]) -> Any:
+    """The function that evaluates `forms` of the operands of each branch; None without branches."""
     found: list[Any] = []
 
     def note(op: int, operands: list[Any]) -> Any:
@@ -183,60 +186,67 @@ def _questions(listed: _Listed, forms: Mapping[int, Callable[..., Any]]) -> Any:
             found.append(forms[op](*operands))
         return None
 
-    arguments, _ = _walked(listed, note)
+    arguments, _ = _rebuild(source, note)
     return ca.Function("questions", arguments, [ca.vertcat(*found)]) if found else None
 
 
-def _with(listed: _Listed, decided: Truth, answers: Truth, widths: Widths) -> Any:
-    """The function with some of its branches decided, and some rounded."""
+def _specialize(source: _Operations, decided: Truth, answers: Truth, widths: Widths) -> Any:
+    """The function with the branches `decided` fixed, and those in `widths` smoothed."""
 
-    def instead(k: int, op: int, operands: list[Any]) -> Any:
-        if widths[k] == 0.0 or op not in _ROUNDED:
+    def replacement(k: int, op: int, operands: list[Any]) -> Any:
+        if widths[k] == 0.0 or op not in _SMOOTHED:
             return None
-        return _ROUNDED[op](*operands, widths[k])
+        return _SMOOTHED[op](*operands, widths[k])
 
-    arguments, outputs = _rebuilt(listed, decided, answers, widths, instead)
-    function = listed.function
+    arguments, outputs = _replace_branches(source, decided, answers, widths, replacement)
+    function = source.function
     return ca.Function(function.name(), arguments, outputs, function.name_in(), function.name_out())
 
 
-def _rebuilt(
-    listed: _Listed, decided: Truth, answers: Truth, chosen: Widths, instead: Callable[[int, int, list[Any]], Any]
+def _replace_branches(
+    source: _Operations,
+    decided: Truth,
+    truths: Truth,
+    chosen: Widths,
+    replacement: Callable[[int, int, list[Any]], Any],
 ) -> tuple[list[Any], list[Any]]:
-    """Arguments and outputs with some branches decided, and others replaced; None leaves one as it is."""
+    """(Arguments, outputs) with the branches `decided` fixed.
+
+    Those `chosen` are replaced by the result of `replacement(number, operation, operands)` unless it is None.
+    """
     number = iter(range(len(decided)))
-    soft: set[int] = set()  # truths between 0 and 1
+    soft: set[int] = set()  # hashes of expressions of truth values in [0, 1]
 
     def change(op: int, operands: list[Any]) -> Any:
-        if op not in _QUESTIONS:
+        if op not in _CONDITIONS:
             return softened(op, operands)
         k = next(number)
         if k in chosen:
-            found = instead(k, op, operands)
+            found = replacement(k, op, operands)
             if found is not None and op in (ca.OP_LT, ca.OP_LE):
                 soft.add(found.element_hash())
             return found
-        return _ANSWERS[op][0 if answers[k] else 1](*operands) if decided[k] else None
+        return _VALUES[op][0 if truths[k] else 1](*operands) if decided[k] else None
 
     def softened(op: int, operands: list[Any]) -> Any:
-        if op not in _SOFT or not any(o.element_hash() in soft for o in operands[: 1 if op == _CHOICE else 2]):
+        if op not in _RELAXED_LOGIC or not any(o.element_hash() in soft for o in operands[: 1 if op == _CHOICE else 2]):
             return None
-        found = _SOFT[op](*operands)
+        found = _RELAXED_LOGIC[op](*operands)
         if op != _CHOICE:
             soft.add(found.element_hash())
         return found
 
-    return _walked(listed, change)
+    return _rebuild(source, change)
 
 
-def _walked(listed: _Listed, branch: Callable[[int, list[Any]], Any]) -> tuple[list[Any], list[Any]]:
-    """Arguments and outputs of a function built anew; `branch` may give something else for an operation."""
-    function = listed.function
+def _rebuild(source: _Operations, branch: Callable[[int, list[Any]], Any]) -> tuple[list[Any], list[Any]]:
+    """(Arguments, outputs) of the function rebuilt; an expression returned by `branch` replaces an operation."""
+    function = source.function
     arguments = [ca.SX.sym(function.name_in(k), function.sparsity_in(k)) for k in range(function.n_in())]
     given = [ca.vertsplit(ca.vec(ca.densify(a))) if a.numel() else [] for a in arguments]
     outputs = [[ca.SX(0)] * function.nnz_out(k) for k in range(function.n_out())]
     work: dict[int, Any] = {}
-    for k, (op, inputs, target) in enumerate(listed.operations):
+    for k, (op, inputs, target) in enumerate(source.operations):
         if op == ca.OP_INPUT:
             work[target[0]] = given[inputs[0]][inputs[1]]
         elif op == ca.OP_CONST:
@@ -246,7 +256,7 @@ def _walked(listed: _Listed, branch: Callable[[int, list[Any]], Any]) -> tuple[l
         else:
             operands = [work[i] for i in inputs]
             other = branch(op, operands)
-            work[target[0]] = _applied(op, operands) if other is None else other
+            work[target[0]] = _apply(op, operands) if other is None else other
     shaped = []
     for k, entries in enumerate(outputs):
         column = ca.vertcat(*entries) if entries else ca.SX(0, 1)
@@ -254,7 +264,8 @@ def _walked(listed: _Listed, branch: Callable[[int, list[Any]], Any]) -> tuple[l
     return arguments, shaped
 
 
-def _applied(op: int, operands: list[Any]) -> Any:
+def _apply(op: int, operands: list[Any]) -> Any:
+    """The SX expression of an operation."""
     if len(operands) == 1:
         return ca.SX.unary(op, operands[0])
     return ca.SX.binary(op, *operands)

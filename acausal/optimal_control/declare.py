@@ -1,4 +1,4 @@
-"""What an optimal-control problem is made of, as data: phases, constraints, and values at single instants."""
+"""Data of an optimal-control problem: meshes, phases, guards, boundary values and integrals, constraints."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from acausal.errors import Span
 
 @dataclass(frozen=True)
 class Mesh:
-    """Intervals of one phase."""
+    """Collocation or shooting intervals of one phase."""
 
     fractions: tuple[float, ...]  # lengths of the intervals as shares of the phase; their sum is 1
 
@@ -30,24 +30,23 @@ class Mesh:
 
 @dataclass(frozen=True, eq=False)
 class PhaseSpec:
-    """One phase as it was declared."""
+    """Declaration of one phase."""
 
     name: str
-    # `shortest`, `longest`, `expected`: limits of its duration, and the one that the guess has [s].
+    # Limits of its duration, and its duration in the guess [s].
     shortest: float
     longest: float
     expected: float
     mesh: Mesh
-    # Number of the guard that is zero at its end; None for an end that is free or fixed in time only.
+    # Number of the guard that is zero at its end; None if the end is free or fixed in time.
     switch: int | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Guard:
-    """An expression that passes zero, from below, where a phase ends.
+    """An expression whose upward zero crossing ends a phase.
 
-    `relation` is its number among the relations of the model, None for an expression of the user's own; `text` is how
-    it was written.
+    `relation` is its number among the relations of the model, None for an expression of the user; `text` is its text.
     """
 
     expression: Any
@@ -57,7 +56,7 @@ class Guard:
 
 @dataclass(frozen=True, eq=False)
 class Value:
-    """A number that belongs to a phase: an expression at its start or end, or integrated over it.
+    """A scalar functional of a phase: an expression at its start or end, or integrated over it.
 
     `kind` is "start", "end" or "integral"; `symbol` stands for it in objective and constraints.
     """
@@ -70,13 +69,13 @@ class Value:
 
 @dataclass(frozen=True, eq=False)
 class Constraint:
-    """lower <= expression <= upper: along phases where it holds quantities that vary, else once."""
+    """lower <= expression <= upper: a path constraint if the expression varies in time, else a single constraint."""
 
     name: str
     expression: Any
     lower: float
     upper: float
-    phases: tuple[int, ...]  # where a path constraint holds; empty for a constraint on numbers
-    variable: str | None  # name of the scalar that is bounded; None for an expression
-    scale: float  # magnitude that the expression is divided by in the program
+    phases: tuple[int, ...]  # of a path constraint; empty for a single one
+    variable: str | None  # name of the bounded scalar; None for an expression
+    scale: float  # the program divides the expression by this magnitude
     where: tuple[Span, ...] = ()

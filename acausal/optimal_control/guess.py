@@ -1,4 +1,4 @@
-"""Where the search begins: a run of the model, cut where its phases end."""
+"""Initial guess of an optimal-control problem: a simulation of the model, cut at the ends of the phases."""
 
 from __future__ import annotations
 
@@ -16,17 +16,18 @@ from acausal.optimal_control.problem import StatedProblem
 from acausal.result.result import Result
 from acausal.simulate.run import simulate
 
-# A guess need not be accurate: points of it in an interval, at least in all, and the tolerance of its run.
+# A guess need not be accurate: points per interval, their least number in total, and the tolerance of the run.
 _ROWS, _FEWEST, _TOLERANCE = 10, 100, 1e-5
-# How far a run is looked at behind the last phase, by that phase's duration.
+# Part of the run after the last phase that is used, relative to the duration of that phase.
 _BEYOND = 0.1
 
 
 @dataclass(frozen=True, eq=False)
 class PhaseGuess:
-    """Duration [s] of one phase, and x, z, u at n shares of it: shapes (nx, n), (nz, n), (nu, n).
+    """Guess of one phase: its duration [s], and its trajectories.
 
-    `following` is the same of what comes behind the last phase, where a switch ends it and the run goes on.
+    `at` maps n fractions of the phase in [0, 1] to x, z, u of shapes (nx, n), (nz, n), (nu, n). `following` is the part
+    of the run after the last phase if a switch ends it, else None.
     """
 
     duration: float
@@ -34,19 +35,19 @@ class PhaseGuess:
     following: PhaseGuess | None = None
 
 
-def guessed(problem: StatedProblem) -> list[PhaseGuess]:
-    """The guess of every phase.
+def initial_guess(problem: StatedProblem) -> list[PhaseGuess]:
+    """Guess of every phase.
 
-    Raises OptimizationError: AC705 where the run does not get to the end of a phase.
+    Raises OptimizationError: AC705 if the run does not reach the end of a phase.
     """
     lines = _lines(problem)
     run = problem.guess_run or _run(problem)
     q, found, first = problem.quantities, [], float(run.time[0])
-    rows = [_stored(run, ports.names) for ports in (q.states, q.z, q.u)]
-    # angles go on from row to row, and from phase to phase
+    rows = [_sampled(run, ports.names) for ports in (q.states, q.z, q.u)]
+    # before the run is cut, so that angles are continuous from phase to phase
     rows[0] = q.coordinates.of(rows[0])
     whole = sum(spec.expected for spec in problem.specs)
-    begun = 0.0
+    elapsed = 0.0
     for k, spec in enumerate(problem.specs):
         last = first + spec.expected if spec.switch is None else _end(problem, run, spec, first)
         if k == len(problem.specs) - 1 and spec.switch is None and problem.guess_run is not None:
@@ -54,18 +55,18 @@ def guessed(problem: StatedProblem) -> list[PhaseGuess]:
         last = min(last, float(run.time[-1]))
         if last <= first:
             raise _not_reached(problem, run, spec, first)
-        share = (begun / whole, (begun + spec.expected) / whole)
-        found.append(PhaseGuess(last - first, _reader(rows, run, first, last, lines, share)))
+        share = (elapsed / whole, (elapsed + spec.expected) / whole)
+        found.append(PhaseGuess(last - first, _interpolant(rows, run, first, last, lines, share)))
         beyond = min(last + _BEYOND * (last - first), float(run.time[-1]))
         if k == len(problem.specs) - 1 and spec.switch is not None and beyond > last:
-            later = PhaseGuess(beyond - last, _reader(rows, run, last, beyond, {}, share))
+            later = PhaseGuess(beyond - last, _interpolant(rows, run, last, beyond, {}, share))
             found[-1] = replace(found[-1], following=later)
-        first, begun = last, begun + spec.expected
+        first, elapsed = last, elapsed + spec.expected
     return found
 
 
 def _lines(problem: StatedProblem) -> dict[int, tuple[float, float]]:
-    """The straight lines that were given, and of what goes along them the constant rates."""
+    """Lines given by the user, and the constant rates of those coordinates whose rates are coordinates as well."""
     given = problem.guess_lines
     if not given:
         return {}
@@ -76,6 +77,7 @@ def _lines(problem: StatedProblem) -> dict[int, tuple[float, float]]:
 
 
 def _run(problem: StatedProblem) -> Result:
+    """Simulation of the model with the inputs of the guess."""
     q = problem.quantities
     inputs: dict[str, Any] = {port.name: min(max(port.start, port.min), port.max) for port in q.u}
     inputs |= problem.guess_inputs
@@ -96,19 +98,26 @@ def _run(problem: StatedProblem) -> Result:
     )
 
 
-def _reader(
-    stored: Sequence[Vector],
+def _interpolant(
+    samples: Sequence[Vector],
     run: Result,
     first: float,
     last: float,
     lines: dict[int, tuple[float, float]],
     share: tuple[float, float],
 ) -> Callable[[Vector], tuple[Vector, Vector, Vector]]:
+    """The function `at` of the guess of a phase between the times `first` and `last` of a run.
+
+    `samples`: x, z, u at the rows of the run, shapes (nx, rows), (nz, rows), (nu, rows).
+    `lines`: Coordinates that follow straight lines over all phases, with their values at both ends.
+    `share`: Begin and end of the phase as fractions of all phases.
+    """
+
     def at(fractions: Vector) -> tuple[Vector, Vector, Vector]:
-        # beside an event, the side that belongs to the phase; straight between rows, which is near enough for a guess
+        # just inside the phase, because values at its ends may belong to the other side of an event
         times = first + (last - first) * np.clip(fractions, 1e-9, 1 - 1e-9)
-        parts = [np.array([np.interp(times, run.time, row) for row in rows]) for rows in stored]
-        x, z, u = (part.reshape(len(rows), len(times)) for part, rows in zip(parts, stored, strict=True))
+        parts = [np.array([np.interp(times, run.time, row) for row in rows]) for rows in samples]
+        x, z, u = (part.reshape(len(rows), len(times)) for part, rows in zip(parts, samples, strict=True))
         for place, (a, b) in lines.items():
             x[place] = a + (b - a) * (share[0] + (share[1] - share[0]) * fractions)
         return x, z, u
@@ -116,13 +125,13 @@ def _reader(
     return at
 
 
-def _stored(run: Result, names: Sequence[str]) -> Vector:
-    """Values at the rows of a run, shape (names, rows)."""
+def _sampled(run: Result, names: Sequence[str]) -> Vector:
+    """Values of variables at the rows of a run, shape (names, rows)."""
     return np.array([run[name] for name in names]).reshape(len(names), len(run.time))
 
 
 def _end(problem: StatedProblem, run: Result, spec: PhaseSpec, first: float) -> float:
-    """When the run fulfils what ends the phase, after `first`."""
+    """Time [s] after `first` at which the condition that ends the phase becomes true in the run."""
     assert spec.switch is not None
     guard = problem.guards[spec.switch]
     later = first + 1e-9 * (run.time[-1] - run.time[0])
@@ -142,25 +151,26 @@ def _end(problem: StatedProblem, run: Result, spec: PhaseSpec, first: float) -> 
 
 
 def _guard_values(problem: StatedProblem, switch: int, run: Result, rows: Any) -> Vector:
-    """Values of a guard at rows of a run, shape (n,)."""
+    """Values of a guard at n rows of a run, shape (n,)."""
     q, guard = problem.quantities, problem.guards[switch]
     n = len(rows)
     if not n:
         return np.zeros(0)
     if guard.relation is not None:
-        columns = [_stored(run, ports.names)[:, rows] for ports in (q.states, q.z, q.u)]
+        columns = [_sampled(run, ports.names)[:, rows] for ports in (q.states, q.z, q.u)]
         point = [ca.DM(c) if c.size else ca.DM(c.shape[0], n) for c in (run.time[None, rows], *columns)]
         point.append(ca.repmat(ca.DM(q.p), 1, n))
         modes = q.compiled.all_modes.map(n)(*point)
         return np.asarray(np.array(q.compiled.events.distances.map(n)(*point, modes))[guard.relation])
     symbols = [q.time, *q.symbols, *(d[3] for d in q.decided)]
     function = ca.Function("guard", symbols, [guard.expression])
-    columns = [run.time[rows], *_stored(run, [o.name for o in q.outputs])[:, rows]]
+    columns = [run.time[rows], *_sampled(run, [o.name for o in q.outputs])[:, rows]]
     columns += [np.full(n, q.p[place]) for place, *_ in q.decided]
     return np.array(function.map(n)(*(c[None, :] for c in columns))).ravel()
 
 
 def _not_reached(problem: StatedProblem, run: Result, spec: PhaseSpec, first: float) -> OptimizationError:
+    """The error AC705."""
     text = problem.guards[spec.switch].text if spec.switch is not None else "its end"
     earlier = [e.time for e in run.events if text in e.condition.split("; ") and e.time <= first]
     seen = [f"{e.time:.4g} s  {e.condition}" for e in run.events[:6]]

@@ -1,4 +1,4 @@
-"""The equations of every phase, and what the events at their ends change."""
+"""Equations of every phase, and the state jumps of the events at their ends."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from acausal.export.forms import Form, check
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.events.impulses import impulses
 from acausal.lower.symbols import Symbols
-from acausal.optimal_control.branches import Widths, branched, crossed, freed
+from acausal.optimal_control.branches import Widths, relax_branches, specialize_branches, switching_branches
 from acausal.optimal_control.guess import PhaseGuess
 from acausal.optimal_control.optimum.trajectory import PhaseTrajectory, Trajectory
 from acausal.optimal_control.problem import StatedProblem
@@ -29,25 +29,26 @@ SMOOTH = Form(
     instead="end a phase with each event, in their order: problem.phase(until='...') with the relation that "
     "compiled.events.texts lists",
 )
-# Where the equations of a phase are looked at: its inside, as shares.
+# Fractions of a phase at which its branches are evaluated.
 _INSIDE = np.linspace(0.02, 0.98, 33)
-# Instants in an interval at which rounded rates are compared.
+# Instants per interval at which smoothed rates are compared with exact ones.
 _FINE = 200
-# How far, by magnitude, what a guess does at an event may be from what its clauses say.
+# Allowed relative deviation of the states after an event in the guess from those that its clauses give.
 _SAME = 1e-4
-# How far rates and equations may be from those of the model, by their magnitude.
+# Allowed relative deviation of rates and residuals from those of the model.
 _OFF = 1e-6
 
 
 def dynamics_of(
     problem: StatedProblem, guesses: Sequence[PhaseGuess], widths: Sequence[Widths] = (), free: bool = False
 ) -> list[Dynamics]:
-    """The equations of all phases, with branches rounded to these widths by number, for each phase.
+    """Equations of all phases; `widths` are the smoothing widths of branches by their numbers, for each phase.
 
-    With `free` they are not rounded: their answers become unknowns, and widths say how large what decides them is.
+    With `free` these branches are not smoothed but relaxed: their selectors become unknowns, and the widths are the
+    magnitudes of the quantities that decide them.
 
-    Raises ExportError: AC608 for a model that events change, where no phase ends with one.
-    Raises OptimizationError: AC704 for events at the end of a phase that do more than the clauses of its relation.
+    Raises ExportError: AC608 for a model with events if no phase ends with one.
+    Raises OptimizationError: AC704 if an event at the end of a phase does more than the clauses of its relation.
     """
     q = problem.quantities
     compiled, dae = q.compiled, q.dae()
@@ -58,20 +59,20 @@ def dynamics_of(
     _refuse_clocks(compiled)
     begins = q.begin.t + np.cumsum([0.0, *(guess.duration for guess in guesses)])
     inside = [_arguments(guess, _INSIDE, begin, q.p) for guess, begin in zip(guesses, begins[:-1], strict=True)]
-    found = []
-    # what the switch at the very end changes is told by what comes behind it
+    dynamics = []
+    # only the run after the last phase shows which branches its final switch changes
     beyond = [_arguments(g, _INSIDE, begins[-1], q.p) for g in [guesses[-1].following] if g is not None]
-    kept = [dict.fromkeys(own, 0.0) for own in widths]
-    laws = branched(dae, inside, beyond, kept if free else widths)
-    rounded = any(widths) and not free
-    sharps = branched(dae, inside, beyond, kept) if rounded else [None] * len(laws)
-    opened = [
-        freed(dae, [*inside, *beyond], k, widths[k]) if free and k < len(widths) and widths[k] else None
+    unsmoothed = [dict.fromkeys(own, 0.0) for own in widths]
+    laws = specialize_branches(dae, inside, beyond, unsmoothed if free else widths)
+    is_smoothed = any(widths) and not free
+    exact_laws = specialize_branches(dae, inside, beyond, unsmoothed) if is_smoothed else [None] * len(laws)
+    relaxed_laws = [
+        relax_branches(dae, [*inside, *beyond], k, widths[k]) if free and k < len(widths) and widths[k] else None
         for k in range(len(laws))
     ]
-    for k, (law, sharp, relation) in enumerate(zip(laws, sharps, switches, strict=True)):
+    for k, (law, exact, relation) in enumerate(zip(laws, exact_laws, switches, strict=True)):
         if relation is None:
-            found.append(Dynamics(law, sharp=sharp, freed=opened[k]))
+            dynamics.append(Dynamics(law, exact=exact, relaxed=relaxed_laws[k]))
             continue
         s = Symbols(compiled)
         arguments = s.inputs[:-1]
@@ -81,39 +82,40 @@ def dynamics_of(
         following = guesses[k + 1] if k + 1 < len(guesses) else None
         ends = _arguments(guesses[k], np.array([1.0]), begins[k], q.p)
         jump = _jump(problem, relation, ends, following, problem.specs[k].name)
-        found.append(Dynamics(law, guard, jump, sharp, opened[k]))
-    return found
+        dynamics.append(Dynamics(law, guard, jump, exact, relaxed_laws[k]))
+    return dynamics
 
 
 def kinks(problem: StatedProblem, guesses: Sequence[PhaseGuess], smooth: float, often: bool = False) -> list[Widths]:
-    """Branches that go both ways within each phase, by number with the widths to round them; see `crossed`."""
+    """Smoothing widths of the branches taken both ways within each phase; see `switching_branches`."""
     q, dae = problem.quantities, problem.quantities.dae()
     begins = q.begin.t + np.cumsum([0.0, *(guess.duration for guess in guesses)])
     pairs = zip(guesses, begins[:-1], strict=True)
-    return [crossed(dae, _arguments(guess, _INSIDE, begin, q.p), smooth, often) for guess, begin in pairs]
+    return [switching_branches(dae, _arguments(guess, _INSIDE, begin, q.p), smooth, often) for guess, begin in pairs]
 
 
 def bias(laws: Sequence[Dynamics], trajectory: Trajectory) -> float:
-    """How far states are led away by what is rounded: integrals of the rates' differences, by the largest state."""
+    """Bias of the states by smoothing: integral of the deviation of their rates, relative to the largest state."""
     size = np.max([np.abs(phase.x).max(axis=1, initial=0.0) for phase in trajectory.phases], axis=0)
     apart = np.zeros(len(size))
     for phase, law in zip(trajectory.phases, laws, strict=True):
-        if law.sharp is not None:
+        if law.exact is not None:
             shares = (np.arange(_FINE * len(phase.mesh)) + 0.5) / (_FINE * len(phase.mesh))
             columns = _arguments(PhaseGuess(phase.duration, phase.at), shares, phase.begin, trajectory.p)
-            off = np.abs(_evaluated(law.dae, columns)[0] - _evaluated(law.sharp, columns)[0])
+            off = np.abs(_evaluated(law.dae, columns)[0] - _evaluated(law.exact, columns)[0])
             apart += phase.duration * off.mean(axis=1)
     return float((apart / np.where(size > 0.0, size, 1.0)).max(initial=0.0))
 
 
 def _arguments(guess: PhaseGuess, shares: Vector, begin: float, p: Vector) -> list[Vector]:
-    """Arguments of the equations at shares of a guessed phase, columns are instants."""
+    """Arguments t, x, z, u, p of the equations at n fractions of a phase of the guess, each of shape (rows, n)."""
     x, z, u = guess.at(shares)
     times = (begin + guess.duration * shares)[None, :]
     return [times, x, z, u, np.repeat(p[:, None], len(shares), axis=1)]
 
 
 def _refuse_clocks(compiled: CompiledModel) -> None:
+    """AC704 for sampled models."""
     if compiled.state_events.samples:
         raise OptimizationError(
             "AC704",
@@ -123,11 +125,11 @@ def _refuse_clocks(compiled: CompiledModel) -> None:
 
 
 def _jump(problem: StatedProblem, relation: int, ends: list[Vector], following: PhaseGuess | None, name: str) -> Any:
-    """`(t, x, z, u, p) -> x` of what the clauses of a relation change; None where they change nothing.
+    """The map `(t, x, z, u, p) -> x` that the clauses of a relation apply; None if they change nothing.
 
-    `ends` are the arguments at the end of the phase in the guess.
+    `ends` are the arguments at the end of the phase in the guess, each of shape (rows, 1).
 
-    Raises OptimizationError: AC704 where the guess goes on somewhere else.
+    Raises OptimizationError: AC704 if the guess continues from another state.
     """
     q = problem.quantities
     compiled, events = q.compiled, q.compiled.state_events
@@ -144,14 +146,14 @@ def _jump(problem: StatedProblem, relation: int, ends: list[Vector], following: 
         np.array(ca.Function("c", arguments, [reactions(*arguments, m)[2]])(*at)).ravel() > 0.5 for m in (before, after)
     ]
     rising = dict(zip(events.conditions, (truth[1] & ~truth[0]).tolist(), strict=True))
-    held = dict(zip(events.conditions, truth[1].tolist(), strict=True))
+    is_true = dict(zip(events.conditions, truth[1].tolist(), strict=True))
     _, assigned, _, values, _, _ = reactions(*arguments, after)
     new, k = ca.SX(s.x), 0
-    hits, acting = {a for a, _ in impulses(compiled)}, list[int]()
+    with_impulse, acting = {a for a, _ in impulses(compiled)}, list[int]()
     for clause in events.clauses:
-        acts = any(rising[c] for c in clause.conditions) and not any(held[c] for c in clause.earlier)
+        acts = any(rising[c] for c in clause.conditions) and not any(is_true[c] for c in clause.earlier)
         for position, _ in clause.actions:
-            if acts and k in hits:
+            if acts and k in with_impulse:
                 acting.append(k)
             elif acts:
                 new[position] = values[k]
@@ -168,7 +170,7 @@ def _jump(problem: StatedProblem, relation: int, ends: list[Vector], following: 
 
 
 def _in_coordinates(q: Quantities, jump: Any) -> Any:
-    """A jump of the states as one of the coordinates; angles stay, for a circle is left by nothing but its rate."""
+    """A jump of the states as one of the coordinates; angles stay, because an event only changes their rates."""
     kept, n = len(q.coordinates.kept), q.coordinates.angles
     if not n:
         return jump
@@ -180,7 +182,7 @@ def _in_coordinates(q: Quantities, jump: Any) -> Any:
 
 
 def _check_guess(q: Quantities, found: Vector, following: PhaseGuess, ends: list[Vector], name: str) -> None:
-    """AC704 where the run behind the guess goes on somewhere else than the clauses say."""
+    """AC704 if the run of the guess continues from another state than the clauses give."""
     x = following.at(np.array([0.0]))[0].ravel()
     size = np.maximum(np.abs(ends[1]).ravel(), q.x.nominal)
     off = np.abs(x - found) / size
@@ -195,10 +197,10 @@ def _check_guess(q: Quantities, found: Vector, following: PhaseGuess, ends: list
         )
 
 
-def verified(problem: StatedProblem, laws: Sequence[Dynamics], trajectory: Trajectory) -> None:
-    """Refuse an optimum that takes branches which the model does not take there, or passes over an event.
+def check_optimum(problem: StatedProblem, laws: Sequence[Dynamics], trajectory: Trajectory) -> None:
+    """Check that an optimum takes the branches of the model, and that no event lies inside a phase.
 
-    Raises OptimizationError: AC706 for branches, AC704 for events inside of a phase.
+    Raises OptimizationError: AC706 for branches, AC704 for events inside a phase.
     """
     dae = problem.quantities.dae()
     for phase, law in zip(trajectory.phases, laws, strict=True):
@@ -211,7 +213,7 @@ def verified(problem: StatedProblem, laws: Sequence[Dynamics], trajectory: Traje
 
 
 def _check_instants(problem: StatedProblem, dae: Any, phase: PhaseTrajectory, p: Vector) -> None:
-    """Refuse instants inside of a phase at which sources of the model make rates jump; kinks are for the mesh."""
+    """AC704 if rates jump inside a phase at an instant of a source; kinks only need a finer mesh."""
     instants = np.unique(np.array(problem.quantities.compiled.instants(p)).ravel())
     share = (instants - phase.begin) / phase.duration
     for t, at in zip(instants, share, strict=True):
@@ -234,7 +236,7 @@ def _check_instants(problem: StatedProblem, dae: Any, phase: PhaseTrajectory, p:
 
 
 def _collocated(phase: PhaseTrajectory, p: Vector) -> list[Vector]:
-    """Arguments of the equations at the collocation points but the last, which lies on what ends the phase."""
+    """Arguments of the equations at the collocation points, except the last, which lies on the guard of the phase."""
     points = phase.basis.points
     at = [phase.interval(k, points) for k in range(len(phase.mesh))]
     times = np.concatenate([phase.time(k, points) for k in range(len(phase.mesh))])[None, :-1]
@@ -243,6 +245,7 @@ def _collocated(phase: PhaseTrajectory, p: Vector) -> list[Vector]:
 
 
 def _evaluated(function: Any, columns: Sequence[Vector]) -> list[Vector]:
+    """Results of a function at n instants, each of shape (rows, n)."""
     n = columns[0].shape[1]
     given = [ca.DM(c) if c.size else ca.DM(c.shape[0], n) for c in columns]
     found = function.map(n)(*given)
@@ -252,10 +255,11 @@ def _evaluated(function: Any, columns: Sequence[Vector]) -> list[Vector]:
 def _check_branches(
     problem: StatedProblem, dae: Any, law: Dynamics, phase: PhaseTrajectory, columns: list[Vector]
 ) -> None:
+    """AC706 if rates, residuals or outputs of the phase deviate from those of the model."""
     q = problem.quantities
     names = (q.x.names, q.z.names, tuple(o.name for o in q.outputs))
     words = ("the rate of {}", "the equation of {}", "{}")
-    decided = law.dae if law.sharp is None else law.sharp
+    decided = law.dae if law.exact is None else law.exact
     for own, model, group, text in zip(
         _evaluated(decided, columns), _evaluated(dae, columns), names, words, strict=True
     ):
@@ -275,6 +279,7 @@ def _check_branches(
 
 
 def _check_events(problem: StatedProblem, phase: PhaseTrajectory, columns: list[Vector]) -> None:
+    """AC704 if a clause with actions becomes active between two collocation points."""
     compiled = problem.quantities.compiled
     s = Symbols(compiled)
     arguments = s.inputs[:-1]

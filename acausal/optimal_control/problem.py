@@ -1,4 +1,4 @@
-"""An optimal-control problem as it is written down: a model, phases, an objective, constraints."""
+"""Statement of an optimal-control problem: model, phases, objective and constraints."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _RELATIONS = {ca.OP_LE: 1, ca.OP_LT: 1, ca.OP_EQ: 0}
 
 
 class StatedProblem:
-    """What an optimal-control problem states; `Problem` says how, and what can be asked of it."""
+    """Statement of an optimal-control problem; `Problem` adds the ways of solving it."""
 
     def __init__(
         self,
@@ -39,7 +39,7 @@ class StatedProblem:
         self.values: list[Value] = []
         self.constraints: list[Constraint] = []
         self.objective: Any = None
-        self._spoken = False
+        self._are_phases_closed = False
         self.guess_run: Result | None = None
         self.guess_inputs: dict[str, Any] = {}
         self.guess_lines: dict[int, tuple[float, float]] = {}
@@ -56,13 +56,13 @@ class StatedProblem:
 
     @property
     def time(self) -> Any:
-        """The time [s], as a symbol that varies."""
+        """The time [s] as a CasADi symbol."""
         return self.quantities.time
 
     @property
     def duration(self) -> Any:
-        """The duration of all phases together [s]."""
-        return sum(self.durations[1:], self.durations[0]) if self._begun() else None
+        """Total duration of all phases [s] as a CasADi expression."""
+        return sum(self.durations[1:], self.durations[0]) if self._close_phases() else None
 
     def phase(
         self,
@@ -73,26 +73,26 @@ class StatedProblem:
         intervals: int = 10,
         expected: float | None = None,
     ) -> Phase:
-        """A further phase.
+        """Append a phase.
 
         Parameters
         ----------
         duration
-            A fixed one [s], or the limits of a free one.
+            Fixed duration [s], or the limits of a free one.
         until
-            What ends the phase: a relation of the model as its events print it ("h < 0"), whose `when` clauses then
-            act, or a relation of expressions (`problem["drill.s"] >= 0.004`).
+            Condition that ends the phase: a relation of the model as its events print it ("h < 0"), whose `when`
+            clauses then act, or a relation of expressions (`problem["drill.s"] >= 0.004`).
         intervals
-            Intervals of the collocation, at first of equal length.
+            Number of collocation intervals, initially of equal length.
         expected
-            Duration in the guess; by default the moment when the run behind the guess fulfils `until`, else the
-            geometric mean of the limits, else the model's stop time.
+            Duration in the guess [s]; by default the time at which the run of the guess fulfils `until`, else the
+            geometric mean of the limits, else the stop time of the model.
 
         Raises
         ------
         UsageError
-            AC010 for a relation that the model does not have, AC050 for limits that are none, and for a phase after
-            what was said of all phases.
+            AC010 for an unknown relation, AC050 for invalid limits, and for a phase declared after a statement about
+            all phases.
         """
         shortest, longest = (duration, duration) if isinstance(duration, int | float) else duration
         if not 0.0 <= shortest <= longest or longest <= 0.0 or intervals < 1:
@@ -106,7 +106,7 @@ class StatedProblem:
             known = shortest > 0.0 and math.isfinite(longest)
             expected = math.sqrt(shortest * longest) if known else self.compiled.flat.experiment.stop_time
             expected = min(max(expected, shortest), longest)
-        if self._spoken:
+        if self._are_phases_closed:
             raise UsageError(
                 "AC050",
                 f"a phase comes after what was said of all {len(self.specs)} phases",
@@ -129,15 +129,15 @@ class StatedProblem:
 
     def start(self, what: str | Any) -> Any:
         """Value of a variable or an expression at the start of the first phase."""
-        return self._begun() and Phase(self, 0).start(what)
+        return self._close_phases() and Phase(self, 0).start(what)
 
     def end(self, what: str | Any) -> Any:
         """Value of a variable or an expression at the end of the last phase."""
-        return self._begun() and Phase(self, len(self.specs) - 1).end(what)
+        return self._close_phases() and Phase(self, len(self.specs) - 1).end(what)
 
     def integral(self, what: str | Any) -> Any:
         """Integral of a variable or an expression over all phases."""
-        self._begun()
+        self._close_phases()
         parts = [Phase(self, k).integral(what) for k in range(len(self.specs))]
         return sum(parts[1:], parts[0])
 
@@ -152,7 +152,7 @@ class StatedProblem:
         return self.quantities.decide(name, min, max)
 
     def minimize(self, objective: Any) -> None:
-        """Say what is to become as small as possible: an expression of durations, values at ends, integrals."""
+        """Set the objective: a scalar expression of durations, values at ends and integrals."""
         self.objective = ca.MX(objective)
         if self.objective.numel() != 1 or self.quantities.varies(self.objective):
             raise UsageError(
@@ -171,28 +171,28 @@ class StatedProblem:
         equals: float | None = None,
         name: str = "",
     ) -> None:
-        """Demand something, in all phases where it varies: `subject_to("drill.F_f", max=4e3)`.
+        """Add a constraint, in all phases if it varies in time: `subject_to("drill.F_f", max=4e3)`.
 
         Parameters
         ----------
         what
-            Name of a variable with `min`, `max` or `equals`; or a relation or an expression with them.
+            Name of a variable or an expression, with `min`, `max` or `equals`; or a relation.
         name
-            What multipliers and figures call it; by default it is written as it was given.
+            Name in multipliers and figures; by default the text of the constraint.
 
         Raises
         ------
         UsageError
-            AC010 for an unknown name, AC051 for a demand without content.
+            AC010 for an unknown name, AC051 for a constraint without limits.
         """
-        self._begun()
-        self._demand(what, min, max, equals, name, tuple(range(len(self.specs))))
+        self._close_phases()
+        self._constrain(what, min, max, equals, name, tuple(range(len(self.specs))))
 
     def periodic(self, *names: str, shift: float = 0.0) -> None:
-        """Demand that states end where they began, or `shift` further."""
+        """Require that states end at their start values plus `shift`."""
         for name in names:
-            demand = self.end(name) - self.start(name)
-            self.subject_to(demand, equals=shift, name=f"{name} is periodic")
+            gain = self.end(name) - self.start(name)
+            self.subject_to(gain, equals=shift, name=f"{name} is periodic")
 
     def guess(
         self,
@@ -201,39 +201,39 @@ class StatedProblem:
         inputs: Mapping[str, Any] | None = None,
         lines: Mapping[str, tuple[float, float]] | None = None,
     ) -> None:
-        """Say where the search begins; otherwise a run with the inputs' declared defaults, or 0.
+        """Set the initial guess; by default a simulation with the declared start values of the inputs, or 0.
 
         Parameters
         ----------
         run
-            A result of this model, or of a problem before.
+            A result of this model, or the optimum of another problem on it.
         inputs
-            For the run that is made, as for `simulate`.
+            Inputs of the simulation, as for `simulate`.
         lines
-            States that go straight from one value to another instead, over all phases.
+            States that follow a straight line instead, with their values at the start and the end of all phases.
         """
         self.guess_run = run
         self.guess_inputs = dict(inputs or {})
         self.guess_lines = {self.quantities.state(name): ends for name, ends in (lines or {}).items()}
 
     def opened(self) -> Self:
-        """The same problem, for programs with unknowns for what blocks search inside the equations."""
+        """A copy in which the unknowns of blocks with a monotone search are algebraic variables of the program."""
         found = copy(self)
         found.quantities = self.quantities.opened()
         return found
 
-    def _begun(self) -> bool:
-        """One phase at least; a free one by default."""
+    def _close_phases(self) -> bool:
+        """Ensure that there is a phase, a free one by default, and close the list of phases; always true."""
         if not self.specs:
             self.phase()
-        self._spoken = True
+        self._are_phases_closed = True
         return True
 
     def _expression(self, what: str | Any) -> Any:
         return self[what] if isinstance(what, str) else ca.MX(what)
 
     def _value(self, phase: int, kind: str, what: str | Any) -> Any:
-        """The symbol of a value at one instant or of an integral."""
+        """Symbol of a value at the start or end of a phase, or of an integral over it."""
         expression = self._expression(what)
         named = what if isinstance(what, str) else str(what)
         place = f" of {self.specs[phase].name}" if len(self.specs) > 1 else ""
@@ -242,9 +242,10 @@ class StatedProblem:
         self.values.append(Value(symbol, phase, kind, expression))
         return symbol
 
-    def _demand(
+    def _constrain(
         self, what: Any, lower: float, upper: float, equals: float | None, name: str, phases: tuple[int, ...]
     ) -> None:
+        """Append one constraint for each scalar of `what`."""
         for limit in (lower, upper, equals):
             if isinstance(limit, str):
                 raise UsageError(
@@ -274,7 +275,7 @@ class StatedProblem:
             names = self.quantities.entries(what) if is_name else ()
             own = label or str(expression)
             own = own if expression.numel() == 1 else (names[k] if is_name and not name else f"{own}[{k}]")
-            text = own if name else written(own, lower, upper)
+            text = own if name else constraint_text(own, lower, upper)
             scale = self.quantities.nominal(names[k]) if is_name else _magnitude(lower, upper)
             variable = names[k] if is_name else None
             if any(c.name == text and (c.lower, c.upper) != (lower, upper) for c in self.constraints):
@@ -290,7 +291,7 @@ class StatedProblem:
 
 
 class Phase:
-    """One phase of a problem, to speak of its ends, its duration and what holds in it."""
+    """One phase of a problem: its boundary values, duration, integrals and constraints."""
 
     def __init__(self, problem: StatedProblem, number: int) -> None:
         self.problem, self.number = problem, number
@@ -308,7 +309,7 @@ class Phase:
         return self.problem._value(self.number, "start", what)
 
     def end(self, what: str | Any) -> Any:
-        """Value of a variable or an expression at its end, before what happens there."""
+        """Value of a variable or an expression at its end, before the events there."""
         return self.problem._value(self.number, "end", what)
 
     def integral(self, what: str | Any) -> Any:
@@ -324,12 +325,12 @@ class Phase:
         equals: float | None = None,
         name: str = "",
     ) -> None:
-        """Demand something in this phase only; see `Problem.subject_to`."""
-        self.problem._demand(what, min, max, equals, name, (self.number,))
+        """Add a constraint to this phase only; see `Problem.subject_to`."""
+        self.problem._constrain(what, min, max, equals, name, (self.number,))
 
 
 def _relation(expression: Any, op: int) -> tuple[Any, float, float]:
-    """A relation as an expression and its limits; a constant side becomes the limit."""
+    """(Expression, lower, upper) of a relation; a constant side becomes the limit."""
     left, right = expression.dep(0), expression.dep(1)
     if right.is_constant() and right.numel() == 1:
         limit = float(right.to_DM())
@@ -341,12 +342,13 @@ def _relation(expression: Any, op: int) -> tuple[Any, float, float]:
 
 
 def _magnitude(lower: float, upper: float) -> float:
+    """Largest finite limit, else 1."""
     finite = [abs(v) for v in (lower, upper) if math.isfinite(v) and v != 0.0]
     return max(finite, default=1.0)
 
 
-def written(name: str, lower: float, upper: float) -> str:
-    """What a demand is called that nobody named."""
+def constraint_text(name: str, lower: float, upper: float) -> str:
+    """Default name of a constraint: its text."""
     if lower == upper:
         return f"{name} == {lower:g}"
     if lower == -math.inf:

@@ -1,4 +1,4 @@
-"""Variables and parameters of a model under their names, as symbols of constraints and objectives."""
+"""Variables and parameters of a model by name, as CasADi symbols for constraints and objectives."""
 
 from __future__ import annotations
 
@@ -23,22 +23,22 @@ from acausal.simulate.arguments import parameter_vector
 
 
 class Quantities:
-    """The symbols of one problem: the time, variables of the model that were asked for, and decided parameters.
+    """Symbols of one problem: the time, the variables of the model that it uses, and decided parameters.
 
     Attributes
     ----------
     p
-        Values of all parameters; of decided ones, the guess.
+        Values of all parameters, shape (np,); of decided ones, the guess.
     model, compiled
-        The model as it runs, and as the equations are taken from it.
+        The model as it is simulated, and as the equations are taken from it.
     states, x, first
-        The states of the model; the coordinates of the search, and their values at the start.
+        States of the model; coordinates of the optimization, and their start values, shape (nx,).
     outputs
-        Variables that were asked for, in order; `symbols` are theirs.
+        Variables used in the problem, in order of first use; `symbols` are theirs.
     low
-        For each algebraic variable the value that it is not below, shape (nz,).
+        Lower bounds of the algebraic variables, shape (nz,).
     decided
-        `(place in p, lower, upper, symbol)` of parameters that are decisions.
+        `(index in p, lower, upper, symbol)` of decided parameters.
     """
 
     def __init__(self, compiled: CompiledModel, parameters: dict[str, float]) -> None:
@@ -49,7 +49,7 @@ class Quantities:
         self.states: Ports = variable_ports(compiled, compiled.state_variables, self.begin.x)
         self.coordinates = coordinates_of(compiled, self.states, self.begin.x, self.p)
         if self.coordinates.complete:
-            self.p[-1] = 0.0  # nothing is left to stabilise
+            self.p[-1] = 0.0  # minimal coordinates have no constraints to stabilise
         self.x: Ports = self.coordinates.ports
         self.first: Vector = self.coordinates.of(self.begin.x[:, None]).ravel()
         self.z: Ports = variable_ports(compiled, compiled.solution.algebraic, self.begin.z)
@@ -65,7 +65,7 @@ class Quantities:
         self._places: dict[str, tuple[str, int, int] | None] = {}
 
     def opened(self) -> Quantities:
-        """The same with what blocks search inside the equations as algebraic variables, which follow the others."""
+        """A copy in which the unknowns of blocks with a monotone search are appended to the algebraic variables."""
         searched = self.compiled.solution.monotone
         if not searched:
             return self
@@ -87,6 +87,7 @@ class Quantities:
         return self._known[name]
 
     def _scalar(self, output: Output) -> Any:
+        """Symbol of a scalar variable, a new one if it was not used before."""
         for known, symbol in zip(self.outputs, self.symbols, strict=True):
             if known.scalar == output.scalar:
                 return symbol
@@ -95,7 +96,7 @@ class Quantities:
         return self.symbols[-1]
 
     def entries(self, name: str) -> tuple[str, ...]:
-        """Names of the scalars behind a name."""
+        """Names of the scalars of a variable."""
         return tuple(output.name for output in named_outputs(self.compiled, [name]))
 
     def nominal(self, name: str) -> float:
@@ -104,11 +105,11 @@ class Quantities:
         return float(output.declaration.nominal)
 
     def varies(self, expression: Any) -> bool:
-        """Whether an expression holds the time or variables, rather than numbers alone."""
+        """Whether an expression depends on the time or on variables."""
         return not symbols_in(expression).isdisjoint(map(key, (self.time, *self.symbols)))
 
     def decide(self, name: str, lower: float | None, upper: float | None) -> Any:
-        """The symbol of a parameter that becomes a decision."""
+        """Make a parameter a decision, and return its symbol."""
         place = self.parameters.position(name)
         port = self.parameters[place]
         low, high = port.min if lower is None else lower, port.max if upper is None else upper
@@ -125,12 +126,12 @@ class Quantities:
         return symbol
 
     def place(self, name: str) -> tuple[str, int, int] | None:
-        """Vector, place and sign of a scalar that is a state or an input under any of its names; else None."""
+        """(Vector, index, sign) of a scalar that is, or is an alias of, a state or an input; else None."""
         if name not in self._places:
-            self._places[name] = self._found(name)
+            self._places[name] = self._locate(name)
         return self._places[name]
 
-    def _found(self, name: str) -> tuple[str, int, int] | None:
+    def _locate(self, name: str) -> tuple[str, int, int] | None:
         (output,) = named_outputs(self.compiled, [name])
         reduced = self.compiled.solution.structure.reduced
         op, *rest = reduced.pool.nodes[reduced.image[output.scalar]]
@@ -146,7 +147,7 @@ class Quantities:
         return None
 
     def state(self, name: str) -> int:
-        """Place of a state among the coordinates; AC010 for anything else, and for states that an angle replaces."""
+        """Index of a state among the coordinates; AC010 for other variables and for states replaced by an angle."""
         if name in self.x.names:
             return self.x.position(name)
         found = self.place(name)
@@ -161,7 +162,7 @@ class Quantities:
         return found[1]
 
     def guard(self, until: str | Any) -> Guard:
-        """What ends a phase, as an expression that becomes positive there."""
+        """The guard of a condition that ends a phase: an expression that becomes positive there."""
         if isinstance(until, str):
             return self._relation(until)
         op = until.op() if until.n_dep() == 2 else None
@@ -175,6 +176,7 @@ class Quantities:
         return Guard(until.dep(1) - until.dep(0), None, str(until))
 
     def _relation(self, text: str) -> Guard:
+        """The guard of a relation of the model, found by its text; AC010."""
         texts = self.compiled.events.texts
         for k, known in enumerate(texts):
             if known.replace(" ", "") == text.replace(" ", ""):
@@ -188,27 +190,27 @@ class Quantities:
         )
 
     def dae(self) -> Any:
-        """`(t, x, z, u, p) -> (ode, alg, y)` with what was asked for as y."""
-        asked = (self.compiled, len(self.outputs))  # names are added, none goes
-        if asked not in self._daes:
-            self._daes[asked] = self.coordinates.equations(dae_function(self.compiled, self.outputs))
-        return self._daes[asked]
+        """The function `(t, x, z, u, p) -> (ode, alg, y)`, where y are the variables used in the problem."""
+        version = (self.compiled, len(self.outputs))  # outputs are only ever appended
+        if version not in self._daes:
+            self._daes[version] = self.coordinates.equations(dae_function(self.compiled, self.outputs))
+        return self._daes[version]
 
     def rates(self) -> dict[int, int]:
-        """For each coordinate whose rate of change is another coordinate, the place of that."""
+        """For each coordinate whose rate is another coordinate, the index of that one."""
         dae = self.dae()
         arguments = [ca.SX.sym(dae.name_in(k), dae.numel_in(k)) for k in range(5)]
         ode, c = dae(*arguments)[0], ca.vertsplit(arguments[1])
         return {k: j for k in range(len(c)) for j, other in enumerate(c) if ca.is_equal(ode[k], other)}
 
     def start(self, p: Any) -> Any:
-        """The coordinates at the start of the model with other parameters, an expression."""
+        """Start values of the coordinates as an expression of the parameters p, shape (nx, 1)."""
         x = init_function(self.model, self.begin)(p)[0]
         return self.coordinates.reduce(x) if self.coordinates.angles else x
 
 
 def magnitude(port_nominal: Vector, seen: Vector) -> Vector:
-    """Declared magnitudes, and where none was declared the largest value seen in the guess."""
+    """Declared nominal values, or, where none was declared, the largest value in the guess; all of shape (n,)."""
     undeclared = port_nominal == 1.0
     usable = np.isfinite(seen) & (seen > 0.0)
     return np.where(undeclared & usable, np.clip(seen, 1e-12, math.inf), port_nominal)

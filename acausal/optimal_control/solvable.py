@@ -1,4 +1,4 @@
-"""`Problem`: what is stated, and what can be asked of it."""
+"""`Problem`: an optimal-control problem that can be solved, and used as a controller or an estimator."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from acausal.optimal_control.problem import StatedProblem
 from acausal.optimal_control.program.shooting import Steps
 from acausal.optimal_control.receding.controller import Controller
 from acausal.optimal_control.receding.estimator import Estimator
-from acausal.optimal_control.solve import Choices, solved
+from acausal.optimal_control.solve import Choices, solve_problem
 
 
 class Problem(StatedProblem):
@@ -19,13 +19,13 @@ class Problem(StatedProblem):
     `problem["drill.s"]` is a variable of the model as a CasADi symbol, for use in constraints and in the objective;
     parameters stand for their values unless `decide` makes them decisions. All quantities are in SI units.
 
-    The states begin at the start values of the model, the declared limits of its inputs hold. Phases follow each other
-    in the order in which they are declared; a problem without any declared has one.
+    The states start at the start values of the model, and the declared limits of its inputs hold. Phases follow each
+    other in the order of their declaration; without a declaration there is one.
 
     Parameters
     ----------
     model
-        A component, or what `compile` made of it.
+        A component, or a compiled model.
     parameters
         Values of parameters by path.
     free_start
@@ -57,33 +57,34 @@ class Problem(StatedProblem):
         Parameters
         ----------
         tolerance
-            Of ipopt, on the scaled program.
+            Tolerance of ipopt for the scaled program.
         degree
             Collocation points in each interval (Radau IIA; order 2 degree - 1).
         control
-            Degree of the inputs as polynomials in each interval: 0 constant, 1 straight, 2 parabolas, by default 2.
-            Their Bernstein coefficients keep the limits, so that they hold between the points, too. With
-            `complementarity` by default 0: between two points a parabola may pass a switch and come back unseen.
+            Degree of the inputs as polynomials in each interval: 0 constant, 1 linear, 2 parabolas, by default 2. The
+            limits are imposed on their Bernstein coefficients, so that they hold between the points as well. With
+            `complementarity` the default is 0: a parabola may cross a switch twice between two points.
         accuracy
-            Largest error of a state over one interval, by its magnitude, that the mesh may leave: intervals in which
-            IDAS goes elsewhere are halved, and the problem is solved again. None leaves the mesh as it is.
+            Largest permitted error of a state over one interval, relative to its magnitude: intervals in which IDAS
+            deviates more are halved, and the problem is solved again. None keeps the mesh.
         refinements
-            How often at most.
+            Maximum number of mesh refinements.
         smooth
-            Rounds the kinks of `where`, `maximum`, `minimum`, `abs` that the guess or the answer passes within a phase,
-            where their order is free: widths by the largest value of what changes its sign. 0 leaves the model as it
-            is. `stats["bias"]` is how far that leads a state away, the integral of what its rate is off by, by its
-            largest magnitude; a note says it, too.
+            Smooths the kinks of `where`, `maximum`, `minimum`, `abs` that the guess or the solution crosses within a
+            phase, for problems in which the order of switches is free: the width relative to the largest value of the
+            quantity that changes sign. 0 leaves the model as it is. `stats["bias"]` is the resulting bias of a state,
+            the integral of the deviation of its rate relative to its largest magnitude; a note states it as well.
         complementarity
-            Instead of rounding, the answers of these branches become unknowns: at each collocation point a branch is
-            taken or not by the sign of what decides it, and where that rests at zero (friction that sticks) something
-            between, as in a run. The order of switches is found with the optimum. Switches lie in intervals, not at
-            their borders: `stats["replay_error"]` is how far a run of the model with the answer ends up elsewhere, by
-            the largest magnitude of a state, and `accuracy` bounds it by halving the intervals that hold a switch.
+            Relax these branches instead of smoothing them: a selector in [0, 1] per collocation point becomes an
+            unknown. It is 0 or 1 according to the sign of the quantity that decides the branch, and takes a value
+            between while that stays at zero (sticking friction), as in a simulation. The order of switches is found
+            together with the optimum. Switches lie inside intervals, not at their ends: `stats["replay_error"]` is the
+            deviation of a simulation with the solution, relative to the largest magnitude of a state, and `accuracy`
+            bounds it by halving the intervals that contain a switch.
         shooting, steps
-            Instead of collocation, a method of the exported steps, "rk2", "rk4", "rosenbrock" or "sdirk", and its steps
-            in each interval. Inputs are then constant in an interval, limits hold at its end, and between the borders
-            results are interpolated.
+            Use multiple shooting instead of collocation: the step method "rk2", "rk4", "rosenbrock" or "sdirk", and
+            the number of steps per interval. Inputs are then constant in an interval, limits hold at its end, and
+            results are interpolated between the ends.
         solver
             "ipopt", or "fatrop" as CasADi ships it.
         options
@@ -92,16 +93,27 @@ class Problem(StatedProblem):
         Raises
         ------
         OptimizationError
-            AC701 for demands that contradict each other, AC702 where there is no smallest value, AC703 when ipopt gives
-            up, AC704 for events that no phase ends with, AC705 when the guess does not get to the end of a phase,
-            AC707 when the mesh is still too coarse after all refinements.
+            AC701 for infeasible constraints, AC702 for an unbounded objective, AC703 if ipopt fails, AC704 for events
+            inside a phase, AC705 if the guess does not reach the end of a phase, AC706 if a phase leaves the branch on
+            which it was solved, AC707 if the mesh is still too coarse after all refinements.
         """
-        self._begun()
-        bridge = Steps(shooting, steps) if shooting is not None else None
-        more = dict(options or {})
+        self._close_phases()
+        step_scheme = Steps(shooting, steps) if shooting is not None else None
+        solver_options = dict(options or {})
         control = control if control is not None else 0 if complementarity else 2
-        how = Choices(tolerance, degree, control, accuracy, refinements, smooth, complementarity, bridge, solver, more)
-        return solved(self, how)
+        choices = Choices(
+            tolerance,
+            degree,
+            control,
+            accuracy,
+            refinements,
+            smooth,
+            complementarity,
+            step_scheme,
+            solver,
+            solver_options,
+        )
+        return solve_problem(self, choices)
 
     def controller(
         self,
@@ -111,12 +123,12 @@ class Problem(StatedProblem):
         degree: int = 3,
         options: Mapping[str, Any] | None = None,
     ) -> Controller:
-        """The problem as a predictive controller: its one phase is the horizon, its intervals are the samples.
+        """The problem as a model predictive controller: its single phase is the horizon, its intervals are samples.
 
         Parameters
         ----------
         varying
-            Names of parameters that may have other values at each sample.
+            Names of parameters whose values may change from sample to sample.
         tolerance, degree, options
             As for `solve`.
 
@@ -125,7 +137,7 @@ class Problem(StatedProblem):
         UsageError
             AC010 for an unknown parameter, AC053 for several phases, a free duration, or decided parameters.
         """
-        self._begun()
+        self._close_phases()
         return Controller(self, tolerance, degree, varying, dict(options or {}))
 
     def estimator(
@@ -139,15 +151,15 @@ class Problem(StatedProblem):
     ) -> Estimator:
         """The problem as a moving-horizon estimator of states and decided parameters.
 
-        Its one phase is the window that is looked back on, its intervals are the samples; there is no objective.
+        Its single phase is the window of past samples, its intervals are the samples; it has no objective.
 
         Parameters
         ----------
         measured
-            Standard deviation of the noise by the name of each measured variable.
+            Standard deviations of the measurement noise, by the names of the measured variables.
         deviations
-            By the name of a state, how far it may be off where the window begins; by that of a decided parameter, how
-            far it may change in a sample. What is not named is found from the measurements alone.
+            Standard deviations of states at the start of the window, and of the change of decided parameters per
+            sample, by name. States and parameters not named are estimated from the measurements alone.
         tolerance, degree, options
             As for `solve`.
 
@@ -156,5 +168,5 @@ class Problem(StatedProblem):
         UsageError
             AC010 for an unknown name, AC053 for several phases, a free duration, an objective.
         """
-        self._begun()
+        self._close_phases()
         return Estimator(self, measured, dict(deviations or {}), tolerance, degree, dict(options or {}))

@@ -1,4 +1,4 @@
-"""From a problem to its optimum: guess, program, ipopt, and the mesh until IDAS agrees."""
+"""Solution of an optimal-control problem: guess, transcription, ipopt, and mesh refinement until IDAS agrees."""
 
 from __future__ import annotations
 
@@ -14,41 +14,41 @@ from numpy.typing import NDArray
 from acausal.arrays import Vector
 from acausal.errors import OptimizationError, UsageError
 from acausal.optimal_control.branches import Widths
-from acausal.optimal_control.guess import guessed
+from acausal.optimal_control.guess import initial_guess
 from acausal.optimal_control.optimum.error import interval_errors
 from acausal.optimal_control.optimum.optimum import Optimum, optimum_of
-from acausal.optimal_control.optimum.replayed import elsewhere
+from acausal.optimal_control.optimum.replay_error import replay_error
 from acausal.optimal_control.optimum.trajectory import Trajectory, trajectory_of
-from acausal.optimal_control.phases import bias, dynamics_of, kinks, verified
+from acausal.optimal_control.phases import bias, check_optimum, dynamics_of, kinks
 from acausal.optimal_control.problem import StatedProblem
-from acausal.optimal_control.program.nlp import Solution, minimized
+from acausal.optimal_control.program.nlp import Solution, solve_nlp
 from acausal.optimal_control.program.polynomials import Basis
-from acausal.optimal_control.program.radau import Dynamics, PhaseProgram, Program, transcribed
+from acausal.optimal_control.program.radau import Dynamics, PhaseProgram, Program, transcribe
 from acausal.optimal_control.program.shooting import Steps
 
 _INFEASIBLE = ("Infeasible_Problem_Detected", "Restoration_Failed")
 _UNBOUNDED = "Diverging_Iterates"
-# Unknowns are divided by their magnitudes: what grows beyond this has no end.
+# Unknowns are scaled to 1, so that iterates beyond this limit diverge.
 _DIVERGING = 1e8
-# Errors of an interval, by the magnitude of a state, that are worth a note.
+# Error of an interval, relative to the magnitude of a state, above which there is a note.
 _NOTED = 1e-3
-# A run that goes elsewhere by so many times what the intervals one behind the other do, and what is rounded explains,
-# meets what they do not see.
+# If a run deviates by this many times the accumulated errors of the intervals and the bias of smoothing, something acts
+# between the collocation points.
 _BLIND = 10.0
-# How far ipopt moves the guess of a run inside of limits: such a run drives into them, and what lies at a limit
-# shortens the first steps of all unknowns. The answer of a coarser mesh stays where it is.
+# How far ipopt moves a simulated guess away from limits. Such a guess often runs into them, and unknowns at a limit
+# shorten the first steps of all. The solution on a coarser mesh is not moved.
 _INSIDE = {"bound_push": 0.1, "bound_frac": 0.1}
 _log = logging.getLogger(__name__)
 SOLVERS: Mapping[str, Mapping[str, Any]] = {
     "ipopt": {"print_level": 0, "sb": "yes", "diverging_iterates_tol": _DIVERGING},
     "fatrop": {"print_level": 0},
 }
-"""Solvers that CasADi ships, with the options that they are given."""
+"""Solvers shipped with CasADi, with their default options."""
 
 
 @dataclass(frozen=True)
 class Choices:
-    """How a problem is solved; see `Problem.solve`."""
+    """Settings of a solution; see `Problem.solve`."""
 
     tolerance: float
     degree: int
@@ -62,54 +62,54 @@ class Choices:
     options: Mapping[str, Any]
 
 
-class _Laps:
-    """Processor time of what a solution is made of: guess, build, solve, check [s]."""
+class _Stopwatch:
+    """Processor time of the stages of a solution: guess, build, solve, check [s]."""
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = dict.fromkeys(("guess", "build", "solve", "check"), 0.0)
         self._last = clock.process_time()
 
     def lap(self, name: str) -> None:
-        """Count what has passed since the last lap."""
+        """Add the time since the last call to a stage."""
         now = clock.process_time()
         self.seconds[name] += now - self._last
         self._last = now
 
 
-def solved(problem: StatedProblem, choices: Choices) -> Optimum:
-    """See `Problem.solve`."""
+def solve_problem(problem: StatedProblem, choices: Choices) -> Optimum:
+    """The optimum of a problem; see `Problem.solve`."""
     basis = Basis(choices.degree, choices.control) if choices.steps is None else Basis(1, 0)
     _check(problem, basis.degree, basis.control, choices)
     problem = problem.opened() if choices.steps is None else problem
     accuracy, refinements = choices.accuracy, choices.refinements
-    taken = _Laps()
-    guesses = guessed(problem)
-    taken.lap("guess")
-    first = guesses
-    free = choices.complementarity
-    # by the size of what decides a branch, a share of 1
-    smooth = 1.0 if free else choices.smooth
-    widths = kinks(problem, first, smooth, often=True) if smooth else []
-    laws = dynamics_of(problem, first, widths, free)
+    stopwatch = _Stopwatch()
+    guesses = initial_guess(problem)
+    stopwatch.lap("guess")
+    first_guesses = guesses
+    is_relaxed = choices.complementarity
+    # selectors need the magnitudes of the deciding quantities themselves
+    smooth = 1.0 if is_relaxed else choices.smooth
+    widths = kinks(problem, first_guesses, smooth, often=True) if smooth else []
+    laws = dynamics_of(problem, first_guesses, widths, is_relaxed)
     meshes = [spec.mesh for spec in problem.specs]
     iterations: list[int] = []
     expected = problem.quantities.p
     while True:
-        program = transcribed(problem, laws, guesses, meshes, basis, expected, steps=choices.steps)
-        taken.lap("build")
-        solution = _run(program, choices, guesses is first)
-        taken.lap("solve")
+        program = transcribe(problem, laws, guesses, meshes, basis, expected, steps=choices.steps)
+        stopwatch.lap("build")
+        solution = _run(program, choices, guesses is first_guesses)
+        stopwatch.lap("solve")
         iterations.append(solution.iterations)
         trajectory = trajectory_of(program, solution)
-        others = _others(problem, trajectory, widths, smooth) if smooth else widths
-        if others != widths and len(iterations) <= refinements:
-            widths, guesses, expected = others, trajectory.guesses(), trajectory.p
-            laws = dynamics_of(problem, first, widths, free)
+        wider = _with_new_branches(problem, trajectory, widths, smooth) if smooth else widths
+        if wider != widths and len(iterations) <= refinements:
+            widths, guesses, expected = wider, trajectory.guesses(), trajectory.p
+            laws = dynamics_of(problem, first_guesses, widths, is_relaxed)
             continue
         best = optimum_of(problem, program, solution, trajectory, {})
         errors, drift, is_blind = _errors(problem, program, laws, solution, trajectory, best)
         worst = max((float(e.max()) for e in errors), default=0.0)
-        taken.lap("check")
+        stopwatch.lap("check")
         if accuracy is None or worst <= accuracy:
             break
         if len(iterations) > refinements:
@@ -123,13 +123,17 @@ def solved(problem: StatedProblem, choices: Choices) -> Optimum:
         "solver": choices.solver,
         "iterations": iterations[0] if len(iterations) == 1 else tuple(iterations),
         "intervals": sum(map(len, meshes)),
-        **({} if program.relaxed else {"interval_error": worst}),
+        **({} if program.complementarity else {"interval_error": worst}),
         "replay_error": drift,
-        "bias": (off := bias(laws, trajectory)),
-        **taken.seconds,
+        "bias": (smoothing_bias := bias(laws, trajectory)),
+        **stopwatch.seconds,
     }
-    own = _switching(worst) if program.relaxed else _coarse(trajectory, errors, worst, drift, is_blind)
-    stats["notes"] = (*problem.quantities.begin.notes, *own, *(_rounded(widths, off) if choices.smooth else ()))
+    notes = _switch_note(worst) if program.complementarity else _mesh_note(trajectory, errors, worst, drift, is_blind)
+    stats["notes"] = (
+        *problem.quantities.begin.notes,
+        *notes,
+        *(_smoothing_note(widths, smoothing_bias) if choices.smooth else ()),
+    )
     for note in stats["notes"]:
         _log.warning("%s: %s", problem.compiled.name, note)
     return replace(best, stats=stats)
@@ -143,34 +147,40 @@ def _errors(
     trajectory: Trajectory,
     best: Optimum,
 ) -> tuple[list[Vector], float, bool]:
-    """Errors of all intervals, how far a run goes elsewhere, and whether that is more than the points can tell."""
-    if not program.relaxed:
-        verified(problem, laws, trajectory)
-    drift, farther = elsewhere(best, [len(phase.mesh) for phase in program.phases])
-    if program.relaxed:
-        return _of_switches(program, solution, drift), drift, False
-    errors, foretold = interval_errors(problem, laws, trajectory)
-    is_blind = drift > max(_BLIND * max(foretold, bias(laws, trajectory)), _NOTED)
+    """(Errors of the intervals of each phase, error of the replay, whether the points miss the cause of that error).
+
+    Each array of errors has shape (intervals,).
+    """
+    if not program.complementarity:
+        check_optimum(problem, laws, trajectory)
+    drift, farther = replay_error(best, [len(phase.mesh) for phase in program.phases])
+    if program.complementarity:
+        return _switch_errors(program, solution, drift), drift, False
+    errors, accumulated = interval_errors(problem, laws, trajectory)
+    is_blind = drift > max(_BLIND * max(accumulated, bias(laws, trajectory)), _NOTED)
     if is_blind:
         errors = [np.maximum(*both) for both in zip(errors, farther, strict=True)]
     return errors, drift, is_blind
 
 
-def _others(problem: StatedProblem, trajectory: Trajectory, widths: list[Widths], smooth: float) -> list[Widths]:
-    """The branches that are rounded, and those that the answer goes both ways at."""
+def _with_new_branches(
+    problem: StatedProblem, trajectory: Trajectory, widths: list[Widths], smooth: float
+) -> list[Widths]:
+    """Widths of the smoothed branches, and of those that the solution takes both ways."""
     found = kinks(problem, trajectory.guesses(), smooth)
     return [{**more, **known} for more, known in zip(found, widths, strict=True)]
 
 
-def _rounded(widths: list[Widths], off: float) -> tuple[str, ...]:
+def _smoothing_note(widths: list[Widths], off: float) -> tuple[str, ...]:
+    """A note on the bias of smoothing."""
     count = sum(map(len, widths))
     if not count:
         return ()
     return (f"{count} kinks are rounded, which leads states away by up to {off:.2g} of their magnitude",)
 
 
-def _switching(worst: float) -> tuple[str, ...]:
-    """A note where a run with the answer goes elsewhere."""
+def _switch_note(worst: float) -> tuple[str, ...]:
+    """A note if a run with the solution deviates from it."""
     if worst <= 10 * _NOTED:
         return ()
     return (
@@ -180,6 +190,7 @@ def _switching(worst: float) -> tuple[str, ...]:
 
 
 def _check(problem: StatedProblem, degree: int, control: int, choices: Choices) -> None:
+    """AC053 for invalid settings."""
     solver, smooth = choices.solver, choices.smooth
     if choices.complementarity and (smooth or choices.steps is not None or solver != "ipopt"):
         raise UsageError(
@@ -202,67 +213,71 @@ def _check(problem: StatedProblem, degree: int, control: int, choices: Choices) 
 
 
 def _run(program: Program, choices: Choices, first: bool) -> Solution:
-    """What the solver finds; `first` where it begins from a run of the model."""
+    """Solution of the program; `first` if the guess is a simulation of the model. AC701 to AC703 if there is none."""
     name = choices.solver
     options = {"tol": choices.tolerance, **SOLVERS[name], **choices.options}
-    found = minimized(program.nlp, name, {**(_INSIDE if first and name == "ipopt" else {}), **options})
-    if found.success and program.relaxed:
-        found = tightened(program, found, options)
+    found = solve_nlp(program.nlp, name, {**(_INSIDE if first and name == "ipopt" else {}), **options})
+    if found.success and program.complementarity:
+        found = tighten(program, found, options)
     if not found.success:
         raise _failure(program, found, name)
     return found
 
 
 def _failure(program: Program, solution: Solution, solver: str) -> OptimizationError:
+    """The error AC701, AC702 or AC703 of a failed solution, with the constraints involved."""
     status = solution.status
     if status == _UNBOUNDED:
         return OptimizationError(
             "AC702",
             "the objective has no smallest value: ipopt's iterates grow without end",
-            evidence=[f"largest: {name}" for name in _largest(program, solution)],
+            evidence=[f"largest: {name}" for name in _largest_unknowns(program, solution)],
             help="limit what grows: subject_to(name, min=..., max=...), or min and max of the inputs",
         )
     if status in _INFEASIBLE:
         return OptimizationError(
             "AC701",
             "the demands contradict each other, or the model: ipopt finds no point that fulfils all",
-            evidence=[*_violated(program, solution), f"they press most: {', '.join(_pressing(program, solution))}"],
+            evidence=[
+                *_most_violated(program, solution),
+                f"they press most: {', '.join(_largest_multipliers(program, solution))}",
+            ],
             help="relax them, allow more time, or begin elsewhere: problem.guess(...)",
         )
     return OptimizationError(
         "AC703",
         f"{solver} gives up: {status.replace('_', ' ')}",
-        evidence=_violated(program, solution),
+        evidence=_most_violated(program, solution),
         help="begin nearer to an answer (problem.guess), give magnitudes (nominal=) to variables, or more iterations: "
         'solve(options={"max_iter": 3000}); kinks of where, maximum and the like can be rounded: solve(smooth=1e-3)',
     )
 
 
-def _violated(program: Program, solution: Solution) -> list[str]:
-    """The demands that the last point violates most, worst first."""
+def _most_violated(program: Program, solution: Solution) -> list[str]:
+    """The four constraints most violated at the last iterate."""
     found = []
-    for demand in program.demands:
-        values = solution.g[demand.rows.start : demand.rows.stop] * demand.scale
-        c = demand.constraint
-        off = np.maximum(np.maximum(c.lower - values, values - c.upper), 0.0) / demand.scale
+    for entry in program.constraints:
+        values = solution.g[entry.rows.start : entry.rows.stop] * entry.scale
+        c = entry.constraint
+        off = np.maximum(np.maximum(c.lower - values, values - c.upper), 0.0) / entry.scale
         if off.size and (off.max() > 1e-6 or not np.isfinite(values).all()):
             k = int(np.argmax(off))
-            place = f" in {program.phases[demand.phase].spec.name}" if demand.phase is not None else ""
+            place = f" in {program.phases[entry.phase].spec.name}" if entry.phase is not None else ""
             found.append((float(off[k]), f"{c.name}{place}: it is {values[k]:.4g}", c.where))
     return [text for _, text, _ in sorted(found, key=lambda item: -item[0])[:4]]
 
 
-def _pressing(program: Program, solution: Solution) -> list[str]:
-    """The demands with the largest multipliers at the last point, as their magnitudes count."""
+def _largest_multipliers(program: Program, solution: Solution) -> list[str]:
+    """The four constraints with the largest scaled multipliers at the last iterate."""
     found: dict[str, float] = {}
-    for demand in program.demands:
-        duals, name = solution.duals[demand.rows.start : demand.rows.stop], demand.constraint.name
+    for entry in program.constraints:
+        duals, name = solution.duals[entry.rows.start : entry.rows.stop], entry.constraint.name
         found[name] = max(found.get(name, 0.0), float(np.abs(duals).max(initial=0.0)))
     return sorted(found, key=lambda name: -found[name])[:4]
 
 
-def _largest(program: Program, solution: Solution) -> list[str]:
-    """Names of what has grown most, against the guess."""
+def _largest_unknowns(program: Program, solution: Solution) -> list[str]:
+    """Names of the three unknowns with the largest scaled values."""
     found = []
     for phase in program.phases:
         x, u, duration = solution.values(phase.x, phase.u, phase.duration)
@@ -273,15 +288,15 @@ def _largest(program: Program, solution: Solution) -> list[str]:
     return list(dict.fromkeys(name for _, name in sorted(found, key=lambda item: -item[0])))[:3]
 
 
-def _coarse(
+def _mesh_note(
     trajectory: Trajectory, errors: list[Vector], worst: float, drift: float, is_blind: bool
 ) -> tuple[str, ...]:
-    """A note where the mesh is so coarse that the optimum may live on its errors, or a run go elsewhere."""
+    """A note if the optimum may exploit the errors of a coarse mesh, or if a run deviates from the solution."""
     if is_blind:
         return (
             "something acts between the points of the mesh that they do not see: a run with these inputs goes "
-            f"{drift:.2g} of a state's magnitude elsewhere from {_place(trajectory, errors)} on; solve(accuracy=1e-3), "
-            "or more intervals there",
+            f"{drift:.2g} of a state's magnitude elsewhere from {_worst_interval(trajectory, errors)} on; "
+            "solve(accuracy=1e-3), or more intervals there",
         )
     if worst <= _NOTED and drift <= 10 * _NOTED:
         return ()
@@ -291,71 +306,72 @@ def _coarse(
             f"errors grow along the motion: {worst:.2g} of a state's magnitude in one interval at most, a run with "
             f"these inputs goes {drift:.2g} elsewhere; solve(accuracy={enough:g}), or keep to it with a controller",
         )
-    where = _place(trajectory, errors)
+    where = _worst_interval(trajectory, errors)
     return (f"the mesh is coarse: IDAS ends {worst:.2g} of a state's magnitude off in {where}; solve(accuracy=1e-4)",)
 
 
-def _place(trajectory: Trajectory, errors: list[Vector]) -> str:
-    """The interval with the largest error."""
+def _worst_interval(trajectory: Trajectory, errors: list[Vector]) -> str:
+    """Text of the interval with the largest error."""
     phase = max(range(len(errors)), key=lambda k: float(errors[k].max(initial=0.0)))
     k = int(np.argmax(errors[phase]))
     return f"interval {k + 1} of {len(errors[phase])} in {trajectory.phases[phase].name}"
 
 
 def _too_coarse(trajectory: Trajectory, errors: list[Vector], accuracy: float) -> OptimizationError:
+    """The error AC707."""
     worst = max(float(e.max(initial=0.0)) for e in errors)
     return OptimizationError(
         "AC707",
         f"the mesh is still too coarse after all refinements: an error of {worst:.2g} in one interval",
-        evidence=[_place(trajectory, errors)],
+        evidence=[_worst_interval(trajectory, errors)],
         help=f"more intervals or refinements, or accuracy={10 * accuracy:g}",
     )
 
 
-# How far complementarity is relaxed, by the size of what decides a branch, after the first solution at 1.
-_RELAXED = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
-# The last of these may fail where friction sticks: the optimum of the one before is as good as the mesh.
-_ENOUGH = 1e-4
-# By how much an answer has to change from one point to the next to be a switch.
+# Relaxations of the scaled complementarity conditions after the first solution, which has 1.
+_RELAXATIONS = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
+# Smaller relaxations may fail where friction sticks; the optimum of the one before is then as accurate as the mesh.
+_SMALL_ENOUGH = 1e-4
+# Change of a selector from one point to the next that counts as a switch.
 _SWITCH = 0.05
 
 
-def tightened(program: Program, solution: Solution, options: Mapping[str, Any]) -> Solution:
-    """The solution with complementarity tightened step by step, each from the last; the tightest that is found."""
+def tighten(program: Program, solution: Solution, options: Mapping[str, Any]) -> Solution:
+    """The solution with the smallest feasible relaxation of the complementarity conditions (homotopy)."""
     nlp, iterations = program.nlp, solution.iterations
-    for relaxed in _RELAXED:
-        for number in program.relaxed:
+    for relaxed in _RELAXATIONS:
+        for number in program.complementarity:
             nlp.lower[number][:] = -relaxed
             nlp.upper[number + 1][:] = relaxed
         nlp.begin = [solution.x]
-        found = minimized(nlp, "ipopt", {**options, "mu_init": 0.1 * relaxed})
+        found = solve_nlp(nlp, "ipopt", {**options, "mu_init": 0.1 * relaxed})
         iterations += found.iterations
         if not found.success:
-            if relaxed < _ENOUGH:
+            if relaxed < _SMALL_ENOUGH:
                 break
             return replace(found, iterations=iterations)
         solution = found
     return replace(solution, iterations=iterations)
 
 
-def _of_switches(program: Program, solution: Solution, drift: float) -> list[Vector]:
-    """Where a run with the answer goes elsewhere: in intervals with a switch.
+def _switch_errors(program: Program, solution: Solution, drift: float) -> list[Vector]:
+    """The error of the replay, assigned to the intervals with a switch, for each phase of shape (intervals,).
 
-    Where there is none the mesh is too coarse for what is smooth, and all intervals have the error.
+    Without a switch the mesh is too coarse for the smooth motion, and the error is assigned to all intervals.
     """
-    marked = [_switched(program, phase, solution) for phase in program.phases]
+    marked = [_switch_intervals(program, phase, solution) for phase in program.phases]
     if not any(m.any() for m in marked):
         marked = [np.ones_like(m) for m in marked]
     return [np.where(m, drift, 0.0) for m in marked]
 
 
-def _switched(program: Program, phase: PhaseProgram, solution: Solution) -> NDArray[np.bool_]:
-    """Which intervals hold a switch, with those beside."""
+def _switch_intervals(program: Program, phase: PhaseProgram, solution: Solution) -> NDArray[np.bool_]:
+    """Mask of the intervals next to a change of a selector, shape (intervals,)."""
     intervals, degree = len(phase.mesh), program.basis.degree
-    if not phase.law.answers:
+    if not phase.law.selectors:
         return np.zeros(intervals, dtype=bool)
-    (answers,) = solution.values(phase.answers)
-    changed = np.abs(np.diff(answers, axis=1)).max(axis=0) > _SWITCH
+    (selectors,) = solution.values(phase.selectors)
+    changed = np.abs(np.diff(selectors, axis=1)).max(axis=0) > _SWITCH
     places = np.flatnonzero(changed)
     found = np.zeros(intervals, dtype=bool)
     found[places // degree] = True

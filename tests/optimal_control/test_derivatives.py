@@ -11,11 +11,11 @@ import pytest
 from acausal import Component, Equations, Real, cos, der, fixed, parameter, signal_input, signal_output, sin, variable
 from acausal.models.optimal_control.plate_drilling import least_time
 from acausal.optimal_control import Problem
-from acausal.optimal_control.guess import guessed
+from acausal.optimal_control.guess import initial_guess
 from acausal.optimal_control.phases import dynamics_of
 from acausal.optimal_control.program.derivatives import derivatives
 from acausal.optimal_control.program.polynomials import Basis
-from acausal.optimal_control.program.radau import transcribed
+from acausal.optimal_control.program.radau import transcribe
 from acausal.optimal_control.program.shooting import Steps
 
 
@@ -70,13 +70,13 @@ def test_derivatives_are_those_of_the_whole_program(
     stated: Callable[[], Problem], steps: Steps | None, far: float
 ) -> None:
     problem = stated()
-    guesses = guessed(problem)
+    guesses = initial_guess(problem)
     laws = dynamics_of(problem, guesses)
     basis = Basis(1, 0) if steps else Basis(3, 2)
     meshes = [spec.mesh for spec in problem.specs]
-    nlp = transcribed(problem, laws, guesses, meshes, basis, problem.quantities.p, steps=steps).nlp
+    nlp = transcribe(problem, laws, guesses, meshes, basis, problem.quantities.p, steps=steps).nlp
     own = derivatives(nlp.x, nlp.objective, nlp.g, nlp.points)
-    whole = nlp.whole()
+    whole = nlp.casadi_program()
     x, f, g = whole["x"], whole["f"], whole["g"]
     weight, multipliers = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", g.numel())
     hessian = ca.triu(ca.hessian(weight * f + ca.dot(multipliers, g), x)[0])

@@ -1,1 +1,1 @@
-"""The answer: its numbers, its errors, its pictures."""
+"""Solution of an optimal-control problem: trajectories, multipliers, errors and plots."""

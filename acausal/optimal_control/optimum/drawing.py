@@ -1,6 +1,6 @@
-"""Pictures of optima: where a limit holds a variable the curve is thick, and every phase names what holds it.
+"""Plots of optima: curves are thick where a limit is active, and the active limits of each phase are listed.
 
-Limits are written in the unit of the axis on which the variable is drawn.
+Limits are given in the unit of the axis of the variable.
 """
 
 from __future__ import annotations
@@ -17,32 +17,32 @@ from matplotlib.lines import Line2D
 
 from acausal.arrays import Vector
 from acausal.optimal_control.optimum.optimum import Multiplier, Optimum
-from acausal.optimal_control.problem import written
+from acausal.optimal_control.problem import constraint_text
 from acausal.panel import Panel
 from acausal.plot.plot import figure, save
 from acausal.plot.scale import Scale, readable
 
 _HELD = "#D55E00"
-# Instants of a phase that are drawn.
+# Plotted instants per phase.
 _INSTANTS = 300
-# Small letters that fit in an inch.
+# Small letters per inch.
 _LETTERS = 16
-# Room for a name beyond a limit, by the height of the panel.
+# Room for a label beyond a limit, relative to the height of the panel.
 _ROOM = 0.16
-# A constraint that holds at fewer of a phase's points does not describe it.
+# Constraints active at a smaller share of the points of a phase are not listed.
 _SHARE = 0.1
 
 
-def drawn(best: Optimum, names: Sequence[str], file: str | Path | None, title: str | None) -> Figure:
-    """One panel for each name, by default the inputs and every variable that is bounded."""
-    chosen, best = list(names) or _told(best), _fine(best)
-    drawing = figure(best, [Panel((name,)) for name in chosen], title=title or _titled(best))
+def draw_optimum(best: Optimum, names: Sequence[str], file: str | Path | None, title: str | None) -> Figure:
+    """Figure with one panel for each name, by default the inputs and the variables with active limits."""
+    chosen, best = list(names) or _default_names(best), _resampled(best)
+    drawing = figure(best, [Panel((name,)) for name in chosen], title=title or _title(best))
     for ax in drawing.axes:
         for line in list(ax.lines):
             for multiplier in best.held:
                 if multiplier.variable == line.get_label():
-                    _mark(ax, line, best, multiplier)
-    lines = [f"{name}, {begin:.4g} to {end:.4g} s: {_words(best, name)}" for name, begin, end in best.phases]
+                    _mark_active(ax, line, best, multiplier)
+    lines = [f"{name}, {begin:.4g} to {end:.4g} s: {_active_limits(best, name)}" for name, begin, end in best.phases]
     width = int(drawing.get_figwidth() * _LETTERS)
     lines = [part for line in lines for part in wrap(line, width, subsequent_indent="    ")]
     legend = ["thick: at a limit"] if any(best.active(name, _SHARE) for name, _, _ in best.phases) else []
@@ -51,22 +51,25 @@ def drawn(best: Optimum, names: Sequence[str], file: str | Path | None, title: s
     return drawing
 
 
-def _titled(best: Optimum) -> str:
-    """The model, how long it takes, and the smallest value where that is another number."""
+def _title(best: Optimum) -> str:
+    """Title: the model, the duration, and the objective if it differs from the duration."""
     duration = float(best.time[-1] - best.time[0])
     taken = f"{best.model} in {duration:.6g} s"
     return taken if abs(best.objective - duration) <= 1e-3 * duration else f"{taken}, objective {best.objective:.6g}"
 
 
 def _scale(best: Optimum, variable: str) -> Scale:
-    """That of the variable's own axis."""
+    """Unit of the axis of a variable."""
     return readable(best.signals[variable].unit, float(np.abs(best[variable]).max(initial=0.0)))
 
 
 def _limit(best: Optimum, multiplier: Multiplier, level: Vector) -> str:
-    """The limit at which a variable is: as the user named it, else with the side that holds, in the axis' unit."""
+    """Text of the active limit of a variable: the name given by the user, else the active side in the unit of the axis.
+
+    `level`: Values of the variable where the limit is active, shape (n,).
+    """
     variable, lower, upper = multiplier.variable, multiplier.lower, multiplier.upper
-    if variable is None or multiplier.name not in (f"limits of {variable}", written(variable, lower, upper)):
+    if variable is None or multiplier.name not in (f"limits of {variable}", constraint_text(variable, lower, upper)):
         return multiplier.name
     scale = _scale(best, variable)
     unit = f" {scale.label[1:-1]}" if scale.label else ""
@@ -83,8 +86,8 @@ def _limit(best: Optimum, multiplier: Multiplier, level: Vector) -> str:
     return f"{variable} \u2265 {text(lower)}" if low else f"{variable} \u2264 {text(upper)}"
 
 
-def _fine(best: Optimum) -> Optimum:
-    """The same with the polynomials drawn out between the points of the mesh; phases begin just behind an event."""
+def _resampled(best: Optimum) -> Optimum:
+    """The optimum evaluated between the points of the mesh; phases start just after an event."""
     dense = best.dense
     if dense is None:
         return best
@@ -94,13 +97,14 @@ def _fine(best: Optimum) -> Optimum:
     return replace(best, time=times, trajectories=lambda: dense(times))
 
 
-def _told(best: Optimum) -> list[str]:
+def _default_names(best: Optimum) -> list[str]:
+    """Names of the inputs, and of the variables with an active limit."""
     bounded = [m.variable for m in best.held if m.variable is not None and m.active.any()]
     return list(dict.fromkeys([*best.inputs, *bounded]))
 
 
-def _mark(ax: Axes, line: Line2D, best: Optimum, multiplier: Multiplier) -> None:
-    """A thick line and a name over what is at a limit; the curve itself is drawn in the figure's own scale."""
+def _mark_active(ax: Axes, line: Line2D, best: Optimum, multiplier: Multiplier) -> None:
+    """Mark where a limit is active by a thick line and a label; coordinates are those of the drawn curve."""
     x, y = np.asarray(line.get_xdata(), dtype=float), np.asarray(line.get_ydata(), dtype=float)
     held = multiplier.holds(best[multiplier.variable or ""])
     inside = np.zeros(len(x), dtype=bool)
@@ -115,7 +119,7 @@ def _mark(ax: Axes, line: Line2D, best: Optimum, multiplier: Multiplier) -> None
     longest = max(runs, key=lambda r: float(x[r[-1]] - x[r[0]]))
     middle = (x[longest[0]] + x[longest[-1]]) / 2
     level = float(y[longest[len(longest) // 2]])
-    # beyond the limit there is no curve
+    # the label goes beyond the limit, where there is no curve
     own = best[multiplier.variable or ""][longest]
     above = bool(np.abs(own - multiplier.upper).min() <= np.abs(own - multiplier.lower).min())
     offset = (0, 4 if above else -4)
@@ -123,7 +127,7 @@ def _mark(ax: Axes, line: Line2D, best: Optimum, multiplier: Multiplier) -> None
     low, high = ax.get_ylim()
     room = _ROOM * (high - low)
     ax.set_ylim(min(low, level - room) if not above else low, max(high, level + room) if above else high)
-    # a name must not reach beyond the figure
+    # keep the label inside the figure
     share = (middle - ax.get_xlim()[0]) / np.ptp(ax.get_xlim())
     side = "left" if share < 0.2 else "right" if share > 0.8 else "center"
     edge = {"left": longest[0], "right": longest[-1]}.get(side)
@@ -136,13 +140,14 @@ def _mark(ax: Axes, line: Line2D, best: Optimum, multiplier: Multiplier) -> None
         va=place,
         fontsize=8,
         color=_HELD,
-        # lines of phases and of the grid end in front of the words, curves go on over them
+        # the box covers grid and phase lines but not curves
         bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0},
         zorder=1.9,
     )
 
 
-def _words(best: Optimum, phase: str) -> str:
+def _active_limits(best: Optimum, phase: str) -> str:
+    """Text of the active limits of a phase."""
     held = [best.multipliers[name] for name in best.active(phase, _SHARE)]
     own = [m.active & np.array([name == phase for name in m.phase]) for m in held]
     words = [_limit(best, m, m.level[k]) for m, k in zip(held, own, strict=True)]

@@ -1,4 +1,4 @@
-"""How far collocation is off: each interval integrated by IDAS from where it begins, with the same inputs."""
+"""Discretization error of collocation: each interval is integrated by IDAS with the same start and inputs."""
 
 from __future__ import annotations
 
@@ -21,32 +21,38 @@ _TOLERANCE = 1e-10
 def interval_errors(
     problem: StatedProblem, laws: Sequence[Dynamics], trajectory: Trajectory
 ) -> tuple[list[Vector], float]:
-    """Largest error of a state at the end of each interval, by its magnitude over all phases; one array per phase.
+    """(Local errors of the intervals of each phase, shape (intervals,); largest accumulated error).
 
-    Then the same of all intervals one behind the other, each from where the last has ended: unstable motions make small
-    errors large. nan counts as infinite: IDAS did not get to the end of an interval.
+    Both are errors of states at the ends of intervals, relative to their largest magnitudes. For the accumulated error,
+    each interval starts where IDAS ended the one before, so that unstable motions amplify it. An error is infinite if
+    IDAS does not reach the end of an interval.
     """
     q = problem.quantities
     size = np.max([np.abs(phase.x).max(axis=1, initial=0.0) for phase in trajectory.phases], axis=0)
     size = np.where(size > 0.0, size, np.array(q.x.nominal))
-    found, worst, carried = [], 0.0, trajectory.phases[0].x[:, 0]
+    found, worst, state = [], 0.0, trajectory.phases[0].x[:, 0]
     for law, phase in zip(laws, trajectory.phases, strict=True):
-        errors, drift, carried = _phase(law, phase, trajectory.p, size, carried)
+        errors, drift, state = _phase(law, phase, trajectory.p, size, state)
         found.append(errors)
         worst = max(worst, drift)
         if law.jump is not None:
             _, z, u = phase.interval(len(phase.mesh) - 1, np.array([1.0]))
-            carried = np.array(law.jump(phase.begin + phase.duration, carried, z, u, trajectory.p)).ravel()
+            state = np.array(law.jump(phase.begin + phase.duration, state, z, u, trajectory.p)).ravel()
     return found, worst
 
 
 def _phase(
-    law: Dynamics, phase: PhaseTrajectory, p: Vector, size: Vector, carried: Vector
+    law: Dynamics, phase: PhaseTrajectory, p: Vector, size: Vector, state: Vector
 ) -> tuple[Vector, float, Vector]:
-    """Errors of the intervals, the largest one of those one behind the other from `carried`, and where these end."""
+    """(Local errors, shape (intervals,); largest accumulated error; final state of the accumulated integration).
+
+    `p`: Parameters, shape (np,).
+    `size`: Magnitudes of the states, shape (nx,).
+    `state`: Initial state of the accumulated integration, shape (nx,).
+    """
     count = len(phase.mesh)
     if not len(size):
-        return np.zeros(count), 0.0, carried
+        return np.zeros(count), 0.0, state
     run = _integrator(law, phase.basis, p, size)
     borders = phase.borders * phase.duration
     found, drift = np.zeros(count), np.zeros(count)
@@ -63,14 +69,14 @@ def _phase(
                 return np.full(len(size), np.nan)
 
         found[k] = np.max(np.abs(end(x[:, 0]) - x[:, 1]) / size)
-        carried = end(carried) if np.isfinite(carried).all() else carried
-        drift[k] = np.max(np.abs(carried - x[:, 1]) / size)
+        state = end(state) if np.isfinite(state).all() else state
+        drift[k] = np.max(np.abs(state - x[:, 1]) / size)
     found, drift = (np.where(np.isnan(v), np.inf, v) for v in (found, drift))
-    return found, float(drift.max()), carried
+    return found, float(drift.max()), state
 
 
 def _integrator(law: Dynamics, basis: Basis, p: Vector, size: Vector) -> Any:
-    """One interval from 0 to 1: parameters are its begin, its length and the coefficients of the inputs."""
+    """Integrator of one interval, scaled to [0, 1]; its parameters are start time, length and input coefficients."""
     dae = law.dae
     nx, nz, nu = (dae.numel_in(k) for k in (1, 2, 3))
     s, x, z = ca.SX.sym("s"), ca.SX.sym("x", nx), ca.SX.sym("z", nz)

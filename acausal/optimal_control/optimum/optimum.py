@@ -1,4 +1,4 @@
-"""The answer: a result with the names of the model, its multipliers, its inputs, and its replay."""
+"""`Optimum`: the trajectories of a solution by name, its multipliers and inputs, and its replay by simulation."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from acausal.lower.symbols import Symbols
 from acausal.optimal_control.optimum.trajectory import PhaseTrajectory, Trajectory
 from acausal.optimal_control.problem import StatedProblem
 from acausal.optimal_control.program.nlp import Solution
-from acausal.optimal_control.program.radau import Demand, Program
+from acausal.optimal_control.program.radau import ConstraintRows, Program
 from acausal.optimal_control.quantities import Quantities
 from acausal.providers import provided
 from acausal.result.result import Event, Result
@@ -29,38 +29,39 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-# A constraint is active where it is this near to its limit, by its magnitude, and its multiplier counts.
+# A constraint is active within this distance of its limit, relative to its magnitude.
 _NEAR = 1e-3
 _NEWTON_STEPS = 4
-# Points this near to an event are at it, and events this near to each other are one; by the length of all phases.
+# Points within the first distance of an event are at it, events within the second of each other are one; relative to
+# the duration of all phases.
 _AT_EVENT, _SAME_EVENT = 1e-6, 1e-3
-# Share of its magnitude by which an input that is constant varies.
+# An input that varies by less than this share of its magnitude is constant.
 _ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Multiplier:
-    """What a constraint costs.
+    """Lagrange multiplier of a constraint.
 
     Attributes
     ----------
     name
-        The constraint.
+        Name of the constraint.
     time
-        Times [s] of the points where it is demanded, shape (n,); empty for a constraint on numbers.
+        Times [s] of its points, shape (n,); empty for a single constraint.
     value
-        Derivative of the objective by the limit at each point, shape (n,); negative where the lower limit holds. By the
-        length of the interval it approximates a density over time.
+        Derivative of the objective by the limit at each point, shape (n,); negative if the lower limit is active.
+        Divided by the length of the interval it approximates a density over time.
     active
         Whether the constraint is at a limit at each point, shape (n,).
     phase
-        Name of the phase of each point; "" for a constraint on numbers.
+        Name of the phase of each point; "" for a single constraint.
     variable
-        Name of the scalar that is bounded, None for an expression.
+        Name of the bounded scalar, None for an expression.
     level
-        Value of what is bounded at each point, shape (n,).
+        Value of the bounded quantity at each point, shape (n,).
     lower, upper, scale
-        Its limits, and the magnitude that nearness is measured with.
+        Its limits, and the magnitude relative to which they count as active.
     """
 
     name: str
@@ -75,7 +76,7 @@ class Multiplier:
     scale: float
 
     def holds(self, values: Vector) -> NDArray[np.bool_]:
-        """Which values of what is bounded are at a limit."""
+        """Mask of the values of the bounded quantity at which a limit is active, of the same shape."""
         return _at_limit(values, self.lower, self.upper, self.scale)
 
     def __repr__(self) -> str:
@@ -84,20 +85,20 @@ class Multiplier:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Optimum(Result):
-    """An optimum: trajectories by name as in every result, and what only an optimum has.
+    """Solution of an optimal-control problem: a result with objective, multipliers, inputs and phases.
 
     Attributes
     ----------
     objective
-        The smallest value.
+        Minimal value of the objective.
     multipliers
-        By the name of the constraint.
+        Multipliers by the names of the constraints.
     inputs
         The optimal inputs, for `simulate(inputs=...)`.
     start
-        Start values of states that differ from those of the model.
+        Optimal start values of states that differ from those of the model.
     parameters
-        Values of parameters that were decided or given, by name.
+        Values of decided and given parameters, by name.
     phases
         `(name, begin, end)` of every phase [s].
     compiled
@@ -113,7 +114,7 @@ class Optimum(Result):
     compiled: CompiledModel | None = None
 
     def replay(self, *, tolerance: float = 1e-8, solver: str = "idas", **options: Any) -> Result:
-        """The model simulated with the optimal inputs, parameters and start values; options as for `simulate`."""
+        """Simulate the model with the optimal inputs, parameters and start values; options as for `simulate`."""
         assert self.compiled is not None, "made by Problem.solve"
         return simulate(
             self.compiled,
@@ -128,15 +129,15 @@ class Optimum(Result):
         )
 
     def error(self, replay: Result) -> dict[str, float]:
-        """Largest distance of every state from a replay at the points of the mesh, by the state's largest magnitude."""
+        """Largest deviation of every state from a replay at the mesh points, relative to its largest magnitude."""
         assert self.compiled is not None, "made by Problem.solve"
         found = np.nanmax(np.abs(self.distances(replay)), axis=1, initial=0.0)
         return dict(zip(self.compiled.continuous, found.tolist(), strict=True))
 
     def distances(self, replay: Result) -> Vector:
-        """Distances of the states of a replay at the points of the mesh, by their largest magnitudes; nan at events.
+        """Deviations of the states from a replay at the mesh points, shape (states, points); nan at events.
 
-        Shape (states, points).
+        They are relative to the largest magnitudes of the states.
         """
         assert self.compiled is not None, "made by Problem.solve"
         found = np.full((len(self.compiled.continuous), len(self.time)), np.nan)
@@ -147,11 +148,11 @@ class Optimum(Result):
         return found
 
     def away_from_events(self, replay: Result) -> NDArray[np.bool_]:
-        """Which points of the mesh are not at an event: there values before and after stand side by side."""
+        """Mask of the mesh points away from events, at which states have two values, shape (points,)."""
         return _off_events(self.time, self.events, replay.events)
 
     def active(self, phase: str, share: float = 0.0) -> tuple[str, ...]:
-        """Names of the constraints that are at a limit at more than `share` of a phase's points, the longest first."""
+        """Names of the constraints active at more than `share` of the points of a phase, the most active first."""
         shares = {}
         for m in self.held:
             own = np.array([name == phase for name in m.phase])
@@ -160,18 +161,18 @@ class Optimum(Result):
         return tuple(sorted((n for n, s in shares.items() if s > share), key=lambda n: -shares[n]))
 
     def plot(self, *names: str, **options: Any) -> Figure:
-        """Draw signals with what is at a limit marked; by default the inputs and what holds them.
+        """Plot signals with active limits marked; by default the inputs and the variables with active limits.
 
-        Options are `file` and `title`; with any other of `plot`, signals are drawn as of every result.
+        Options are `file` and `title`; with any other option of `plot`, limits are not marked.
         """
         if set(options) - {"file", "title"}:
             return super().plot(*names, **options)
-        drawing: Figure = provided("drawn")(self, names, options.get("file"), options.get("title"))
+        drawing: Figure = provided("draw_optimum")(self, names, options.get("file"), options.get("title"))
         return drawing
 
     @property
     def held(self) -> tuple[Multiplier, ...]:
-        """Multipliers of the constraints along phases."""
+        """Multipliers of path constraints."""
         return tuple(m for m in self.multipliers.values() if len(m.time))
 
     def __repr__(self) -> str:
@@ -179,7 +180,7 @@ class Optimum(Result):
 
 
 def _off_events(times: Vector, own: tuple[Event, ...], others: tuple[Event, ...]) -> NDArray[np.bool_]:
-    """Which times are not where states jump in the replay, nor between that and the end of a phase which it is."""
+    """Mask of the times away from the jumps in the replay, and not between such a jump and its end of phase."""
     span = float(np.ptp(times))
     ends = np.array([e.time for e in own])
     keep = np.ones(len(times), dtype=bool)
@@ -194,7 +195,7 @@ def _off_events(times: Vector, own: tuple[Event, ...], others: tuple[Event, ...]
 def optimum_of(
     problem: StatedProblem, program: Program, solution: Solution, trajectory: Trajectory, stats: Mapping[str, object]
 ) -> Optimum:
-    """The answer made of the numbers that a solver found."""
+    """The optimum of a problem from the solution of its program."""
     q, compiled = problem.quantities, problem.quantities.model
     times, x, z, u = _rows(trajectory)
     multipliers = _multipliers(program, solution, trajectory)
@@ -231,7 +232,7 @@ def optimum_of(
 
 
 def _rows(trajectory: Trajectory) -> tuple[Vector, Vector, Vector, Vector]:
-    """Times and values at the start and the points of every interval; borders stand twice."""
+    """t, shape (n,), and x, z, u, shapes (rows, n), at the start and the points of every interval."""
     times, columns = [], []
     for phase in trajectory.phases:
         at = np.concatenate([[0.0], phase.basis.points])
@@ -239,20 +240,23 @@ def _rows(trajectory: Trajectory) -> tuple[Vector, Vector, Vector, Vector]:
             times.append(phase.time(k, at))
             columns.append(phase.interval(k, at))
     x, z, u = (np.hstack([c[k] for c in columns]) for k in range(3))
-    # rounding must not make time run back where a phase is followed by the next
+    # rounding must not make time decrease between phases
     return np.maximum.accumulate(np.concatenate(times)), x, z, u
 
 
 def _observed(compiled: CompiledModel, times: Vector, x: Vector, z: Vector, u: Vector, p: Vector) -> Vector:
-    """All trajectories of the model at points, shape (n, columns)."""
-    n, z = len(times), z[: len(compiled.algebraic)]  # what programs have opened, the model searches itself
+    """All trajectories of the model at n instants, shape (n, columns); x, z, u have shapes (rows, n)."""
+    n, z = (
+        len(times),
+        z[: len(compiled.algebraic)],
+    )  # those of monotone searches are not algebraic variables of the model
     args = [ca.DM(times[None, :]), *(ca.DM(v) if v.size else ca.DM(v.shape[0], n) for v in (x, z, u))]
     p = p.copy()
     if compiled.solution.structure.rate is not None:
         p[-1] = 0.0
     repeated = ca.repmat(ca.DM(p), 1, n)
     if len(z):
-        # at collocation points they are solved already; between, their polynomials are near
+        # between collocation points the polynomials of z satisfy the equations only approximately
         newton = _newton(compiled).map(n)
         for _ in range(_NEWTON_STEPS):
             args[2] = newton(*args, repeated)
@@ -261,7 +265,7 @@ def _observed(compiled: CompiledModel, times: Vector, x: Vector, z: Vector, u: V
 
 
 def _newton(compiled: CompiledModel) -> Any:
-    """`(t, x, z, u, p) -> z`: one Newton step for the algebraic variables."""
+    """Newton step `(t, x, z, u, p) -> z` for the algebraic variables."""
     s = Symbols(compiled)
     arguments = s.inputs[:-1]
     alg = compiled.rhs(*arguments, compiled.all_modes(*arguments))[1]
@@ -269,7 +273,7 @@ def _newton(compiled: CompiledModel) -> Any:
 
 
 def _dense(q: Quantities, trajectory: Trajectory, at: Vector) -> Vector:
-    """All trajectories at any times, shape (n, columns): the polynomials of the collocation."""
+    """All trajectories at n times [s] from the collocation polynomials, shape (n, columns)."""
     ends = np.array([phase.begin + phase.duration for phase in trajectory.phases])
     number = np.clip(np.searchsorted(ends, at, side="left"), 0, len(ends) - 1)
     compiled = q.model
@@ -283,7 +287,7 @@ def _dense(q: Quantities, trajectory: Trajectory, at: Vector) -> Vector:
 
 
 def _inputs(ports: Ports, trajectory: Trajectory) -> dict[str, TimeSeries | float]:
-    """The inputs as series that their splines reproduce: four values in every interval, borders twice."""
+    """Inputs as time series with four values per interval, from which cubic splines reproduce their polynomials."""
     places = np.linspace(0.0, 1.0, 4)
     times, columns = [], []
     for phase in trajectory.phases:
@@ -295,7 +299,7 @@ def _inputs(ports: Ports, trajectory: Trajectory) -> dict[str, TimeSeries | floa
 
 
 def _series(port: Port, time: Vector, values: Vector) -> TimeSeries | float:
-    """One input; a number where only rounding makes it vary, which a run would follow otherwise."""
+    """One input as a series, or as a number if it varies only by rounding, which would slow a simulation down."""
     size = max(float(np.abs(values).max()), port.nominal)
     if float(np.ptp(values)) <= _ROUNDING * size:
         return float(np.clip(values.mean(), port.min, port.max))
@@ -303,21 +307,21 @@ def _series(port: Port, time: Vector, values: Vector) -> TimeSeries | float:
 
 
 def _multipliers(program: Program, solution: Solution, trajectory: Trajectory) -> dict[str, Multiplier]:
-    """Multipliers by name, phases one behind the other; values are derivatives of the objective by the limits."""
-    parts: dict[str, list[tuple[Demand, Vector, Vector, Vector]]] = {}
-    for demand in program.demands:
-        rows = slice(demand.rows.start, demand.rows.stop)
-        level, dual = solution.g[rows] * demand.scale, solution.duals[rows] / demand.scale
-        parts.setdefault(demand.constraint.name, []).append((demand, dual, level, _times(demand, trajectory.phases)))
+    """Multipliers by name, with the phases concatenated; values are derivatives of the objective by the limits."""
+    parts: dict[str, list[tuple[ConstraintRows, Vector, Vector, Vector]]] = {}
+    for own in program.constraints:
+        rows = slice(own.rows.start, own.rows.stop)
+        level, dual = solution.g[rows] * own.scale, solution.duals[rows] / own.scale
+        parts.setdefault(own.constraint.name, []).append((own, dual, level, _times(own, trajectory.phases)))
     found = {}
     for name, group in parts.items():
-        demands, duals, levels, times = zip(*group, strict=True)
+        own_rows, duals, levels, times = zip(*group, strict=True)
         labels = [
             program.phases[d.phase].spec.name if d.phase is not None else ""
-            for d, v in zip(demands, levels, strict=True)
+            for d, v in zip(own_rows, levels, strict=True)
             for _ in v
         ]
-        first, level = demands[0], np.concatenate(levels)
+        first, level = own_rows[0], np.concatenate(levels)
         limits = (first.constraint.lower, first.constraint.upper, first.scale)
         active = _at_limit(level, *limits)
         found[name] = Multiplier(
@@ -333,13 +337,15 @@ def _multipliers(program: Program, solution: Solution, trajectory: Trajectory) -
     return found
 
 
-def _times(demand: Demand, phases: list[PhaseTrajectory]) -> Vector:
-    if demand.phase is None or demand.points is None:
+def _times(rows: ConstraintRows, phases: list[PhaseTrajectory]) -> Vector:
+    """Times [s] of the points of a constraint, shape (n,)."""
+    if rows.phase is None or rows.points is None:
         return np.zeros(0)
-    phase = phases[demand.phase]
-    return phase.begin + phase.duration * demand.points
+    phase = phases[rows.phase]
+    return phase.begin + phase.duration * rows.points
 
 
 def _at_limit(level: Vector, lower: float, upper: float, scale: float) -> NDArray[np.bool_]:
+    """Mask of the values at a limit, of the shape of `level`."""
     near = _NEAR * scale
     return np.asarray((level <= lower + near) | (level >= upper - near))

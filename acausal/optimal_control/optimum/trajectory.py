@@ -1,4 +1,4 @@
-"""The numbers of an optimum: polynomials of all phases, evaluated anywhere."""
+"""Numerical solution of a problem: the polynomials of all phases."""
 
 from __future__ import annotations
 
@@ -16,7 +16,12 @@ from acausal.optimal_control.program.radau import Program
 
 @dataclass(frozen=True, eq=False)
 class PhaseTrajectory:
-    """One phase: `x` (nx, n + 1), `z` (nz, n) at the points, Bernstein coefficients `u` (nu, intervals*(control+1))."""
+    """Solution of one phase with n collocation points.
+
+    `begin` and `duration` are in s. `x`, shape (nx, n + 1), are the states at the start and the points, `z`, shape
+    (nz, n), the algebraic variables at the points, and `u`, shape (nu, intervals * (control + 1)), the Bernstein
+    coefficients of the inputs.
+    """
 
     name: str
     basis: Basis
@@ -29,11 +34,11 @@ class PhaseTrajectory:
 
     @property
     def borders(self) -> Vector:
-        """Borders of the intervals as shares of the phase, shape (intervals + 1,)."""
+        """Ends of the intervals as fractions of the phase, shape (intervals + 1,)."""
         return np.concatenate([[0.0], np.cumsum(self.mesh.fractions)[:-1], [1.0]])
 
     def interval(self, k: int, at: Vector) -> tuple[Vector, Vector, Vector]:
-        """x, z, u at places `at` in [0, 1] of one interval, columns are instants."""
+        """x, z, u at m places `at` in [0, 1] of interval k, shapes (nx, m), (nz, m), (nu, m)."""
         d, q = self.basis.degree, self.basis.control + 1
         x = self.x[:, k * d : (k + 1) * d + 1] @ self.basis.of_states(at)
         z = self.z[:, k * d : (k + 1) * d] @ self.basis.of_algebraic(at)
@@ -41,12 +46,12 @@ class PhaseTrajectory:
         return x, z, u
 
     def time(self, k: int, at: Vector) -> Vector:
-        """Times [s] of places in one interval."""
+        """Times [s] of m places `at` in [0, 1] of interval k, shape (m,)."""
         borders = self.borders
         return np.asarray(self.begin + self.duration * (borders[k] + (borders[k + 1] - borders[k]) * at))
 
     def at(self, shares: Vector) -> tuple[Vector, Vector, Vector]:
-        """x, z, u at shares of the phase; at a border, of the interval that begins there."""
+        """x, z, u at m fractions of the phase, shapes (nx, m), (nz, m), (nu, m); at an end of the next interval."""
         borders = self.borders
         number = np.clip(np.searchsorted(borders, shares, side="right") - 1, 0, len(self.mesh) - 1)
         x, z, u = (np.empty((len(v), len(shares))) for v in (self.x, self.z, self.u))
@@ -59,18 +64,18 @@ class PhaseTrajectory:
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """All phases, and the parameters of the model, shape (np,)."""
+    """Solution of all phases, and the parameters of the model, shape (np,)."""
 
     phases: list[PhaseTrajectory]
     p: Vector
 
     def guesses(self) -> list[PhaseGuess]:
-        """The same as a guess for other meshes."""
+        """The solution as a guess for other meshes."""
         return [PhaseGuess(phase.duration, phase.at) for phase in self.phases]
 
 
 def trajectory_of(program: Program, solution: Solution) -> Trajectory:
-    """The numbers that a solver found."""
+    """Trajectory from the solution of the program."""
     wanted = [v for phase in program.phases for v in (phase.begin, phase.duration, phase.x, phase.z, phase.u)]
     found = iter(solution.values(*wanted, program.p))
     phases = []

@@ -1,1 +1,1 @@
-"""The nonlinear program of a problem."""
+"""Transcription of an optimal-control problem into a nonlinear program."""

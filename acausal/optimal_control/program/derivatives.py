@@ -1,12 +1,12 @@
-"""First and second derivatives of a program, put together from those of the functions at its points.
+"""First and second derivatives of a nonlinear program, assembled from those of the model functions at its points.
 
-With X the unknowns, Y(X) what is evaluated at the points and L(X, Y) the Lagrange function of the rest,
+With X the unknowns, Y(X) the results of the functions F at the points and L(X, Y) the Lagrange function,
 
     dg/dX = g_X + g_Y D,    d2L/dX2 = L_XX + L_XY D + (L_XY D)' + D' L_YY D + M' (sum_i L_Yi d2F_i) M,    D = J M,
 
-where the arguments at the points are M X + b, J holds the Jacobians of the function F along its diagonal, and its
-second derivatives are taken once, of one instant, with the multipliers L_Y as factors. CasADi's own derivatives of a
-mapped function evaluate as many directions at every point as the whole program needs colours.
+where the arguments at the points are M X + b, and J is block diagonal with the Jacobians of F. The second derivatives
+of F are generated once, for one point, with L_Y as weights. This is faster than CasADi's derivatives of a mapped
+function, which evaluate as many directions at every point as the coloring of the whole program has colors.
 
 Source: partially separable functions, A. Griewank, Ph. L. Toint, in: Nonlinear Optimization 1981, pp. 301-312.
 """
@@ -25,7 +25,7 @@ from acausal.optimal_control.program.points import Points, key, symbols_in
 
 @dataclass(frozen=True, eq=False)
 class Derivatives:
-    """Functions as `nlpsol` takes them: `(x, p) -> (f, grad)`, `(x, p) -> (g, jac)`, `(x, p, lam_f, lam_g) -> triu`."""
+    """Functions for `nlpsol`: `(x, p) -> (f, grad)`, `(x, p) -> (g, jac)`, `(x, p, lam_f, lam_g) -> triu`."""
 
     gradient: Any
     jacobian: Any
@@ -34,29 +34,29 @@ class Derivatives:
 
 @dataclass(frozen=True, eq=False)
 class _Group:
-    """The function at some points: its arguments by the unknowns, and its derivatives at all points."""
+    """A function at n points, and the constant Jacobian of its stacked arguments by the unknowns."""
 
     points: Points
-    inward: Any
+    input_jacobian: Any
 
     def only(self, expression: Any) -> _Group:
-        """The same with the rows of results that an expression holds."""
+        """The group restricted to the rows of results that occur in an expression."""
         names = symbols_in(expression)
         kept = [k for k, s in enumerate(self.points.symbols) if key(s) in names]
         rows, symbols = ([group[k] for k in kept] for group in (self.points.rows, self.points.symbols))
-        return _Group(replace(self.points, rows=rows, symbols=symbols), self.inward)
+        return _Group(replace(self.points, rows=rows, symbols=symbols), self.input_jacobian)
 
     def jacobian(self) -> tuple[Any, Any]:
-        """Results, shape (rows, n), and their derivatives by the unknowns, rows of one point after the other."""
+        """Results, shape (rows, n), and their Jacobian by the unknowns, shape (rows * n, unknowns), point by point."""
         v, F = self.points.local, self.points.results
         J = ca.jacobian(F, v)
         values, entries = ca.Function("J", [v], [F, _column(J)]).map(self.points.n)(self.points.stacked)
-        return values, self._block(J, entries) @ self.inward
+        return values, self._block(J, entries) @ self.input_jacobian
 
     def hessian(self, factors: Any, first: bool) -> tuple[Any, Any, Any]:
-        """The same if the first are needed, and half of the second derivatives of the results times factors.
+        """(Results, their Jacobian, half Hessian of the results weighted by `factors`); the Hessian is half + half'.
 
-        The second derivatives are half + half'.
+        Results and Jacobian are as of `jacobian` if `first`, else empty. `factors` has shape (rows, n).
         """
         v, F = self.points.local, self.points.results
         weight = ca.SX.sym("weight", F.numel())
@@ -68,21 +68,21 @@ class _Group:
         outputs = [F if first else ca.SX(0, 1), _column(J), _column(H)]
         function = ca.Function("H", [v, weight], outputs)
         values, slopes, curves = function.map(self.points.n)(self.points.stacked, factors)
-        half = self.inward.T @ self._block(H, curves) @ self.inward
-        return values, self._block(J, slopes) @ self.inward, half
+        half = self.input_jacobian.T @ self._block(H, curves) @ self.input_jacobian
+        return values, self._block(J, slopes) @ self.input_jacobian, half
 
     def _block(self, one: Any, entries: Any) -> Any:
-        """A matrix with the same pattern for every point along its diagonal."""
+        """Block diagonal matrix with the pattern of `one` for every point, and nonzeros `entries`, shape (nnz, n)."""
         pattern = ca.diagcat(*[one.sparsity()] * self.points.n)
         return ca.MX(pattern, ca.vec(entries)) if one.nnz() else ca.MX(*pattern.shape)
 
 
 def derivatives(x: Any, f: Any, g: Any, points: Sequence[Points]) -> Derivatives:
-    """The derivatives of f and g by x, in which symbols of points stand for their results."""
+    """Derivatives by x of the objective f and the constraints g, which contain the symbols of the results at points."""
     p = ca.MX.sym("p", 0)
     groups = _groups(x, [one for one in points if one.rows])
-    value, slope = _first(x, f, groups)
-    rows, jacobian = _first(x, g, groups)
+    value, slope = _jacobian(x, f, groups)
+    rows, jacobian = _jacobian(x, g, groups)
     return Derivatives(
         ca.Function("nlp_grad_f", [x, p], [value, ca.densify(slope.T)], ["x", "p"], ["f", "grad_f_x"]),
         ca.Function("nlp_jac_g", [x, p], [rows, jacobian], ["x", "p"], ["g", "jac_g_x"]),
@@ -91,19 +91,19 @@ def derivatives(x: Any, f: Any, g: Any, points: Sequence[Points]) -> Derivatives
 
 
 def _groups(x: Any, points: Sequence[Points]) -> list[_Group]:
-    """Points with the matrices of their arguments by x, of one coloring."""
+    """Groups of points; one coloring serves the Jacobians of all arguments by x."""
     if not points:
         return []
     columns = [ca.vec(one.stacked) for one in points]
     borders = np.cumsum([0, *(c.numel() for c in columns)]).tolist()
-    inward = ca.vertsplit(ca.evalf(ca.jacobian(ca.vertcat(*columns), x)), borders)
-    return [_Group(one, part) for one, part in zip(points, inward, strict=True)]
+    input_jacobian = ca.vertsplit(ca.evalf(ca.jacobian(ca.vertcat(*columns), x)), borders)
+    return [_Group(one, part) for one, part in zip(points, input_jacobian, strict=True)]
 
 
-def _first(x: Any, expression: Any, groups: Sequence[_Group]) -> tuple[Any, Any]:
-    """An expression and its derivatives by x."""
+def _jacobian(x: Any, expression: Any, groups: Sequence[_Group]) -> tuple[Any, Any]:
+    """An expression and its Jacobian by x."""
     used = [one for one in (group.only(expression) for group in groups) if one.points.rows]
-    (outer,), y = _apart([expression], used)
+    (outer,), y = _with_result_column([expression], used)
     slope = ca.jacobian(outer, ca.veccat(x, y))
     if not used:
         return outer, slope
@@ -115,14 +115,15 @@ def _first(x: Any, expression: Any, groups: Sequence[_Group]) -> tuple[Any, Any]
 
 
 def _hessian(x: Any, p: Any, both: tuple[Any, Any], groups: Sequence[_Group]) -> Any:
+    """The function `(x, p, lam_f, lam_g) -> triu` of the Hessian of the Lagrange function."""
     n = x.numel()
-    (f, g), y = _apart(both, groups)
+    (f, g), y = _with_result_column(both, groups)
     factor, multipliers = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", g.numel())
     arguments = [x, y, factor, multipliers]
     second, slope = ca.hessian(factor * f + ca.dot(multipliers, g), ca.veccat(x, y))
     across, among = second[:n, n:], second[n:, n:]
     need = bool(across.nnz() or among.nnz())
-    # without second derivatives by y the first do not depend on it
+    # if the Lagrange function is linear in y, its slopes do not depend on y, whose values are then not needed
     at = ca.vertcat(*(ca.vec(one.points.values()) for one in groups)) if among.nnz() else ca.DM.zeros(y.numel())
     factors = ca.Function("slope", arguments, [slope[n:]])(x, at, factor, multipliers)
     curved, slopes, values, first = ca.MX(n, n), [], [], 0
@@ -144,8 +145,8 @@ def _hessian(x: Any, p: Any, both: tuple[Any, Any], groups: Sequence[_Group]) ->
     return ca.Function("nlp_hess_l", [x, p, factor, multipliers], [ca.triu(H)], names, ["triu_hess_gamma_x_x"])
 
 
-def _apart(expressions: Sequence[Any], groups: Sequence[_Group]) -> tuple[list[Any], Any]:
-    """Expressions with one column in place of the symbols of all results, and the column."""
+def _with_result_column(expressions: Sequence[Any], groups: Sequence[_Group]) -> tuple[list[Any], Any]:
+    """(Expressions with the symbols of all results replaced by parts of one column, this column)."""
     sizes = [group.points.results.numel() * group.points.n for group in groups]
     y, first = ca.MX.sym("y", sum(sizes)), 0
     symbols, pieces = [], []
@@ -157,5 +158,5 @@ def _apart(expressions: Sequence[Any], groups: Sequence[_Group]) -> tuple[list[A
 
 
 def _column(matrix: Any) -> Any:
-    """The entries of a sparse matrix that may differ from zero."""
+    """Structural nonzeros of a sparse matrix, as a column."""
     return matrix.nz[:] if matrix.nnz() else ca.SX(0, 1)

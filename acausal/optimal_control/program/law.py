@@ -1,6 +1,7 @@
-"""The equations of a phase as the program needs them: numbers for parameters that nobody decides, linear z solved for.
+"""Equations of a phase for the program: constant parameters inserted, and linear algebraic variables solved for.
 
-Known numbers fold: of a robot's inertias most products are zero or one. Derivatives are then taken of what is left.
+Inserting constants simplifies the expressions, whose derivatives are then smaller: most products of the inertias of a
+robot are zero or one.
 """
 
 from __future__ import annotations
@@ -15,45 +16,50 @@ import numpy as np
 
 from acausal.arrays import Vector
 
-# Algebraic variables that are solved for as a formula; beyond, unknowns of the program are sparser.
+# Largest number of algebraic variables solved for symbolically; with more of them, unknowns give a sparser program.
 _MOST_SOLVED = 8
 
 
 @dataclass(frozen=True, eq=False)
 class Law:
-    """The equations with open parameters w."""
+    """Equations of a phase with open parameters w."""
 
-    # `(t, x, z, u, w) -> (ode, alg, y)`: y has the rows that were wanted; z and alg are empty where they are solved.
+    # `(t, x, z, u, w) -> (ode, alg, y)`: y has the outputs `wanted`; z and alg are empty if they are solved for.
     equations: Any
-    algebraic: Any  # `(t, x, u, w) -> z` where the algebraic equations are linear and solved; else None
-    wanted: tuple[int, ...]  # places of the rows of y among all outputs
+    algebraic: Any  # `(t, x, u, w) -> z` if the algebraic equations are linear and solved for; else None
+    wanted: tuple[int, ...]  # indices of the rows of y among all outputs
     parameters: Any  # `(w) -> p`; `guess` are values of w, shape (nw,)
     guess: Vector
-    # How many entries at the end of z are answers of branches; y has as many rows more, of what decides them.
-    answers: int = 0
+    # Number of selectors of branches at the end of z; y has as many further rows, the quantities that decide them.
+    selectors: int = 0
 
-    def slopes(self, at: Sequence[Vector], sizes: Vector) -> Vector:
-        """What algebraic equations change by with each z by its magnitude at n instants t, x, z, u: (nz, nz, n)."""
+    def algebraic_jacobian(self, at: Sequence[Vector], sizes: Vector) -> Vector:
+        """Jacobians of the algebraic equations by scaled z at n instants, shape (nz, nz, n).
+
+        `at`: t, x, z, u, each of shape (rows, n).
+        `sizes`: Magnitudes of z, shape (nz,).
+        """
         n, m = at[0].shape[1], len(sizes)
-        # between its two sides, as programs of answers begin
-        answers = np.full((self.answers, n), 0.5)
-        columns = [at[0], at[1], np.vstack([at[2], answers]), at[3], np.repeat(self.guess[:, None], n, axis=1)]
+        # selectors are halfway between the branches, as in the initial guess
+        selectors = np.full((self.selectors, n), 0.5)
+        columns = [at[0], at[1], np.vstack([at[2], selectors]), at[3], np.repeat(self.guess[:, None], n, axis=1)]
         given = [ca.DM(c) if c.size else ca.DM(c.shape[0], n) for c in columns]
-        found = np.array(self._jacobian.map(n)(*given)).reshape(m, m + self.answers, n, order="F")
+        found = np.array(self._jacobian.map(n)(*given)).reshape(m, m + self.selectors, n, order="F")
         return np.asarray(found[:, :m] * sizes[None, :, None])
 
     @cached_property
     def _jacobian(self) -> Any:
-        """`(t, x, z, u, w) -> d alg / d z`, a column."""
+        """`(t, x, z, u, w) -> d alg / d z`, stacked as a column."""
         point = [ca.SX.sym(self.equations.name_in(k), self.equations.numel_in(k)) for k in range(5)]
         slope = ca.densify(ca.jacobian(self.equations(*point)[1], point[2]))
         return ca.Function("slopes", point, [ca.vec(slope)])
 
 
 def law_of(dae: Any, p: Vector, places: Sequence[int], wanted: Sequence[int]) -> Law:
-    """The equations of `dae` with all parameters but those at `places` at their values in p, shape (np,).
+    """The equations of `dae` with the parameters at `places` open, and all others at their values in p, shape (np,).
 
-    `dae` may have answers of branches as a sixth argument, and what decides them as a fourth result.
+    `dae` may have selectors of branches as a sixth argument, and the quantities that decide them as a fourth result.
+    `wanted` are the indices of the outputs to keep.
     """
     t, x, z, u, _ = (ca.SX.sym(dae.name_in(k), dae.numel_in(k)) for k in range(5))
     free = [ca.SX.sym("y", dae.numel_in(5))] if dae.n_in() > 5 else []

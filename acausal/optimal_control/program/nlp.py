@@ -1,4 +1,4 @@
-"""A nonlinear program: unknowns, demands on them, an objective; and what a solver makes of it."""
+"""Nonlinear programs, unknowns, constraints and objective, and their solution by the solvers of CasADi."""
 
 from __future__ import annotations
 
@@ -11,28 +11,28 @@ import numpy as np
 
 from acausal.arrays import Vector
 from acausal.optimal_control.program.derivatives import derivatives
-from acausal.optimal_control.program.points import Points, replaced
+from acausal.optimal_control.program.points import Points, insert_functions
 
-# Limits of an unknown that differ by less, by its magnitude, are one.
+# Limits of an unknown that differ by less than this share are equal.
 _SAME = 1e-12
 
 
 @dataclass(eq=False)
 class Nlp:
-    """minimize objective subject to lower <= demands <= upper, over the unknowns; built up by `radau.py`."""
+    """Minimize the objective over the unknowns subject to lower <= constraints <= upper; built by `radau.py`."""
 
-    # `unknowns`, `begin`: symbols, and for each where the search begins, in its order of columns.
+    # Symbols of the unknowns, and for each its initial guess, flattened by columns.
     unknowns: list[Any] = field(default_factory=list)
     begin: list[Vector] = field(default_factory=list)
-    parameters: list[Any] = field(default_factory=list)  # symbols that are given at each solution
-    points: list[Points] = field(default_factory=list)  # what is evaluated at many instants
-    demands: list[Any] = field(default_factory=list)
+    parameters: list[Any] = field(default_factory=list)  # symbols whose values are given for each solution
+    points: list[Points] = field(default_factory=list)  # functions evaluated at many instants
+    constraints: list[Any] = field(default_factory=list)
     lower: list[Vector] = field(default_factory=list)
     upper: list[Vector] = field(default_factory=list)
     objective: Any = None
 
     def unknown(self, begin: Vector | float, rows: int = 1, columns: int = 1) -> Any:
-        """Further unknowns, shape (rows, columns)."""
+        """Add a matrix of unknowns, shape (rows, columns); `begin`, of that shape or scalar, is the initial guess."""
         symbol = ca.MX.sym(f"x{len(self.unknowns)}", rows, columns)
         if symbol.numel():
             self.unknowns.append(symbol)
@@ -40,22 +40,25 @@ class Nlp:
         return symbol
 
     def parameter(self, rows: int) -> Any:
-        """A further column of parameters."""
+        """Add a column of parameters."""
         self.parameters.append(ca.MX.sym(f"p{len(self.parameters)}", rows))
         return self.parameters[-1]
 
-    def demand(self, value: Any, lower: float = 0.0, upper: float = 0.0) -> range:
-        """lower <= value <= upper in every entry; the rows at which it stands among all."""
+    def constrain(self, value: Any, lower: float = 0.0, upper: float = 0.0) -> range:
+        """Add lower <= value <= upper for every entry; returns its rows among all constraints."""
         column = ca.vec(value)
         first = sum(map(len, self.lower))
         if column.numel():
-            self.demands.append(column)
+            self.constraints.append(column)
             self.lower.append(np.full(column.numel(), lower))
             self.upper.append(np.full(column.numel(), upper))
         return range(first, first + column.numel())
 
     def at(self, arguments: Sequence[Any], names: Sequence[Any], n: int) -> Points:
-        """Instants at which a function of SX `names` is asked for, rows of shape (., n) as their values."""
+        """Add n instants at which a function of the SX symbols `names` is evaluated.
+
+        `arguments` are the values of these symbols, expressions of shape (rows, n).
+        """
         self.points.append(Points(list(names), list(arguments), n))
         return self.points[-1]
 
@@ -71,48 +74,47 @@ class Nlp:
 
     @property
     def g(self) -> Any:
-        """All demands, a column."""
-        return ca.vertcat(*self.demands)
+        """All constraints, a column."""
+        return ca.vertcat(*self.constraints)
 
     @property
     def limits(self) -> tuple[Vector, Vector]:
-        """Of all demands."""
+        """Lower and upper limits of all m constraints, each of shape (m,)."""
         return np.concatenate(self.lower), np.concatenate(self.upper)
 
-    def whole(self) -> dict[str, Any]:
-        """The program as `nlpsol` takes it, with the functions in it."""
-        f, g = replaced([self.objective, self.g], self.points)
+    def casadi_program(self) -> dict[str, Any]:
+        """The program for `nlpsol`, with the functions at points inserted."""
+        f, g = insert_functions([self.objective, self.g], self.points)
         return {"x": self.x, "p": self.p, "f": f, "g": g}
 
     def values(self, expressions: Sequence[Any], x: Vector) -> list[Vector]:
         """Numbers of expressions at one point."""
-        function = ca.Function("values", [self.x], replaced(expressions, self.points))
+        function = ca.Function("values", [self.x], insert_functions(expressions, self.points))
         found = function(x)
         return [np.array(v, dtype=float) for v in (found if isinstance(found, tuple | list) else [found])]
 
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """What a solver ended with."""
+    """Last iterate of a solver."""
 
     nlp: Nlp
-    # `x`, `g`, `duals`: the unknowns, the demanded values, and the multipliers of all demands.
+    # Unknowns, values of the constraints and their multipliers, shapes (n,), (m,) and (m,).
     x: Vector
     g: Vector
     duals: Vector
     objective: float
-    # `success`, `status`, `iterations`: of the solver.
     success: bool
     status: str
     iterations: int
 
     def values(self, *expressions: Any) -> list[Vector]:
-        """Numbers of expressions of the unknowns."""
+        """Values of expressions of the unknowns, each of the shape of the expression."""
         return self.nlp.values(expressions, self.x)
 
 
-def minimized(nlp: Nlp, solver: str, inner: Mapping[str, Any]) -> Solution:
-    """The smallest value that a solver of CasADi finds; `inner` are the solver's own options."""
+def solve_nlp(nlp: Nlp, solver: str, inner: Mapping[str, Any]) -> Solution:
+    """Solve the program with a solver of CasADi; `inner` are options of that solver."""
     common: dict[str, Any] = {
         solver: dict(inner),
         "print_time": False,
@@ -120,32 +122,32 @@ def minimized(nlp: Nlp, solver: str, inner: Mapping[str, Any]) -> Solution:
         "error_on_fail": False,
     }
     if solver != "ipopt":
-        # fatrop's structure of stages has no place for durations and parameters that are decided: none is looked for
-        function = ca.nlpsol("program", solver, nlp.whole(), {**common, "structure_detection": "none"})
+        # the stage structure of fatrop does not admit free durations and decided parameters, so none is detected
+        function = ca.nlpsol("program", solver, nlp.casadi_program(), {**common, "structure_detection": "none"})
         low, high = nlp.limits
         found = function(x0=np.concatenate(nlp.begin), lbg=low, ubg=high)
         return _solution(nlp, function, found, np.array(found["g"]).ravel(), np.array(found["lam_g"]).ravel())
-    g, simple = nlp.g, _simple(nlp)
-    kept = np.setdiff1d(np.arange(g.numel()), simple.rows)
+    g, bounds = nlp.g, _bounds(nlp)
+    kept = np.setdiff1d(np.arange(g.numel()), bounds.rows)
     low, high = nlp.limits
     own = derivatives(nlp.x, nlp.objective, g[kept.tolist()], nlp.points)
-    f, rows = replaced([nlp.objective, g[kept.tolist()]], nlp.points)
+    f, rows = insert_functions([nlp.objective, g[kept.tolist()]], nlp.points)
     more: dict[str, Any] = {"grad_f": own.gradient, "jac_g": own.jacobian, "hess_lag": own.hessian, "no_nlp_grad": True}
     more |= {"calc_lam_p": False}
     program = {"x": nlp.x, "f": f, "g": rows}
     function = ca.nlpsol("program", "ipopt", program, {**common, **more})
-    found = function(x0=np.concatenate(nlp.begin), lbx=simple.low, ubx=simple.high, lbg=low[kept], ubg=high[kept])
+    found = function(x0=np.concatenate(nlp.begin), lbx=bounds.low, ubx=bounds.high, lbg=low[kept], ubg=high[kept])
     x, inner_duals = np.array(found["x"]).ravel(), np.array(found["lam_g"]).ravel()
     values, duals = np.empty(g.numel()), np.zeros(g.numel())
     values[kept], duals[kept] = np.array(found["g"]).ravel(), inner_duals
-    values[simple.rows] = simple.slopes * x[simple.columns] + simple.offsets
+    values[bounds.rows] = bounds.slopes * x[bounds.columns] + bounds.offsets
     across = np.array(found["lam_x"]).ravel()
-    # ipopt takes unknowns that are fixed out of the program; their multipliers follow from what is stationary
-    fixed = np.flatnonzero(simple.low == simple.high)
+    # ipopt eliminates fixed unknowns; their multipliers follow from stationarity
+    fixed = np.flatnonzero(bounds.low == bounds.high)
     if len(fixed):
         slope = np.array(own.gradient(x, [])[1]).ravel() + np.array(own.jacobian(x, [])[1].T @ inner_duals).ravel()
         across[fixed] = -slope[fixed]
-    duals[simple.rows] = simple.duals(across)
+    duals[bounds.rows] = bounds.duals(across)
     return _solution(nlp, function, found, values, duals)
 
 
@@ -164,10 +166,10 @@ def _solution(nlp: Nlp, function: Any, found: Any, values: Vector, duals: Vector
 
 
 @dataclass(frozen=True, eq=False)
-class _Simple:
-    """Demands slope * x[column] + offset on one unknown each, and the limits of all unknowns that follow.
+class _Bounds:
+    """Constraints slope * x[column] + offset on one unknown each, and the simple bounds that they imply.
 
-    `by_low` and `by_high` are, for each unknown, the place among `rows` of the demand that limits it; -1 without.
+    `by_low` and `by_high` are, for each unknown, the index among `rows` of the constraint that bounds it, or -1.
     """
 
     rows: Any
@@ -180,7 +182,7 @@ class _Simple:
     by_high: Any
 
     def duals(self, across: Vector) -> Vector:
-        """Multipliers of the demands by those of the limits of unknowns."""
+        """Multipliers of the constraints, shape (rows,), from those of the simple bounds, shape (n,)."""
         found = np.zeros(len(self.rows))
         for owner, side in ((self.by_high, across > 0.0), (self.by_low, across < 0.0)):
             held = np.flatnonzero(side & (owner >= 0))
@@ -188,9 +190,9 @@ class _Simple:
         return found
 
 
-def _simple(nlp: Nlp) -> _Simple:
-    """The demands that limit one unknown; not where they contradict each other, which the solver names."""
-    rows, columns, slopes, offsets = _single(nlp)
+def _bounds(nlp: Nlp) -> _Bounds:
+    """The constraints on one unknown as simple bounds, except contradictory ones, which the solver shall report."""
+    rows, columns, slopes, offsets = _bound_rows(nlp)
     n = nlp.x.numel()
     lower, upper = nlp.limits
     ends = np.sort([(lower[rows] - offsets) / slopes, (upper[rows] - offsets) / slopes], axis=0)
@@ -205,19 +207,19 @@ def _simple(nlp: Nlp) -> _Simple:
     low[empty], high[empty] = -np.inf, np.inf
     owners = np.full((2, n), -1)
     for side, limits in enumerate((low, high)):
-        with np.errstate(invalid="ignore"):  # where there is no limit
+        with np.errstate(invalid="ignore"):  # inf - inf without a limit
             near = np.flatnonzero(np.abs(ends[side] - limits[columns]) <= _SAME * np.maximum(np.abs(ends[side]), 1.0))
         owners[side, columns[near]] = near
-    return _Simple(rows, columns, slopes, offsets, low, high, owners[0], owners[1])
+    return _Bounds(rows, columns, slopes, offsets, low, high, owners[0], owners[1])
 
 
-def _single(nlp: Nlp) -> tuple[Any, Any, Vector, Vector]:
-    """Rows of demands slope * x[column] + offset on one unknown each, with columns, slopes, offsets."""
+def _bound_rows(nlp: Nlp) -> tuple[Any, Any, Vector, Vector]:
+    """(Rows, columns, slopes, offsets) of the constraints slope * x[column] + offset on one unknown each."""
     x, y = nlp.x, ca.veccat(*(s for one in nlp.points for s in one.symbols))
     first = np.cumsum([0, *map(len, nlp.lower)])
-    # demands that hold what is evaluated at points limit more than one unknown
-    own = [k for k, value in enumerate(nlp.demands) if not (y.numel() and ca.depends_on(value, y))]
-    g = ca.vertcat(*(nlp.demands[k] for k in own)) if own else ca.MX(0, 1)
+    # constraints on results at points depend on more than one unknown
+    own = [k for k, value in enumerate(nlp.constraints) if not (y.numel() and ca.depends_on(value, y))]
+    g = ca.vertcat(*(nlp.constraints[k] for k in own)) if own else ca.MX(0, 1)
     among = np.concatenate([np.zeros(0, dtype=int), *(np.arange(first[k], first[k + 1]) for k in own)])
     alone = np.bincount(np.array(ca.jacobian_sparsity(g, x).row(), dtype=int), minlength=g.numel()) == 1
     rows = np.flatnonzero(alone)

@@ -1,7 +1,7 @@
-"""What is evaluated at many instants of a phase: one function of the values at an instant, asked for row by row.
+"""Functions evaluated at many instants of a phase, built up row by row.
 
-A program repeats the equations of the model at every collocation point. It is written with a symbol for each row of
-results, so that `derivatives.py` takes derivatives of the function once, and of the rest without it.
+A program repeats the equations of the model at every collocation point. It contains symbols for their results, so that
+`derivatives.py` differentiates the function once, and the rest of the program separately.
 """
 
 from __future__ import annotations
@@ -14,30 +14,32 @@ import casadi as ca
 
 
 def symbols_in(expression: Any) -> set[int]:
-    """The symbols that an MX expression holds, by what `key` says of each."""
+    """Keys of the symbols in an MX expression."""
     return {key(s) for s in ca.symvar(expression)}
 
 
 def key(symbol: Any) -> int:
-    """A number for an MX symbol, its own as long as the symbol is kept."""
+    """Hash of an MX symbol, unique while the symbol exists."""
     return int(symbol.__hash__())
 
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """Instants with the same equations."""
+    """Function evaluated at n instants."""
 
     inputs: list[Any]  # SX symbols of the quantities at one instant, columns
-    # What they are at all instants: expressions of the unknowns, shape (rows, n), which are linear.
+    # Their values at all instants: linear expressions of the unknowns, shape (rows, n).
     arguments: list[Any]
     n: int
-    # `rows`, `symbols`: SX expressions that were asked for, columns, and the MX symbols that stand for them, each of
-    # shape (rows, n).
+    # Results: SX columns of expressions of `inputs`, and the MX symbols of their values, each of shape (rows, n).
     rows: list[Any] = field(default_factory=list)
     symbols: list[Any] = field(default_factory=list)
 
-    def ask(self, expression: Any) -> Any:
-        """The values of a column of expressions at all instants, shape (rows, n)."""
+    def add(self, expression: Any) -> Any:
+        """Add results; returns the symbol of their values at all instants, shape (rows, n).
+
+        `expression` is an SX column of shape (rows, 1).
+        """
         if not expression.numel():
             return ca.MX(0, self.n)
         self.rows.append(ca.densify(expression))
@@ -45,40 +47,40 @@ class Points:
         return self.symbols[-1]
 
     def with_input(self, argument: Any) -> Any:
-        """A further quantity, the SX symbol of a row of shape (1, n)."""
+        """Add an argument of shape (1, n); returns its SX symbol."""
         self.inputs.append(ca.SX.sym(f"number{len(self.inputs)}"))
         self.arguments.append(argument)
         return self.inputs[-1]
 
     @property
     def local(self) -> Any:
-        """All quantities at one instant, a column."""
+        """All arguments at one instant, a column."""
         return ca.vertcat(*self.inputs)
 
     @property
     def results(self) -> Any:
-        """All rows that were asked for, a column."""
+        """All results at one instant, a column."""
         return ca.vertcat(*self.rows)
 
     @property
     def stacked(self) -> Any:
-        """All arguments, shape (quantities, n)."""
+        """All arguments at all instants, shape (arguments, n)."""
         return ca.vertcat(*self.arguments)
 
     def split(self, values: Any) -> list[Any]:
-        """Results of shape (all rows, n) as they were asked for."""
+        """Split all results, shape (all rows, n), into those of each call of `add`."""
         borders = [0]
         for row in self.rows:
             borders.append(borders[-1] + row.numel())
         return list(ca.vertsplit(values, borders)) if self.rows else []
 
     def values(self) -> Any:
-        """The results of the function itself, shape (all rows, n)."""
+        """All results as an expression of the unknowns, shape (all rows, n)."""
         return ca.Function("points", [self.local], [self.results]).map(self.n)(self.stacked)
 
 
-def replaced(expressions: Sequence[Any], points: Sequence[Points]) -> list[Any]:
-    """Expressions with the functions in place of the symbols of their results."""
+def insert_functions(expressions: Sequence[Any], points: Sequence[Points]) -> list[Any]:
+    """Expressions in which the symbols of results are replaced by calls of the functions."""
     used = [p for p in points if p.rows]
     symbols = [s for p in used for s in p.symbols]
     return list(ca.substitute(list(expressions), symbols, [v for p in used for v in p.split(p.values())]))

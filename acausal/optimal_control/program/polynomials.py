@@ -1,4 +1,4 @@
-"""Polynomials of one interval: Radau points, and inputs as Bernstein polynomials, which their coefficients enclose."""
+"""Polynomials on one interval: Radau collocation for the states, Bernstein polynomials for the inputs."""
 
 from __future__ import annotations
 
@@ -17,8 +17,9 @@ from acausal.arrays import Vector
 class Basis:
     """Collocation at the `degree` points of Radau IIA; inputs of degree `control` between the ends of an interval.
 
-    Source: L. T. Biegler, Nonlinear Programming, SIAM 2010, chapter 10. The Bernstein coefficients of an input lie in
-    its limits, and with them all of its values (R. T. Farouki, Computer Aided Geometric Design 29 (2012) 379-419).
+    Source: L. T. Biegler, Nonlinear Programming, SIAM 2010, chapter 10. A Bernstein polynomial lies within the range of
+    its coefficients, so limits on the coefficients hold everywhere (R. T. Farouki, Computer Aided Geometric Design 29
+    (2012) 379-419).
     """
 
     degree: int
@@ -31,7 +32,7 @@ class Basis:
 
     @cached_property
     def slopes(self) -> Vector:
-        """Derivatives at the points by the values at 0 and at the points, shape (degree + 1, degree)."""
+        """Weights of the values at 0 and at the points for derivatives at the points, shape (degree + 1, degree)."""
         return np.array(ca.collocation_coeff(self.points.tolist())[0])
 
     @cached_property
@@ -40,25 +41,28 @@ class Basis:
         return np.array(ca.collocation_coeff(self.points.tolist())[2]).ravel()
 
     def bernstein(self, at: Vector) -> Vector:
-        """Values of the Bernstein polynomials, shape (control + 1, n)."""
+        """Values of the Bernstein polynomials at n places `at` in [0, 1], shape (control + 1, n)."""
         q = self.control
         return np.array([comb(q, i) * at**i * (1 - at) ** (q - i) for i in range(q + 1)])
 
     @cached_property
     def nodes(self) -> Vector:
-        """Where the coefficients of an input have their place in an interval, shape (control + 1,)."""
+        """Nodes of the Bernstein coefficients in an interval, shape (control + 1,)."""
         return np.linspace(0.0, 1.0, self.control + 1) if self.control else np.array([0.5])
 
     def of_states(self, at: Vector) -> Vector:
-        """Weights of the values at 0 and at the points for values anywhere, shape (degree + 1, n)."""
+        """Weights of the values at 0 and at the points for values at n places, shape (degree + 1, n)."""
         return _lagrange(np.concatenate([[0.0], self.points]), at)
 
     def of_algebraic(self, at: Vector) -> Vector:
-        """Weights of the values at the points for values anywhere, shape (degree, n)."""
+        """Weights of the values at the points for values at n places, shape (degree, n)."""
         return _lagrange(self.points, at)
 
     def blocks(self, block: Vector, intervals: int, overlap: int) -> Any:
-        """The matrix for all intervals: `block` along the diagonal, `overlap` rows of one shared with the next."""
+        """Matrix for all intervals: copies of `block` along the diagonal, of which `overlap` rows coincide.
+
+        With `block` of shape (r, c) the result has shape (intervals * (r - overlap) + overlap, intervals * c).
+        """
         step = block.shape[0] - overlap
         rows, columns, values = [], [], []
         for k in range(intervals):
@@ -71,6 +75,7 @@ class Basis:
 
 
 def _lagrange(nodes: Vector, at: Vector) -> Vector:
+    """Lagrange polynomials of the nodes at n places, shape (nodes, n)."""
     found = np.ones((len(nodes), len(at)))
     for i, own in enumerate(nodes):
         for k, other in enumerate(nodes):

@@ -1,4 +1,4 @@
-"""Multiple shooting: intervals bridged by the exported steps of fixed length, integrals with them."""
+"""Multiple shooting: states and integrals over an interval, by the exported integrators of fixed step size."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from acausal.optimal_control.program.law import Law
 
 @dataclass(frozen=True)
 class Steps:
-    """How an interval is bridged: `count` steps of a method of `acausal.export.step.methods`."""
+    """Integration over an interval: `count` steps of a method of `acausal.export.step.methods`."""
 
     method: str
     count: int
@@ -29,10 +29,10 @@ class Steps:
             )
 
 
-def bridge(law: Law, steps: Steps, point: Sequence[Any], h: Any, rows: Sequence[Any]) -> tuple[Any, Any]:
-    """States and integrals of `rows` after an interval of length h with constant inputs, SX expressions.
+def integrate_interval(law: Law, steps: Steps, point: Sequence[Any], h: Any, rows: Sequence[Any]) -> tuple[Any, Any]:
+    """(States, integrals of `rows`) after an interval of length h [s] with constant inputs, as SX expressions.
 
-    `point` are the SX symbols t, x, z, u, w at its start, of which `rows` are expressions.
+    `point` are the SX symbols t, x, z, u, w at its start, and `rows` scalar expressions of them.
     """
     t, x, z, u, w = point
     ode, alg, _ = law.equations(t, x, z, u, w)

@@ -1,4 +1,4 @@
-"""Instants of a phase: what the symbols of a problem are there."""
+"""Values of the symbols of a problem at instants of a phase."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from acausal.optimal_control.quantities import Quantities
 
 @dataclass(frozen=True, eq=False)
 class Site:
-    """Instants of a phase with the equations that hold there."""
+    """Instants of a phase, with its equations."""
 
     points: Points
     point: list[Any]  # SX symbols of t, x, z, u and the open parameters w at one instant
     law: Law
-    # Vector, place and sign of the variables that were asked for where they are states or inputs, None for others.
+    # (Vector, index, sign) of each variable used in the problem that is a state or an input; None for others.
     places: list[tuple[str, int, int] | None]
     arguments: Sequence[Any]  # t, x, z, u at all instants
 
@@ -33,15 +33,15 @@ class Site:
         return self.law.equations(*self.point)
 
     def signal(self, k: int) -> Any:
-        """The variable that was asked for as number k at one instant, an SX expression."""
+        """Variable k of those used in the problem at one instant, an SX expression."""
         place = self.places[k]
         if place is None:
             return self.equations[2][self.law.wanted.index(k)]
         vector, number, sign = place
         return sign * self.point[1 if vector == "x" else 3][number]
 
-    def direct(self, k: int) -> Any:
-        """The same at all instants, a linear expression of the unknowns, shape (1, n); None where it is none."""
+    def in_unknowns(self, k: int) -> Any:
+        """Variable k at all instants as a linear expression of the unknowns, shape (1, n); None if it is not one."""
         place = self.places[k]
         if place is None:
             return None
@@ -50,15 +50,15 @@ class Site:
 
     @cached_property
     def model(self) -> list[Any]:
-        """SX arguments t, x, z, u, p of functions of the model."""
+        """SX arguments t, x, z, u, p for functions of the model."""
         (t, x, z, u, w), law = self.point, self.law
-        own = law.algebraic(t, x, u, w) if law.algebraic is not None else z[: z.numel() - law.answers]
+        own = law.algebraic(t, x, u, w) if law.algebraic is not None else z[: z.numel() - law.selectors]
         return [t, x, own, u, law.parameters(w)]
 
     def integrand(self, q: Quantities, expression: Any) -> Any:
-        """An expression of variables, the time and decided parameters at one instant, SX.
+        """The integrand of an integral at one instant, an SX expression.
 
-        Raises UsageError: AC053 where it holds durations or other values.
+        Raises UsageError: AC053 if it contains durations, boundary values or integrals.
         """
         symbols = [q.time, *q.symbols, *(d[3] for d in q.decided)]
         known = {key(s) for s in symbols}
@@ -74,7 +74,7 @@ class Site:
 
 
 def site_of(nlp: Nlp, q: Quantities, law: Law, w: Any, arguments: Sequence[Any], n: int) -> Site:
-    """Instants at which t, x, z, u are `arguments`, of n columns, and the open parameters are w."""
+    """Add n instants at which t, x, z, u are `arguments`, of shapes (rows, n), and the open parameters are w."""
     names = ("t", "x", "z", "u", "w")
     point = [ca.SX.sym(name, law.equations.numel_in(k)) for k, name in enumerate(names)]
     points = nlp.at([*arguments, ca.repmat(w, 1, n)], point, n)

@@ -1,4 +1,4 @@
-"""A controller on a plant: the model once more, with other parameters, in a run whose inputs it decides on the way."""
+"""Closed-loop simulation: a predictive controller on a plant, which may have other parameters than its model."""
 
 from __future__ import annotations
 
@@ -29,14 +29,16 @@ Estimate = Callable[[float, Mapping[str, float]], Mapping[str, float]]
 
 @dataclass(frozen=True, eq=False)
 class ClosedLoop:
-    """What a controlled plant did.
+    """Result of a closed-loop simulation.
 
     Attributes
     ----------
     result
-        The run of the plant with the inputs that the controller gave on the way, each held for its sample.
+        Run of the plant with the inputs of the controller, constant in each sample.
     cost
-        Processor time of each sample [s], shape (n,); `iterations` those of ipopt.
+        Processor time of the controller in each sample [s], shape (samples,).
+    iterations
+        Iterations of ipopt in each sample, shape (samples,).
     """
 
     result: Result
@@ -55,30 +57,30 @@ def closed_loop(
     estimate: Estimate | None = None,
     tolerance: float = 1e-8,
 ) -> ClosedLoop:
-    """Run a controller on a plant from the plant's start.
+    """Simulate a controller on a plant, from the start values of the plant.
 
-    The plant is simulated once, by IDAS, with its events, delays and contacts; the run stops at each sample and goes on
-    with what the controller says.
+    The plant is simulated in one run by IDAS, with its events, delays and contacts. The run stops at each sample, and
+    continues with the inputs of the controller.
 
     Parameters
     ----------
     plant
-        A model with the states and inputs of the controller's.
+        A model with the states and inputs of that of the controller.
     parameters
-        The plant's own values, which the controller does not know.
+        Parameters of the plant, unknown to the controller.
     measure, estimate
-        At each sample `estimate(time, measured)` gets the named variables of the plant, before what happens at this
-        instant and with inputs as they were held up to it, and returns parameters for the controller, those that it
-        does not return as in its problem, and states that the controller takes instead of the plant's.
+        At each sample `estimate(time, measured)` gets the named variables of the plant, before the events at this
+        instant and with the inputs of the sample that ends. It returns values of parameters of the controller, and
+        states that replace those of the plant. Other parameters are as in the problem of the controller.
 
     Raises
     ------
     OptimizationError
-        AC703 where the controller finds no inputs.
+        AC703 if the controller finds no inputs.
     UsageError
-        AC010 for an unknown variable, AC027 for a plant whose equations do not stay.
+        AC010 for an unknown variable, AC027 for a plant whose equations change during a run.
     RunError
-        Where the plant cannot be simulated; its `result` holds what was.
+        If the simulation of the plant fails; its `result` is the run up to then.
     """
     plant = plant.unchanging("closed_loop")
     begin = plant.flat.experiment.start_time
@@ -87,7 +89,8 @@ def closed_loop(
     places = tuple(plant.inputs.index(name) for name in controller.inputs)
     first = {n: input_start(plant, s, p) for n, s in zip(plant.inputs, plant.flat.inputs, strict=True)}
     u = input_vector(plant, {n: first[n] for n in controller.inputs}, unchecked=controller.inputs)
-    # values that alternate, so that what must not jump is refused: they are not known before the run has come to them
+    # placeholder values alternate, so that models whose inputs must not jump are refused now: the inputs are unknown
+    # yet
     held = [steps(times, u[k] + (1.0 + abs(u[k])) * (np.arange(samples) % 2)) for k in places]
     u[list(places)] = 0.0
     driven = with_driven(plant, places)
@@ -99,17 +102,18 @@ def closed_loop(
         tolerance=tolerance,
         solver="idas",
     )
-    asked = Asked(controller, times, held, len(driven.time_events.relations), tuple(measure), estimate)
-    run = Run(driven, chosen, p, Inputs(u, places, tuple(held)), None, sources=(asked,))
-    asked.decide(0, run.start())
-    return ClosedLoop(run.result(), np.array(asked.cost), np.array(asked.iterations))
+    sampled = SampledController(controller, times, held, len(driven.time_events.relations), tuple(measure), estimate)
+    run = Run(driven, chosen, p, Inputs(u, places, tuple(held)), None, sources=(sampled,))
+    sampled.decide(0, run.start())
+    return ClosedLoop(run.result(), np.array(sampled.cost), np.array(sampled.iterations))
 
 
 @dataclass(eq=False)
-class Asked:
-    """A controller as a source of stops: asked at each sample, its answer is held up to the next.
+class SampledController:
+    """A controller as a source of stops: called at each sample, its inputs are held until the next.
 
-    `held` are the inputs as steps at `times`, whose values are filled in; `first` is the place of their numbers.
+    `held` are the inputs as step functions at `times` [s], shape (samples + 1,), whose values are filled in. `first` is
+    the index of their coefficients among the modes.
     """
 
     controller: Controller
@@ -125,16 +129,16 @@ class Asked:
         self.iterations: list[int] = []
 
     def limit(self, here: float, until: float, moment: Moment) -> tuple[float, tuple[Cause, ...]]:
-        """Samples are among the stops that are known in advance."""
+        """No further limit, because samples are stops known in advance."""
         return until, ()
 
     def prepare(self, modes: Vector) -> None:
-        """The inputs of the sample that the run has come to."""
+        """Write the inputs of the current sample into the modes, shape (n_modes,)."""
         numbers = [pieces.numbers[self.sample] for pieces in self.held]
         modes[self.first : self.first + INPUT_WIDTH * len(self.held)] = np.concatenate(numbers)
 
     def passed(self, record: Recorder, events: Sequence[float], complete: bool) -> bool:
-        """Ask for the next inputs where a sample has ended."""
+        """Call the controller at the end of a sample."""
         ahead = self.sample + 1
         near = 1e-9 * self.controller.step
         if complete and ahead < len(self.times) - 1 and record.time >= self.times[ahead] - near:
@@ -142,17 +146,17 @@ class Asked:
         return True
 
     def decide(self, sample: int, now: Result) -> None:
-        """Inputs for a sample, from what the plant has come to."""
+        """Compute the inputs for a sample from the current state of the plant."""
         controller = self.controller
         names = dict.fromkeys((*controller.states, *self.measure))
-        seen = {name: float(np.ravel(now[name])[-1]) for name in names}
-        began = clock.process_time()
+        values = {name: float(np.ravel(now[name])[-1]) for name in names}
+        start = clock.process_time()
         found: dict[str, float] = {}
         if self.estimate is not None:
-            found = dict(self.estimate(float(self.times[sample]), {name: seen[name] for name in self.measure}))
-        states = {name: found.pop(name, seen[name]) for name in controller.states}
+            found = dict(self.estimate(float(self.times[sample]), {name: values[name] for name in self.measure}))
+        states = {name: found.pop(name, values[name]) for name in controller.states}
         inputs = controller(states, found)
-        self.cost.append(clock.process_time() - began)
+        self.cost.append(clock.process_time() - start)
         self.iterations.append(controller.iterations)
         for name, pieces in zip(controller.inputs, self.held, strict=True):
             pieces.numbers[sample, 2] = inputs[name]

@@ -1,4 +1,4 @@
-"""Model predictive control: the program of a problem built once, and solved at every sample from where it ended."""
+"""Model predictive control: the program is built once, and solved at every sample from the last solution."""
 
 from __future__ import annotations
 
@@ -11,28 +11,27 @@ from numpy.typing import ArrayLike
 
 from acausal.arrays import Vector
 from acausal.errors import OptimizationError, UsageError
-from acausal.optimal_control.guess import guessed
+from acausal.optimal_control.guess import initial_guess
 from acausal.optimal_control.phases import dynamics_of
 from acausal.optimal_control.problem import StatedProblem
 from acausal.optimal_control.program.polynomials import Basis
-from acausal.optimal_control.program.radau import transcribed
-from acausal.optimal_control.receding.warm import Warm
+from acausal.optimal_control.program.radau import transcribe
+from acausal.optimal_control.receding.warm_start import WarmStartedSolver
 
 
 class Controller:
-    """Inputs for the next sample from the states now; each call begins from the answer of the last.
+    """Inputs for the next sample from the current states; each call starts from the last solution.
 
-    Inputs are constant in a sample. Parameters that were said to vary may differ from call to call, as an estimator
-    finds them.
+    Inputs are constant in a sample. The parameters `varying` may change from call to call, as from an estimator.
 
     Attributes
     ----------
     step
-        The sample [s].
+        Sample time [s].
     states
-        Names of the states, in the order in which they are given.
+        Names of the states, in the order of a call.
     inputs
-        Names of the inputs that it decides.
+        Names of the controlled inputs.
     """
 
     def __init__(
@@ -45,28 +44,28 @@ class Controller:
         self.states = q.states.names
         spec = problem.specs[0]
         self.step = spec.shortest / len(spec.mesh)
-        guesses = guessed(problem)
+        guesses = initial_guess(problem)
         laws = dynamics_of(problem, guesses)
         check_autonomous(problem, laws[0].dae)
         self._varying = [q.parameters.position(name) for name in varying]
         self._check_circles()
-        program = transcribed(problem, laws, guesses, [spec.mesh], Basis(degree, 0), q.p, self._varying)
-        self._program = Warm("controller", program.nlp, tolerance, options)
+        program = transcribe(problem, laws, guesses, [spec.mesh], Basis(degree, 0), q.p, self._varying)
+        self._program = WarmStartedSolver("controller", program.nlp, tolerance, options)
         self._first = ca.Function("inputs", [program.nlp.x], [program.phases[0].u[:, 0]])
         self.inputs = q.u.names
 
     @property
     def iterations(self) -> int:
-        """Of the last call."""
+        """Iterations of ipopt in the last call."""
         return self._program.iterations
 
     def __call__(self, states: Mapping[str, float] | ArrayLike, parameters: Mapping[str, float] | None = None) -> Any:
         """Values of the inputs by name, to be held for a sample.
 
-        Raises OptimizationError: AC703 where no answer was found from these states; the next call begins from the last
-        answer again.
+        Raises OptimizationError: AC703 if there is no solution; the next call starts from the last solution again.
+        Raises UsageError: AC053 for a parameter that is not one of `varying`.
 
-        `states`: By name, or all in the order of `self.states`.
+        `states`: Values by name, or all in the order of `self.states`, shape (nx,).
         `parameters`: Values that differ from those of the problem, by name.
         """
         x = [states[n] for n in self.states] if isinstance(states, Mapping) else np.asarray(states, dtype=float)
@@ -84,6 +83,7 @@ class Controller:
         return dict(zip(self.inputs, np.array(self._first(found)).ravel().tolist(), strict=True))
 
     def _given(self, parameters: Mapping[str, float]) -> Vector:
+        """All parameters with these values, shape (np,)."""
         q = self.problem.quantities
         known = {q.parameters.names[k] for k in self._varying}
         for name in parameters:
@@ -99,6 +99,7 @@ class Controller:
         return p
 
     def _check_circles(self) -> None:
+        """AC053 for varying parameters on which the angle coordinates of circular constraints depend."""
         q = self.problem.quantities
         bound = [q.parameters.names[k] for k in self._varying if k in q.coordinates.bound]
         if bound:
@@ -110,7 +111,7 @@ class Controller:
 
 
 def check_horizon(problem: StatedProblem, past: bool = False) -> None:
-    """Refuse a problem that is no window of samples: of the future, or of the past, where parameters are estimated."""
+    """AC053 for a problem that is not a horizon of samples, or, with `past`, not an estimation window."""
     spec = problem.specs[0]
     fixed = len(problem.specs) == 1 and spec.shortest == spec.longest and spec.switch is None
     if past and (not fixed or problem.objective is not None):
@@ -130,7 +131,7 @@ def check_horizon(problem: StatedProblem, past: bool = False) -> None:
 
 
 def check_autonomous(problem: StatedProblem, dae: Any) -> None:
-    """Refuse a model with a clock of its own."""
+    """AC053 for a model that depends on time."""
     compiled = problem.quantities.compiled
     if compiled.time_events.relations or any(dae.jac_sparsity(k, 0).nnz() for k in range(3)):
         raise UsageError(

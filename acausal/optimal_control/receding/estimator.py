@@ -1,14 +1,14 @@
-"""Moving-horizon estimation: states and parameters that fit what was measured in the last samples best.
+"""Moving-horizon estimation: states and parameters that best fit the measurements of the last samples.
 
 At each sample the estimate minimizes, over the states at the start of the window and the decided parameters,
 
     sum ((measured - model) / deviation)**2  +  sum ((start - expected) / deviation)**2 + the same of parameters.
 
-What is expected is the estimate of the sample before: its states where the window begins now, its parameters. Within
-the window the model holds exactly; there is no noise of the process.
+The expected values are the previous estimate of the states at the new start of the window, and of the parameters. The
+model holds exactly within the window: there is no process noise.
 
-Source: C. V. Rao, J. B. Rawlings, D. Q. Mayne, IEEE Transactions on Automatic Control 48 (2003) 246-258, with constant
-weights of what is expected.
+Source: C. V. Rao, J. B. Rawlings, D. Q. Mayne, IEEE Transactions on Automatic Control 48 (2003) 246-258, here with
+a constant arrival cost.
 """
 
 from __future__ import annotations
@@ -22,32 +22,32 @@ import numpy as np
 
 from acausal.arrays import Vector
 from acausal.errors import OptimizationError, UsageError, meant
-from acausal.optimal_control.guess import guessed
+from acausal.optimal_control.guess import initial_guess
 from acausal.optimal_control.phases import dynamics_of
 from acausal.optimal_control.problem import StatedProblem
 from acausal.optimal_control.program.polynomials import Basis
-from acausal.optimal_control.program.radau import Program, along, transcribed
+from acausal.optimal_control.program.radau import Program, along, transcribe
 from acausal.optimal_control.receding.controller import check_autonomous, check_horizon
-from acausal.optimal_control.receding.warm import Warm
+from acausal.optimal_control.receding.warm_start import WarmStartedSolver
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """What a window of measurements says: states now and decided parameters, by name."""
+    """Estimated current states and decided parameters, by name."""
 
     states: dict[str, float]
     parameters: dict[str, float]
 
 
 class Estimator:
-    """States and parameters now, from what was measured up to now; each call begins from the answer of the last.
+    """Estimator of the current states and parameters from past measurements; each call starts from the last solution.
 
     Attributes
     ----------
     step
-        The sample [s].
+        Sample time [s].
     measured
-        Names of what is measured at the end of each sample.
+        Names of the variables measured at the end of each sample.
     """
 
     def __init__(
@@ -67,44 +67,44 @@ class Estimator:
         self._decided = [q.parameters.names[place] for place, *_ in q.decided]
         _check_names(problem, measured, deviations, self._decided)
         symbols = [q[name] for name in measured]
-        guesses = guessed(problem)
+        guesses = initial_guess(problem)
         laws = dynamics_of(problem, guesses)
         check_autonomous(problem, laws[0].dae)
-        program = transcribed(problem, laws, guesses, [spec.mesh], Basis(degree, 0), q.p, past=True)
-        self._answer = _weighed(program, symbols, measured, deviations)
-        self._program = Warm("estimator", program.nlp, tolerance, options)
+        program = transcribe(problem, laws, guesses, [spec.mesh], Basis(degree, 0), q.p, past=True)
+        self._answer = _set_objective(program, symbols, measured, deviations)
+        self._program = WarmStartedSolver("estimator", program.nlp, tolerance, options)
         self._expected = np.concatenate([q.first, [q.p[place] for place, *_ in q.decided]])
         self._inputs: list[list[float]] = []
-        self._seen: list[list[float]] = []
-        self._path: tuple[Vector, Vector] | None = None
-        self._moved = 0
+        self._measurements: list[list[float]] = []
+        self._last_solution: tuple[Vector, Vector] | None = None
+        self._shift = 0
 
     @property
     def iterations(self) -> int:
-        """Of the last call."""
+        """Iterations of ipopt in the last call."""
         return self._program.iterations
 
     def __call__(self, inputs: Mapping[str, float], measured: Mapping[str, float]) -> Estimate:
         """The estimate at the end of a sample.
 
-        Raises OptimizationError: AC703 where no estimate was found; the next call begins from the last answer again.
-        Raises UsageError: AC033 for an input or a measured value that is missing, or is no number.
+        Raises OptimizationError: AC703 if there is no estimate; the next call starts from the last solution again.
+        Raises UsageError: AC033 for an input or a measurement that is missing or not finite.
 
-        `inputs`: What was held in the sample, by name.
-        `measured`: What was measured at its end, by name.
+        `inputs`: Values of the inputs in the sample, by name.
+        `measured`: Measured values at its end, by name.
         """
         q = self.problem.quantities
         _check_given(inputs, q.u.names, "input")
         _check_given(measured, self.measured, "measured value")
         self._inputs.append([inputs[name] for name in q.u.names])
-        self._seen.append([measured[name] for name in self.measured])
-        if len(self._seen) > self._width:
-            del self._inputs[0], self._seen[0]
-            self._moved += 1
-            if self._path is not None:
-                borders, parameters = self._path
-                self._expected = np.concatenate([borders[:, min(self._moved, self._width)], parameters])
-        here, given = len(self._seen), self._given()
+        self._measurements.append([measured[name] for name in self.measured])
+        if len(self._measurements) > self._width:
+            del self._inputs[0], self._measurements[0]
+            self._shift += 1
+            if self._last_solution is not None:
+                borders, parameters = self._last_solution
+                self._expected = np.concatenate([borders[:, min(self._shift, self._width)], parameters])
+        here, given = len(self._measurements), self._given()
         found = self._program.solve(given)
         if found is None:
             raise OptimizationError(
@@ -114,7 +114,7 @@ class Estimator:
                 help="keep the last estimate for this sample; limit what is decided: problem.decide(name, min=, max=)",
             )
         borders, parameters = (np.array(v, dtype=float) for v in self._answer(found, given))
-        self._path, self._moved = (borders, parameters.ravel()), 0
+        self._last_solution, self._shift = (borders, parameters.ravel()), 0
         states = q.coordinates.states(borders[:, [here]]).ravel()
         return Estimate(
             dict(zip(q.states.names, states.tolist(), strict=True)),
@@ -122,26 +122,29 @@ class Estimator:
         )
 
     def _given(self) -> Vector:
-        """Parameters of the program: inputs, measurements, what counts of them, what is expected."""
-        missing = self._width - len(self._seen)
+        """Parameters of the program as one vector: inputs, measurements, their weights, expected values."""
+        missing = self._width - len(self._measurements)
         inputs = np.array([*self._inputs, *[self._inputs[-1]] * missing])
-        seen = np.array([*self._seen, *[self._seen[-1]] * missing])
-        counts = np.array([1.0] * len(self._seen) + [0.0] * missing)
-        return np.concatenate([inputs.ravel(), seen.ravel(), counts, self._expected])
+        measurements = np.array([*self._measurements, *[self._measurements[-1]] * missing])
+        weights = np.array([1.0] * len(self._measurements) + [0.0] * missing)
+        return np.concatenate([inputs.ravel(), measurements.ravel(), weights, self._expected])
 
 
-def _weighed(
+def _set_objective(
     program: Program, symbols: list[Any], measured: Mapping[str, float], deviations: Mapping[str, float]
 ) -> Any:
-    """Give the program its objective; `(x, p) -> coordinates at all borders of samples, decided parameters`."""
+    """Set the objective of the program.
+
+    Returns the function `(x, p) -> (coordinates at the ends of all samples, decided parameters)`.
+    """
     nlp, phase, problem = program.nlp, program.phases[0], program.problem
     q, degree, width = problem.quantities, program.basis.degree, len(phase.mesh)
-    seen = ca.reshape(nlp.parameter(width * len(symbols)), len(symbols), width)
-    counts, expected = nlp.parameter(width).T, nlp.parameter(len(q.x) + len(q.decided))
+    measurements = ca.reshape(nlp.parameter(width * len(symbols)), len(symbols), width)
+    weights, expected = nlp.parameter(width).T, nlp.parameter(len(q.x) + len(q.decided))
     cost = ca.MX(0.0)
     for k, (symbol, deviation) in enumerate(zip(symbols, measured.values(), strict=True)):
         row = along(program, problem, symbol, phase.inside)[degree - 1 :: degree]
-        cost += ca.sum2(counts * ((ca.reshape(row, 1, -1) - seen[k, :]) / deviation) ** 2)
+        cost += ca.sum2(weights * ((ca.reshape(row, 1, -1) - measurements[k, :]) / deviation) ** 2)
     names = [*q.x.names, *(q.parameters.names[place] for place, *_ in q.decided)]
     start = ca.vertcat(phase.x[:, 0], program.w)
     for k, name in enumerate(names):
@@ -152,7 +155,7 @@ def _weighed(
 
 
 def _check_given(given: Mapping[str, float], names: Sequence[str], kind: str) -> None:
-    """A sample needs all of them; one nan would spoil a whole window."""
+    """AC033 for missing or not finite values: one nan would spoil a whole window."""
     for name in names:
         if name not in given or not np.isfinite(given[name]):
             value = f"is {given[name]}" if name in given else "is missing"
@@ -164,6 +167,7 @@ def _check_given(given: Mapping[str, float], names: Sequence[str], kind: str) ->
 def _check_names(
     problem: StatedProblem, measured: Mapping[str, float], deviations: Mapping[str, float], decided: list[str]
 ) -> None:
+    """AC010 for unknown names, AC053 for invalid standard deviations or no measurement."""
     known = [*problem.quantities.x.names, *decided]
     for name in deviations:
         if name not in known:

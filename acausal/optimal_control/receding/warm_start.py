@@ -1,4 +1,4 @@
-"""A program that is solved at every sample, each time from its last answer."""
+"""Warm-started solver of a nonlinear program, for one solution per sample."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _OPTIONS = {
     "sb": "yes",
     "max_iter": 100,
     "warm_start_init_point": "yes",
-    # the last answer, moved by a sample, lies near the next one: no need to come from far inside
+    # the last solution is close to the next, so ipopt need not move it away from the limits
     "warm_start_bound_push": 1e-6,
     "warm_start_slack_bound_push": 1e-6,
     "warm_start_mult_bound_push": 1e-6,
@@ -24,19 +24,19 @@ _OPTIONS = {
 }
 
 
-class Warm:
-    """The solver of a program and its last answer.
+class WarmStartedSolver:
+    """Solver of a program with its last solution.
 
     Attributes
     ----------
     iterations, status
-        Of the last call, in the solver's words.
+        Number of iterations and return status of the last call.
     """
 
     def __init__(self, name: str, nlp: Nlp, tolerance: float, options: Mapping[str, Any]) -> None:
         ipopt = {**_OPTIONS, "tol": tolerance, **options}
         inner: dict[str, Any] = {"ipopt": ipopt, "print_time": False, "expand": True, "error_on_fail": False}
-        self._solver = ca.nlpsol(name, "ipopt", nlp.whole(), inner)
+        self._solver = ca.nlpsol(name, "ipopt", nlp.casadi_program(), inner)
         low, high = nlp.limits
         self._limits = {"lbg": low, "ubg": high}
         self._guess: Any = np.concatenate(nlp.begin)
@@ -44,7 +44,10 @@ class Warm:
         self.iterations, self.status = 0, ""
 
     def solve(self, p: Vector) -> Any | None:
-        """The unknowns for these parameters of the program; None where none were found, and nothing is remembered."""
+        """Solution for the parameters p of the program, shape (np,), as a column; None if there is none.
+
+        The next call starts from this solution, or, if there is none, from the one before.
+        """
         found = self._solver(x0=self._guess, lam_g0=self._duals, p=p, **self._limits)
         stats = self._solver.stats()
         self.iterations = int(stats.get("iter_count", 0))

@@ -1,4 +1,4 @@
-"""What acts between the points of a mesh: the run of the model with the answer, which looks there."""
+"""Replay error of an optimum: a simulation with its inputs, which also sees events between the points of the mesh."""
 
 from __future__ import annotations
 
@@ -11,17 +11,18 @@ from acausal.errors import AcausalError, OptimizationError
 from acausal.optimal_control.optimum.optimum import Optimum
 from acausal.result.result import Result
 
-# Ends this near to each other are one, by the length of all phases: a model may end its run where the last phase does.
+# Ends within this distance are equal, relative to the duration of all phases: a model may terminate with the last
+# phase.
 _SAME_END = 1e-3
 
 
-def elsewhere(best: Optimum, intervals: Sequence[int]) -> tuple[float, list[Vector]]:
-    """How far a run with the answer goes elsewhere, by the largest magnitude of a state.
+def replay_error(best: Optimum, intervals: Sequence[int]) -> tuple[float, list[Vector]]:
+    """(Largest deviation of the replay, its increase over each interval for each phase, shape (intervals,)).
 
-    Then how much farther it goes in each interval, an array for each phase of so many `intervals`. All are infinite
-    where the run does not get to the end.
+    Deviations are relative to the largest magnitudes of the states. All are infinite if the simulation fails.
+    `intervals` are the numbers of intervals of the phases.
 
-    Raises OptimizationError: AC704 where an event within a phase changes a discrete variable, or ends the run.
+    Raises OptimizationError: AC704 if an event inside a phase changes a discrete variable, or terminates the run.
     """
     try:
         run = best.replay()
@@ -31,7 +32,7 @@ def elsewhere(best: Optimum, intervals: Sequence[int]) -> tuple[float, list[Vect
     _refuse_changes(best, run)
     off = best.distances(run)
     worst = float(np.nanmax(np.abs(off), initial=0.0))
-    # the start and the points of each interval stand one behind the other
+    # shape (states, intervals, points of an interval with its start)
     each = off.reshape(len(off), sum(intervals), -1)
     ends, reached = np.zeros((sum(intervals) + 1, len(off))), np.zeros(len(off))
     for k in range(sum(intervals)):
@@ -43,7 +44,7 @@ def elsewhere(best: Optimum, intervals: Sequence[int]) -> tuple[float, list[Vect
 
 
 def _refuse_end(best: Optimum, run: Result) -> None:
-    """AC704 for a run that the model ends before the answer does."""
+    """AC704 if the model terminates the replay before the end of the solution."""
     end = float(run.time[-1])
     if end < best.time[-1] - _SAME_END * np.ptp(best.time):
         raise OptimizationError(
@@ -54,7 +55,7 @@ def _refuse_end(best: Optimum, run: Result) -> None:
 
 
 def _refuse_changes(best: Optimum, run: Result) -> None:
-    """AC704 for what stays within the phases of the answer, and changes in a run."""
+    """AC704 if a discrete variable changes inside a phase of the replay."""
     assert best.compiled is not None, "made by Problem.solve"
     keep = best.away_from_events(run)
     for name in best.compiled.states[len(best.compiled.states) - best.compiled.discretes :]:
