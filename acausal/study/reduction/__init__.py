@@ -1,1 +1,1 @@
-"""How much less model a question needs: what was left out, what that gained, and what it cost in accuracy."""
+"""Reports on reduced models: what was left out, the gain in speed, and the loss in accuracy."""

@@ -1,4 +1,4 @@
-"""Full and reduced model run one against the other: time, and error of every output."""
+"""Comparison of runs of the full and the reduced model: times, and errors of the outputs."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _ROUNDING = 1e-13
 
 @dataclass(frozen=True)
 class OutputError:
-    """Largest difference of an output over the run, where it is, and its share of the output's largest size."""
+    """Largest difference of an output, absolute and relative to its largest magnitude, with its time [s]."""
 
     name: str
     absolute: float
@@ -32,17 +32,16 @@ class OutputError:
 
 @dataclass(frozen=True)
 class Comparison:
-    """What runs of both models say."""
+    """Times and errors of runs of both models."""
 
-    seconds: Mapping[str, float]  # best time of a run up to its outputs, "full" and "reduced"
+    seconds: Mapping[str, float]  # shortest time of a run including its outputs, "full" and "reduced"
     integrate: Mapping[str, float]  # the integration alone
-    steps: Mapping[str, float]  # steps of the solver, where it counts them
-    compile: Mapping[str, float]  # seconds to compile
+    steps: Mapping[str, float]  # steps of the solver, if it counts them
+    compile: Mapping[str, float]  # compile times [s]
     errors: tuple[OutputError, ...]  # of every output
-    # By how much states in their quasi-static limit are ahead of themselves, estimated from the reduced run alone; None
-    # without such states.
+    # Lag of quasi-static states, estimated from the reduced run alone; None without such states.
     estimate: Mapping[str, Any] | None
-    failed: str | None  # why there is no comparison; None when there is
+    failed: str | None  # reason why there is no comparison, else None
 
     def speed(self) -> dict[str, Any]:
         """Times and their ratios, for JSON."""
@@ -56,7 +55,7 @@ class Comparison:
         }
 
     def lines(self) -> Iterator[str]:
-        """As text."""
+        """Lines of the comparison as text."""
         if self.failed:
             yield f"  no comparison: {self.failed}"
         else:
@@ -82,7 +81,7 @@ class Comparison:
                 yield "  some mode left out grows: its quasi-static limit is not one of the full model"
 
 
-def compared(
+def compare_runs(
     full: CompiledModel,
     reduced: CompiledModel,
     outputs: Sequence[str],
@@ -91,34 +90,34 @@ def compared(
     runs: Mapping[str, Callable[..., Result]] | None = None,
     called: Callable[[str], str] = str,
 ) -> Comparison:
-    """Run both in turn.
+    """Run both models alternately, so that both see the same load of the machine.
 
-    `runs` are other ways to run "full" and "reduced"; `called` says how an output is called in the full result.
+    `runs` replaces the functions that run "full" and "reduced"; `called` maps an output to its name in the full result.
     """
     compile_times = {"full": sum(full.timings.values()), "reduced": sum(reduced.timings.values())}
     runs = runs or {"full": partial(simulate, full), "reduced": partial(simulate, reduced)}
     names = {"full": [called(name) for name in outputs], "reduced": list(outputs)}
     seconds: dict[str, list[float]] = {"full": [], "reduced": []}
-    inside: dict[str, list[float]] = {"full": [], "reduced": []}
+    integration: dict[str, list[float]] = {"full": [], "reduced": []}
     results: dict[str, Result] = {}
     options = {"native": False, **options}
     try:
         for _ in range(1 + max(1, repeat)):  # the first is a warm-up
             for name, run in runs.items():
-                began = clock.perf_counter()
+                start = clock.perf_counter()
                 results[name] = run(**options)
                 for output in names[name]:
                     _ = results[name][output]
-                seconds[name].append(clock.perf_counter() - began)
+                seconds[name].append(clock.perf_counter() - start)
                 times: Mapping[str, float] = results[name].stats["time"]  # type: ignore[assignment]
-                inside[name].append(times["integrate"])
+                integration[name].append(times["integrate"])
     except AcausalError as error:
         which = "full" if "reduced" in results or "full" not in results else "reduced"
         failed = f"the {which} model did not run: {error.fact}"
         return Comparison({}, {}, {}, compile_times, (), None, failed)
     return Comparison(
         seconds={name: min(values[1:]) for name, values in seconds.items()},
-        integrate={name: min(values[1:]) for name, values in inside.items()},
+        integrate={name: min(values[1:]) for name, values in integration.items()},
         steps={name: float(r.stats.get("steps", 0.0)) for name, r in results.items()},  # type: ignore[arg-type]
         compile=compile_times,
         errors=tuple(error_of(results["full"], results["reduced"], name, called(name)) for name in outputs),
@@ -128,24 +127,21 @@ def compared(
 
 
 def error_of(full: Result, reduced: Result, name: str, called: str | None = None) -> OutputError:
-    """The largest difference of one output, at times both have and neither has an event at.
-
-    `called` is its name in the full result where that is another one.
-    """
-    times = np.intersect1d(_plain(full), _plain(reduced))
+    """The largest difference of one output at common times without events; `called` is its name in the full result."""
+    times = np.intersect1d(_times_without_events(full), _times_without_events(reduced))
     a, b = (r[n][np.searchsorted(r.time, times)] for r, n in ((full, called or name), (reduced, name)))
-    # Where an output is not a number in both it is the same in both; a contact by another name was not there.
+    # nan in both is no difference; nan in the full result under another name is a contact that does not exist there
     absent = np.isnan(a) & (np.isnan(b) | (called is not None and called != name))
     difference = np.where(absent, 0.0, np.abs(a - b))
     k = int(np.argmax(difference)) if len(times) else 0
     worst = float(difference[k]) if len(times) else 0.0
     size = float(np.nanmax(np.abs(a), initial=0.0))
-    # What is nothing but rounding has no relative error.
+    # an output that is zero but for rounding has no relative error
     relative = worst / size if size > _ROUNDING else worst
     return OutputError(name, worst, relative, float(times[k]) if len(times) else 0.0)
 
 
-def _plain(result: Result) -> Vector:
-    """Times that occur once."""
+def _times_without_events(result: Result) -> Vector:
+    """Times that occur once, which are those without events, shape (n,)."""
     values, count = np.unique(result.time, return_counts=True)
     return np.asarray(values[count == 1])

@@ -1,7 +1,7 @@
-"""How far states in their quasi-static limit are ahead of themselves: an estimate from the reduced run alone.
+"""Lag of states that a reduction puts at their quasi-static limit, estimated from the reduced run alone.
 
-With x' = f(x, y) and J = df/dx the state is behind its limit x0(y) by J^-1 dx0/dt, to first order in the time that its
-own modes need to decay, -1 / max Re eig(J).
+With x' = f(x, y) and J = df/dx the state lags behind its limit x0(y) by J^-1 dx0/dt, to first order in the slowest time
+constant of its modes, -1 / max Re eig(J).
 
 Source: P. Kokotovic, H. Khalil, J. O'Reilly, Singular Perturbation Methods in Control (1986), chapter 1.
 """
@@ -22,11 +22,10 @@ _MOST_POINTS = 400
 
 
 def lag(full: CompiledModel, reduced: CompiledModel, result: Result) -> dict[str, Any] | None:
-    """Largest lag of every fast state, and the slowest of their time constants [s].
+    """Largest lag of every fast state by name, and the slowest of their time constants [s]; None without fast states.
 
-    Lags are None where the reduced run does not hold what they follow from; all is None without fast states. The time
-    constant is -1 when some mode grows. Relations are taken as they hold at each point of the run; an event, at which a
-    state may be ahead by as much as it jumps, is no point of it.
+    Lags are None if the reduced run lacks a variable needed to compute them. The time constant is -1 if a mode grows.
+    Modes are evaluated at each point of the run. The lag after an event, up to the jump of the limit, is not included.
     """
     selection = reduced.selection
     fast = [item.name for item in selection.left if item.kind == "quasi-static"] if selection is not None else []
@@ -42,10 +41,10 @@ def lag(full: CompiledModel, reduced: CompiledModel, result: Result) -> dict[str
     jacobian = _jacobian(full, rows)
     p = np.array(full.parameter_values)
     u = np.array([_value(result, name) for name in full.inputs]).reshape(len(full.inputs), count)
-    # what no output depends on is not in the result: no estimate for it, nor where its value is needed
+    # variables on which no output depends are not in the reduced result
     known = np.array([name in result for name in names[: len(full.states)]])
-    asked = np.array(ca.DM(jacobian.jac_sparsity(0, 1), 1.0)).any(axis=0)
-    told = bool(known[rows].all() and not (asked & ~known).any())
+    needed = np.array(ca.DM(jacobian.jac_sparsity(0, 1), 1.0)).any(axis=0)
+    is_known = bool(known[rows].all() and not (needed & ~known).any())
     worst = np.zeros(len(rows))
     slowest = 0.0
     for k in points:
@@ -57,17 +56,17 @@ def lag(full: CompiledModel, reduced: CompiledModel, result: Result) -> dict[str
         worst = np.maximum(worst, np.abs(np.linalg.solve(J, rates[:, k])))
         decay = -float(np.max(np.linalg.eigvals(J).real))
         slowest = -1.0 if decay <= 0.0 or slowest < 0.0 else max(slowest, 1.0 / decay)
-    ahead = {full.states[r]: float(w) if told else None for r, w in zip(rows, worst, strict=True)}
-    return {"states": ahead, "slowest": slowest}
+    lags = {full.states[r]: float(w) if is_known else None for r, w in zip(rows, worst, strict=True)}
+    return {"states": lags, "slowest": slowest}
 
 
 def _value(result: Result, name: str) -> Vector:
-    """A trajectory; what was left out is 0, as nothing of interest depends on it."""
+    """A trajectory, shape (n,); zero for variables left out, on which no output depends."""
     return np.asarray(result[name]) if name in result else np.zeros(len(result.time))
 
 
 def _rates(time: Vector, values: Vector) -> Vector:
-    """Slopes of trajectories, 0 across events."""
+    """Forward difference quotients of trajectories, shape (rows, n); 0 across events."""
     steps = np.diff(time)
     slopes = np.zeros_like(values)
     inside = steps > 0.0
@@ -79,7 +78,7 @@ def _rates(time: Vector, values: Vector) -> Vector:
 
 
 def _jacobian(full: CompiledModel, rows: list[int]) -> Any:
-    """`(t, x, z, u, p, m) -> d(rates of the fast states)/d(fast states)`, the algebraic unknowns following."""
+    """`(t, x, z, u, p, m) -> d(rates of fast states)/d(fast states)`, with algebraic variables eliminated."""
     s = Symbols(full)
     ode, alg = full.rhs(*s.inputs)
     f = ode[rows]

@@ -1,4 +1,4 @@
-"""The smallest model that gives wanted outputs, as a report beside the full one."""
+"""`acausal.reduce`: the smallest model that gives the wanted outputs, and a report on its reduction."""
 
 from __future__ import annotations
 
@@ -27,19 +27,19 @@ from acausal.result.result import Result, Signal
 from acausal.simulate.restructure.joined import renamed
 from acausal.simulate.restructure.restructure import lasting_names
 from acausal.simulate.run import simulate
-from acausal.study.reduction.comparison import Comparison, compared
+from acausal.study.reduction.comparison import Comparison, compare_runs
 
 
 @dataclass(frozen=True)
 class Counts:
-    """The size of a model."""
+    """Size of a model."""
 
-    equations: int  # scalar equations: as composed for the full model, those that are left for the reduced one
-    solved: int  # those that a run or its outputs evaluate
-    # `states`, `algebraic`: what is integrated, and what is iterated in every step.
+    equations: int  # scalar equations, for the full model as composed, for the reduced one those left
+    solved: int  # equations evaluated in a run or for its outputs
+    # Integrated states, and algebraic variables, which are iterated in every step.
     states: int
     algebraic: int
-    # `parameters`, `time_events`: free parameters that have an effect, and relations of time that switch.
+    # Free parameters that have an effect, and relations of time.
     parameters: int
     time_events: int
     operations: int  # of one evaluation of the right-hand side
@@ -47,24 +47,24 @@ class Counts:
 
 @dataclass(frozen=True, eq=False)
 class Reduction:
-    """A reduced model, what was left out of it, and how it compares; made by `acausal.reduce`.
+    """A reduced model, the parts left out, and a comparison with the full model; returned by `acausal.reduce`.
 
     Attributes
     ----------
     outputs, constant
-        Full names of the wanted outputs, and those of them that never change.
+        Full names of the wanted outputs, and of the constant ones among them.
     compiled, full
-        The reduced and the full model, to run them.
+        The reduced and the full model.
     before, after
         Their sizes.
     dropped
-        What the full model has and the reduced one has not, with reasons.
+        Parts of the full model left out, with reasons.
     islands
-        Groups of outputs that have no states in common; more than one can be solved apart: `simulate`.
+        Groups of outputs without common states, which `simulate` solves separately.
     comparison
-        Times and errors, measured by runs of both; None when none was asked for.
+        Measured times and errors of both models; None without `compare`.
     hints
-        What would make it smaller still.
+        Options that would reduce the model further.
     """
 
     model: str
@@ -90,16 +90,16 @@ class Reduction:
 
     @cached_property
     def kinds(self) -> Mapping[str, int]:
-        """How many things of each kind were left out."""
+        """Number of parts left out of each kind."""
         found = Counter(item.kind for item in self.dropped)
         return {kind: found[kind] for kind in KINDS if found[kind]}
 
     def simulate(self, **options: Any) -> Result:
-        """A run of the reduced model, its islands one after the other; options as in `acausal.simulate`."""
-        return simulate_apart(self.compiled, self.islands, options)
+        """Simulate the reduced model, its islands separately; options as in `acausal.simulate`."""
+        return simulate_islands(self.compiled, self.islands, options)
 
     def record(self) -> dict[str, Any]:
-        """Everything, for JSON."""
+        """The reduction as a dictionary, for JSON."""
         comparison = self.comparison
         return {
             "model": self.model,
@@ -120,19 +120,19 @@ class Reduction:
     def lines(self) -> Iterator[str]:
         """The report as text."""
         before, after = asdict(self.before), asdict(self.after)
-        yield f"{self.model}, reduced to {_listed(self.outputs)}"
+        yield f"{self.model}, reduced to {_name_list(self.outputs)}"
         yield f"  {'':14}{'full':>8}{'reduced':>10}"
         for key in before:
             yield f"  {key.replace('_', ' '):14}{before[key]:8d}{after[key]:10d}"
-        yield "  states left: " + (_listed(self.compiled.states, 12) or "none")
+        yield "  states left: " + (_name_list(self.compiled.states, 12) or "none")
         for kind in self.kinds:
             yield f"  {_TITLES[kind]}"
-            yield from _grouped([item for item in self.dropped if item.kind == kind])
+            yield from _by_reason([item for item in self.dropped if item.kind == kind])
         if self.constant:
-            yield f"  never change: {_listed(self.constant)}"
+            yield f"  never change: {_name_list(self.constant)}"
         if len(self.islands) > 1:
             yield f"  {len(self.islands)} islands that can be solved apart:"
-            yield from (f"    {_listed(i.outputs)}: {_listed(i.states, 6)}" for i in self.islands)
+            yield from (f"    {_name_list(i.outputs)}: {_name_list(i.states, 6)}" for i in self.islands)
         if self.comparison is not None:
             yield from self.comparison.lines()
         yield from (f"  hint: {hint}" for hint in self.hints)
@@ -169,24 +169,24 @@ def reduce(
     Parameters
     ----------
     outputs
-        Names of variables; arrays stand for all entries, `*` for any text.
+        Names of variables; an array stands for all its entries, `*` matches any text.
     freeze
-        Parameters, components or patterns that become numbers; "zeros" for all parameters that are zero.
+        Parameters, components or patterns to make constant; "zeros" for all parameters that are zero.
     quasi_static
         States, or components with all their states, to put at their quasi-static limit.
     parameters
         Values by path, as in `acausal.compile`.
     compare
-        Run both models: times are the best of `repeat` runs, errors the largest differences of the outputs.
+        Whether to run both models: times are the shortest of `repeat` runs, errors the largest differences of outputs.
     options
-        For these runs, as in `acausal.simulate`: stop_time, tolerance, solver, inputs, ...
+        Options of these runs, as in `acausal.simulate`: stop_time, tolerance, solver, inputs, ...
 
     Raises
     ------
     UsageError
         AC010, AC018, AC020, AC026 for wrong names, AC027 for drills that may leave several holes.
     AcausalError
-        Whatever is wrong with the model.
+        Any error of the model.
     """
     own = {lasting: name for name, lasting in lasting_names(model).items()}
     outputs = [renamed(name, own) for name in outputs]
@@ -213,12 +213,12 @@ def reduce(
         after=counts(compiled),
         dropped=selection.left,
         islands=islands(compiled, names),
-        comparison=_compared(model, full, compiled, parameters, repeat, options) if compare else None,
+        comparison=_comparison(model, full, compiled, parameters, repeat, options) if compare else None,
         hints=_hints(model, compiled, outputs, parameters, formulation, freeze),
     )
 
 
-def _compared(
+def _comparison(
     model: Component,
     full: CompiledModel,
     compiled: CompiledModel,
@@ -226,31 +226,31 @@ def _compared(
     repeat: int,
     options: Mapping[str, Any],
 ) -> Comparison:
-    """Runs of both; a scene whose contacts come and go runs in pieces, once, its contacts called by lasting names."""
+    """Comparison of both models; a scene with changing contacts runs in pieces, once, with lasting contact names."""
     if not changing(model):
-        return compared(full, compiled, compiled.asked, repeat, options)
+        return compare_runs(full, compiled, compiled.asked, repeat, options)
     names = lasting_names(model)
     given: Any = parameters
     runs = {"full": partial(simulate, model, parameters=given), "reduced": partial(simulate, compiled)}
-    return compared(full, compiled, compiled.asked, 1, options, runs, lambda name: renamed(name, names))
+    return compare_runs(full, compiled, compiled.asked, 1, options, runs, lambda name: renamed(name, names))
 
 
 def counts(compiled: CompiledModel, equations: int | None = None) -> Counts:
-    """The size of a compiled model; its equations are those that are solved unless given."""
+    """Size of a compiled model; `equations` defaults to the number of solved ones."""
     solved = len(compiled.solution.definitions) + len(compiled.solution.residuals)
     return Counts(
         equations=solved if equations is None else equations,
         solved=solved,
         states=len(compiled.states),
         algebraic=len(compiled.algebraic),
-        parameters=len(_used(compiled)),
+        parameters=len(_effective_parameters(compiled)),
         time_events=len(compiled.time_events.relations),
         operations=int(compiled.rhs.n_instructions()),
     )
 
 
-def _used(compiled: CompiledModel) -> set[int]:
-    """Free parameters in anything that is evaluated."""
+def _effective_parameters(compiled: CompiledModel) -> set[int]:
+    """Free parameters that any evaluated expression depends on."""
     solution = compiled.solution
     reduced = solution.structure.reduced
     roots = [n for _, n in solution.definitions] + [*solution.residuals, *event_nodes(reduced)]
@@ -269,7 +269,7 @@ def _hints(
     formulation: str,
     freeze: Sequence[str],
 ) -> tuple[str, ...]:
-    """Whether zeros among the parameters hide more."""
+    """A hint if freezing the zero parameters would reduce the model further."""
     if ZEROS in freeze or 0.0 not in compiled.parameter_values:
         return ()
     try:
@@ -287,31 +287,32 @@ def _hints(
     return ()
 
 
-def _listed(names: Sequence[str], most: int = _MOST_NAMES) -> str:
+def _name_list(names: Sequence[str], most: int = _MOST_NAMES) -> str:
+    """Text of at most `most` names."""
     return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
 
 
-def _grouped(items: Sequence[Left]) -> Iterator[str]:
-    """One line for each reason, with the names it is about."""
+def _by_reason(items: Sequence[Left]) -> Iterator[str]:
+    """One line for each reason, with its names."""
     reasons: dict[str, list[str]] = {}
     for item in items:
         reasons.setdefault(item.why, []).append(item.name)
     for why, names in reasons.items():
-        yield f"    {_listed(names)}: {why}"
+        yield f"    {_name_list(names)}: {why}"
 
 
 @dataclass(frozen=True)
 class Island:
-    """Outputs, and the states behind them that no other output needs."""
+    """Outputs, and the states on which only they depend."""
 
     outputs: tuple[str, ...]
     states: tuple[str, ...]
 
 
 def islands(compiled: CompiledModel, outputs: Sequence[str]) -> tuple[Island, ...]:
-    """Groups of outputs by the states and unknowns they depend on; outputs without any are in none.
+    """Groups of outputs without common states and algebraic variables; outputs without any are in no group.
 
-    Models with events are one island: what happens in one part of them stops the run of all.
+    Models with events are one island, because an event in one part stops the integration of all.
     """
     solution = compiled.solution
     reduced = solution.structure.reduced
@@ -342,8 +343,8 @@ def islands(compiled: CompiledModel, outputs: Sequence[str]) -> tuple[Island, ..
     return tuple(found_islands)
 
 
-def simulate_apart(compiled: CompiledModel, parts: Sequence[Island], options: Mapping[str, Any]) -> Result:
-    """A run of every island by itself, put together; one run when there is one island only."""
+def simulate_islands(compiled: CompiledModel, parts: Sequence[Island], options: Mapping[str, Any]) -> Result:
+    """A separate run of every island, joined into one result."""
     if len(parts) < 2:
         return simulate(compiled, **options)
     flat = compiled.flat
@@ -351,11 +352,11 @@ def simulate_apart(compiled: CompiledModel, parts: Sequence[Island], options: Ma
     for part in parts:
         own = restrict(compiled.solution, tuple(output_scalars(flat, part.outputs).values()))
         results.append(simulate(replace(lower(own), selection=compiled.selection), **options))
-    return _joined(results)
+    return _join(results)
 
 
-def _joined(results: Sequence[Result]) -> Result:
-    """One result at all times of all runs; a time at which one of them has an event occurs twice."""
+def _join(results: Sequence[Result]) -> Result:
+    """One result at the times of all runs; times of events occur twice."""
     time = _union([r.time for r in results])
     columns: list[Vector] = []
     signals: dict[str, Signal] = {}
@@ -375,7 +376,7 @@ def _joined(results: Sequence[Result]) -> Result:
 
 
 def _union(times: Sequence[Vector]) -> Vector:
-    """All times, each as often as it occurs in the run in which it occurs most."""
+    """Union of sorted times, shape (n,), each as often as in the run in which it occurs most often."""
     most: dict[float, int] = {}
     for one in times:
         values, count = np.unique(one, return_counts=True)
@@ -385,7 +386,7 @@ def _union(times: Sequence[Vector]) -> Vector:
 
 
 def _rows(result: Result, time: Vector) -> list[Vector]:
-    """Rows of a result at times that contain its own."""
+    """Rows of a result, each of shape (columns,), at times that include its own."""
     found = []
     k = -1
     for i, t in enumerate(time):

@@ -1,4 +1,4 @@
-"""Dask distributed as the engine beyond one machine: an executor of its client."""
+"""Executors of Dask distributed, for sweeps on several machines."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from contextlib import contextmanager
 from acausal.errors import UsageError
 from acausal.study.sweep.tables import package
 
-# How long a scheduler may take to answer.
-_PATIENCE = "10s"
+# Time limit for the answer of a scheduler.
+_TIMEOUT = "10s"
 
 
 @contextmanager
 def cluster(address: str, workers: int) -> Iterator[tuple[Executor, int]]:
-    """An executor of the scheduler at `host:port`, or of a cluster of `workers` processes here, and its threads.
+    """(Executor, number of its threads) of the scheduler at `host:port`, or of a local cluster of `workers` processes.
 
-    Raises UsageError: AC015 where `distributed` is not installed, AC063 where no scheduler answers.
+    Raises UsageError: AC015 if `distributed` is not installed, AC063 if no scheduler answers.
     """
     distributed = package("distributed")
     if not address:
@@ -29,7 +29,7 @@ def cluster(address: str, workers: int) -> Iterator[tuple[Executor, int]]:
             yield client.get_executor(pure=False, retries=0), workers
         return
     try:
-        client = distributed.Client(f"tcp://{address}", timeout=_PATIENCE)
+        client = distributed.Client(f"tcp://{address}", timeout=_TIMEOUT)
     except (OSError, ValueError) as error:
         raise UsageError(
             "AC063",

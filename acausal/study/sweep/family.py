@@ -1,4 +1,4 @@
-"""The outcome of a sweep: one table of members, and families of curves."""
+"""`Sweep`: results of a sweep as a table of members and as families of curves."""
 
 from __future__ import annotations
 
@@ -23,27 +23,27 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Sweep:
-    """Many runs of one model: n members, k varied parameters, s signals on r times.
+    """Runs of one model: n members, k varied parameters, s signals at r times.
 
     Parameters
     ----------
     model
         Name of the model.
     parameters, values
-        What was varied, and its values in SI, shape (n, k).
+        The varied parameters, and their values in SI units, shape (n, k).
     time
-        Times of the rows, shape (r,). [s]
+        Times of the rows, shape (r,) [s].
     signals
-        The signals that were kept.
+        The stored signals.
     finals, rows
-        Values at the end of each run, shape (n, s), and over time, shape (n, r, s); nan for members that failed, and
-        behind runs that ended themselves.
+        Values at the end of each run, shape (n, s), and over time, shape (n, r, s); nan for failed members, and after a
+        termination by the model.
     status
         "ok", "failed" or "missing" (not run yet) for each member.
     codes, messages, notes
-        Of failed members the code and the sentence of their error, "" of others; what runs had to remark.
+        Code and message of the error of failed members, "" for others; notes of the runs.
     stop_times, seconds, events
-        Where each run came to, how long it took, and its number of events.
+        Final time of each run [s], its wall time [s], and its number of events, shapes (n,).
     """
 
     model: str
@@ -66,7 +66,7 @@ class Sweep:
 
     @cached_property
     def failed(self) -> tuple[int, ...]:
-        """Members that have no values because their run failed."""
+        """Numbers of the failed members."""
         return tuple(k for k, status in enumerate(self.status) if status == "failed")
 
     @cached_property
@@ -78,30 +78,33 @@ class Sweep:
         return name == "time" or name in self._places
 
     def __iter__(self) -> Iterator[str]:
-        """Names of what was varied and of the signals that were kept, as columns of a table: its length is its rows."""
+        """Names of the varied parameters and stored signals, which are the columns; the length is that of the rows."""
         return iter(self._places)
 
     def __getitem__(self, name: str) -> Vector:
         """Values of a signal over time, shape (n, r), of a varied parameter, shape (n,), or of `time`, shape (r,).
 
-        Raises UsageError: AC010 for a name that was not kept.
+        Raises UsageError: AC010 for a name that is not stored.
         """
         if name == "time":
             return self.time.copy()
-        kind, k = self._found(name)
+        kind, k = self._locate(name)
         return np.array(self.values[:, k] if kind == "varied" else self.rows[:, :, k])
 
     def final(self, name: str) -> Vector:
-        """Values at the end of each run, shape (n,); nan for members without any."""
-        kind, k = self._found(name)
+        """Values at the end of each run, shape (n,); nan for failed or missing members.
+
+        Raises UsageError: AC010 for a name that is not stored.
+        """
+        kind, k = self._locate(name)
         return np.array((self.values if kind == "varied" else self.finals)[:, k])
 
     def unit(self, name: str) -> str:
-        """Unit of a signal or a varied parameter, as declared."""
-        kind, k = self._found(name)
+        """Declared unit of a signal or a varied parameter; AC010 for a name that is not stored."""
+        kind, k = self._locate(name)
         return (self.parameters if kind == "varied" else self.signals)[k].unit
 
-    def _found(self, name: str) -> tuple[str, int]:
+    def _locate(self, name: str) -> tuple[str, int]:
         if name not in self._places:
             raise UsageError(
                 "AC010",
@@ -126,11 +129,11 @@ class Sweep:
         return provided("sweep_dataset")(self)
 
     def to_pandas(self) -> Any:
-        """A `pandas.DataFrame` with one row for each member: parameters, status, and signals at the end of the run."""
+        """A `pandas.DataFrame` with one row per member: parameters, status, and signals at the end of the run."""
         return provided("sweep_frame")(self)
 
     def plot(self, *names: str, by: str | None = None, file: str | Path | None = None) -> Figure:
-        """Draw families of curves; see `acausal.study.sweep.picture`."""
+        """Plot families of curves; see `acausal.study.sweep.picture`."""
         drawn: Figure = provided("sweep_picture")(self, *names, by=by, file=file)
         return drawn
 
@@ -146,19 +149,19 @@ def load_sweep(path: str | Path) -> Sweep:
     Raises
     ------
     UsageError
-        AC014 when there is no such file, AC062 when it is no sweep.
+        AC014 if there is no such file, AC062 if it is not a sweep.
     """
     if not Path(path).is_file():
         raise UsageError("AC014", f"there is no file {path}")
     store = Store(Path(path))
     try:
-        return gathered(store)
+        return sweep_from(store)
     finally:
         store.close()
 
 
-def gathered(store: Store) -> Sweep:
-    """The sweep that a store holds."""
+def sweep_from(store: Store) -> Sweep:
+    """The sweep of a store."""
     known = store.definition()
     n, r, s = len(known.values), len(known.grid), len(known.signals)
     finals, rows = np.full((n, s), np.nan), np.full((n, r, s), np.nan)
@@ -181,7 +184,7 @@ Report = Callable[["Progress"], None]
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a sweep is: members done (failed ones among them) of all, seconds since it began, and those to come."""
+    """Progress of a sweep: members done (including failed ones) of the total, elapsed and remaining time [s]."""
 
     done: int
     total: int

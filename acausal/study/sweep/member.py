@@ -1,4 +1,4 @@
-"""One member of a sweep: a run, and what is kept of it. This is all that a worker does."""
+"""One member of a sweep: a run, and the values stored of it; this is executed by the workers."""
 
 from __future__ import annotations
 
@@ -22,32 +22,33 @@ from acausal.result.result import Result
 from acausal.simulate.native.policy import expect
 from acausal.simulate.run import simulate
 
-# Times of output that are nearer than this share of the largest are the same.
+# Output times that differ by less than this share of the largest are equal.
 _SAME = 1e-13
 
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """What all members share."""
+    """The part of a sweep that all members share."""
 
     model: CompiledModel
-    # `component`, `parameters`: what the model was compiled from, for members for which that does not hold (AC029);
-    # None where a compiled model was given.
+    # Component (None for a compiled model) and parameters from which the model was compiled, to compile it again for
+    # members with another structure (AC029).
     component: Component | None
     parameters: Mapping[str, Any]
-    names: tuple[str, ...]  # parameters that are varied
-    grid: Vector  # times of the rows that are kept, shape (r,). [s]
-    signals: tuple[str, ...]  # names of the s scalar signals that are kept
+    names: tuple[str, ...]  # varied parameters
+    grid: Vector  # times of the stored rows, shape (r,) [s]
+    signals: tuple[str, ...]  # names of the s stored scalar signals
     options: Mapping[str, Any]  # options of `simulate`
-    expected: float = 0.0  # evaluations of the right-hand side in all members together, as far as that is known
+    expected: float = 0.0  # estimated evaluations of the right-hand side in all members
 
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What is kept of a member.
+    """Stored values of a member.
 
-    `code` is empty for a run that came to its end, at `stop`; then `final`, shape (s,), holds the values there, and
-    `rows`, shape (r, s), those on the grid, nan behind a run that ended itself. Of a failed run both are nan.
+    `code` is empty for a successful run, which ended at `stop` [s] after `seconds` of wall time. `final`, shape (s,),
+    are the values at its end, and `rows`, shape (r, s), those on the grid, nan after a termination by the model. Both
+    are nan for a failed run.
     """
 
     member: int
@@ -63,19 +64,22 @@ class Outcome:
 
 
 def run_member(task: Task, member: int, values: Sequence[float], *, checked: bool = True) -> Outcome:
-    """Run one member; whatever the run fails of is its outcome, but for a wrong request that nobody has `checked`."""
-    began = time.perf_counter()
+    """Run one member; any error becomes its outcome, except that of an invalid request if `checked` is false.
+
+    `values`: Values of the varied parameters, shape (k,).
+    """
+    start = time.perf_counter()
     try:
-        result = result_of(task, values)
-        final, rows = kept(task, result)
+        result = run_task(task, values)
+        final, rows = stored_values(task, result)
     except Exception as error:
-        shown = as_error(error)
+        shown = as_acausal_error(error)
         if not checked and isinstance(error, UsageError) and error.code != "AC029":
             raise
         reached = getattr(getattr(error, "result", None), "time", np.array([np.nan]))[-1]
-        return failed(task, member, shown.code, shown.fact, float(reached), time.perf_counter() - began)
+        return failed(task, member, shown.code, shown.fact, float(reached), time.perf_counter() - start)
     notes: Any = result.stats.get("notes", ())
-    seconds = time.perf_counter() - began
+    seconds = time.perf_counter() - start
     evaluations = float(result.stats.get("rhs_evaluations", 0.0))  # type: ignore[arg-type]
     stop, events = float(result.time[-1]), len(result.events)
     return Outcome(member, "", "", tuple(notes), stop, seconds, events, final, rows, evaluations)
@@ -84,20 +88,20 @@ def run_member(task: Task, member: int, values: Sequence[float], *, checked: boo
 def failed(
     task: Task, member: int, code: str, message: str, reached: float = np.nan, seconds: float = np.nan
 ) -> Outcome:
-    """The outcome of a member that has no values."""
+    """The outcome of a failed member."""
     nothing = np.full((len(task.grid), len(task.signals)), np.nan)
     return Outcome(member, code, message, (), reached, seconds, 0, nothing[0], nothing)
 
 
-def as_error(error: Exception) -> AcausalError:
-    """Any exception with a code."""
+def as_acausal_error(error: Exception) -> AcausalError:
+    """The exception, or an `InternalError` AC999 with its message."""
     if isinstance(error, AcausalError):
         return error
     return InternalError("AC999", f"{type(error).__name__}: {error}")
 
 
-def result_of(task: Task, values: Sequence[float]) -> Result:
-    """The run of a member, the same as `simulate` of the component with these parameters."""
+def run_task(task: Task, values: Sequence[float]) -> Result:
+    """Result of a member, equal to `simulate` of the component with these parameters."""
     own = dict(zip(task.names, values, strict=True))
     try:
         return simulate(task.model, parameters=own, **task.options)
@@ -107,22 +111,22 @@ def result_of(task: Task, values: Sequence[float]) -> Result:
     return simulate(task.component, parameters={**task.parameters, **own}, **task.options)
 
 
-def kept(task: Task, result: Result) -> tuple[Vector, Vector]:
-    """Values at the end of a run, shape (s,), and on the grid, shape (r, s)."""
+def stored_values(task: Task, result: Result) -> tuple[Vector, Vector]:
+    """(Values at the end of a run, shape (s,); values on the grid, shape (r, s))."""
     slack = _SAME * max(abs(task.grid[0]), abs(task.grid[-1]))
     place = np.searchsorted(result.time, task.grid + slack, side="right") - 1
-    there = np.abs(result.time[place] - task.grid) <= slack
+    on_grid = np.abs(result.time[place] - task.grid) <= slack
     values = np.stack([result[name] for name in task.signals], axis=1)
-    return values[-1].copy(), np.where(there[:, None], values[place], np.nan)
+    return values[-1].copy(), np.where(on_grid[:, None], values[place], np.nan)
 
 
-# The tasks of this process: compiled models hold memory that no two threads may share.
+# Tasks by key and thread: compiled models have work memory that threads must not share.
 _TASKS: dict[tuple[str, int], Task] = {}
 _MOST_TASKS = 32
 
 
 def remember(key: str, task: Task) -> None:
-    """Keep a task for chunks that this thread will run."""
+    """Store a task for the chunks of this thread."""
     while len(_TASKS) >= _MOST_TASKS:
         del _TASKS[next(iter(_TASKS))]
     expect(task.model, task.expected)
@@ -130,33 +134,35 @@ def remember(key: str, task: Task) -> None:
 
 
 def forget(key: str) -> None:
-    """Release a task that this thread remembers."""
+    """Release a task of this thread."""
     _TASKS.pop((key, threading.get_ident()), None)
 
 
-def unpacked(packed: bytes) -> Task:
-    """A task as `acausal.study.sweep.crew.packed` has sent it, with the model files that it needs.
+def unpickled(pickled: bytes) -> Task:
+    """The task pickled by `acausal.study.sweep.workers.pickled`; source files in it are executed as modules.
 
-    Raises pickle.UnpicklingError: With the words of whatever has failed.
+    Raises pickle.UnpicklingError: With the message of any error.
     """
     try:
-        files, content = pickle.loads(packed)
+        files, content = pickle.loads(pickled)
         for name, file, source in files:
             if name not in sys.modules:
                 module = sys.modules[name] = ModuleType(name)
                 module.__file__ = file
-                sys.path.append(str(Path(file).parent))  # of files beside it, where there is that folder here
+                sys.path.append(
+                    str(Path(file).parent)
+                )  # for imports of neighbouring files, if the folder exists on this machine
                 exec(compile(source, file, "exec"), module.__dict__)
         return cast(Task, pickle.loads(content))
     except Exception as error:
         raise pickle.UnpicklingError(f"{type(error).__name__}: {error}") from error
 
 
-def run_chunk(key: str, packed: bytes | None, members: Sequence[tuple[int, tuple[float, ...]]]) -> list[Outcome]:
-    """Run some members in a worker, of a task that it knows or unpacks."""
+def run_chunk(key: str, pickled: bytes | None, members: Sequence[tuple[int, tuple[float, ...]]]) -> list[Outcome]:
+    """Run some members in a worker; `pickled` is the task, needed if the worker does not know it yet."""
     task = _TASKS.get((key, threading.get_ident()))
     if task is None:
-        assert packed is not None, "a worker that was not sent a task has inherited it"
-        task = unpacked(packed)
+        assert pickled is not None, "a worker that was not sent a task has inherited it"
+        task = unpickled(pickled)
         remember(key, task)
     return [run_member(task, member, values) for member, values in members]

@@ -1,4 +1,4 @@
-"""Families of curves: one panel a signal, each member a line in the colour of a varied parameter, or quantile bands."""
+"""Plots of sweeps: one panel per signal, with lines coloured by a varied parameter, or quantile bands."""
 
 from __future__ import annotations
 
@@ -21,24 +21,24 @@ from acausal.plot.plot import STYLE, check_picture, save
 from acausal.plot.scale import readable
 from acausal.study.sweep.family import Sweep
 
-# Lines that can be told apart by name, and lines that can be seen at all.
+# Largest numbers of colours in a legend, and of lines in a panel.
 _NAMED, _SEEN = 8, 200
 _MOST_PANELS = 6
-# Without its yellow, which is no colour for a thin line on white.
+# Without the yellow end, in which a thin line on white is hardly visible.
 _MAP = LinearSegmentedColormap.from_list("family", matplotlib.colormaps["viridis"](np.linspace(0.0, 0.9, 64)))
 _STYLES = ("-", "--", ":", "-.")
 
 
 def sweep_picture(sweep: Sweep, *names: str, by: str | None = None, file: str | Path | None = None) -> Figure:
-    """Draw signals over time, one panel each, of all members that have values.
+    """Plot signals over time, one panel each, of all successful members.
 
-    Up to 200 members are lines in the colour of a parameter, and in the style of another one with up to four values; of
-    more members there are the median, the middle half and the middle nine tenths at each time.
+    Up to 200 members are lines, coloured by one parameter and styled by another one with up to four values. For more
+    members, the median and the central 50 % and 90 % at each time are plotted.
 
     Parameters
     ----------
     names
-        Signals that were kept; the first six of them by default.
+        Stored signals; by default the first six.
     by
         The varied parameter that colours the lines; the first one by default.
     file
@@ -47,57 +47,60 @@ def sweep_picture(sweep: Sweep, *names: str, by: str | None = None, file: str | 
     Raises
     ------
     UsageError
-        AC010 for an unknown name, AC012 and AC013 for the file, AC016 where no member has values.
+        AC010 for an unknown name, AC012 and AC013 for the file, AC016 if no member has values.
     """
     check_picture(file)
-    shown = names or tuple(s.name for s in sweep.signals[:_MOST_PANELS])
-    families = [sweep[name] for name in shown]
-    there = np.array([status == "ok" for status in sweep.status])
-    if not there.any():
+    panels = names or tuple(s.name for s in sweep.signals[:_MOST_PANELS])
+    families = [sweep[name] for name in panels]
+    is_ok = np.array([status == "ok" for status in sweep.status])
+    if not is_ok.any():
         raise UsageError("AC016", f"no member of the sweep of {sweep.model} has values to draw")
     coloured = by or sweep.parameters[0].name
     values = sweep[coloured]
     if values.ndim != 1 or coloured == "time":
         raise UsageError("AC016", f"'{coloured}' is not varied", help=", ".join(s.name for s in sweep.parameters))
-    styled = _styled(sweep, coloured)
+    styled = _styled_parameter(sweep, coloured)
     styles = np.zeros(len(sweep), dtype=int) if styled is None else np.unique(sweep[styled], return_inverse=True)[1]
     docs = {s.name: s.doc.rstrip(".") for s in sweep.signals}
     clock = readable("s", float(np.abs(sweep.time).max()))
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(7.4, 1.2 + max(2.2 * len(shown), 2.8)), layout="constrained")
+        figure = Figure(figsize=(7.4, 1.2 + max(2.2 * len(panels), 2.8)), layout="constrained")
         FigureCanvasAgg(figure)
-        axes = figure.subplots(len(shown), 1, sharex=True, squeeze=False)[:, 0]
-        for ax, name, rows in zip(axes, shown, families, strict=True):
+        axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
+        for ax, name, rows in zip(axes, panels, families, strict=True):
             scale = readable(sweep.unit(name), float(np.nanmax(np.abs(rows), initial=0.0)))
-            if there.sum() > _SEEN:
-                _bands(ax, clock(sweep.time), scale(rows[there]))
+            if is_ok.sum() > _SEEN:
+                _bands(ax, clock(sweep.time), scale(rows[is_ok]))
             else:
-                _lines(ax, clock(sweep.time), scale(rows[there]), values[there], styles[there])
+                _lines(ax, clock(sweep.time), scale(rows[is_ok]), values[is_ok], styles[is_ok])
             ax.set_ylabel(f"{name} {scale.label}".strip())
             if docs[name]:
                 ax.set_title(docs[name], loc="left")
         axes[-1].set_xlabel(f"Time {clock.label}")
-        if there.sum() > _SEEN:
+        if is_ok.sum() > _SEEN:
             figure.legend(*axes[0].get_legend_handles_labels(), title="of all members", loc="outside right upper")
         else:
-            _key(figure, axes, sweep, coloured, values[there])
+            _key(figure, axes, sweep, coloured, values[is_ok])
             if styled is not None:
                 _style_key(figure, sweep, styled)
         figure.align_ylabels()
-        lost = len(sweep) - int(there.sum())
-        heading = f"{sweep.model}, {int(there.sum())} members"
-        figure.suptitle(heading + (f" ({lost} without values)" if lost else ""), fontsize=11, fontweight="bold")
+        without_values = len(sweep) - int(is_ok.sum())
+        heading = f"{sweep.model}, {int(is_ok.sum())} members"
+        figure.suptitle(
+            heading + (f" ({without_values} without values)" if without_values else ""), fontsize=11, fontweight="bold"
+        )
         save(figure, file)
     return figure
 
 
-def _styled(sweep: Sweep, coloured: str) -> str | None:
-    """Another parameter than the one that colours, which has few values."""
+def _styled_parameter(sweep: Sweep, coloured: str) -> str | None:
+    """A parameter with few values, other than that of the colours; None without."""
     others = (s.name for s in sweep.parameters if s.name != coloured)
     return next((name for name in others if 1 < len(np.unique(sweep[name])) <= len(_STYLES)), None)
 
 
 def _style_key(figure: Figure, sweep: Sweep, name: str) -> None:
+    """Legend of the line styles."""
     levels = np.unique(sweep[name])
     scale = readable(sweep.unit(name), float(np.abs(levels).max()))
     pairs = zip(levels, _STYLES, strict=False)
@@ -106,6 +109,7 @@ def _style_key(figure: Figure, sweep: Sweep, name: str) -> None:
 
 
 def _lines(ax: Axes, time: Vector, rows: Vector, values: Vector, styles: NDArray[np.int64]) -> None:
+    """One line per member; `rows` has shape (members, r)."""
     colours = _MAP(_norm(values)(values))
     width = 1.4 if len(rows) <= 3 * _NAMED else 0.7
     for row, colour, style in zip(rows, colours, styles, strict=True):
@@ -113,7 +117,7 @@ def _lines(ax: Axes, time: Vector, rows: Vector, values: Vector, styles: NDArray
 
 
 def _bands(ax: Axes, time: Vector, rows: Vector) -> None:
-    """Quantiles at each time of the members that still have values there."""
+    """Quantile bands at each time, of the members with values there; `rows` has shape (members, r)."""
     seen = np.isfinite(rows).any(axis=0)
     low, lower, middle, upper, high = np.nanquantile(rows[:, seen], [0.05, 0.25, 0.5, 0.75, 0.95], axis=0)
     ax.fill_between(time[seen], low, high, color="#0072B2", alpha=0.18, lw=0, label="5 to 95 %")
@@ -122,7 +126,7 @@ def _bands(ax: Axes, time: Vector, rows: Vector) -> None:
 
 
 def _key(figure: Figure, axes: Any, sweep: Sweep, name: str, values: Vector) -> None:
-    """Which colour is which value: a legend for a few, else a bar."""
+    """Key of the colours: a legend for few values, else a colour bar."""
     scale = readable(sweep.unit(name), float(np.abs(values).max()))
     label = f"{name} {scale.label}".strip()
     levels = np.unique(values)
@@ -138,7 +142,7 @@ def _key(figure: Figure, axes: Any, sweep: Sweep, name: str, values: Vector) -> 
 
 
 def _norm(values: Vector) -> Normalize:
-    """Colours evenly spread over the values, or over their logarithms where they span more than two decades."""
+    """Colour scale, linear, or logarithmic if positive values span more than two decades."""
     low, high = float(values.min()), float(values.max())
     if low == high:
         return Normalize(low - 1.0, high + 1.0)

@@ -1,6 +1,7 @@
-"""The members of a sweep that are done, in an SQLite file (or in memory): what was counted as done survives a kill.
+"""Outcomes of a sweep in an SQLite file or in memory; outcomes of finished chunks survive a kill of the process.
 
-Each chunk is one transaction. Numbers are little-endian doubles, the definition is JSON: nothing in the file is code.
+Each chunk is one transaction. Numbers are little-endian doubles and the definition is JSON, so that reading a file
+never executes code.
 """
 
 from __future__ import annotations
@@ -32,20 +33,20 @@ CREATE TABLE members (
 
 @dataclass(frozen=True, eq=False)
 class Definition:
-    """What a sweep is: two sweeps with the same definition have the same members."""
+    """Definition of a sweep: sweeps with equal definitions have equal members."""
 
     model: str
-    # `parameters`, `values`: the k parameters that are varied, and their values, shape (n, k), in SI.
+    # The k varied parameters, and their values in SI units, shape (n, k).
     parameters: tuple[Signal, ...]
     values: Vector
-    # `signals`, `grid`: the s signals that are kept, and the times of their rows, shape (r,). [s]
+    # The s stored signals, and the times of their rows, shape (r,) [s].
     signals: tuple[Signal, ...]
     grid: Vector
-    setting: dict[str, str]  # options of the runs, and what the model is, as text
+    setting: dict[str, str]  # options of the runs and fingerprint of the model, as text
 
     @property
     def content(self) -> dict[str, Any]:
-        """All but the arrays, for JSON."""
+        """The definition without its arrays, for JSON."""
         described = ("name", "unit", "doc")
         return {
             "model": self.model,
@@ -55,7 +56,7 @@ class Definition:
         }
 
     def difference(self, other: Definition) -> list[str]:
-        """What another sweep has otherwise, in words."""
+        """Texts of the differences from another definition."""
         found = []
         if [s.name for s in self.parameters] != [s.name for s in other.parameters]:
             found.append("parameters that are varied")
@@ -70,34 +71,34 @@ class Definition:
 
 
 class Store:
-    """Outcomes by member; `file` None keeps them in memory.
+    """Outcomes by member; with `file` None they are stored in memory.
 
     Raises
     ------
     UsageError
-        AC012 when the file cannot be written, AC062 when it is no sweep.
+        AC012 if the file cannot be written, AC062 if it is not a sweep.
     """
 
     def __init__(self, file: Path | None) -> None:
         self.file = file
-        with _explained(file):
-            self._base = sqlite3.connect(":memory:" if file is None else file, check_same_thread=False)
+        with _sqlite_errors(file):
+            self._database = sqlite3.connect(":memory:" if file is None else file, check_same_thread=False)
 
     def close(self) -> None:
-        """Release the file."""
-        self._base.close()
+        """Close the file."""
+        self._database.close()
 
     def begin(self, definition: Definition) -> None:
-        """Make the tables of a new sweep."""
-        with _explained(self.file), self._base:
-            self._base.executescript(_TABLES)
+        """Create the tables of a new sweep."""
+        with _sqlite_errors(self.file), self._database:
+            self._database.executescript(_TABLES)
             row = _FORMAT, json.dumps(definition.content), _bytes(definition.values), _bytes(definition.grid)
-            self._base.execute("INSERT INTO definition VALUES (?, ?, ?, ?)", row)
+            self._database.execute("INSERT INTO definition VALUES (?, ?, ?, ?)", row)
 
     def definition(self) -> Definition:
-        """What the sweep in the file is."""
-        with _explained(self.file):
-            form, content, values, grid = self._base.execute("SELECT * FROM definition").fetchone()
+        """The definition of the sweep in the file."""
+        with _sqlite_errors(self.file):
+            form, content, values, grid = self._database.execute("SELECT * FROM definition").fetchone()
             if form != _FORMAT:
                 raise sqlite3.DatabaseError(f"its format is '{form}'")
             known = json.loads(content)
@@ -106,7 +107,7 @@ class Store:
         return Definition(known["model"], parameters, table, signals, _numbers(grid), known["setting"])
 
     def add(self, outcomes: Sequence[Outcome]) -> None:
-        """Keep outcomes: they are on disk when this returns."""
+        """Store outcomes; they are on disk when this returns."""
         rows = [
             (
                 o.member,
@@ -121,18 +122,21 @@ class Store:
             )
             for o in outcomes
         ]
-        with _explained(self.file), self._base:
-            self._base.executemany("INSERT OR REPLACE INTO members VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)", rows)
+        with _sqlite_errors(self.file), self._database:
+            self._database.executemany("INSERT OR REPLACE INTO members VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)", rows)
 
     def done(self) -> set[int]:
-        """Members that are there."""
-        with _explained(self.file):
-            return {row[0] for row in self._base.execute("SELECT member FROM members")}
+        """Numbers of the stored members."""
+        with _sqlite_errors(self.file):
+            return {row[0] for row in self._database.execute("SELECT member FROM members")}
 
     def outcomes(self, definition: Definition) -> Iterator[Outcome]:
-        """All that are there, in order."""
+        """All stored outcomes, by member."""
         columns = len(definition.signals)
-        with _explained(self.file), closing(self._base.execute("SELECT * FROM members ORDER BY member")) as found:
+        with (
+            _sqlite_errors(self.file),
+            closing(self._database.execute("SELECT * FROM members ORDER BY member")) as found,
+        ):
             for member, code, message, notes, stop, seconds, events, final, rows in found:
                 table = _numbers(rows).reshape(-1, columns)
                 yield Outcome(
@@ -149,16 +153,18 @@ class Store:
 
 
 def _bytes(values: Vector) -> bytes:
+    """Values of any shape as little-endian doubles."""
     return np.ascontiguousarray(values, dtype="<f8").tobytes()
 
 
 def _numbers(data: bytes) -> Vector:
+    """Little-endian doubles as a vector, shape (n,)."""
     return np.frombuffer(data, dtype="<f8").astype(float)
 
 
 @contextmanager
-def _explained(file: Path | None) -> Iterator[None]:
-    """Errors of SQLite as messages."""
+def _sqlite_errors(file: Path | None) -> Iterator[None]:
+    """Convert errors of SQLite to UsageError: AC012 or AC062."""
     try:
         yield
     except sqlite3.OperationalError as error:

@@ -1,4 +1,4 @@
-"""`acausal.sweep`: the same model with many values of its parameters."""
+"""`acausal.sweep`: runs of one model with many values of its parameters."""
 
 from __future__ import annotations
 
@@ -27,24 +27,24 @@ from acausal.simulate.arguments import parameter_vector
 from acausal.simulate.native.policy import expect
 from acausal.simulate.record.record import Described
 from acausal.study.sweep.cluster import cluster
-from acausal.study.sweep.crew import Crew, Foreign, Here, Processes, carried_out
-from acausal.study.sweep.family import Progress, Report, Sweep, gathered
+from acausal.study.sweep.family import Progress, Report, Sweep, sweep_from
 from acausal.study.sweep.identity import as_text, driven, fingerprint, run_times
 from acausal.study.sweep.member import Outcome, Task, run_member
 from acausal.study.sweep.store import Definition, Store
 from acausal.study.sweep.vary import design
+from acausal.study.sweep.workers import CallingThread, GivenExecutor, Processes, Workers, run_all
 
-# An executor and how many of its workers there are.
+# An executor and the number of its workers.
 Pool = tuple[Executor, int]
 
-# Signals that are kept without being named.
+# Largest number of states stored by default.
 _MOST_SIGNALS = 24
-# Seconds that a first run may take so that a second one tells how long the others will.
-_QUICK = 1.0
+# If the first run takes less [s], the second one is timed instead: the first includes the generation of functions.
+_FAST = 1.0
 
 
 class RunOptions(TypedDict, total=False):
-    """Options of `acausal.simulate` that hold for all members."""
+    """Options of `acausal.simulate`, the same for all members."""
 
     start_time: float | None
     stop_time: float | None
@@ -73,49 +73,50 @@ def sweep(
     progress: Report | None = None,
     **options: Unpack[RunOptions],
 ) -> Sweep:
-    """Run a model with many values of its parameters; each member is `simulate(model, parameters=...)`.
+    """Run a model with many values of its parameters; each member is one `simulate(model, parameters=...)`.
 
     Parameters
     ----------
     model
         A component, or a compiled model. It is compiled once.
     vary
-        By path, in SI: a `Range`, a sequence of values, or for samples a distribution of `scipy.stats`; the grid has
-        all combinations, the last name fastest. Or a sequence of mappings, one for each member.
+        Parameters by path, in SI units: a `Range`, a sequence of values, or, with `sample`, a distribution of
+        `scipy.stats`. The grid has all combinations, the last name varies fastest. Or a sequence of mappings, one for
+        each member.
     sample, seed
         "sobol:256", "halton:100", "lhs:100" or "random:1000" instead of the grid.
     signals
-        What is kept, on the output grid and at the end of each run; by default the states, up to 24.
+        Signals to store, on the output grid and at the end of each run; by default the states, up to 24.
     parameters
         Values of other parameters, the same for all members.
     workers
-        Processes; by default one for each core that this process may use. With 1 everything runs in this thread.
+        Number of processes; by default that of the cores available to this process. With 1 all runs in this thread.
     executor
         Any `concurrent.futures.Executor`, or "processes" (default), "threads", "dask://host:port", or "dask://" for a
         cluster of `workers` processes on this machine. It is opened before the first run. The first member, and the
-        second where that is quick, run in this process: they check the request and tell how long the others take.
+        second if the first is fast, run in this process, to check the request and to estimate the time of the others.
     file
-        A `.sweep` file, into which each finished chunk is written at once; None keeps all in memory.
+        A `.sweep` file to which each chunk is written when it is done; None stores all in memory.
     resume
-        Run only what `file` does not hold yet, of the same sweep; failed members are not tried again.
+        Run only the members missing in `file`, which must be of the same sweep; failed members are not repeated.
     progress
         Called with a `Progress` after each chunk.
     options
-        Those of `simulate`: times, output_interval, tolerance, solver, step, inputs, start, native, force.
+        Options of `simulate`: times, output_interval, tolerance, solver, step, inputs, start, native, force.
 
     Returns
     -------
     Sweep
-        What failed has a code and a message there; nothing is raised for it.
+        Failed members have a code and a message; they raise no error.
 
     Raises
     ------
     UsageError
-        AC060 for a variation that makes no sense, AC061 for what cannot be varied, AC062 for a file of another sweep,
-        AC063 for a Dask scheduler that does not answer, AC064 for a model that cannot be sent, AC015 for a missing
-        package; and what `compile` and the first run say of a wrong request.
+        AC060 for an invalid variation, AC061 for a parameter that cannot be varied, AC062 for a file of another sweep,
+        AC063 for a Dask scheduler that does not answer, AC064 for a model that cannot be sent to workers, AC015 for a
+        missing package; and the errors of `compile` and of the first run for an invalid request.
     RunError
-        AC413 when the workers of a given executor are gone.
+        AC413 if the workers of a given executor are lost.
     """
     names, values = design(vary, sample, seed)
     if workers is not None and workers < 1:
@@ -128,12 +129,12 @@ def sweep(
         setting["inputs"] = driven(compiled, dict(options))
         setting["model"] = fingerprint(compiled)
     definition = Definition(compiled.name, _varied(compiled, names), values, kept, task.grid, setting)
-    # Before anything runs or is written: a sweep of few members would never ask who runs the others.
+    # opened before anything runs, because a sweep of one or two members would never report a wrong executor
     with _pool(executor, workers, len(values)) as pool:
-        store = _opened(None if file is None else Path(file), definition, resume)
+        store = _open_store(None if file is None else Path(file), definition, resume)
         try:
             _run(task, definition, store, workers, pool, progress)
-            return gathered(store)
+            return sweep_from(store)
         finally:
             store.close()
 
@@ -146,45 +147,46 @@ def _run(
     pool: Pool | None,
     progress: Report | None,
 ) -> None:
-    """Run what is missing."""
+    """Run the missing members."""
     done = store.done()
     table = definition.values.tolist()
-    waiting = [(k, tuple(row)) for k, row in enumerate(table) if k not in done]
+    missing = [(k, tuple(row)) for k, row in enumerate(table) if k not in done]
     count = _Count(len(table), len(done), progress)
 
     def keep(outcomes: Sequence[Outcome]) -> None:
         store.add(outcomes)
         count.add(outcomes)
 
-    if not waiting:
+    if not missing:
         return
-    first = run_member(task, *waiting[0], checked=False)
+    first = run_member(task, *missing[0], checked=False)
     keep([first])
-    task = replace(task, expected=len(waiting) * first.evaluations)
+    task = replace(task, expected=len(missing) * first.evaluations)
     expect(task.model, task.expected)
     pace = first.seconds
-    if not first.code and pace < _QUICK and len(waiting) > 1:
-        again = run_member(task, *waiting[1])  # functions are made in a first run
-        keep([again])
-        pace = again.seconds
-        del waiting[1]
-    del waiting[0]
-    if waiting:
-        carried_out(_crew(task, workers, pool, len(waiting)), task, waiting, pace, keep)
+    if not first.code and pace < _FAST and len(missing) > 1:
+        second = run_member(task, *missing[1])  # the first run includes the generation of functions
+        keep([second])
+        pace = second.seconds
+        del missing[1]
+    del missing[0]
+    if missing:
+        run_all(_workers_for(task, workers, pool, len(missing)), task, missing, pace, keep)
 
 
 class _Count:
-    """Members done, and the time to come, from those of this call."""
+    """Progress: counts of members, and the remaining time estimated from those of this call."""
 
     def __init__(self, total: int, done: int, report: Report | None) -> None:
         self.total, self.done, self.report = total, done, report
-        self.failed, self.before, self.began = 0, done, time.perf_counter()
+        self.failed, self.before, self.start = 0, done, time.perf_counter()
 
     def add(self, outcomes: Sequence[Outcome]) -> None:
+        """Count outcomes, and report the progress."""
         self.done += len(outcomes)
         self.failed += sum(1 for o in outcomes if o.code)
         if self.report is not None:
-            elapsed = time.perf_counter() - self.began
+            elapsed = time.perf_counter() - self.start
             each = elapsed / max(1, self.done - self.before)
             self.report(Progress(self.done, self.total, self.failed, elapsed, each * (self.total - self.done)))
 
@@ -192,7 +194,7 @@ class _Count:
 def _compiled(
     model: Component | CompiledModel, parameters: dict[str, Any], names: tuple[str, ...], values: Vector
 ) -> tuple[CompiledModel, Component | None]:
-    """The model, with what is varied free, and the component that it was compiled from."""
+    """(Compiled model with the varied parameters free, component it was compiled from or None)."""
     if isinstance(model, CompiledModel):
         if parameters:
             raise UsageError(
@@ -203,7 +205,7 @@ def _compiled(
     compiled = compile(model, parameters=parameters)
     declared = {f.path: f for f in compiled.flat.parameters}
     own = dict(zip(names, values[0].tolist(), strict=True))
-    # what the model binds to others is replaced, as simulate(component, parameters=...) does
+    # a varied value replaces a binding to other parameters, as simulate(component, parameters=...) does
     bound = {name: own[name] for name in names if name in declared and not declared[name].free}
     if bound:
         compiled = compile(model, parameters={**parameters, **bound})
@@ -225,7 +227,7 @@ def _compiled(
 
 
 def _check_names(compiled: CompiledModel, names: tuple[str, ...], values: Vector) -> None:
-    """Refuse wrong names; a value outside of its limits is the failure of a member."""
+    """Raise UsageError for wrong names; a value outside its limits only fails its member."""
     with suppress(DeclarationError):
         parameter_vector(compiled, dict(zip(names, values[0].tolist(), strict=True)))
 
@@ -239,7 +241,7 @@ def _task(
     options: dict[str, Any],
     values: Vector,
 ) -> tuple[Task, tuple[Signal, ...]]:
-    """What all members share, and the signals that are kept."""
+    """(Task shared by all members, stored signals)."""
     grid = run_times(compiled, options).grid()
     if signals is None:
         if len(compiled.continuous) > _MOST_SIGNALS:
@@ -259,20 +261,21 @@ def _task(
 
 
 def _without_rows(compiled: CompiledModel) -> Result:
-    """A result that knows the names of all signals, and no values."""
+    """A result with the names of all signals and no values."""
     p = np.array(compiled.parameter_values, dtype=float)
     return Result(compiled.name, np.zeros(0), np.zeros((0, 0)), Described(compiled, p))
 
 
 def _varied(compiled: CompiledModel, names: tuple[str, ...]) -> tuple[Signal, ...]:
+    """Names, units and descriptions of the varied parameters."""
     known = _without_rows(compiled).signals
     return tuple(known[name] if name in known else Signal(name) for name in names)
 
 
-def _opened(file: Path | None, definition: Definition, resume: bool) -> Store:
-    """The store of a sweep: a new one, or that in the file.
+def _open_store(file: Path | None, definition: Definition, resume: bool) -> Store:
+    """The store of a sweep: a new one, or, with `resume`, that of the file.
 
-    Raises UsageError: AC062 when the file holds another sweep, or an unfinished one that is not to be resumed.
+    Raises UsageError: AC062 if the file contains another sweep, or, without `resume`, an unfinished one.
     """
     if file is None:
         if resume:
@@ -306,10 +309,10 @@ def _opened(file: Path | None, definition: Definition, resume: bool) -> Store:
 
 @contextmanager
 def _pool(executor: Executor | str | None, workers: int | None, members: int) -> Iterator[Pool | None]:
-    """The executor that is asked for, open; None for processes of our own.
+    """The open executor with its number of workers; None for own processes.
 
-    Raises UsageError: AC060 for an executor that nobody knows, AC015 where Dask is not installed, AC063 where its
-    scheduler is away.
+    Raises UsageError: AC060 for an unknown executor, AC015 if Dask is not installed, AC063 if its scheduler does not
+    answer.
     """
     width = min(members, workers or _cores())
     if isinstance(executor, Executor):
@@ -328,16 +331,16 @@ def _pool(executor: Executor | str | None, workers: int | None, members: int) ->
         )
 
 
-def _crew(task: Task, workers: int | None, pool: Pool | None, members: int) -> Crew:
-    """Who runs the members after the first."""
+def _workers_for(task: Task, workers: int | None, pool: Pool | None, members: int) -> Workers:
+    """The workers that run the members after the first."""
     if pool is not None:
-        return Foreign(task, *pool)
+        return GivenExecutor(task, *pool)
     width = min(members, workers or _cores())
-    return Here(task) if width == 1 else Processes(task, width)
+    return CallingThread(task) if width == 1 else Processes(task, width)
 
 
 def _cores() -> int:
-    """Cores that this process may use."""
+    """Number of cores available to this process."""
     if sys.platform.startswith("linux"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1

@@ -18,7 +18,7 @@ from acausal.study.sweep.family import Sweep
 
 
 def package(name: str) -> Any:
-    """A package of the extra `sweep`; UsageError AC015 where it is not installed."""
+    """A package of the extra `sweep`; UsageError AC015 if it is not installed."""
     try:
         return import_module(name)
     except ModuleNotFoundError as error:
@@ -30,7 +30,7 @@ def package(name: str) -> Any:
 
 
 def columns(sweep: Sweep) -> dict[str, Any]:
-    """The table without rows over time: each column has an entry for each member."""
+    """Columns of the table without rows over time, each with one entry per member."""
     return {
         "member": np.arange(len(sweep)),
         **{s.name: sweep.values[:, k] for k, s in enumerate(sweep.parameters)},
@@ -51,7 +51,7 @@ def sweep_frame(sweep: Sweep) -> Any:
 
 
 def sweep_dataset(sweep: Sweep) -> Any:
-    """The sweep as an `xarray.Dataset`; `NAME.final` are the values at the end of each run."""
+    """The sweep as an `xarray.Dataset`; `NAME.final` are the values at the end of each run, over `member`."""
     xarray = package("xarray")
     about = {s.name: {"units": s.unit, "long_name": s.doc} for s in (*sweep.parameters, *sweep.signals)}
     table = columns(sweep)
@@ -75,7 +75,7 @@ def write_sweep(sweep: Sweep, path: Path) -> None:
 
 
 def check_table(path: Path) -> str:
-    """The suffix of a table that can be written: UsageError AC013 for another, AC015 for a missing package."""
+    """The suffix of a table file; UsageError AC013 for an unknown one, AC015 for a missing package."""
     suffix = check_suffix(path, WRITERS, "format of a sweep")
     if suffix in _PACKAGES:
         package(_PACKAGES[suffix])
@@ -92,7 +92,7 @@ def _csv(sweep: Sweep, file: BinaryIO) -> None:
 
 
 def _parquet(sweep: Sweep, file: BinaryIO) -> None:
-    """Rows over time are lists: `time`, and `NAME(time)` for each signal; units and meanings are metadata."""
+    """Rows over time are list columns `time` and `NAME(time)`; units and descriptions are metadata."""
     package("pyarrow")
     import pyarrow
     from pyarrow import parquet
@@ -123,7 +123,7 @@ def _parquet(sweep: Sweep, file: BinaryIO) -> None:
 
 
 def _netcdf(sweep: Sweep, file: BinaryIO) -> None:
-    # NetCDF 3, which SciPy writes, has no strings of any length and no 64-bit integers
+    # NetCDF 3, the format of SciPy, has no 64-bit integers
     whole = sweep_dataset(sweep)
     for name in ("member", "events"):
         whole[name] = whole[name].astype(np.int32)

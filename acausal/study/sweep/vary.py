@@ -1,4 +1,4 @@
-"""What is varied, as a table with one row for each member of a sweep: grids and samples."""
+"""Design of a sweep: grids and samples of the varied parameters, one row for each member."""
 
 from __future__ import annotations
 
@@ -14,21 +14,20 @@ from acausal.arrays import Vector
 from acausal.errors import UsageError
 
 SAMPLES = ("sobol", "halton", "lhs", "random")
-# Members of one sweep; a grid of five axes with 100 points each is a slip.
+# Largest number of members; a grid of five axes with 100 points each is surely a mistake.
 _MOST = 10**7
 
 
 @dataclass(frozen=True)
 class Range:
-    """The values from `low` to `high` (SI): `count` of them on a grid, or as many as a sample draws.
+    """Values between `low` and `high` (SI units): `count` of them on a grid, or as many as a sample has points.
 
-    With `log` they are spread evenly in the logarithm.
+    With `log` their logarithms are evenly spaced.
 
     Raises
     ------
     UsageError
-        AC060 when the ends are not finite, not ascending, or not positive with `log`, or when there are less than two
-        values.
+        AC060 if the ends are not finite, not ascending, or not positive with `log`, or for less than two values.
     """
 
     low: float
@@ -45,7 +44,10 @@ class Range:
             raise UsageError("AC060", f"a range has two values at least, not {self.count}")
 
     def levels(self) -> Vector:
-        """The values of a grid, both ends among them."""
+        """Values of a grid including both ends, shape (count,).
+
+        Raises UsageError: AC060 without `count`.
+        """
         if self.count is None:
             raise UsageError(
                 "AC060",
@@ -57,7 +59,7 @@ class Range:
         return found
 
     def ppf(self, share: Vector) -> Vector:
-        """The values below which these shares lie, as distributions of `scipy.stats` have it."""
+        """Quantiles at n probabilities `share`, shape (n,); named as in `scipy.stats`."""
         if self.log:
             return np.asarray(np.exp(np.log(self.low) + share * (np.log(self.high) - np.log(self.low))))
         return np.asarray(self.low + share * (self.high - self.low))
@@ -66,36 +68,37 @@ class Range:
 def design(
     vary: Mapping[str, Any] | Sequence[Mapping[str, float]], sample: str | None, seed: int
 ) -> tuple[tuple[str, ...], Vector]:
-    """Names of what is varied and its values, shape (members, names).
+    """(Names of the varied parameters, their values, shape (members, names)).
 
-    Raises UsageError: AC060 for what makes no sense.
+    Raises UsageError: AC060 for an invalid design.
 
-    `vary`: A range, a sequence of values or a distribution (anything with `ppf`) for each parameter; or the members one
-    by one, each with its values.
-    `sample`: None for the grid of all combinations, the last name fastest; "sobol:256", "halton:100", "lhs:100" (Latin
-    hypercube) or "random:1000" for so many draws.
-    `seed`: The same seed gives the same draws.
+    `vary`: A range, a sequence of values or a distribution (any object with `ppf`) for each parameter; or a sequence of
+    members, each with its values.
+    `sample`: None for the grid of all combinations, in which the last name varies fastest; "sobol:256", "halton:100",
+    "lhs:100" (Latin hypercube) or "random:1000" for this number of points.
+    `seed`: Seed of the sample.
     """
     if not vary:
         raise UsageError("AC060", "nothing is varied", help="vary={'mass.m': acausal.Range(1.0, 2.0, 5)}")
     if not isinstance(vary, Mapping):
-        return _listed(vary, sample)
+        return _listed_design(vary, sample)
     names = tuple(vary)
     if sample is not None:
-        draws = _drawn(sample, len(names), seed)
+        draws = _sample_points(sample, len(names), seed)
         columns = [_quantiles(name, vary[name], draws[:, k]) for k, name in enumerate(names)]
         values = np.stack(columns, axis=1)
     else:
         axes = [_levels(name, vary[name]) for name in names]
         _check_size(math.prod(map(len, axes)))
         values = np.stack([a.ravel() for a in np.meshgrid(*axes, indexing="ij")], axis=1)
-    strange = np.argwhere(~np.isfinite(values))
-    if strange.size:
-        raise UsageError("AC060", f"{names[strange[0][1]]} takes a value that is not finite")
+    not_finite = np.argwhere(~np.isfinite(values))
+    if not_finite.size:
+        raise UsageError("AC060", f"{names[not_finite[0][1]]} takes a value that is not finite")
     return names, values
 
 
-def _listed(rows: Sequence[Mapping[str, float]], sample: str | None) -> tuple[tuple[str, ...], Vector]:
+def _listed_design(rows: Sequence[Mapping[str, float]], sample: str | None) -> tuple[tuple[str, ...], Vector]:
+    """The design of members listed one by one."""
     if sample is not None:
         raise UsageError("AC060", "members that are listed one by one leave nothing to sample")
     names = tuple(rows[0])
@@ -108,6 +111,7 @@ def _listed(rows: Sequence[Mapping[str, float]], sample: str | None) -> tuple[tu
 
 
 def _levels(name: str, given: Any) -> Vector:
+    """Grid values of one parameter, shape (n,); AC060."""
     if isinstance(given, Range):
         return given.levels()
     if hasattr(given, "ppf"):
@@ -116,6 +120,7 @@ def _levels(name: str, given: Any) -> Vector:
 
 
 def _numbers(name: str, given: Any) -> Vector:
+    """Listed values of one parameter, shape (n,); AC060."""
     try:
         values = np.asarray(given, dtype=float)
     except (TypeError, ValueError) as error:
@@ -130,6 +135,7 @@ def _numbers(name: str, given: Any) -> Vector:
 
 
 def _quantiles(name: str, given: Any, share: Vector) -> Vector:
+    """Quantiles of one parameter at n probabilities, shape (n,); AC060."""
     if not hasattr(given, "ppf"):
         raise UsageError(
             "AC060",
@@ -139,7 +145,7 @@ def _quantiles(name: str, given: Any, share: Vector) -> Vector:
     return np.asarray(given.ppf(share), dtype=float)
 
 
-def _drawn(sample: str, dimensions: int, seed: int) -> Vector:
+def _sample_points(sample: str, dimensions: int, seed: int) -> Vector:
     """Points of the open unit cube, shape (n, dimensions)."""
     kind, _, number = sample.partition(":")
     if kind not in SAMPLES or not number.isdecimal() or not int(number):
@@ -152,7 +158,7 @@ def _drawn(sample: str, dimensions: int, seed: int) -> Vector:
 
         engines = {"sobol": qmc.Sobol, "halton": qmc.Halton, "lhs": qmc.LatinHypercube}
         with warnings.catch_warnings():
-            # Of a number that is no power of two a Sobol sequence is less even, and still a sample.
+            # SciPy warns of Sobol samples whose size is not a power of two; they are less uniform but valid
             warnings.simplefilter("ignore", UserWarning)
             found = engines[kind](d=dimensions, seed=seed).random(int(number))
     tiny = np.finfo(float).tiny
@@ -160,5 +166,6 @@ def _drawn(sample: str, dimensions: int, seed: int) -> Vector:
 
 
 def _check_size(members: int) -> None:
+    """AC060 for too many members."""
     if members > _MOST:
         raise UsageError("AC060", f"a sweep of {members} members is larger than {_MOST}")

@@ -22,8 +22,8 @@ from acausal.errors import InitializationError, RunError, UsageError
 from acausal.lower.cache import cache
 from acausal.simulate.native import cache as cache_of_c
 from acausal.simulate.native import policy
-from acausal.study.sweep import crew
 from acausal.study.sweep import member as members
+from acausal.study.sweep import workers
 from acausal.study.sweep.family import Progress
 from tests.lower.test_cache import Choice
 from tests.study.sweep.decays import Decay
@@ -409,7 +409,7 @@ def test_processes_that_know_nothing_get_the_file_of_the_model(tmp_path: Path, m
 
 
 def test_a_worker_that_cannot_load_the_model_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(crew, "packed", lambda task: b"no pickle")
+    monkeypatch.setattr(workers, "pickled", lambda task: b"no pickle")
     with ThreadPoolExecutor(1) as pool, pytest.raises(UsageError, match="AC064"):
         decays(executor=pool)
 
@@ -425,7 +425,7 @@ def test_a_scheduler_that_does_not_answer_is_named_and_no_file_is_touched(
 ) -> None:
     """Nobody listens at port 1; a finished sweep, which a new one would replace, stays."""
     pytest.importorskip("distributed")
-    monkeypatch.setattr("acausal.study.sweep.cluster._PATIENCE", "0.5s")
+    monkeypatch.setattr("acausal.study.sweep.cluster._TIMEOUT", "0.5s")
     file = tmp_path / "kept.sweep"
     decays({"k": [1.0, 2.0]}, file=file)
     before = file.read_bytes()

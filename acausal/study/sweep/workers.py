@@ -1,7 +1,7 @@
-"""Who runs the members: this thread, processes of this machine, or any executor, in chunks of about half a second.
+"""Workers that run the members of a sweep: this thread, processes, or any executor, in chunks of about half a second.
 
-A chunk is lost with its worker. What was in flight then is run again one member at a time, so that the one that ends
-its process is found, recorded and not tried again.
+If a worker dies, its chunk is lost. All members submitted at that time are then run one by one, so that the member that
+kills its process is identified, recorded as failed and not run again.
 """
 
 from __future__ import annotations
@@ -38,33 +38,33 @@ from acausal.study.sweep.member import Outcome, Task, failed, forget, remember, 
 Member = tuple[int, tuple[float, ...]]
 Keep = Callable[[Sequence[Outcome]], None]
 
-# Seconds of work in a chunk, bytes of its outcomes, and chunks that wait for each worker.
+# Time of a chunk [s], largest size of its outcomes [bytes], and number of chunks submitted per worker.
 _CHUNK, _BYTES, _AHEAD = 0.5, 16e6, 2
 
 
-class Crew(Protocol):
-    """Somebody to hand chunks to."""
+class Workers(Protocol):
+    """Workers to which chunks of members are submitted."""
 
-    flight: int
-    """Chunks that it is given at a time."""
+    capacity: int
+    """Largest number of chunks submitted at a time."""
 
     def submit(self, members: Sequence[Member]) -> Future[list[Outcome]]:
-        """Have a chunk run."""
+        """Submit a chunk."""
         ...
 
     def renew(self) -> bool:
-        """Make workers anew after one of them has died; False where that is not ours to do."""
+        """Start new workers after one of them has died; False if this is impossible."""
         ...
 
     def stop(self, at_once: bool) -> None:
-        """Let the workers go, or end them in the middle of their work."""
+        """Stop the workers when they are idle, or at once."""
         ...
 
 
-class Here:
-    """This thread."""
+class CallingThread:
+    """Runs chunks in the calling thread."""
 
-    flight = 1
+    capacity = 1
 
     def __init__(self, task: Task) -> None:
         self.key = str(id(task))
@@ -83,49 +83,50 @@ class Here:
 
 
 class Processes:
-    """Processes of this machine; with `fork` they inherit the model, and nothing of it has to be picklable."""
+    """Processes of this machine; with `fork` they inherit the model, which then need not be picklable."""
 
     def __init__(self, task: Task, width: int) -> None:
-        self.task, self.width, self.flight = task, width, _AHEAD * width
+        self.task, self.width, self.capacity = task, width, _AHEAD * width
         self.key = str(id(task))
-        # The system's own choice where a fork is not safe (macOS) or not there (Windows).
+        # the default method elsewhere, because fork is not safe on macOS and does not exist on Windows
         kind = "fork" if sys.platform.startswith("linux") else None
         self._context: Any = multiprocessing.get_context(kind)
-        self._made()
+        self._start()
 
-    def _made(self) -> None:
+    def _start(self) -> None:
+        """Start the processes, and remember which child processes are not of this pool."""
         self._others = set(multiprocessing.active_children())
-        self.pool = ProcessPoolExecutor(self.width, self._context, _enter, (self.key, self.task))
+        self.pool = ProcessPoolExecutor(self.width, self._context, _initialise, (self.key, self.task))
 
     def submit(self, members: Sequence[Member]) -> Future[list[Outcome]]:
         with warnings.catch_warnings():
-            # Python 3.12 warns when a library has threads; those of BLAS look after themselves at a fork.
+            # Python 3.12 warns of threads at a fork; BLAS, which has them here, handles forks itself
             warnings.simplefilter("ignore", DeprecationWarning)
             return self.pool.submit(run_chunk, self.key, None, members)
 
     def renew(self) -> bool:
         self.stop(at_once=True)
-        self._made()
+        self._start()
         return True
 
     def stop(self, at_once: bool) -> None:
         if at_once:
-            # A solver's loop is C: it is ended by nothing gentler.
+            # the loop of a solver in C does not react to anything gentler
             for child in set(multiprocessing.active_children()) - self._others:
                 child.terminate()
         self.pool.shutdown(wait=not at_once, cancel_futures=True)
 
 
-class Foreign:
-    """An executor that somebody else has made: each worker is sent the model with each chunk, and unpacks it once."""
+class GivenExecutor:
+    """An executor given by the user: the model is sent with each chunk, and unpacked once by each worker."""
 
     def __init__(self, task: Task, executor: Executor, width: int) -> None:
-        self.executor, self.flight = executor, _AHEAD * width
-        self.packed = packed(task)
+        self.executor, self.capacity = executor, _AHEAD * width
+        self.pickled = pickled(task)
         self.key = f"{os.getpid()} {id(task)} {time.time_ns()}"
 
     def submit(self, members: Sequence[Member]) -> Future[list[Outcome]]:
-        return self.executor.submit(run_chunk, self.key, self.packed, members)
+        return self.executor.submit(run_chunk, self.key, self.pickled, members)
 
     def renew(self) -> bool:
         return False
@@ -134,8 +135,8 @@ class Foreign:
         pass
 
 
-def _enter(key: str, task: Task) -> None:
-    """Begin as a worker: end with the parent, leave Ctrl-C to it, and say nothing."""
+def _initialise(key: str, task: Task) -> None:
+    """Initialise a worker process: it ends with its parent, ignores Ctrl-C, and discards its standard error."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115  (for the life of the process)
@@ -146,26 +147,28 @@ def _enter(key: str, task: Task) -> None:
 
 
 def _end_with(sentinel: int) -> None:
+    """Exit when the process of the sentinel has ended."""
     multiprocessing.connection.wait([sentinel])
     os._exit(1)
 
 
-def packed(task: Task) -> bytes:
-    """A task as bytes, with the file of a model that was named by its path.
+def pickled(task: Task) -> bytes:
+    """A pickled task, with the source of a model that was given by the path of its file.
 
-    Functions without a name go along where `cloudpickle` is installed, which Dask brings.
+    With `cloudpickle`, a dependency of Dask, it may contain anonymous functions.
 
-    Raises UsageError: AC064 when something in the model cannot be sent.
+    Raises UsageError: AC064 if something in the model cannot be pickled.
     """
-    return pickle.dumps((_files(task.component), _dumped(task)))
+    return pickle.dumps((_source_files(task.component), _dumps(task)))
 
 
-def _dumped(task: Task) -> bytes:
+def _dumps(task: Task) -> bytes:
+    """The pickled task; AC064."""
     try:
         return pickle.dumps(task)
     except (pickle.PicklingError, TypeError, AttributeError) as error:
         problem = str(error)
-    try:  # takes functions that have no name, such as those of inputs
+    try:  # also pickles anonymous functions, such as those of inputs
         from cloudpickle import dumps
 
         return bytes(dumps(task))
@@ -178,8 +181,8 @@ def _dumped(task: Task) -> bytes:
         ) from error
 
 
-def _files(component: Component | None) -> list[tuple[str, str, str]]:
-    """Name, path and text of the file of a model that nobody finds by its name: it was named by its path."""
+def _source_files(component: Component | None) -> list[tuple[str, str, str]]:
+    """(Name, path, source) of the module of a model that cannot be imported by name, because its path was given."""
     module = sys.modules.get(type(component).__module__)
     if component is None or module is None or module.__name__ == "__main__" or not module.__file__:
         return []
@@ -188,80 +191,81 @@ def _files(component: Component | None) -> list[tuple[str, str, str]]:
     return [(module.__name__, module.__file__, Path(module.__file__).read_text(encoding="utf-8"))]
 
 
-def carried_out(crew: Crew, task: Task, members: Sequence[Member], pace: float, keep: Keep) -> None:
-    """Have all members run; `keep` is called with outcomes as they come, `pace` is an estimate of seconds a member.
+def run_all(team: Workers, task: Task, members: Sequence[Member], pace: float, keep: Keep) -> None:
+    """Run all members; `keep` is called with the outcomes of each chunk, `pace` is an estimate of the time of one [s].
 
-    Raises RunError: AC413 when the workers are gone and are not ours to replace.
-    Raises UsageError: AC064 when a worker cannot load the model.
+    Raises RunError: AC413 if workers are lost and cannot be replaced.
+    Raises UsageError: AC064 if a worker cannot load the model.
     """
-    waiting, suspects = deque(members), deque[Member]()
+    missing, suspects = deque(members), deque[Member]()
     running: dict[Future[list[Outcome]], Sequence[Member]] = {}
-    spent, count = pace, 1
-    heaviest = max(1, int(_BYTES / (8.0 * (1 + task.grid.size) * len(task.signals))))
+    elapsed, count = pace, 1
+    size_limit = max(1, int(_BYTES / (8.0 * (1 + task.grid.size) * len(task.signals))))
     at_once = True
     try:
-        while waiting or suspects or running:
-            # one that may end its process runs alone
+        while missing or suspects or running:
+            # a member that may kill its process runs alone
             if suspects:
                 if not running:
                     chunk: Sequence[Member] = [suspects.popleft()]
-                    running[_submitted(crew, chunk)] = chunk
+                    running[_submit(team, chunk)] = chunk
             else:
-                while waiting and len(running) < crew.flight:
-                    fair = math.ceil(len(waiting) / crew.flight)
-                    size = min(heaviest, fair, max(1, int(_CHUNK * count / max(spent, 1e-6))))
-                    chunk = [waiting.popleft() for _ in range(min(size, len(waiting)))]
-                    running[_submitted(crew, chunk)] = chunk
+                while missing and len(running) < team.capacity:
+                    share = math.ceil(len(missing) / team.capacity)
+                    size = min(size_limit, share, max(1, int(_CHUNK * count / max(elapsed, 1e-6))))
+                    chunk = [missing.popleft() for _ in range(min(size, len(missing)))]
+                    running[_submit(team, chunk)] = chunk
             for future in wait(running, return_when=FIRST_COMPLETED).done:
                 chunk = running.pop(future)
-                outcomes = _collected(crew, task, future, chunk, running, suspects)
+                outcomes = _collect(team, task, future, chunk, running, suspects)
                 keep(outcomes)
                 for outcome in outcomes:
                     if math.isfinite(outcome.seconds):
-                        spent, count = spent + outcome.seconds, count + 1
+                        elapsed, count = elapsed + outcome.seconds, count + 1
                 if suspects:
                     break
         at_once = False
     finally:
         for future in running:
             future.cancel()
-        crew.stop(at_once)
+        team.stop(at_once)
 
 
-def _submitted(crew: Crew, chunk: Sequence[Member]) -> Future[list[Outcome]]:
+def _submit(team: Workers, chunk: Sequence[Member]) -> Future[list[Outcome]]:
+    """The future of a chunk; of a broken executor one with its exception."""
     try:
-        return crew.submit(chunk)
+        return team.submit(chunk)
     except BrokenExecutor as error:
         broken: Future[list[Outcome]] = Future()
         broken.set_exception(error)
         return broken
 
 
-def _collected(
-    crew: Crew,
+def _collect(
+    team: Workers,
     task: Task,
     future: Future[list[Outcome]],
     chunk: Sequence[Member],
     running: dict[Future[list[Outcome]], Sequence[Member]],
     suspects: deque[Member],
 ) -> list[Outcome]:
-    """The outcomes of a chunk; of one whose worker was lost that of its only member, or none for now."""
+    """The outcomes of a chunk; if its worker was lost, a failure of a single member, or none and more `suspects`."""
     try:
         return future.result()
     except (BrokenExecutor, CancelledError) as error:
-        together = [*chunk]
+        lost = [*chunk]
         for other in list(running):
             if not other.done() or other.cancelled() or other.exception() is not None:
-                together += running.pop(other)
-        if not crew.renew():
+                lost += running.pop(other)
+        if not team.renew():
             raise RunError(
                 "AC413",
                 "the workers of the executor are gone",
                 evidence=[f"{type(error).__name__}: {error}"],
                 help="what was done before is kept where the sweep has a file: begin again with resume",
             ) from error
-        if len(together) > 1:
-            suspects.extend(together)
+        if len(lost) > 1:
+            suspects.extend(lost)
             return []
         return [failed(task, chunk[0][0], "AC412", "its process ended without a word: a crash, or no memory left")]
     except (ImportError, pickle.UnpicklingError) as error:
