@@ -70,6 +70,12 @@ def test_other_values_are_those_of_the_model_that_reads() -> None:
     assert ours != pytest.approx(lighter, rel=1e-3)
 
 
+def test_the_key_covers_every_package_of_the_compiler() -> None:
+    """Otherwise a model stored by another version of the compiler would be read."""
+    hashed = {path.relative_to(Path(acausal.__file__).parent).parts[0] for path in stored._compiler_sources()}
+    assert hashed == set(stored._SOURCES)
+
+
 def test_other_sources_or_versions_have_other_keys(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     acausal.compile(ThickBlock())
     monkeypatch.setattr(stored, "_made_by", lambda: "a compiler of tomorrow")

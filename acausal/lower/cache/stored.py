@@ -47,6 +47,7 @@ _KIND, _SUFFIX = "models", ".model"
 # nodes per equation, and number of files kept.
 _WORTH, _LEAST_NODES, _LONG, _MOST = 0.3, 4_000, 5, 100
 _SOURCES = ("language", "flatten", "structure", "numeric", "analyse", "reduce", "lower", "diagnose")
+_PACKAGE = Path(__file__).resolve().parents[2]
 _OWN = [["acausal", name] for name in (*_SOURCES, "errors")]
 _PLAIN = frozenset((int, float, str, bytes, bool, type(None)))
 # Callables allowed while unpickling, besides classes of this package and components.
@@ -178,11 +179,15 @@ def _digest(signature: tuple[Any, ...]) -> str:
 def _made_by() -> str:
     """A hash of everything that turns a signature into a model."""
     found = hashlib.sha256(repr((sys.version_info[:3], np.__version__, ca.CasadiMeta.version())).encode())
-    root = Path(__file__).resolve().parents[1]
-    for name in _SOURCES:
-        for path in sorted((root / name).rglob("*.py")):
-            found.update(str(path.relative_to(root)).encode() + b"\0" + path.read_bytes())
+    for path in _compiler_sources():
+        found.update(str(path.relative_to(_PACKAGE)).encode() + b"\0" + path.read_bytes())
     return found.hexdigest()
+
+
+def _compiler_sources() -> Iterator[Path]:
+    """The source files of the compiler, always in the same order."""
+    for name in _SOURCES:
+        yield from sorted((_PACKAGE / name).rglob("*.py"))
 
 
 def _plain_content(value: Any, known: dict[int, Any]) -> Any:
