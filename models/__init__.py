@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-# From the repository's root this folder is importable as `models` too, and every class would then exist twice.
+# From the root of the repository this folder is importable as `models` too, which would duplicate every class.
 if not __name__.startswith("acausal."):
     raise ImportError("import acausal.models instead of models: under two names every class would exist twice")

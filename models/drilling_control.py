@@ -107,7 +107,7 @@ class ForceControlledDrilling(Component):
         ]
         self.spindle = Spindle(tau_max=40.0, w_ref=2 * math.pi * self.n)
         expected = feed_rate_under(self.F_set, self.n, tool=TWIST_DRILL_16MM, material=STEEL_34CRMO4, factor=SIN_KAPPA)
-        # Thrust grows with k_c11 f**(1 - z); the exponent of steel is near enough for a gain.
+        # the thrust is proportional to k_c11 f**(1 - z); the exponent of steel is accurate enough for a gain
         expected = expected * (self.k_steel / self.k_c11) ** (1 / (1 - STEEL_34CRMO4.z))
         self.control = ForceControl(F_set=self.F_set, v_nominal=expected, overrun=6e-3, s_start=-self.gap)
         self.feed = FeedDrive(f_max=10e3)

@@ -99,7 +99,7 @@ class OneAxisDrilling(Component):
 
         yield der(self.s) == self.v
         yield self.m * der(self.v) == self.F - self.F_f
-        # The ground has nothing to gain from an exact instant of the touch, where the force grows from zero.
+        # no event at the touch, because the force grows continuously from zero
         yield der(self.s_tar) == where(no_event(self.s > 0), self.z_E * self.n * self.f_z, 0.0)
         yield assert_(
             ~initial() | no_event((self.s < self.d / 100) | (self.k * self.s < edges * self.d * self.k_c11 * self.h_1)),

@@ -1,4 +1,4 @@
-"""Sources of Boolean signals. Names as in Modelica.Blocks.Sources; their edges are time events, located exactly."""
+"""Sources of Boolean signals, whose edges are exact time events. Names as in Modelica.Blocks.Sources."""
 
 from __future__ import annotations
 
@@ -54,11 +54,11 @@ class BooleanPulse(PartialBooleanSource):
     start_time: Real = parameter(default=0.0, unit="s", doc="Beginning of the first pulse")
 
     def equations(self) -> Equations:
-        # two clocks: both edges are exact. With width = 1 they tick together, and the beginning of a pulse counts
+        # one clock for each edge, so that both are exact; the rising edge has priority if they coincide (width = 1)
         begin = sample(self.start_time, self.period)
         end = sample(self.start_time + self.width * self.period, self.period)
         clause = when(begin, reset(self.y, no_event(self.width > 0.0))).elsewhen(end, reset(self.y, False))
-        # a run may begin within a pulse, or between two
+        # initial value, because a run may start within a pulse
         since = (time - self.start_time) / self.period
         within = (since >= 0.0) & (since - floor(since) < self.width)
         yield clause.elsewhen(initial(), reset(self.y, no_event(within)))

@@ -1,4 +1,4 @@
-"""Signals as they were some time ago. Names as in Modelica.Blocks.Nonlinear."""
+"""Delays of signals, exact and as Pade approximations. Names as in Modelica.Blocks.Nonlinear."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class VariableDelay(PartialSISO):
 
 
 class PadeStage(Component):
-    """One state of a rational approximation."""
+    """One state of a Pade approximation."""
 
     x: Real = variable(doc="Derivative of a filtered input, times a power of the delay")
 
@@ -36,8 +36,8 @@ class PadeStage(Component):
 class PadeDelay(PartialSISO):
     """Rational approximation of a delay: a transfer function, for uses that refuse a true delay.
 
-    Of order n in the denominator and m in the numerator, exact to the order n + m in frequency times delay. It starts
-    at rest. With m = n the input goes straight through to the output in part.
+    With order n of the denominator and m of the numerator it is exact to the order n + m in frequency times delay. It
+    starts at rest. With m = n it has a direct feedthrough.
 
     Source: H. Pade; as in G. H. Golub, C. F. Van Loan, Matrix Computations (1996), theorem 11.3.1.
     """
@@ -72,7 +72,7 @@ class PadeDelay(PartialSISO):
 
 
 def _coefficient(k: int, own: int, other: int) -> float:
-    """Coefficient of (s T)^k in the polynomial of order `own`, when the other one is of order `other`."""
+    """Coefficient of (s T)^k in the polynomial of order `own`, if the other polynomial has the order `other`."""
     return factorial(own + other - k) * factorial(own) / (factorial(own + other) * factorial(k) * factorial(own - k))
 
 

@@ -1,4 +1,4 @@
-"""Dry friction that sticks, as a finite state machine: what the friction elements of all mechanical libraries share.
+"""Dry friction with stiction as a finite state machine, shared by the friction elements of all mechanical libraries.
 
 While stuck, the force is the one that keeps the relative speed at zero, up to a largest force; while sliding, it is a
 function of the speed. The conditions for a change of mode depend on accelerations, and these on all other friction
@@ -32,9 +32,9 @@ from acausal.library.blocks.tables import Points, table
 
 
 class Surfaces(NamedTuple):
-    """Two surfaces on each other: forces are in N, or torques in N.m where the speed is in rad/s.
+    """Relative motion and limits of two surfaces: forces [N], or torques [N.m] if the speed is in rad/s.
 
-    `small` is a speed beyond which sliding turns round without sticking, `most` the largest force while stuck.
+    `small` is the speed above which a reversal does not stick, `most` the largest force while stuck.
     """
 
     speed: Expr
@@ -44,7 +44,7 @@ class Surfaces(NamedTuple):
 
 
 class DryFriction(Component):
-    """Modes of a friction element; a subclass says what its surfaces are, and when it is `free`."""
+    """Modes of a friction element; a subclass defines `surfaces`, and when the element is `free`."""
 
     BACKWARD: ClassVar[int] = -1
     STUCK: ClassVar[int] = 0
@@ -60,23 +60,23 @@ class DryFriction(Component):
     mode: Real = integer(default=3, doc="-1 sliding backward, 0 stuck, 1 sliding forward, 2 free, 3 not known yet")
 
     def surfaces(self) -> Surfaces:
-        """The surfaces that slide on each other."""
+        """Speed, acceleration and limits of the surfaces."""
         raise NotImplementedError
 
     def may_move(self) -> tuple[Expr | bool, Expr | bool]:
-        """Conditions under which nothing stops a motion forward, and backward."""
+        """Conditions under which motion forward, and backward, is not blocked by a stop."""
         return True, True
 
     def was(self, mode: int) -> Expr:
-        """Condition that the element was in a mode; between events it still is."""
+        """Condition that the element was in a mode before the event, or, between events, is in it."""
         return equals(pre(self.mode), mode)
 
     def equations(self) -> Equations:
         on, sa = self.surfaces(), unitless(self.sa)  # a force and an acceleration
         forward, backward, stuck, idle = map(self.was, (self.FORWARD, self.BACKWARD, self.STUCK, self.FREE))
         ahead, behind = self.may_move()
-        # What does not count in a mode is kept away from its guard there: a stuck element whose speed is zero up to
-        # rounding would make events for nothing, and so would the force on the path of a sliding one.
+        # Guards that are irrelevant in a mode get constant arguments: otherwise rounding of the speed of a stuck
+        # element, or the path parameter of a sliding one, would trigger events.
         path = where(stuck, sa, 0.0)
         # Of what begins to slide, the path is beyond `most` while it accelerates, and at it while others hold it. The
         # friction of sliding at speed zero is no bound for it, as in Modelica: an element with a peak would go on to
@@ -93,7 +93,7 @@ class DryFriction(Component):
         yield self.locked == (~self.free & ~(forward | self.startForward | backward | self.startBackward))
         slides_forward = self.startForward | ~self.startBackward & forward
         shifted = where(slides_forward, sa - unitless(on.most), sa + unitless(on.most))
-        # zero while locked; several elements on one shaft share their load by the infinitesimal part
+        # zero while locked; the infinitesimal part makes the load shared by several elements on one shaft unique
         yield on.acceleration == where(self.locked, infinitesimal() * sa, where(self.free, sa, shifted))
         yield self.mode == where(
             self.free,

@@ -1,6 +1,6 @@
-"""Which kinks of a table are located as events: all of them, where they are few.
+"""Selection of the kinks of a table that are located as events: all of them if they are few.
 
-Where they are many, each run finds those at which it has to stop for its tolerance (`acausal.numeric.table_ends`).
+If they are many, each run determines those at which it has to stop for its tolerance (`acausal.numeric.table_ends`).
 """
 
 from __future__ import annotations
@@ -8,18 +8,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 MANY = 64
-"""Kinks up to which all of them are relations."""
+"""Largest number of kinks that are relations."""
 
 
 def few(lengths: Sequence[float], turns: Sequence[float], height: float) -> list[int]:
-    """Numbers of the rows that begin with a kink; an empty result where there are many.
+    """Numbers of the rows that start with a kink; empty if there are more than `MANY`.
 
     Parameters
     ----------
     lengths
-        Length of the interval that each row begins.
+        Length of the interval of each row.
     turns
-        By how much the slope changes between neighbours.
+        Change of slope between neighbouring intervals.
     height
         Range of the values: smaller kinks are rounding errors.
     """

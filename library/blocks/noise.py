@@ -1,10 +1,8 @@
-"""Random signals that are the same in every run: a number is drawn at each tick of a clock and held until the next.
+"""Reproducible random signals: a number is drawn at each tick of a clock and held until the next.
 
-Names as in Modelica.Blocks.Noise; the generator is another one:
-
-Generator: S. K. Park, K. W. Miller, Random number generators: good ones are hard to find, Comm. ACM 31 (1988):
-x becomes 16807*x modulo 2^31 - 1. All its numbers are whole and below 2^53, so that the arithmetic is exact, on every
-machine and in generated C.
+Names as in Modelica.Blocks.Noise, with another generator: S. K. Park, K. W. Miller, Random number generators: good ones
+are hard to find, Comm. ACM 31 (1988), x -> 16807*x modulo 2^31 - 1. All its products are integers below 2^53, so that
+double arithmetic is exact on every machine and in generated C.
 """
 
 from __future__ import annotations
@@ -54,7 +52,7 @@ class UniformNoise(PartialNoise):
 
     def equations(self) -> Equations:
         yield assert_(self.y_min <= self.y_max, "y_min is above y_max")
-        new = _following(pre(self.state))
+        new = _next_state(pre(self.state))
         drawn = self.y_min + (self.y_max - self.y_min) * (new / _MODULUS)
         yield when(self.tick(), reset(self.state, new), reset(self.held, drawn))
 
@@ -69,18 +67,19 @@ class NormalNoise(PartialNoise):
     sigma: Real = parameter(default=1.0, min=0.0, doc="Standard deviation")
 
     def equations(self) -> Equations:
-        first = _following(pre(self.state))
-        second = _following(first)
+        first = _next_state(pre(self.state))
+        second = _next_state(first)
         length = sqrt(-2.0 * log(first / _MODULUS))
         drawn = self.mu + self.sigma * (length * cos(6.283185307179586 * (second / _MODULUS)))
         yield when(self.tick(), reset(self.state, second), reset(self.held, drawn))
 
 
-def _following(state: Expr) -> Expr:
+def _next_state(state: Expr) -> Expr:
+    """Next state of the generator."""
     product = _MULTIPLIER * state
     return product - _MODULUS * floor(product / _MODULUS)
 
 
 def _first_state(seed: int) -> float:
-    """A seed far from those of its neighbours: small ones would begin with small numbers."""
+    """Initial state for a seed, scrambled because small states give small first numbers."""
     return float(random.Random(seed).randrange(1, int(_MODULUS)))

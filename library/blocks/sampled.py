@@ -32,7 +32,7 @@ from acausal.library.blocks.interfaces import PartialSISO
 
 
 class PartialDiscrete(Component):
-    """Block with a clock: what all sampled blocks share."""
+    """Block with a clock, the base of all sampled blocks."""
 
     sample_period: Real = parameter(default=0.1, unit="s", min=1e-60, doc="Time from one tick to the next")
     start_time: Real = parameter(default=0.0, unit="s", doc="First tick")
@@ -153,7 +153,7 @@ class DiscretePID(PartialDiscrete):
     def equations(self) -> Equations:
         yield assert_(self.y_min <= self.y_max, "the lower limit y_min is above the upper limit y_max")
         T = self.sample_period
-        last = where(pre(self.ticks) > 0.5, pre(self.u_last), self.u_m)  # no kick at the first tick
+        last = where(pre(self.ticks) > 0.5, pre(self.u_last), self.u_m)  # no derivative kick at the first tick
         forget = self.Td / (self.Td + self.Nd * T)
         derivative = forget * (pre(self.derivative) - self.k * self.Nd * (self.u_m - last))
         wanted = self.k * (self.wp * self.u_s - self.u_m) + pre(self.integral) + derivative

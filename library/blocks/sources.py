@@ -64,7 +64,7 @@ class Pulse(PartialSignalSource):
     clocks: list[BooleanPulse] = part(doc="Edges of an endless row")
 
     def build(self) -> None:
-        # the edges of a finite row are known one by one, and leave a model without discrete variables
+        # a finite number of edges needs no clock, and hence no discrete variables
         endless = BooleanPulse(width=self.width, period=self.period, start_time=self.start_time)
         self.clocks = [endless] if self.nperiod < 0 else []
 

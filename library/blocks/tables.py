@@ -1,7 +1,7 @@
-"""Functions given by points: steps, straight segments, or a smooth curve through them.
+"""Tables: interpolation of points by steps, straight segments or splines.
 
-Names as in Modelica.Blocks.Tables and Modelica.Blocks.Types.Smoothness. Kinks and steps are located as events; a curve
-with a continuous derivative has none.
+Names as in Modelica.Blocks.Tables and Modelica.Blocks.Types.Smoothness. Kinks and steps are located as events; curves
+with a continuous derivative need none.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ Points = tuple[tuple[float, float], ...]
 
 
 MANY = 64
-"""Points of a table beyond which the segment is searched, and kinks are no events where there are as many."""
+"""Number of points above which segments are found by a search instead of relations, and kinks need not be events."""
 
 
 class Smoothness(Enum):
-    """What lies between two points of a table."""
+    """Interpolation between two points of a table."""
 
     CONSTANT_SEGMENTS = "the value of the left point"
     LINEAR_SEGMENTS = "a straight line"
@@ -35,7 +35,7 @@ class Smoothness(Enum):
 
 
 class Extrapolation(Enum):
-    """What lies beyond the first and the last point."""
+    """Extrapolation beyond the first and the last point."""
 
     HOLD_LAST_POINT = "its value"
     LAST_TWO_POINTS = "the line through it with the slope it has there"
@@ -49,19 +49,19 @@ def table(
     *,
     located: bool = True,
 ) -> Expr:
-    """The function through `points` at `u`, numbers in the SI units of its argument and of its value.
+    """The function through `points`, pairs in SI units, at `u`.
 
-    Kinks are events unless `located` is False: then they are left to the error control of the solver, which is cheaper
-    where a trajectory passes many of them. A table of more than `MANY` points has no events at kinks; a run stops, but
-    for no event, at those that a step of its solver cannot pass within the tolerance. Steps are always events.
+    Kinks are events unless `located` is False: then the error control of the solver passes them, which is cheaper if a
+    trajectory crosses many. With more than `MANY` kinks none is an event; runs stop without an event at those that
+    their solver cannot pass within the tolerance. Steps are always events.
 
-    One point alone is a constant. The segment is found by bisection: among few points by relations in the equations,
-    among many by a search in one call (`acausal.lookup`).
+    A single point is a constant. The segment is found by bisection, with few points by relations in the equations, with
+    many by a search in one call (`acausal.lookup`).
 
     Raises
     ------
     DeclarationError
-        AC160 when there is no point, a number is not finite, or the abscissas do not increase.
+        AC160 if there is no point, a number is not finite, or the abscissas do not increase.
     """
     known = checked_points(points)
     if len(known) == 1:
@@ -70,14 +70,14 @@ def table(
     steps = smoothness is Smoothness.CONSTANT_SEGMENTS
     slopes = _SLOPES[smoothness](known)
     if len(known) > MANY:
-        return _searched(known, slopes, u, smoothness, extrapolation, located)
+        return _by_search(known, slopes, u, smoothness, extrapolation, located)
     pieces: list[tuple[float, Expr]] = []
     for (x0, y0), (x1, y1), (left, right) in zip(known[:-1], known[1:], slopes, strict=True):
         pieces.append((x0, as_expr(y0) if steps else _cubic(u, x0, y0, x1, y1, left, right)))
     (x0, y0), (xn, yn) = known[0], known[-1]
     hold = extrapolation is Extrapolation.HOLD_LAST_POINT or steps
     straight = not hold and smoothness is Smoothness.LINEAR_SEGMENTS
-    if not straight:  # the outer segments of a broken line go on by themselves
+    if not straight:  # the outer segments of a polyline extrapolate themselves
         first, last = (0.0, 0.0) if hold else (slopes[0][0], slopes[-1][1])
         pieces = [(-float("inf"), y0 + first * (u - x0)), *pieces, (xn, yn + last * (u - xn))]
     kinked = smoothness is Smoothness.LINEAR_SEGMENTS or hold
@@ -85,7 +85,7 @@ def table(
     return _choice(u, pieces, smooth)
 
 
-def _searched(
+def _by_search(
     points: Points,
     slopes: Sequence[tuple[float, float]],
     u: Expr,
@@ -93,10 +93,10 @@ def _searched(
     extrapolation: Extrapolation,
     located: bool,
 ) -> Expr:
-    """The same by a search for the segment."""
+    """The function of `table` with a search for the segment."""
     x, y = zip(*points, strict=True)
     if smoothness is Smoothness.CONSTANT_SEGMENTS:
-        # the number of the segment is the whole part of a broken line, so that two relations locate all steps
+        # the segment number is the floor of a piecewise linear function, so two relations suffice to locate all steps
         places = lookup(x, [(float(k), 1.0 / (b - a)) for k, (a, b) in enumerate(pairwise(x))], "segment")
         number = floor(clamp(places(u), 0.0, len(y) - 0.5))
         return as_expr(lookup([*range(len(y)), len(y)], [(v,) for v in y], "step")(number + 0.5))
@@ -107,19 +107,19 @@ def _searched(
     if smoothness is Smoothness.LINEAR_SEGMENTS:
         rows = [row[:2] for row in rows]
         if extrapolation is Extrapolation.LAST_TWO_POINTS:
-            return _cut(x, rows, u, located)
+            return _split_at_kinks(x, rows, u, located)
     hold = extrapolation is Extrapolation.HOLD_LAST_POINT
     first, last = (0.0, 0.0) if hold else (slopes[0][0], slopes[-1][1])
     ends = [(y[0] - first * (x[1] - x[0]), first), (y[-1], last)]  # a segment more on each side
     outer = [(*end, *[0.0] * (len(rows[0]) - 2)) for end in ends]
-    # as long as all of it: a trajectory may come from anywhere
+    # the outer segments are as long as the table
     far = x[-1] - x[0]
     outer[0] = (y[0] - first * far, *outer[0][1:])
-    return _cut((x[0] - far, *x, x[-1] + far), [outer[0], *rows, outer[1]], u, located)
+    return _split_at_kinks((x[0] - far, *x, x[-1] + far), [outer[0], *rows, outer[1]], u, located)
 
 
-def _cut(ends: Sequence[float], rows: Sequence[tuple[float, ...]], u: Expr, located: bool) -> Expr:
-    """Polynomials by a search, cut by relations at the kinks where these are few."""
+def _split_at_kinks(ends: Sequence[float], rows: Sequence[tuple[float, ...]], u: Expr, located: bool) -> Expr:
+    """Piecewise polynomial by a search, split by relations at its kinks if they are few."""
     lengths = [b - a for a, b in pairwise(ends)]
     slopes = [
         [row[1] + h * (2.0 * row[2] + h * 3.0 * row[3]) if len(row) > 2 else row[1] for h in (0.0, length)]
@@ -129,14 +129,14 @@ def _cut(ends: Sequence[float], rows: Sequence[tuple[float, ...]], u: Expr, loca
     cuts = few(lengths, [b[0] - a[1] for a, b in pairwise(slopes)], height) if located else []
     pieces: list[tuple[float, Expr]] = []
     for first, last in pairwise([0, *cuts, len(rows)]):
-        # two functions in turn: a cut between calls of one function would be none
+        # alternating names, because a cut between two calls of one function would be removed
         name = "table_" if len(pieces) % 2 else "table"
         pieces.append((ends[first], as_expr(lookup(ends[first : last + 1], rows[first:last], name)(u))))
     return _choice(u, pieces, smooth=False)
 
 
 def checked_points(points: Sequence[Sequence[float]]) -> Points:
-    """The points of a table; see `table`."""
+    """Validated points of a table; AC160 as in `table`."""
     known: list[tuple[float, float]] = []
     for k, row in enumerate(points):
         wrong = wrong_row(row)
@@ -151,7 +151,7 @@ def checked_points(points: Sequence[Sequence[float]]) -> Points:
 
 
 def wrong_row(row: Sequence[float]) -> str | None:
-    """What is wrong with one row of a table; None when it is a pair of finite numbers."""
+    """Description of the error in one row of a table; None for a pair of finite numbers."""
     try:
         x, y = row
         is_finite = isfinite(x) and isfinite(y)
@@ -186,7 +186,7 @@ def _cubic(u: Expr, x0: float, y0: float, x1: float, y1: float, left: float, rig
 
 
 def _polynomial(h: float, rise: float, left: float, right: float) -> tuple[float, float, float]:
-    """Slope, square and cube of Hermite's cubic over a segment of length `h`, in the distance from its beginning."""
+    """Coefficients of Hermite's cubic over a segment of length `h`, in powers 1 to 3 of the distance from its start."""
     chord = rise / h
     c2 = (3.0 * chord - 2.0 * left - right) / h
     c3 = (left + right - 2.0 * chord) / h**2

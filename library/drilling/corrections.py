@@ -1,7 +1,7 @@
-"""Correction factors of the specific cutting force, as rules of thumb of the literature state them.
+"""Correction factors of the specific cutting force, by rules of thumb from the literature.
 
-All factors of a drilling force (`K_rake`, `K_wear`, `K_speed`) are 1 unless given. What stands here gives numbers for
-them: `DrillingForce(..., K_rake=rake_correction(math.radians(20.0)), K_speed=SPEED_HSS)`.
+All factors of a drilling force (`K_rake`, `K_wear`, `K_speed`) default to 1. This module has values for them:
+`DrillingForce(..., K_rake=rake_correction(math.radians(20.0)), K_speed=SPEED_HSS)`.
 
 Source: J. Dietrich, Praxis der Zerspanungstechnik (founded by H. Tschätsch), 11th edition, 2014, section on the main
 cutting force.

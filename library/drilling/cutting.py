@@ -1,4 +1,4 @@
-"""Cutting and feed force of a feed per edge by Kienzle's law, and their action on drill and plate."""
+"""Cutting force and feed force by Kienzle's law as functions of the feed per edge, acting on drill and plate."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from acausal.library.multibody.orientation import Vector, unit_vector
 
 
 class PartialCuttingForce(Component):
-    """Kienzle's law on the engaged part of the edges; a subclass says what the feed per edge `f_z` is.
+    """Kienzle's law on the engaged part of the edges; a subclass defines the feed per edge `f_z`.
 
     The feed force acts at the tip along the drill axis, forward on the plate and backward on the drill; the cutting
     torque drags the plate along and brakes the drill. Nothing acts across the axis.

@@ -1,4 +1,4 @@
-"""How deep the drill has cut: the target depth."""
+"""Drilled depth of a hole (target depth)."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from acausal import Component, Equations, Real, der, parameter, signal_input, si
 
 
 class DrillDepthCalculation(Component):
-    """Depth of the ground of the hole: it grows with the feed and never falls.
+    """Depth of the ground of the hole, which increases with the feed and never decreases.
 
     Source: founding paper, equations (17) to (19). The paper leaves open what happens before the first touch and on
     withdrawal; here the ground only moves while the tip is behind the entry face, and only forward.
@@ -25,8 +25,8 @@ class DrillDepthCalculation(Component):
     def equations(self) -> Equations:
         yield self.f == self.z_E * self.f_z
         yield self.v_tar == self.f * self.n
-        # Located, although the rate grows from zero: where the feed is prescribed nothing else moves, and a solver
-        # whose steps have grown in the air would step over the whole contact.
+        # An event although the rate is continuous: with a prescribed feed nothing else changes, and a solver with large
+        # steps in the air would step over the whole contact.
         yield der(self.s_tar) == where(self.s > 0, self.v_tar, 0.0)
 
     def initial_equations(self) -> Equations:

@@ -76,7 +76,7 @@ class DrillingForce(PartialDrillingForce):
         yield self.v_tar == depth.v_tar
         yield self.s_tar == depth.s_tar
         yield from self.powers()
-        # A contact that begins with more force than a cut of 1 mm per edge throws the drill out of the plate.
+        # a larger initial force than that of a cut of 1 mm per edge would eject the drill from the plate
         pressed = self.k * (self.s - self.s_start)
         blunt = self.feed_force_factor * self.z_E / 2 * self.d * self.corrected_k_c11() * force.h_1
         outside = (self.s - self.s_start < self.d / 100) | (pressed < blunt)
@@ -86,10 +86,10 @@ class DrillingForce(PartialDrillingForce):
         )
 
     def powers(self) -> Equations:
-        """Where the power goes that the two frames give, thrust * v_axial + braking * omega.
+        """Distribution of the power thrust * v_axial + braking * omega supplied through the two frames.
 
-        The spring of the contact is one that only pushes, between the tip and the ground of the hole: what it holds
-        when the tip leaves the ground too fast for a contact force is lost.
+        The spring of the contact, between the tip and the ground of the hole, cannot pull: the energy stored in it is
+        lost if the tip leaves the ground too fast for a contact force.
         """
         geometry, force = self.geometry, self.force
         deflection = maximum(self.s - self.s_tar, 0.0)
@@ -97,6 +97,6 @@ class DrillingForce(PartialDrillingForce):
         yield self.thrust == force.F_N
         yield self.energy == self.k / 2 * deflection**2
         yield self.power_damping == (self.thrust - self.k * deflection) * (geometry.v - v_ground)
-        # A tilted tip that slides along the face changes its depth without moving along its axis.
+        # the depth of a tilted tip also changes when it slides along the face
         along = self.thrust * (v_ground + self.v_axial - geometry.v)
         yield self.power_cutting == along + force.braking() * geometry.omega

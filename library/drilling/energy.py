@@ -9,11 +9,11 @@ class EnergyBalance(Component):
     """Work of the sources, less the work of cutting, friction and damping and the stored energy.
 
     A scene binds sums of its powers and energies to the inputs: `EnergyBalance(P_source=self.spindle.power +
-    self.feed.power, P_cutting=self.drill.power_cutting, ...)`. What a mechanism conserves leaves `residual` at the
-    error of the integration, so it is a check of the model (a force without its reaction shows) and of the tolerance.
+    self.feed.power, P_cutting=self.drill.power_cutting, ...)`. In a consistent model `residual` is the
+    integration error, so it checks the model (a force without its reaction is visible) and the tolerance.
 
-    Losses of compliances may be given as what goes in and what is stored, `P_compliant` and `E_compliant`: their power
-    is the rate of the difference, which need not be known then.
+    Losses of compliances may be given by supplied power and stored energy, `P_compliant` and `E_compliant`: the lost
+    power is then the rate of their difference.
     """
 
     P_source: Real = signal_input(unit="W", doc="Power of all sources into the scene")

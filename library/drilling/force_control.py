@@ -106,8 +106,8 @@ class ForceControl(Component):
         yield der(self.F_filtered) == (self.F - self.F_filtered) / self.T_filter
         yield assert_(self.v_nominal > 0, "a feed rate v_nominal of 0: a drill that does not turn takes no thrust")
         yield assert_(self.F_set > self.F_touch, "the thrust F_set is not above F_touch: contact would not be noticed")
-        # How much feed rate a newton is worth here: 1 / (dF/dv). It changes tenfold while the cone enters. Above the
-        # cap there is none: a gain that grew with the integral would outgrow what unwinds it.
+        # Change of feed rate per newton, 1 / (dF/dv), which varies by a factor of ten while the cone enters. It is
+        # limited at the cap, because a gain that grew with the integral would defeat the anti-windup.
         per_force = clamp(self.v_integral, self.v_nominal / 4, self.v_max) / (0.8 * self.F_set)
         error = self.F_set - self.F_filtered
         wanted = self.v_integral + 0.1 * per_force * error
@@ -120,14 +120,14 @@ class ForceControl(Component):
         yield from self.transitions()
 
     def of_phase(self, *values: Expr | float) -> Expr | float:
-        """The value that belongs to the present phase."""
+        """The value for the current phase."""
         chosen = values[-1]
         for k in range(len(values) - 2, -1, -1):
             chosen = where(self.phase < k + 0.5, values[k], chosen)
         return chosen
 
     def transitions(self) -> Equations:
-        """What ends a phase."""
+        """Transitions between the phases."""
         F, phase = self.F_filtered, self.phase
         approaching = phase < APPROACH + 0.5
         drilling = (phase > APPROACH + 0.5) & (phase < DRILLING + 0.5)

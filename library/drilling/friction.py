@@ -1,4 +1,4 @@
-"""Friction of the drill beside the cut: the margins on the wall of the hole, and the tip across the face.
+"""Friction of the drill apart from cutting: margins on the wall of the hole, and lateral motion of the tip.
 
 Both are regularised Coulomb friction, mu N v / sqrt(v**2 + v_0**2) against the vector v of the sliding velocity: exact
 in direction, and at rest a stiff damper instead of stiction (J. Wojewoda et al., Phil. Trans. R. Soc. A 366 (2008)
@@ -83,7 +83,7 @@ class MarginFriction(PartialFriction):
     torque: Real = signal_output(unit="N.m", nominal=1.0, doc="Torque on the drill, against its rotation")
 
     def equations(self) -> Equations:
-        # From the corner, where the cone ends, up to the upper end of the margins, as far as both are in the workpiece.
+        # from the corner, where the cone ends, to the upper end of the margins, limited to the workpiece
         cone = self.d / (2 * tan(self.sigma / 2))
         yield self.engaged == inside(self.s - cone, self.s_exit - cone) - inside(
             self.s - cone - self.length, self.s_exit - cone - self.length

@@ -72,7 +72,7 @@ class PartialDrillGeometry(Component):
         a, w = self.frame_a, self.frame_w
         yield self.axis == w.R.T @ (a.R @ self._e)
         yield self.tip == w.R.T @ (a.r_0 - w.r_0) + self.axis * self.length
-        # One clamp covers free, penetrating, within, leaving and through; kinks at s in {0, h_c, t, t + h_c}.
+        # one clamp covers free, entering, inside, leaving and through; kinks at s in {0, h_c, t, t + h_c}
         slope = tan(self.sigma / 2)
         h_c = self.d / (2 * slope)
         yield self.d_O == 2 * slope * clamp(self.s, 0.0, h_c)
@@ -87,9 +87,9 @@ class PartialDrillGeometry(Component):
         yield w.t == zeros(3)
 
     def clear_of_edges(self, edge: Expr, depth: Expr, body: str) -> Equations:
-        """Note it (AC191) when the cut reaches as far as `edge` [m], from the axis to an edge of the workpiece.
+        """Note AC191 if the cut reaches an edge of the workpiece at the distance `edge` [m] from the axis.
 
-        `depth` [m] is that of the tip behind the face, or where the face would be.
+        `depth` [m] is the depth of the tip behind the plane of the face.
         """
         slope = tan(self.sigma / 2)
         # Negative above the face, where a drill passes over edges without coming near to cutting them.
@@ -119,12 +119,12 @@ class DrillGeometry(PartialDrillGeometry):
     height: Real = parameter(default=0.1, unit="m", min=0.0, doc="Extent of the plate along y of frame_w")
 
     def equations(self) -> Equations:
-        # The limit is constant, so a perpendicular drill is no division by zero.
+        # a constant lower limit avoids a division by zero for a perpendicular drill
         cos_min = math.cos(self.max_tilt)
         cos_tilt = maximum(self.axis[2], cos_min)
         depth = self.tip[2] / cos_tilt
         beside = (fabs(self.tip[0]) > self.width / 2) | (fabs(self.tip[1]) > self.height / 2) | (self.axis[2] < cos_min)
-        # Beside it there is no contact to locate the beginning of.
+        # no contact starts beside the plate, so s stays below zero there
         in_front = where(no_event(depth < 0), depth, 0.0)
         yield self.s == where(no_event(beside), in_front, depth)
         yield self.s_exit == self.s - self.t / cos_tilt

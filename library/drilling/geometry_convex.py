@@ -1,4 +1,4 @@
-"""Drill against any convex workpiece: level 1 of the drill's geometry."""
+"""Geometry of a drill in any convex workpiece (level 1)."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ Pose = tuple[Vector, Rotation]
 
 @dataclass(frozen=True)
 class PlateLevel:
-    """Level 0 of the drill's geometry: a plate in closed form, `DrillGeometry`.
+    """Level 0 of the drill geometry: a plate in closed form, `DrillGeometry`.
 
     Parameters
     ----------
     name
-        How errors call the workpiece.
+        Name of the workpiece in error messages.
     """
 
     name: str = "the material"
@@ -43,16 +43,16 @@ class PlateLevel:
 
 @dataclass(frozen=True)
 class ConvexLevel:
-    """Level 1 of the drill's geometry: any convex workpiece, `ConvexDrillGeometry`.
+    """Level 1 of the drill geometry: any convex workpiece, `ConvexDrillGeometry`.
 
     Parameters
     ----------
     shape
-        Of the workpiece.
+        Shape of the workpiece.
     pose
-        Place [m] and rotation of the shape in frame_w.
+        Position [m], shape (3,), and rotation of the shape in frame_w.
     name
-        How errors call the workpiece.
+        Name of the workpiece in error messages.
     """
 
     shape: Shape
@@ -90,12 +90,12 @@ class ConvexDrillGeometry(PartialDrillGeometry):
         r, R = quantity(self.pose[0], "m"), as_expr(self.pose[1])
         depth, beyond, beside, outward = crossing(self.workpiece)(R.T @ (self.tip - r), R.T @ self.axis)
         outside, inside = edge_distance(self.workpiece)(R.T @ (self.tip - r), R.T @ self.axis)
-        # Beside it there is no contact to locate the beginning of, so the depth stays away from zero there.
+        # no contact starts beside the workpiece, so the depth stays away from zero there
         missed = no_event(beside > 0.5)
         yield self.s == where(missed, minimum(depth, -outside), depth)
         yield self.s_exit == minimum(beyond, self.s)
         yield self.normal == -(R @ outward)
-        # At the witness, which moves on the face: cheaper than the derivative of the search, and the same.
+        # velocity at the witness point, which equals the derivative of the search and is cheaper
         along = dot(self.normal, self.axis)
         yield self.v == dot(self.normal, der(self.tip) - der(self.axis) * self.s) / maximum(along, _STEEP)
         yield self.overlap == self.s * along
@@ -107,6 +107,9 @@ _STEEP = math.sin(math.radians(1.0))
 
 
 def shank_along_z(e: Vector) -> Rotation:
-    """Rotation that turns the z axis of a `PointedDrill`, which points to its shank, against `e`."""
+    """Rotation, shape (3, 3), that turns the z axis of a `PointedDrill`, which points to its shank, to -e.
+
+    `e`: Unit vector from shank to tip, shape (3,).
+    """
     one, two = across(e)
     return axes_rotation(two, one)

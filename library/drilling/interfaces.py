@@ -130,7 +130,7 @@ class PartialDrillingForce(Component):
         return self.k_c11 * self.K_rake * self.K_wear * self.K_speed
 
     def linked(self, force: PartialCuttingForce) -> Equations:
-        """Equations that put `force` behind the geometry and show its results."""
+        """Equations that connect `force` to the geometry and to the result variables."""
         geometry = self.geometry
         yield connect(self.frame_a, geometry.frame_a, force.frame_a)
         yield connect(self.frame_w, geometry.frame_w, force.frame_w)
@@ -150,5 +150,5 @@ class PartialDrillingForce(Component):
         yield self.F_c == force.F_c
         yield self.F_f == force.F_f
         yield self.torque == force.torque
-        # The tip is resolved in frame_w, so its derivative is the velocity against the plate.
+        # the position of the tip is resolved in frame_w, so its derivative is the velocity relative to the plate
         yield self.v_axial == dot(geometry.axis, der(geometry.tip))

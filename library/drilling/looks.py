@@ -1,4 +1,4 @@
-"""How drilling is drawn: the workpiece, the drill, its force and the hole; up is against the feed."""
+"""Animation of drilling: shapes of workpiece, drill, force and hole; the feed points downwards."""
 
 from __future__ import annotations
 

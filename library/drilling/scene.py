@@ -1,4 +1,4 @@
-"""Drills and workpieces as bodies of a contact scene: which drill meets which workpiece, and in which hole."""
+"""Drills and workpieces as bodies of a contact scene, with the assignment of drills to holes."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class WorkpieceBody(ContactBody):
-    """A body that drills cut into.
+    """A body into which drills cut.
 
     Parameters
     ----------
     material
-        What it is made of.
+        Material of the body.
     """
 
     material: Material = STEEL_34CRMO4
@@ -41,26 +41,26 @@ class WorkpieceBody(ContactBody):
 class DrillBody(ContactBody):
     """A drill: it cuts into every `WorkpieceBody`, and touches other bodies as a surface.
 
-    A hole belongs to a workpiece and a place on it. A drill that comes back to a hole finds it as deep as it was; a
-    quarter of the diameter beside it, another hole begins. Holes that overlap do not know of each other.
+    A hole belongs to a position on a workpiece, and keeps its depth when the drill returns to it. More than a quarter
+    of the diameter away from it a new hole starts. Overlapping holes are independent of each other (AC192).
 
     Parameters
     ----------
     tool
         Diameter, point angle and number of edges.
     axis_a
-        Direction from shank to tip, resolved in the body's frame.
+        Direction from shank to tip, resolved in the frame of the body.
     tip
-        Distance from the body's frame to the tip along the axis [m].
+        Distance from the frame of the body to the tip along the axis [m].
     length
-        Of the drill, as far as it can touch anything [m].
+        Length of the part of the drill that can touch other bodies [m].
     k, d_c
         Stiffness [N/m] and damping [N.s/m] of the contact with the ground of the hole.
     settings
         Further parameters of `FullDrillingForce` and, with a `k_wall` among them, of `GuidedDrillingForce`, as pairs of
         name and value.
     wanders
-        False for a drill that never leaves a hole for another one.
+        False for a drill that drills one hole only.
     """
 
     tool: Tool = TWIST_DRILL_16MM
@@ -115,6 +115,7 @@ class DrillBody(ContactBody):
     def overlaps(
         self, other: ContactBody, own: PoseValue, others: PoseValue, known: Sequence[Array], current: int
     ) -> dict[int, str]:
+        """Numbers and texts (AC192) of the holes that overlap the current one; positions [m] are of shape (3,)."""
         axis = others[1].T @ own[1] @ np.array(unit_vector(self.axis_a))
         axis = np.array(other.pose[1]).T @ axis
         apart = [float(np.linalg.norm(np.cross(place - known[current], axis))) for place in known]
@@ -128,6 +129,7 @@ class DrillBody(ContactBody):
     def site(
         self, other: ContactBody, own: PoseValue, others: PoseValue, known: Sequence[Array], current: int, marked: bool
     ) -> tuple[list[Array], int]:
+        """(Positions of the holes in the frame of the workpiece [m], each of shape (3,); number of the current one)."""
         if not isinstance(other, WorkpieceBody):
             return super().site(other, own, others, known, current, marked)
         r, R = others[0] + others[1] @ np.array(other.pose[0]), others[1] @ np.array(other.pose[1])
@@ -136,12 +138,12 @@ class DrillBody(ContactBody):
         places = list(known)
         low, high = (np.array(c) for c in other.shape.bounding_box())
         if places and bool(np.all((tip >= low) & (tip <= high))):
-            places[current] = tip  # it is in there: nobody leaves a hole sideways
+            places[current] = tip  # an engaged drill cannot leave its hole sideways
             return places, current
         beside = [float(np.linalg.norm(np.cross(place - tip, axis))) for place in places]
         if beside and min(beside) < self.tool.d / 4:
             return places, int(np.argmin(beside))
         if places and not marked:
-            places[current] = tip  # no chip was cut there: it is no hole
+            places[current] = tip  # nothing was cut there, so it is not a hole
             return places, current
         return [*places, tip], len(places)

@@ -1,4 +1,4 @@
-"""Tables as cells that know their place: CSV and TOML files, read so that a message can point into them."""
+"""Reader of CSV and TOML tables that keeps the position of each cell for error messages."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from acausal.errors import Span, UsageError
 
 @dataclass(frozen=True)
 class Cell:
-    """A value as it is written, and where: `line` counts from 1, `column` from 0."""
+    """Text of a value with its position: `line` counts from 1, `column` from 0."""
 
     text: str
     file: str
@@ -28,7 +28,7 @@ class Cell:
 
     @property
     def span(self) -> Span:
-        """The same as a place that messages print with the line of the file."""
+        """The position as a span, which messages print with the line of the file."""
         return Span(self.file, self.line, self.column, self.column + len(self.text.encode()))
 
 
@@ -91,7 +91,7 @@ def _csv(text: str, file: str) -> Iterator[Row]:
 
 
 def _split(line: str, separator: str, file: str, number: int) -> list[Cell]:
-    """Cells of one line, quoted or not, without the blanks around them."""
+    """Cells of one line, quoted or not, without surrounding blanks."""
     cells = []
     at = 0
     while True:

@@ -15,7 +15,7 @@ from acausal.library.multibody.rotations import resolve_in_frame, resolve_in_wor
 
 
 class ResolveIn(Enum):
-    """The axes in which the components of a vector are given."""
+    """Frame in which the components of a vector are resolved."""
 
     WORLD = "world"
     FRAME_A = "frame_a"

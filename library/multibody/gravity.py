@@ -1,4 +1,4 @@
-"""Fields of gravity: the acceleration a body feels at its centre of mass.
+"""Gravity fields: the acceleration of gravity at the centre of mass of a body.
 
 The one `World` around them says what bodies feel: its vector `g_0` and, for fields that are not uniform, its function
 `gravity`. A body may be given others of its own.
@@ -25,7 +25,7 @@ def uniform_field(g_0: Expr, r_0: Expr) -> Expr:
 
 
 def field_of_world(g_0: Expr, r_0: Expr) -> Expr:
-    """Stands for the field of the world around a body; the body asks the world for it (`PartialHeavy.gravity_at`)."""
+    """Placeholder for the field of the surrounding world; the body replaces it (`PartialHeavy.gravity_at`)."""
     raise DeclarationError(
         "AC110", "field_of_world is no field of its own", help="leave gravity out, or give World(gravity=...)"
     )
@@ -33,12 +33,12 @@ def field_of_world(g_0: Expr, r_0: Expr) -> Expr:
 
 @dataclass(frozen=True)
 class PointField:
-    """The field of a mass at the world's origin: a function that is equal to another of the same mass, and pickles."""
+    """Field of a point mass at the origin of the world, as a comparable and picklable function."""
 
     mu: float | Expr
 
     def __call__(self, g_0: Expr, r_0: Expr) -> Expr:
-        """Acceleration [m/s2] at `r_0` [m], vectors of 3; `g_0` plays no part."""
+        """Acceleration [m/s2] at `r_0` [m], both of shape (3,); `g_0` is ignored."""
         distance = sqrt(dot(r_0, r_0))
         strength = self.mu if isinstance(self.mu, Expr) else quantity(self.mu, "m3/s2")
         return -strength / (distance * distance * distance) * r_0

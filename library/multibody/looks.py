@@ -1,4 +1,4 @@
-"""How mechanisms are drawn: bodies, joints, springs; up is against gravity."""
+"""Animation of mechanisms: shapes of bodies, joints and springs; gravity points downwards."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def _body_shape(part: Part) -> Iterator[Drawn]:
 
 
 def _long(part: Part) -> tuple[Array, Array, float]:
-    """Beginning, direction and length of a body of uniform density."""
+    """(Start, direction, length) of a body of uniform density [m]."""
     start, along = np.asarray(part.value("r_shape")), np.asarray(part.value("length_direction"))
     return start, along / np.linalg.norm(along), float(part.value("length"))
 

@@ -19,12 +19,12 @@ IDENTITY: Rotation = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 def unit_vector(n: Sequence[float], name: str = "n") -> Vector:
-    """`n` divided by its length; exact where `n` is along an axis.
+    """`n` divided by its length, shape (3,); exact if `n` is along a coordinate axis.
 
     Raises
     ------
     DeclarationError
-        AC130 when `n` is not three finite numbers or has no length; `name` is how the message calls it.
+        AC130 if `n`, shape (3,), is not three finite numbers or is zero; `name` is its name in the message.
     """
     length = math.hypot(*n) if len(n) == 3 else 0.0
     if not 0.0 < length < math.inf:
@@ -37,12 +37,12 @@ def unit_vector(n: Sequence[float], name: str = "n") -> Vector:
 
 
 def checked_rotation(R: Sequence[Sequence[float]], name: str = "R_rel") -> Rotation:
-    """`R`, if it is a rotation: its columns are perpendicular unit vectors that make a right-handed frame.
+    """`R`, shape (3, 3), if it is a rotation: its columns form a right-handed orthonormal frame.
 
     Raises
     ------
     DeclarationError
-        AC130 when it is none; `name` is how the message calls it.
+        AC130 if it is not; `name` is its name in the message.
     """
     rows = [tuple(map(float, row)) for row in R]
     if [len(row) for row in rows] != [3, 3, 3]:
@@ -102,8 +102,8 @@ def axes_rotation(n_x: Sequence[float], n_y: Sequence[float]) -> Rotation:
 
 
 def across(e: Vector) -> tuple[Vector, Vector]:
-    """Two unit vectors perpendicular to the unit vector `e` and to each other."""
-    # The coordinate axis least parallel to e gives well-conditioned ones.
+    """Two unit vectors perpendicular to the unit vector `e` and to each other, all of shape (3,)."""
+    # the coordinate axis least parallel to e gives the best conditioned cross product
     least = min(range(3), key=lambda k: abs(e[k]))
     R = axes_rotation(e, [float(k == least) for k in range(3)])
     return ((R[0][1], R[1][1], R[2][1]), (R[0][2], R[1][2], R[2][2]))

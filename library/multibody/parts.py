@@ -1,4 +1,4 @@
-"""Rigid pieces without mass: a point of the ground, and constant displacements between frames."""
+"""Massless rigid parts: a fixed frame, and constant displacements between frames."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rotations as expressions: what joints, bodies and sensors write their equations with.
+"""Rotations as expressions, for the equations of joints, bodies and sensors.
 
 A rotation `R` turns components in frame b into components in frame a, as `Frame.R` does for the world. Entries that
 are zero or one for a literal axis stay literal, so that the equations of a joint about z are those of a plane
@@ -19,7 +19,10 @@ if TYPE_CHECKING:
 
 
 def planar_rotation(e: Vector, phi: Expr) -> Expr:
-    """Rotation by `phi` [rad] about the literal unit vector `e`, as 3x3 expression (Rodrigues)."""
+    """Rotation by `phi` [rad] about the literal unit vector `e`, shape (3,), as a 3x3 expression (Rodrigues).
+
+    The result has shape (3, 3).
+    """
     c, s = cos(phi), sin(phi)
     turned = ((0.0, -e[2], e[1]), (e[2], 0.0, -e[0]), (-e[1], e[0], 0.0))
     return as_expr([[_entry(e[i] * e[j], float(i == j), turned[i][j], c, s) for j in range(3)] for i in range(3)])
@@ -50,7 +53,7 @@ def relative_rotation(frame_a: Frame, frame_b: Frame) -> Expr:
 def quaternion_rotation(Q: Expr) -> Expr:
     """Rotation of a quaternion of any length but zero, vector part first.
 
-    Divided by the squared length: an integrated quaternion may drift along itself without any effect.
+    It is divided by the squared length, so that the drift of the length of an integrated quaternion has no effect.
     """
     x, y, z, s = Q
     xx, yy, zz, ss = x * x, y * y, z * z, s * s

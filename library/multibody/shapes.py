@@ -1,4 +1,4 @@
-"""Bodies whose mass and inertia follow from a shape, and the body that is a point."""
+"""Bodies whose mass and inertia follow from their shape, and point masses."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class PartialLongBody(PartialTwoFrameBody):
         )
 
     def centre(self) -> Expr:
-        """The centre of mass [m], in frame_a."""
+        """Centre of mass [m], resolved in frame_a, shape (3,)."""
         return self.r_shape + self._along() * (self.length / 2)
 
     def _along(self) -> Expr:
@@ -155,7 +155,7 @@ _PARALLEL = 1e-6
 
 
 class PointMass(PartialHeavy):
-    """Mass without extension: it has a place and a velocity, and no orientation."""
+    """Point mass, which has a position and a velocity but no orientation."""
 
     frame_a: Frame = Frame()
     r_0: Real = variable(unit="m", shape=3, doc="Position, in world axes")

@@ -11,8 +11,8 @@ from acausal.library.multibody.orientation import Vector, unit_vector
 class World(Component):
     """World frame and gravity.
 
-    Whatever has a weight looks for the world around it (`outer`), as Modelica's bodies do: one World in the model is
-    enough. Where there is none, one with these defaults is added, and a note says so.
+    Components with a weight refer to the surrounding world (`outer`), as the bodies of Modelica do, so one World in the
+    model suffices. Without one, a World with these defaults is added, with a note.
     """
 
     frame_b: Frame = Frame()
@@ -37,7 +37,7 @@ class World(Component):
 
 
 class PartialHeavy(Component):
-    """Something with a weight: it knows the gravity of the world around it."""
+    """Component with a weight, which takes the gravity of the surrounding world."""
 
     world: World = outer(World, default=World(), doc="Says what gravity is")
     g_0: Real = parameter(

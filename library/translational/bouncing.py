@@ -1,4 +1,4 @@
-"""A body that bounces: impacts without duration, by a coefficient of restitution."""
+"""Bouncing body: instantaneous impacts with a coefficient of restitution."""
 
 from __future__ import annotations
 

@@ -131,7 +131,7 @@ class MassWithStopAndFriction(PartialFriction, PartialRigid):
     stopped: Real = integer(doc="-1 at the left stop, 1 at the right stop, else 0")
 
     def may_move(self) -> tuple[Expr, Expr]:
-        """Conditions under which no stop is in the way of a motion forward, and backward."""
+        """Conditions under which motion forward, and backward, is not blocked by a stop."""
         half = self.L / 2.0
         return self.s < self.smax - half, self.s > self.smin + half
 

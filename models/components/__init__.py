@@ -1,1 +1,1 @@
-"""Small circuits that show the components of the library at work, some of one family in each."""
+"""Small models that demonstrate the components of the library, one file for each family."""

@@ -1,4 +1,4 @@
-"""Published initial value problems with known answers, equations as published, imported as `acausal.models.ivp`.
+"""Published initial value problems with reference solutions, equations as published; `acausal.models.ivp`.
 
 Sources are named in each file; most come from Mazzia, Magherini, Iavernaro: Test Set for Initial Value Problem Solvers,
 University of Bari. Absolute tolerances follow from `nominal`: they are a thousandth of the tolerance times the nominal

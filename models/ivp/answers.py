@@ -1,7 +1,7 @@
-"""Known end values of the problems in this folder, and how far a result is from them.
+"""Reference end values of the problems in this folder, and the error of a result against them.
 
-The values are those of the sources named in `PROBLEMS`, to the digits that can be trusted; tests compare them with
-independent copies.
+The values are those of the sources named in `PROBLEMS`, to their reliable digits; tests compare them with independent
+copies.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Fekete points: charges on a sphere that come to rest where their potential is lowest."""
+"""Fekete points: charges on a sphere that settle at a minimum of their potential."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Vector = tuple[float, float, float]
 
 
 def start(count: int = 20) -> list[Vector]:
-    """Starts of the source: four rings of 3, 7, 6 and 4 points."""
+    """Start positions of the source, four rings of 3, 7, 6 and 4 points, each of shape (3,)."""
     rings = [
         *((2 * math.pi * i / 3 + math.pi / 13, 3 * math.pi / 8) for i in range(1, 4)),
         *((2 * math.pi * (i - 3) / 7 + math.pi / 29, math.pi / 8) for i in range(4, 11)),

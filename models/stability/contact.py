@@ -63,7 +63,7 @@ class KelvinVoigtImpact(PartialImpact):
     def equations(self) -> Equations:
         d = 2.0 * self.zeta * sqrt(self.k * self.m)
         plain = self.k * self.s + d * self.v
-        # two relations, so that touch and release are events both
+        # two relations, so that touch and release are both events
         yield self.f == where((self.s > 0.0) & (plain > 0.0), plain, 0.0)
 
 
