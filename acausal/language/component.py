@@ -535,7 +535,7 @@ def _type_text(value: Any) -> str:
 
 
 def _annotation_for(value: Declaration | Component | Outer[Component]) -> str:
-    """The annotation that a declaration needs, as far as it can be told."""
+    """The annotation that a declaration needs, as far as its value determines it."""
     if isinstance(value, Outer):
         return value.cls.__name__
     if isinstance(value, Component):

@@ -75,9 +75,9 @@ class When(Statement):
         actions = [str(a) for a in self.actions]
         if self.terminate is not None:
             actions.append(f'terminate("{self.terminate}")')
-        asked = ", ".join(map(str, self.conditions))
-        asked = f"({asked})" if len(self.conditions) > 1 else asked
-        own = f"{self.keyword}({', '.join([asked, *actions])})"
+        conditions_text = ", ".join(map(str, self.conditions))
+        conditions_text = f"({conditions_text})" if len(self.conditions) > 1 else conditions_text
+        own = f"{self.keyword}({', '.join([conditions_text, *actions])})"
         return ".".join([own, *map(str, self.branches)])
 
     def elsewhen(self, condition: Expr | Sequence[Expr], *actions: Reset | Terminate) -> When:

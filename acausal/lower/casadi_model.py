@@ -159,7 +159,7 @@ class CasadiModel:
         smooth as the model's own equations; put mesh points there. At such a time the functions take the value after
         it.
     events
-        What happens at events, where it was asked for; else None, and models whose events act are refused.
+        Functions of the events, if requested; else None, and models whose events act are refused.
     start_time
         Time [s] of `init`.
     notes

@@ -1,1 +1,1 @@
-"""Studies of a model as a whole: speed against accuracy, stability, reduction to what is asked."""
+"""Studies of whole models: speed against accuracy, stability, parameter fits, sweeps and reduction."""

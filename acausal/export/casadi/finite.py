@@ -137,7 +137,7 @@ class Bounded:
     """A scalar expression and its lower bound."""
 
     value: Any
-    low: Any = None  # None where nothing is said
+    low: Any = None  # None if unknown
     is_known: bool = False  # whether the expression depends on parameters alone
 
 

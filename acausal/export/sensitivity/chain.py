@@ -301,9 +301,9 @@ class Stretch:
         slopes = variation.slopes
         scale, variables = slopes.scale[: slopes.nx, None], [*range(c.nx), *range(slopes.nx, slopes.n)]
         way = self._interval([*stops.tolist(), self.end], variation)
-        asked = {*stops.tolist(), self.end}
+        stop_times = {*stops.tolist(), self.end}
         for t, w, there in variation.carry(way, x[rows] / scale, c.stiffness, c.native, parameters=parameters):
-            if t not in asked:
+            if t not in stop_times:
                 continue
             found = x.copy()
             found[rows] = there * scale

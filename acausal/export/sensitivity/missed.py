@@ -24,7 +24,10 @@ _NEAR, _AWAY = 0.1, 10.0
 
 
 def refuse_missed(chain: Chain, rows: Vector) -> None:
-    """Raise ExportError AC615 if a relation was missed by less than its error; `rows`: times of the run [s], (n,)."""
+    """Raise ExportError AC615 if a relation was missed by less than its error.
+
+    `rows`: Times of the run [s], shape (n,).
+    """
     guards, watched = chain.hybrid.guards, chain.compiled.state_events.watched
     for k in range(len(chain.passages)):
         stretch = chain.stretch(k)

@@ -128,8 +128,8 @@ def sensitivities(
     chain = Chain(run, chosen, wanted, tolerance)
     refuse_missed(chain, result.time)
     refuse_two_sided(chain)
-    asked = np.asarray(times, dtype=float)
-    _check_times(asked, chain)
+    requested = np.asarray(times, dtype=float)
+    _check_times(requested, chain)
     final, of_times = chain.forward() if method == "forward" else chain.adjoint()
     located = [k for k in range(len(chain.passages)) if not chain.is_no_event(k)]
     return Sensitivities(
@@ -140,18 +140,18 @@ def sensitivities(
         np.array([chain.passages[k].time for k in located]),
         of_times[located],
         result,
-        asked,
-        chain.trajectory(asked) if len(asked) else np.zeros((0, len(wanted), len(parameters))),
+        requested,
+        chain.trajectory(requested) if len(requested) else np.zeros((0, len(wanted), len(parameters))),
     )
 
 
-def _check_times(asked: Vector, chain: Chain) -> None:
+def _check_times(requested: Vector, chain: Chain) -> None:
     """Raise UsageError AC044 for instants outside the run."""
     start, stop = chain.passages[0].time, chain.stop
-    if len(asked) and not (start <= asked.min() and asked.max() <= stop):
+    if len(requested) and not (start <= requested.min() and requested.max() <= stop):
         raise UsageError(
             "AC044",
-            f"derivatives are asked for from {asked.min():g} to {asked.max():g} s, outside of the run",
+            f"derivatives are asked for from {requested.min():g} to {requested.max():g} s, outside of the run",
             help=f"the run goes from {start:g} to {stop:g} s",
         )
 

@@ -1,7 +1,7 @@
 """Relations of time and clocks within one exported step.
 
 A step begins with the relations as they hold just after its start, and keeps them to its end: an instant between the
-two, at which one changes or a clock ticks, is taken at the end. When that is so is known exactly, and said by a flag.
+two, at which one changes or a clock ticks, is taken at the end. Such steps are known exactly, and reported by a flag.
 """
 
 from __future__ import annotations

@@ -169,7 +169,7 @@ def _key(signature: tuple[Any, ...]) -> str | None:
         return None
 
 
-@lru_cache(maxsize=1)  # asked before a model is compiled and again behind it
+@lru_cache(maxsize=1)  # needed before a model is compiled, and again afterwards
 def _digest(signature: tuple[Any, ...]) -> str:
     words = marshal.dumps(_plain_content(signature, {}), 2)  # without references, which differ between processes
     return hashlib.sha256(words).hexdigest()

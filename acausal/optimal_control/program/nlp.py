@@ -88,7 +88,7 @@ class Nlp:
         return {"x": self.x, "p": self.p, "f": f, "g": g}
 
     def values(self, expressions: Sequence[Any], x: Vector) -> list[Vector]:
-        """Numbers of expressions at one point."""
+        """Values of expressions at the unknowns x, shape (n,); each has the shape of its expression."""
         function = ca.Function("values", [self.x], insert_functions(expressions, self.points))
         found = function(x)
         return [np.array(v, dtype=float) for v in (found if isinstance(found, tuple | list) else [found])]

@@ -81,12 +81,12 @@ def stability(
     run = trajectory(compiled, points, solver, given, options)
     locals, undetermined = along(run)
     ch = character(run, locals)
-    grown = None if run.failure else _growth(run, given, options)
+    error_growth = None if run.failure else _growth(run, given, options)
     known = facts(compiled, run)
     bounds = limits(run, locals, check)
     wanted = float(run.result.stats["tolerance"])  # type: ignore[arg-type]
     bdf = _oscillations(run, locals, ch, wanted * share_of(compiled, solver_named("idas"), wanted))
-    found = findings(run, known, grown, locals, undetermined)
+    found = findings(run, known, error_growth, locals, undetermined)
     own_solver = str(run.result.stats["solver"])
     judged = verdict(ch, known, bounds, _main(bdf, ch), found, len(compiled.states), run.span, own_solver, run.failed)
     own = step or compiled.flat.experiment.step
@@ -98,7 +98,7 @@ def stability(
         states=compiled.states[: len(compiled.states) - compiled.discretes],
         locals=locals,
         character=ch,
-        growth=grown,
+        growth=error_growth,
         limits=bounds,
         bdf=bdf,
         facts=known,
