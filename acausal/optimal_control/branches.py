@@ -131,7 +131,7 @@ def relax_branches(function: Any, points: Sequence[Sequence[Vector]], number: in
         return _BY_SELECTOR[op](*operands, selectors[-1])
 
     arguments, outputs = _replace_branches(source, decided[number], first[number], chosen, replacement)
-    names = [*function.name_in(), "answers"], [*function.name_out(), "deciding"]
+    names = [*function.name_in(), "selectors"], [*function.name_out(), "deciding"]
     columns = (ca.vertcat(ca.SX(0, 1), *v) for v in (selectors, deciding))
     return ca.Function(function.name(), [*arguments, next(columns)], [*outputs, next(columns)], *names)
 
