@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from acausal import Component, Real, discrete
-from acausal.library.blocks.noise import _first_state, _following
+from acausal.library.blocks.noise import _first_state, _next_state
 from tests.language.evaluating import value
 
 
@@ -15,7 +15,7 @@ class Generator(Component):
     state: Real = discrete()
 
 
-NEXT = _following(Generator().state)
+NEXT = _next_state(Generator().state)
 
 
 def drawn(state: float, count: int) -> list[float]:
