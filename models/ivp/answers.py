@@ -31,14 +31,14 @@ from acausal.models.ivp.wheelset import Wheelset
 
 @dataclass(frozen=True)
 class Problem:
-    """A problem with its answer at the stop time of its experiment.
+    """A problem with its reference solution at the stop time of its experiment.
 
-    `values` by path, of the components that count; `digits` that can be trusted; `floor` is the ratio of absolute to
-    relative tolerance in the mixed error: 1 as in the published tables, 0 (a relative error) where all components are
+    `values` are those of the compared components by path, accurate to `digits`. `floor` is the ratio of absolute to
+    relative tolerance in the mixed error: 1 as in the published tables, 0 (a relative error) if all components are
     tiny. `stiff` problems are not for explicit methods.
     """
 
-    model: type[Any]
+    model: Any  # a component class, or a function that returns a component
     values: dict[str, float]
     digits: int
     source: str
