@@ -1,4 +1,4 @@
-"""What tells one sweep from another: members of another model, or of other inputs, do not go into the same table."""
+"""Identity of a sweep: hashes of its model and inputs, by which a file rejects members of another sweep."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from acausal.simulate.options import options as run_options
 
 
 def fingerprint(compiled: CompiledModel) -> str:
-    """A hash of the equations and the parameters: members of another model do not belong into the same table."""
+    """Hash of the equations and parameters, by which a file recognises the model of its sweep."""
     parts = [compiled.rhs.serialize(), compiled.modes.serialize(), compiled.instants.serialize()]
     parts += [compiled.observe.serialize(), compiled.guess.serialize(), compiled.conditions.serialize()]
     events = compiled.events
@@ -34,19 +34,19 @@ def fingerprint(compiled: CompiledModel) -> str:
 
 
 def _demands(compiled: CompiledModel) -> list[Any]:
-    """What must hold in a run, and of its parameters: a member may fail because of it."""
+    """Assertions and limits of parameters, because they decide whether a member fails."""
     flat = compiled.flat
     texts: dict[int, str] = {}
     for n in flat.pool.reachable([a.condition for a in flat.demands]):
         op, *below = flat.pool.nodes[n]
         texts[n] = hashlib.sha256(repr((op, below if op in LEAVES else [texts[k] for k in below])).encode()).hexdigest()
-    said = [(a.message, a.level) for a in compiled.state_events.asserts]
+    assertions = [(a.message, a.level) for a in compiled.state_events.asserts]
     limits = [(f.declaration.min, f.declaration.max) for f in flat.parameters]
-    return [said, [(texts[a.condition], a.message, a.level) for a in flat.demands], limits]
+    return [assertions, [(texts[a.condition], a.message, a.level) for a in flat.demands], limits]
 
 
 def driven(compiled: CompiledModel, options: Mapping[str, Any]) -> str:
-    """A hash of what the inputs of a run are over its time: functions and files have no name that tells them apart."""
+    """Hash of the values of the inputs over a run, because functions and files cannot be compared by name."""
     times = run_times(compiled, options)
     given = given_inputs(compiled, options.get("inputs") or {}, times.start_time, times.stop_time, times.tolerances)
     parts = [given.u, np.array(given.places), *(part for p in given.pieces for part in (p.breaks, p.numbers))]
@@ -54,7 +54,7 @@ def driven(compiled: CompiledModel, options: Mapping[str, Any]) -> str:
 
 
 def as_text(options: Mapping[str, Any]) -> str:
-    """Options as text that is the same in another process."""
+    """Options as text that does not depend on the process."""
     return json.dumps({k: _plain(v) for k, v in sorted(options.items()) if v is not None})
 
 
@@ -67,7 +67,7 @@ def _plain(value: Any) -> Any:
         with suppress(TypeError, ValueError):
             data = np.asarray(value, dtype=float)
             return [list(data.shape), hashlib.sha256(data.tobytes()).hexdigest()[:16]]
-    # of a function, or data of another kind, the kind is all that can be compared
+    # functions and objects can only be compared by their type
     return f"{type(value).__module__}.{type(value).__qualname__}"
 
 

@@ -197,7 +197,7 @@ def test_a_compiled_model_is_not_compiled_again() -> None:
 
 
 def test_an_interrupted_sweep_goes_on_where_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("acausal.study.sweep.crew._CHUNK", 1e-9)  # one member in each
+    monkeypatch.setattr("acausal.study.sweep.workers._CHUNK", 1e-9)  # one member in each
     file = tmp_path / "x.sweep"
 
     def stop(progress: Progress) -> None:
