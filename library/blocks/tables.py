@@ -122,7 +122,7 @@ def _split_at_kinks(ends: Sequence[float], rows: Sequence[tuple[float, ...]], u:
     """Piecewise polynomial by a search, split by relations at its kinks if they are few."""
     lengths = [b - a for a, b in pairwise(ends)]
     slopes = [
-        [row[1] + h * (2.0 * row[2] + h * 3.0 * row[3]) if len(row) > 2 else row[1] for h in (0.0, length)]
+        [row[1] if len(row) == 2 else row[1] + h * (2.0 * row[2] + h * 3.0 * row[3]) for h in (0.0, length)]
         for row, length in zip(rows, lengths, strict=True)
     ]
     height = max(r[0] for r in rows) - min(r[0] for r in rows)
