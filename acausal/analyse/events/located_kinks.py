@@ -93,9 +93,7 @@ def located_kinks(
             choices.add(relations[-1])
     narrow = steep(pool, points, graph.reachable, graph.moves)
     bursts = any(narrow.kinds[place] not in STEPS for _, place in narrow.middles)
-    bursts |= any(
-        not isinstance(kind, str) and kind > 1.0 for kind in narrow.kinds
-    )  # a high power is a burst by itself
+    bursts |= any(isinstance(kind, float) and kind > 1.0 for kind in narrow.kinds)  # a high power is a burst by itself
     systems: dict[int, list[int]] = {}
     for n in relations:
         systems.setdefault(system(n), []).append(n)

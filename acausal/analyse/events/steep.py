@@ -18,7 +18,7 @@ from acausal.analyse.events.ranges import ranges
 from acausal.flatten.pool import LEAVES, Pool
 from acausal.numeric.samples import SamplePoints
 
-_NAMED = frozenset(("tanh", "atan", "exp"))
+_NAMED = {"tanh": "tanh", "atan": "atan", "exp": "exp", "cosh": "cosh", "sinh": "cosh"}
 _KINKS = frozenset(("min", "max", "noevent"))
 _LARGE = 8.0
 # An argument that changes by less than this factor at the sample points is no narrow valley.
@@ -32,17 +32,28 @@ _SUMS = frozenset(("add", "sub"))
 
 
 @dataclass(frozen=True)
-class Steep:
-    """Arguments of steep functions, as nodes, and the `kind` of function of each.
+class Base:
+    """An exponential of another base, whose logarithm is the `rate`."""
 
-    A kind is "tanh", "atan", "exp", or the exponent of a power; roots and denominators are powers. `middles` are nodes
+    rate: float
+
+
+Kind = str | float | Base
+"""Of a steep function: "tanh", "atan", "exp", "cosh", which stands for sinh too, another base, or an exponent."""
+
+
+@dataclass(frozen=True)
+class Steep:
+    """Arguments of steep functions, as nodes, and the kind of function of each.
+
+    Roots and denominators are powers. `middles` are nodes
     with a zero where the function changes: the argument of a step, or w for an argument that is even in w; each with
     the index of its argument. `functions` are the nodes of the functions, in evaluation order, each with the indices of
     its arguments; a factor of the function may be zero while a relation is false.
     """
 
     arguments: tuple[int, ...] = ()
-    kinds: tuple[str | float, ...] = ()
+    kinds: tuple[Kind, ...] = ()
     middles: tuple[tuple[int, int], ...] = ()
     functions: tuple[tuple[int, tuple[int, ...]], ...] = ()
 
@@ -67,10 +78,10 @@ class Moving:
 
 def steep(pool: Pool, points: SamplePoints, reachable: Iterable[int], moves: Callable[[int], bool]) -> Steep:
     """The steep functions among `reachable` nodes, in evaluation order, whose argument `moves` between events."""
-    index_of: dict[tuple[int, str | float], int] = {}
+    index_of: dict[tuple[int, Kind], int] = {}
     functions: list[tuple[int, tuple[int, ...]]] = []
     candidates = [
-        (n, a) for n, a in _arguments(pool, reachable) if moves(a)
+        (n, a) for n, a in _arguments(pool, reachable, moves) if moves(a)
     ]  # few, as most quotients divide by parameters
     below = pool.reachable(a for _, a in candidates)
     has_floor = _floors(pool, below, moves)
@@ -86,12 +97,14 @@ def steep(pool: Pool, points: SamplePoints, reachable: Iterable[int], moves: Cal
 
     for number, argument in candidates:
         op, *operands = pool.nodes[number]
-        kind: str | float | None = None
+        kind: Kind | None = None
         if op in _NAMED:
-            kind = op
+            kind = _NAMED[op]
         elif op in ("sqrt", "div") and is_valley(argument):
             kind = 0.5 if op == "sqrt" else -1.0
-        elif op == "pow" and not moves(operands[1]):
+        elif op == "pow" and argument == operands[1]:
+            kind = Base(_rate(points, operands[0]))
+        elif op == "pow":
             exponent = float(points.of(operands[1])[0])
             if exponent >= _LARGE or (exponent < 1.0 and is_valley(argument)):
                 kind = exponent
@@ -106,7 +119,7 @@ def steep(pool: Pool, points: SamplePoints, reachable: Iterable[int], moves: Cal
     return Steep(tuple(n for n, _ in index_of), tuple(kind for _, kind in index_of), tuple(middles), tuple(functions))
 
 
-def _arguments(pool: Pool, reachable: Iterable[int]) -> Iterator[tuple[int, int]]:
+def _arguments(pool: Pool, reachable: Iterable[int], moves: Callable[[int], bool]) -> Iterator[tuple[int, int]]:
     """(Node, argument) of functions that may be steep."""
     nodes = pool.nodes
     for number in reachable:
@@ -114,8 +127,19 @@ def _arguments(pool: Pool, reachable: Iterable[int]) -> Iterator[tuple[int, int]
         op = node[0]
         if op == "div":
             yield number, node[2]
-        elif op in _NAMED or op == "sqrt" or op == "pow":
+        elif op == "pow":
+            yield number, node[2] if moves(node[2]) else node[1]
+        elif op in _NAMED or op == "sqrt":
             yield number, node[1]
+
+
+def _rate(points: SamplePoints, base: int) -> float:
+    """The logarithm of a base, which is never zero: its largest size where it moves."""
+    values = np.abs(points.everywhere(base))
+    with np.errstate(divide="ignore"):
+        sizes = np.log(values[np.isfinite(values)])
+    sizes = sizes[np.isfinite(sizes)]
+    return float(sizes[np.abs(sizes).argmax()]) if sizes.size and sizes.any() else 1.0
 
 
 def _even_variables(pool: Pool, number: int, moves: Callable[[int], bool]) -> list[int]:

@@ -256,7 +256,7 @@ class Flight:
         }
         known = None if self.clears is None else steep_arguments(compiled)
         if known is not None:  # the program looks at them by itself
-            numbers |= {"columns": len(known.owners), "functions": len(known.kinds)}
+            numbers |= {"columns": len(known.owners), "functions": known.levels.count}
             arrays["owners"] = whole(known.owners)
         if self.bounces is not None:
             arrays |= {name: getattr(self.bounces, name) for name in ("last", "crowd", "impossible")}

@@ -11,17 +11,21 @@ instant, which is the end of a step then, and from there on. If this leads back 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from acausal.arrays import Truth, Vector
+from acausal.simulate.driver.awake import between
 from acausal.simulate.equations.arguments import Arguments, arguments
 from acausal.simulate.equations.kept import kept
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.location.between import interpolated
 from acausal.simulate.events.location.looks import even
+from acausal.simulate.events.location.rows import nearest, roots, slopes, told
 from acausal.simulate.solvers.base import on_equations
 from acausal.simulate.solvers.segment import Piece, Segment
 
@@ -44,14 +48,14 @@ _STRICTER = 1e-2
 # A rate that is another by more than this share was not seen at all.
 _LARGE = 0.5
 _NODES = 8
+# Larger arguments are this, with room for products and slopes.
+_LARGEST = 1e100
 # How many rows before what was overlooked is awake may be at most.
 _BACK = 64
 # A function is told by the rows around where it is what they say to this share; less than nothing is none.
 _TOLD, _NOTHING, _FEW = 0.02, 1e-14, 4
 # A function that is the same to this share at a turn and at the rows around it rests.
 _QUIET = 1e-3
-# An instant is found where a value is this share of what it is at both ends, and after so many turns at the latest.
-_ZERO, _TURNS = 1e-13, 30
 # Parts of what is between two rows, where an argument turns or crosses its middle.
 _DENSER = 8
 # How often the way to such an instant is halved for what comes to be awake on it.
@@ -127,7 +131,7 @@ class _Search:
     @property
     def _most(self) -> int:
         """Rows, or steps, at most."""
-        return min(_MOST, _VALUES // len(self.known.kinds))
+        return min(_MOST, _VALUES // self.known.levels.count)
 
     def integrated(self, segment: Segment) -> Piece:
         """The segment, piece by piece once something was overlooked."""
@@ -188,7 +192,7 @@ class _Search:
         shares = np.append(0.5 ** np.arange(_GRADES), 0.0)
         at = np.clip(places[:, None] + sign * room[:, None] * shares, low, high)
         values = self._between(segment, rows, at.ravel())
-        found = self.known.heights(values).reshape(*at.shape, -1)
+        found = self.known.levels.heights(values).reshape(*at.shape, -1)
         apart = np.abs(np.diff(found, axis=1)) > _NOTHING * np.abs(found).max(axis=1, keepdims=True)
         changes = apart.any(axis=2)
         return np.asarray(at[:, :-1][changes & (at[:, :-1] > low) & (at[:, :-1] < high)])
@@ -267,7 +271,7 @@ class _Search:
 
     def _are_resolved(self, segment: Segment, rows: _Rows) -> bool:
         """Whether every other row tells the ones between."""
-        first = len(self.known.kinds)
+        first = self.known.levels.count
         if not rows.is_steep[:first].any():
             return True
         times, values = rows.times[1:], rows.values[1:, :first][:, rows.is_steep[:first]]
@@ -294,7 +298,7 @@ class _Search:
     def _values(self, segment: Segment, times: Vector, x: Vector, z: Vector) -> Vector:
         p = self.problem
         found = self.known.at(times, x, z, p.u, p.p, segment.p)
-        return np.where(np.isfinite(found), found, 0.0)
+        return np.nan_to_num(np.clip(found, -_LARGEST, _LARGEST))
 
     def _suspects(
         self, segment: Segment, rows: _Rows, places: Vector, doubt: Truth
@@ -313,14 +317,14 @@ class _Search:
     def _bad(self, segment: Segment, rows: _Rows, places: Vector, doubt: Truth) -> Truth:
         """At which places the solution does not satisfy its equations, whose functions the rows do not tell."""
         off, large = self._defects(segment, rows, places)
-        return np.asarray(large | (off & doubt))
+        return np.asarray(large | ((off > _DEFECT) & doubt))
 
     def _asleep(self, segment: Segment, rows: _Rows, high: int) -> int:
         """The last row that stands before all that may have been overlooked."""
         before = np.arange(max(high - _BACK, 1), high)
         if not len(before):
             return 0
-        good = ~self._defects(segment, rows, rows.times[before])[0]
+        good = self._defects(segment, rows, rows.times[before])[0] <= _DEFECT
         if good[0] or before[0] == 1:
             k = int(before[np.flatnonzero(good)[-1]]) if good.any() else 0
             return max(min(k, high - 1) - 1, 0)
@@ -341,10 +345,14 @@ class _Search:
         order = np.argsort(times)
         return times[order], values[order]
 
-    def _between(self, segment: Segment, rows: _Rows, times: Vector) -> Vector:
-        """Columns of values at instants between rows."""
+    def _between(self, segment: Segment, rows: _Rows, times: Vector, is_solved: bool = False) -> Vector:
+        """Columns of values at instants between rows, with algebraic variables on their equations or between rows."""
         both = interpolated(rows.times, np.vstack([rows.x, rows.z]).T, times, min(_NODES, len(rows.times)))[0]
-        return self._values(segment, times, both[:, : len(rows.x)].T, both[:, len(rows.x) :].T)
+        x, z = both[:, : len(rows.x)].T, both[:, len(rows.x) :].T
+        if is_solved:
+            with suppress(RuntimeError):
+                z = on_equations(self.problem, replace(segment, times=times), x, z)
+        return self._values(segment, times, x, z)
 
     def _by_rates(self, segment: Segment, rows: _Rows) -> Vector:
         """Columns of values at more instants, by cubics with the states and rates of the rows on both sides."""
@@ -361,25 +369,36 @@ class _Search:
         return np.vstack([rows.values[:1], found])
 
     def _places(self, segment: Segment, rows: _Rows, steps: float) -> tuple[Vector, Truth]:
-        """Instants at which an argument turns or is in the middle of a step; and where rows do not tell its function.
+        """Instants at which something steep may come and go, ascending; and where rows do not tell its function.
 
-        That is where the rows around, no closer than the `steps` that were taken are, say another value.
+        An argument turns there, or is in the middle of a step, or a function has become another one by some factor.
+        Rows do not tell a function where those around, no closer than the `steps` that were taken are, say another
+        value.
         """
         if len(rows.times) < _FEW or not rows.is_steep.any():
             return _NOWHERE
-        times, values, first = rows.times, rows.values, len(self.known.kinds)
+        found, owners = self._turns(segment, rows)
+        doubt = self._are_doubtful(segment, rows, steps, found, owners)
+        awake = self._awake(segment, rows, steps, found)
+        found, doubt = np.append(found, awake), np.append(doubt, np.ones(len(awake), dtype=bool))
+        order = np.argsort(found)
+        return found[order], doubt[order]
+
+    def _turns(self, segment: Segment, rows: _Rows) -> tuple[Vector, NDArray[np.int64]]:
+        """Instants at which an argument turns or is in the middle of a step, and the places of these arguments."""
+        times, values, first = rows.times, rows.values, self.known.levels.count
         turns = crossed = np.zeros(0, dtype=np.intp)
         for is_dense in (False, True):
             if is_dense:
                 times, values = self._denser(segment, rows, np.concatenate([turns, crossed]))
-            slopes = _slopes(times, values)
-            is_down, is_below = slopes < 0.0, values[:, first:] < 0.0  # a row may stand where one of them is zero
+            rates = slopes(times, values)
+            is_down, is_below = rates < 0.0, values[:, first:] < 0.0  # a row may stand where one of them is zero
             turns, columns = np.nonzero((is_down[:-1] != is_down[1:]) & rows.is_steep)
             crossed, own = np.nonzero((is_below[:-1] != is_below[1:]) & rows.is_steep[first:])
             if not len(turns) and not len(crossed):
-                return _NOWHERE
+                return np.zeros(0), np.zeros(0, dtype=np.int64)
         own += first
-        found = _roots(times, slopes, columns, turns)
+        found = roots(times, rates, columns, turns)
         # a middle that turns may be zero on both sides of this
         inside = np.flatnonzero(columns >= first)
         k, j, there = turns[inside], columns[inside], found[inside]
@@ -390,13 +409,46 @@ class _Search:
         behind = np.concatenate([crossed, k, k])
         begin, end = (np.stack([times[n], values[n, own]]) for n in (behind, behind + 1))
         end[:, len(crossed) : len(crossed) + len(k)] = begin[:, len(crossed) + len(k) :] = there, top
-        found = np.append(found, _roots(times, values, own, behind, (begin, end)))
+        found = np.append(found, roots(times, values, own, behind, (begin, end)))
         owners = self.known.owners[columns]
         moves = self._move(segment, rows, found, owners)
-        found, owners = found[moves], owners[moves]
-        doubt = self._are_doubtful(segment, rows, steps, found, owners)
-        order = np.argsort(found)
-        return found[order], doubt[order]
+        return found[moves], owners[moves]
+
+    def _awake(self, segment: Segment, rows: _Rows, steps: float, turns: Vector) -> Vector:
+        """Instants at which functions have become others, and the solution does not satisfy its equations.
+
+        Of those between two rows the first, the last, and the one where it is farthest off: a step that ends there
+        sees what is awake.
+        """
+        at = partial(self._between, segment, rows, is_solved=True)
+        more = np.setdiff1d(turns, rows.times)
+        times, values = np.append(rows.times, more), rows.values
+        if len(more):
+            values = np.vstack([values, at(more)])
+        order, own = np.argsort(times), rows.is_steep[: self.known.levels.count]
+        found, columns, is_all = between(times[order], values[order], self.known.levels, own, at)
+        if not is_all:
+            self.skip(segment.start)
+        if not len(found):
+            return found
+        some = self._as_far_as_steps(rows, steps)
+        heights, k = self.known.levels.heights(at(found)), np.arange(len(found))
+        there = heights[k, :, columns]
+        around = told(rows.times[some], self.known.levels.heights(rows.values[some]), found, columns)
+        found = np.unique(found[(np.abs(there - around) > _TOLD * np.abs(there)).any(axis=1)])
+        off = self._defects(segment, rows, found)[0]
+        found, off = found[off > _DEFECT], off[off > _DEFECT]
+        chosen = [np.zeros(0)]
+        for gap in np.split(np.arange(len(found)), np.flatnonzero(np.diff(np.searchsorted(rows.times, found))) + 1):
+            if len(gap):
+                chosen.append(found[[gap[0], gap[off[gap].argmax()], gap[-1]]])
+        return np.unique(np.concatenate(chosen))
+
+    @staticmethod
+    def _as_far_as_steps(rows: _Rows, steps: float) -> NDArray[np.intp]:
+        """Rows that are no closer than steps."""
+        apart = max(1, round(len(rows.times) / max(steps, 1.0)))
+        return np.unique(np.append(np.arange(0, len(rows.times), apart), len(rows.times) - 1))
 
     def _move(self, segment: Segment, rows: _Rows, found: Vector, columns: NDArray[np.int64]) -> Truth:
         """Whether functions are others at these instants than at the rows on both sides.
@@ -404,8 +456,8 @@ class _Search:
         What rests turns all the time, by rounding; nothing comes and goes there.
         """
         behind, k = np.clip(np.searchsorted(rows.times, found), 1, len(rows.times) - 1), np.arange(len(found))
-        there = self.known.heights(self._between(segment, rows, found))[k, :, columns]
-        known = self.known.heights(rows.values)
+        there = self.known.levels.heights(self._between(segment, rows, found))[k, :, columns]
+        known = self.known.levels.heights(rows.values)
         around = np.stack([known[behind - 1, :, columns], known[behind, :, columns]])
         return np.asarray((np.abs(around - there) > _QUIET * np.abs(there) + _NOTHING).any(axis=(0, 2)))
 
@@ -413,22 +465,23 @@ class _Search:
         self, segment: Segment, rows: _Rows, steps: float, found: Vector, columns: NDArray[np.int64]
     ) -> Truth:
         """Whether the values of functions at these instants are others than the rows say that are as far as steps."""
-        times = rows.times
-        apart = max(1, round(len(times) / max(steps, 1.0)))
-        some = np.unique(np.append(np.arange(0, len(times), apart), len(times) - 1))
-        known, k = self.known.heights(rows.values[some]), np.arange(len(found))
+        times, some = rows.times, self._as_far_as_steps(rows, steps)
+        known, k = self.known.levels.heights(rows.values[some]), np.arange(len(found))
         place = np.clip(np.searchsorted(times[some], found), 1, len(some) - 1)
         gap = times[some][place] - times[some][place - 1]
         doubt = np.zeros(len(found), dtype=bool)
         for share in (0.0, -_BESIDE, _BESIDE):  # in its middle a step is what the rows around it say by symmetry
             at = np.clip(found + share * gap, times[0], times[-1])
             here = self._between(segment, rows, at)
-            there, told = self.known.heights(here)[k, :, columns], _told(times[some], known, at, columns)
-            doubt |= (np.abs(there - told) > _TOLD * np.abs(there) + _NOTHING).any(axis=1)
+            there, around = self.known.levels.heights(here)[k, :, columns], told(times[some], known, at, columns)
+            doubt |= (np.abs(there - around) > _TOLD * np.abs(there) + _NOTHING).any(axis=1)
         return doubt
 
-    def _defects(self, segment: Segment, rows: _Rows, places: Vector) -> tuple[Truth, Truth]:
-        """Whether the solution between rows does not satisfy its equations at some places, and whether not at all."""
+    def _defects(self, segment: Segment, rows: _Rows, places: Vector) -> tuple[Vector, Truth]:
+        """How far the solution between rows does not satisfy its equations at some places, and whether not at all.
+
+        In tolerances, over the distance of rows.
+        """
         p, n = self.problem, self.problem.n_dynamic
         k = np.clip(np.searchsorted(rows.times, places), 1, len(rows.times) - 1)
         width = rows.times[k] - rows.times[k - 1]
@@ -442,13 +495,13 @@ class _Search:
             try:
                 z = on_equations(p, replace(segment, times=places), x, z)
             except RuntimeError:
-                return np.ones(len(places), dtype=bool), np.zeros(len(places), dtype=bool)
+                return np.full(len(places), np.inf), np.zeros(len(places), dtype=bool)
         rates = kept(p.compiled).rhs.many(places[:, None], x.T, z.T, p.u, p.p, segment.p)[:, :n]
         allowed = segment.tolerances.of(x[:n].T, p.scale_x)
         off = np.abs(rates - slope)
-        is_off = ~(off * width[:, None] <= _DEFECT * allowed)
-        is_large = is_off & ~(off <= _LARGE * np.maximum(np.abs(rates), np.abs(slope)))
-        return np.asarray(is_off.any(axis=1)), np.asarray(is_large.any(axis=1))
+        share = np.nan_to_num(off * width[:, None] / allowed, nan=np.inf)
+        is_large = (share > _DEFECT) & ~(off <= _LARGE * np.maximum(np.abs(rates), np.abs(slope)))
+        return share.max(axis=1, initial=0.0), np.asarray(is_large.any(axis=1))
 
     def _again(self, segment: Segment, rows: _Rows, low: int, high: int, points: Vector) -> Piece | None:
         """What leads elsewhere than to row `high` when a step ends at these points; None where nothing does."""
@@ -490,113 +543,13 @@ def _finer(segment: Segment, count: int) -> Segment:
 
 def _apart(points: Vector, rows: Vector) -> list[float]:
     """Points between rows and the last row, ascending; a point that is all but at a row is this row."""
-    nearest = rows[_nearest(rows, points)]
-    moved = np.where(np.abs(points - nearest) < _NEAR * (rows[-1] - rows[0]), nearest, points)
+    closest = rows[nearest(rows, points)]
+    moved = np.where(np.abs(points - closest) < _NEAR * (rows[-1] - rows[0]), closest, points)
     found: list[float] = []
     for stop in np.unique(np.append(moved, rows[-1])).tolist():
         if stop - (found[-1] if found else rows[0]) >= _NEAR * (rows[-1] - rows[0]):
             found.append(stop)
     return found
-
-
-def _nearest(times: Vector, found: Vector) -> NDArray[np.intp]:
-    """The places of the nearest times, which ascend, to some instants."""
-    k = np.clip(np.searchsorted(times, found), 1, len(times) - 1)
-    return np.asarray(k - (found - times[k - 1] <= times[k] - found))
-
-
-def _slopes(times: Vector, values: Vector) -> Vector:
-    """Slopes of values at all of their times, by the polynomials through the nearest five; shape of the values."""
-    count = min(5, len(times))
-    low = np.clip(np.arange(len(times)) - count // 2, 0, len(times) - count)
-    near = low[:, None] + np.arange(count)
-    gaps = times[near][:, :, None] - times[near][:, None, :]
-    same = np.arange(count)
-    scale = times[near[:, -1]] - times[near[:, 0]]
-    gaps /= scale[:, None, None]
-    gaps[:, same, same] = 1.0
-    inverse = np.prod(gaps, axis=2)
-    own = np.arange(len(times)) - low
-    away = (times[:, None] - times[near]) / scale[:, None]
-    away[np.arange(len(times)), own] = 1.0
-    with np.errstate(divide="ignore", invalid="ignore"):  # rows behind a start are 1e-15 of the others apart
-        weights = np.nan_to_num(inverse[np.arange(len(times)), own][:, None] / inverse / away, posinf=0.0, neginf=0.0)
-    weights[np.arange(len(times)), own] = 0.0
-    with np.errstate(over="ignore"):
-        return np.asarray(np.einsum("nc,nck->nk", weights, values[near] - values[:, None]) / scale[:, None])
-
-
-def _told(times: Vector, values: Vector, found: Vector, columns: NDArray[np.int64]) -> Vector:
-    """What cubics through four rows around say of columns of values at some instants, shape (n, 2).
-
-    Without a row that is all but there, as it may happen to stand where a function is awake.
-    """
-    if len(times) < _FEW + 1:
-        return np.asarray(values[np.zeros(len(found), dtype=np.int64), :, columns])
-    low = np.clip(_nearest(times, found) - _FEW // 2, 0, len(times) - _FEW - 1)
-    near = low[:, None] + np.arange(_FEW + 1)
-    away = found[:, None] - times[near]
-    nearest = np.abs(away).min(axis=1)
-    is_there = nearest < _BESIDE * (times[near[:, -1]] - times[near[:, 0]]) / _FEW
-    left = np.where(is_there, np.abs(away).argmin(axis=1), np.abs(away).argmax(axis=1))
-    near = near[np.arange(_FEW + 1) != left[:, None]].reshape(-1, _FEW)
-    nodes = times[near]
-    gaps = nodes[:, :, None] - nodes[:, None, :]
-    parts = np.repeat((found[:, None] - nodes)[:, None, :], _FEW, axis=1)
-    gaps[:, np.arange(_FEW), np.arange(_FEW)] = parts[:, np.arange(_FEW), np.arange(_FEW)] = 1.0
-    weights = np.prod(parts / gaps, axis=2)
-    return np.asarray(np.einsum("nc,ncs->ns", weights, values[near, :, columns[:, None]]))
-
-
-def _roots(
-    times: Vector,
-    values: Vector,
-    columns: NDArray[np.intp],
-    rows: NDArray[np.intp],
-    ends: tuple[Vector, Vector] | None = None,
-) -> Vector:
-    """Where `columns[j]` of values is zero behind `rows[j]`, where it changes its sign; shape of `rows`.
-
-    Between the row and the next one, or between other `ends`: times, and values there.
-    """
-    if not len(rows):  # as of most pieces: thirty turns over nothing take as long as a short piece
-        return np.zeros(0)
-    count = min(_NODES, len(times))
-    low = np.clip(rows + 1 - count // 2, 0, len(times) - count)
-    near = low[:, None] + np.arange(count)
-    origin, width = times[rows], times[rows + 1] - times[rows]
-    nodes = (times[near] - origin[:, None]) / width[:, None]
-    known = values[near, columns[:, None]]
-    gaps = nodes[:, :, None] - nodes[:, None, :]
-    gaps[:, np.arange(count), np.arange(count)] = 1.0
-    with np.errstate(divide="ignore", invalid="ignore"):  # rows behind a start are 1e-15 of the others apart
-        weights = known / np.prod(gaps, axis=2)
-
-    def at(s: Vector) -> Vector:
-        away = s[:, None] - nodes
-        away[away == 0.0] = 1e-300
-        value = np.prod(away, axis=1) * (weights / away).sum(axis=1)
-        return np.where(np.isfinite(value), value, 0.0)
-
-    a, at_a = np.zeros(len(rows)), values[rows, columns]
-    b, at_b, s = np.ones(len(rows)), values[rows + 1, columns], a
-    if ends is not None:
-        (a, at_a), (b, at_b) = ends
-        a, b = (a - origin) / width, (b - origin) / width
-    small = _ZERO * np.maximum(np.abs(at_a), np.abs(at_b))
-    before, done = np.full(len(rows), 2), np.zeros(len(rows), dtype=bool)
-    for _ in range(_TURNS):
-        s = np.where(done, s, a + (b - a) * at_a / np.where(at_a == at_b, np.inf, at_a - at_b))
-        here = at(s)
-        done |= np.abs(here) <= small
-        if done.all():
-            break
-        same = here * at_a > 0.0
-        again = same == before  # what stays for a second time counts half (Illinois)
-        a, at_a = np.where(same, s, a), np.where(same, here, np.where(again, 0.5, 1.0) * at_a)
-        b, at_b = np.where(same, b, s), np.where(same, np.where(again, 0.5, 1.0) * at_b, here)
-        before = same
-    return np.asarray(origin + s * width)
 
 
 def _joined(parts: list[Piece]) -> Piece:

@@ -13,12 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.analyse.events.by_modes import KINKS, deciding_relation, sides
-from acausal.analyse.events.steep import STEPS
+from acausal.analyse.events.steep import Kind
 from acausal.arrays import Vector
 from acausal.lower.build import BUILD
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.symbols import Symbols
 from acausal.simulate.equations.calls.quick import Narrow
+from acausal.simulate.equations.levels import Levels
 
 # Functions that change by less than this factor, or of which less than this share of a step changes, are not steep.
 _MILD, _ROUNDING = 2.0, 1e-16
@@ -34,7 +35,7 @@ class Arguments:
     """
 
     function: Narrow
-    kinds: tuple[str | float, ...]
+    levels: Levels
     owners: NDArray[np.int64]
     effects: Effects
     along: Callable[[], Any]
@@ -53,32 +54,14 @@ class Arguments:
 
         Arguments may go as far beyond their values at the n instants as they go from any of them to the next.
         """
-        own = values[:, : len(self.kinds)]
+        own = values[:, : self.levels.count]
         beyond = np.abs(np.diff(own, axis=0)).max(axis=0, initial=0.0)
         ends = np.stack([own.min(axis=0) - beyond, own.max(axis=0) + beyond])
-        heights = self.heights(ends)
-        is_step = np.array([kind in STEPS for kind in self.kinds])
-        heights = np.where(is_step, np.maximum(heights, _ROUNDING), heights)
+        heights = self.levels.heights(ends)
+        heights = np.where(self.levels.is_step, np.maximum(heights, _ROUNDING), heights)
         change = heights.max(axis=0) / _MILD > heights.min(axis=0)
-        is_power = np.array([not isinstance(kind, str) for kind in self.kinds])
-        through = is_power & (ends[0] <= 0.0) & (ends[1] >= 0.0)
+        through = self.levels.may_turn & (ends[0] <= 0.0) & (ends[1] >= 0.0)
         return np.asarray((change.any(axis=0) | through)[self.owners])
-
-    def heights(self, values: Vector) -> Vector:
-        """What the functions are above both of their ends at such values; shape (n, 2, k)."""
-        found = np.zeros((len(values), 2, len(self.kinds)))
-        for j, kind in enumerate(self.kinds):
-            own = values[:, j]
-            with np.errstate(all="ignore"):
-                if kind == "tanh":
-                    found[:, :, j] = np.stack([1.0 / (1.0 + np.exp(-2.0 * s * own)) for s in (1.0, -1.0)], axis=1)
-                elif kind == "atan":
-                    found[:, :, j] = np.stack([0.5 + np.arctan(s * own) / np.pi for s in (1.0, -1.0)], axis=1)
-                elif kind == "exp":
-                    found[:, 0, j] = np.exp(own)
-                else:
-                    found[:, 0, j] = np.abs(own) ** float(kind)
-        return np.nan_to_num(found)
 
 
 class Effects:
@@ -182,10 +165,10 @@ def _made(compiled: CompiledModel) -> Arguments | None:
     column = ca.densify(column)
     narrow = Narrow("arguments", symbols.inputs, column)
     along = cache(partial(_along, symbols, column, found.kinds, compiled.n_dynamic))
-    return Arguments(narrow, found.kinds, np.array(owners), Effects(compiled), along)
+    return Arguments(narrow, Levels(found.kinds), np.array(owners), Effects(compiled), along)
 
 
-def _along(symbols: Symbols, column: Any, kinds: tuple[str | float, ...], n: int) -> Any:
+def _along(symbols: Symbols, column: Any, kinds: tuple[Kind, ...], n: int) -> Any:
     """See `Arguments.along`."""
     t, x, *_ = symbols.inputs
     v = ca.SX.sym("v", n)
@@ -195,9 +178,13 @@ def _along(symbols: Symbols, column: Any, kinds: tuple[str | float, ...], n: int
     return ca.Function("steep", [*symbols.inputs, v], outputs)
 
 
-def _both_ends(kind: str | float, argument: Any) -> tuple[Any, Any]:
+def _both_ends(kind: Kind, argument: Any) -> tuple[Any, Any]:
     if kind == "tanh":
         return 1.0 / (1.0 + ca.exp(-2.0 * argument)), 1.0 / (1.0 + ca.exp(2.0 * argument))
     if kind == "atan":
         return 0.5 + ca.atan(argument) / np.pi, 0.5 - ca.atan(argument) / np.pi
-    return (ca.exp(argument) if kind == "exp" else ca.fabs(argument) ** float(kind)), ca.SX(0)
+    if kind == "cosh":
+        return ca.cosh(argument), ca.SX(0)
+    if isinstance(kind, float):
+        return ca.fabs(argument) ** kind, ca.SX(0)
+    return ca.exp(argument if isinstance(kind, str) else kind.rate * argument), ca.SX(0)
