@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.analyse.events.by_modes import KINKS, deciding_relation, sides
-from acausal.analyse.events.steep import Kind
+from acausal.analyse.events.steep import Base, Kind
 from acausal.arrays import Vector
 from acausal.lower.build import BUILD
 from acausal.lower.compiled import CompiledModel
@@ -185,6 +185,6 @@ def _both_ends(kind: Kind, argument: Any) -> tuple[Any, Any]:
         return 0.5 + ca.atan(argument) / np.pi, 0.5 - ca.atan(argument) / np.pi
     if kind == "cosh":
         return ca.cosh(argument), ca.SX(0)
-    if isinstance(kind, float):
-        return ca.fabs(argument) ** kind, ca.SX(0)
-    return ca.exp(argument if isinstance(kind, str) else kind.rate * argument), ca.SX(0)
+    if isinstance(kind, Base):
+        return ca.exp(kind.rate * argument), ca.SX(0)
+    return (ca.exp(argument) if kind == "exp" else ca.fabs(argument) ** float(kind)), ca.SX(0)

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from acausal.analyse.events.steep import Kind
+from acausal.analyse.events.steep import Base, Kind
 from acausal.arrays import Vector
 
 # A step is within rounding of its ends beyond these levels.
@@ -52,7 +52,7 @@ class Levels:
     @cached_property
     def _exponentials(self) -> tuple[NDArray[np.intp], Vector]:
         """Which of them are exponentials, and the logarithms of their bases."""
-        found = {k: kind.rate for k, kind in enumerate(self._kinds) if not isinstance(kind, str | float)}
+        found = {k: kind.rate for k, kind in enumerate(self._kinds) if isinstance(kind, Base)}
         found |= {k: 1.0 for k, kind in enumerate(self._kinds) if kind == "exp"}
         return np.array([*found], dtype=np.intp), np.array([*found.values()])
 
