@@ -33,10 +33,11 @@ from acausal.library.multibody.frames import Frame
 from acausal.library.multibody.orientation import IDENTITY, Rotation, Vector, checked_rotation
 
 Pose = tuple[Vector, Rotation]
-_LIGHT = quantity(1e-12, "m")
+_LIGHT = quantity(1e-9, "m")
 """Depth whose force is the least by which the velocities of points are averaged: that at touch is a quotient of zeros.
 
-A depth and not a force, since how much a body weighs is nobody's business here: it is far below that of any contact.
+A depth and not a force, since a body may weigh anything. With a tenth of it, corners of a box that tumbles land without
+time in between (AC502).
 """
 _STILL = quantity(1e-9, "m/s")
 """Velocity below which the direction of sliding is rounded."""
