@@ -83,6 +83,7 @@ def components(model: Component) -> Iterator[tuple[str, Component]]:
     stack: list[tuple[str, Component]] = [("", model)]
     while stack:
         path, component = stack.pop()
+        _check_constructed(component)
         yield path, component
         stack.extend(reversed(list(_parts(component, path + "." if path else ""))))
 
@@ -94,6 +95,12 @@ def _check(model: Any) -> None:
         raise UsageError("AC028", fact, help=f"make one: {model.__name__}()" if is_class else "give a component")
 
 
+def _check_constructed(component: Component) -> None:
+    """Refuse a component whose own constructor has not called that of its base."""
+    if "_origin" not in component.__dict__:
+        raise own_constructor(type(component)) or TypeError(component)
+
+
 def grow(
     found: list[Instance], model: Component, path: str, owner: Instance | None, choices: Mapping[str, Choice]
 ) -> Instance:
@@ -103,8 +110,7 @@ def grow(
     stack: list[tuple[Component, str, Instance | None]] = [(model, path, owner)]
     while stack:
         component, path, owner = stack.pop()
-        if "_origin" not in component.__dict__:
-            raise own_constructor(type(component)) or TypeError(component)
+        _check_constructed(component)
         refuse_misnamed(type(component), STATING)
         if id(component) in seen:
             raise DeclarationError(
